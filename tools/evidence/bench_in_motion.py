@@ -325,9 +325,13 @@ class BenchInMotion(TurnsInTime):
         gyros = [place for place in places if not acts_at_rest(place)]
         fits = []
         for fit in self.moving.read.mended([place for place in places if acts_at_rest(place)], work):
-            ways = [self._standing(way, gyros) for way in (fit, *fit.also)]
-            standing = sorted((way for way in ways if way is not None), key=lambda way: way.radius)
+            standing = []
+            for way in (fit, *fit.also):
+                with_turns = self._standing(way, gyros)
+                if with_turns is not None:
+                    standing.append(with_turns)
             if standing:
+                standing.sort(key=lambda way: way.radius)
                 fits.append(replace(standing[0], also=tuple(standing[1:])))
         return fits
 
@@ -340,9 +344,11 @@ class BenchInMotion(TurnsInTime):
             blocks += (slice(block.start + count_of_fit, block.stop + count_of_fit),)
         point = np.append(fit.point, self.point[self.whole.own :])
         sizes = np.append(fit.coefficients, np.zeros(width_of(gyros)))
-        rows = self._beside_turns(fit, np.arange(count_of_fit), self.added(places, blocks), point, sizes)
-        *rows, chosen = rows
-        residual, jacobian, bound = ((values.T / self.whole.bound).T for values in rows)
+        added = self.added(places, blocks)
+        rows = self._beside_turns(fit, np.arange(count_of_fit), added, point, sizes)
+        residual, jacobian, bound, chosen = rows
+        residual, bound = residual / self.whole.bound, bound / self.whole.bound
+        jacobian = jacobian / self.whole.bound[:, None]
         at, bound_read = np.append(point, sizes), self.whole.bound[:count]
 
         def grown(growth: Growth) -> Growth:
@@ -440,8 +446,8 @@ class WholeReader(BenchReader):
             return None
         fit = fit or nominal
         rows, turns, travel = self.model.of_readings, self.model.whole.turns, self.model.travel
-        first, last = (3600.0 * travel.hours[ends] for ends in (travel.first, travel.last))
-        before, after = (errors[rows:].reshape(-1, 3) for errors in (nominal.left, fit.left / fit.allowed))
+        first, last = 3600.0 * travel.hours[travel.first], 3600.0 * travel.hours[travel.last]
+        before, after = nominal.left[rows:].reshape(-1, 3), (fit.left / fit.allowed)[rows:].reshape(-1, 3)
 
         def alone(rows_alone: slice) -> tuple[float, float]:
             """Radius of some of the rows by themselves, without effects and with them."""
@@ -558,18 +564,21 @@ class WholeRerun:
             gyros = values[count:-1].tolist()
             return {"gravity": gravity, "bias": gyros[BIAS], "scale_misalignment": gyros[MATRIX]}
 
-        least, most = (elements_of(said(end)) for end in ends.T)
+        low, high = ends.T
+        least, most = elements_of(said(low)), elements_of(said(high))
         intervals = {name: (least[name], most[name]) for name in least if name != "gravity"}
         point = fit.estimate[: len(fit.point)]
         # Sensitivities and lag of the gyros are effects of theirs.
         further = dict(effects)
-        lowest, highest = (effects_of_model(end[count:-1]) for end in ends.T)
+        lowest, highest = effects_of_model(low[count:-1]), effects_of_model(high[count:-1])
         for place, values in effects_of_model(point[count:-1]).items():
             further[place] = values, list(zip(lowest[place], highest[place], strict=True))
-        starts = [Start.of(name, said(point), intervals, further) for name in ("GyroBlock", "GyroCompensation")]
+        starts = list(at_rest_extension.starts)
+        for name in ("GyroBlock", "GyroCompensation"):
+            starts.append(Start.of(name, said(point), intervals, further))
         if any(place.definition.component == "AttitudeComputer" for place in effects):
             starts.append(Start.of("AttitudeComputer", {}, {}, further))
-        return Extension(list(at_rest_extension.starts) + starts, at_rest_extension.scenarios)
+        return Extension(starts, at_rest_extension.scenarios)
 
 
 def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evidence:

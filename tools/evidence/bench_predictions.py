@@ -113,7 +113,10 @@ def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
     outside = np.linalg.norm(scaled - inside @ possible.span.T, axis=2) > 1e-6 * np.linalg.norm(scaled, axis=2)
     # A dead zone, saturation or rounding acts last.
     adding = {place for place, _, _ in later_part(fit)}
-    bent = [(p, v) for p, v in zip(fit.places, fit.values(), strict=True) if not is_linear(p) and p not in adding]
+    bent = []
+    for place, values in zip(fit.places, fit.values(), strict=True):
+        if not is_linear(place) and place not in adding:
+            bent.append((place, values))
     reading = acted_on(bent, rows, reading) if bent else reading
     return Rival(fit, possible, reading, inside, ~outside, bool(bent))
 
@@ -210,9 +213,10 @@ def nearest(
     slopes = np.hstack((first.slopes[list(rows)][axes], -second.slopes[list(rows)][axes]))
     if not len(offset):
         return 0.0, difference
-    sets = first.possible, second.possible
-    lower, upper = np.concatenate([s.lower for s in sets]), np.concatenate([s.upper for s in sets])
-    matrix = np.asarray(block_diag(*(s.matrix for s in sets)))
+    steps, steps_of_second = first.possible, second.possible
+    lower = np.concatenate((steps.lower, steps_of_second.lower))
+    upper = np.concatenate((steps.upper, steps_of_second.upper))
+    matrix = np.asarray(block_diag(steps.matrix, steps_of_second.matrix))
     distance, x = least_largest(matrix, lower, upper, offset, slopes)
     first_step, second_step = np.split(x, [first.possible.matrix.shape[1]])
     return distance, np.where(usable, difference + first.slopes @ first_step - second.slopes @ second_step, 0.0)
@@ -238,8 +242,9 @@ class Programme:
         grid = every_position(p, np.radians(np.arange(0.0, 360.0, SEPARATING_STEP_DEG)))
         repeated: set[int] = set()
         for fit in fits:
-            outliers = [place for place in fit.places if place.effect == "outlier"]
-            repeated.update(int(place.where.removeprefix("position-")) - 1 for place in outliers)
+            for place in fit.places:
+                if place.effect == "outlier":
+                    repeated.add(int(place.where.removeprefix("position-")) - 1)
         again = sorted(repeated)
         count, span = len(circumstances.hours), float(circumstances.hours[-1])
         now = round(span * (1.0 + 1.0 / max(count - 1, 1)), HOUR_DIGITS)
@@ -261,17 +266,20 @@ class Programme:
             return Visits(p, Positions(own.alpha[rows], own.beta[rows], own.mounting[rows]), circumstances_there)
 
         every = np.arange(count)
-        first, end, twice = (seen_by(at_hours(when, every)) for when in (0.0, now, now + span))
+        first, end = seen_by(at_hours(0.0, every)), seen_by(at_hours(now, every))
+        twice = seen_by(at_hours(now + span, every))
         times = [now]
         timed = bool(np.any(first != end) or any(later_part(fit) for fit in fits))
         if timed:
             again = every.tolist()
         if np.any(end != twice):
             times += [round(now + part * span, HOUR_DIGITS) for part in LATER]
-        repeats = [at_hours(when, np.array(again, dtype=int)) for when in times]
         new = Visits(p, grid, at_hours(now, np.zeros(len(grid.alpha), dtype=int)).circumstances)
-        plain = _together([new, *repeats])
-        numbers = np.concatenate((np.full(len(new), -1), *[again] * len(times))).astype(int)
+        parts, of_record = [new], np.array(again, dtype=int)
+        for when in times:
+            parts.append(at_hours(when, of_record))
+        plain = _together(parts)
+        numbers = np.concatenate((np.full(len(new), -1), np.tile(of_record, len(times))))
         few = plain.selected(np.arange(0, len(plain), 97))
         columns = []
         for sense in (-1.0, 1.0):
@@ -280,7 +288,9 @@ class Programme:
             columns.append(signature_columns(lasting, replace(few, circumstances=moved).rows(point)))
         if not np.any(columns[0] != columns[1]):
             return Programme(plain, False, timed, numbers)
-        sided = [_approached(plain, *senses) for senses in product((-1.0, 1.0), repeat=2)]
+        sided = []
+        for sense_alpha, sense_beta in product((-1.0, 1.0), repeat=2):
+            sided.append(_approached(plain, sense_alpha, sense_beta))
         return Programme(_together(sided), True, timed, np.tile(numbers, len(sided)))
 
 
@@ -299,9 +309,13 @@ def _together(parts: Sequence[Visits]) -> Visits:
     def joined(name: str, of: Callable[[Visits], object]) -> NDArray:
         return np.concatenate([getattr(of(part), name) for part in parts])
 
-    at = Positions(*(joined(name, lambda part: part.at) for name in ("alpha", "beta", "mounting")))
-    names = ("hours", "temperature", "sense_alpha", "sense_beta")
-    circumstances = {name: joined(name, lambda part: part.circumstances) for name in names}
+    def place_of(part: Visits) -> Positions:
+        return part.at
+
+    circumstances = {}
+    for name in ("hours", "temperature", "sense_alpha", "sense_beta"):
+        circumstances[name] = joined(name, lambda part: part.circumstances)
+    at = Positions(joined("alpha", place_of), joined("beta", place_of), joined("mounting", place_of))
     return replace(first, at=at, circumstances=replace(first.circumstances, **circumstances))
 
 
@@ -327,9 +341,10 @@ class DenseVisits:
         bench = reading_jacobian(p, point, at).reshape(3 * len(at.alpha), -1)
         index = np.arange(len(at.alpha))
         # Fractional parts of multiples of irrational numbers fill the unit interval evenly and are unrelated.
-        time, temperature, first, second = (index * step % 1.0 for step in (0.618034, 0.414214, 0.732051, 0.236068))
-        senses = np.where(first < 0.5, -1.0, 1.0), np.where(second < 0.5, -1.0, 1.0)
-        visits = Visits(p, at, Circumstances(time, 20.0 + 10.0 * temperature, *senses, True))
+        time, temperature = index * 0.618034 % 1.0, 20.0 + 10.0 * (index * 0.414214 % 1.0)
+        sense_alpha = np.where(index * 0.732051 % 1.0 < 0.5, -1.0, 1.0)
+        sense_beta = np.where(index * 0.236068 % 1.0 < 0.5, -1.0, 1.0)
+        visits = Visits(p, at, Circumstances(time, temperature, sense_alpha, sense_beta, True))
         return DenseVisits(visits.rows(point), column_space(bench))
 
     def spaces(self, places: Sequence[EffectPlace]) -> list[NDArray]:
@@ -364,12 +379,15 @@ def second_mounting(
             mountings = dict(zip(p.mountings, p.matrices, strict=True)) | ({name: PRESETS[name]} if name else {})
             visits[name] = DenseVisits.of(parametrise(mountings, symmetric=p.symmetric))
         spaces = visits[name].spaces([*first, *second])
-        a, b = (column_space(np.hstack(part)) for part in (spaces[: len(first)], spaces[len(first) :]))
+        a, b = column_space(np.hstack(spaces[: len(first)])), column_space(np.hstack(spaces[len(first) :]))
         return cosine(a, b) if a.shape[1] and b.shape[1] else 1.0
 
     mounted = [np.round(matrix, 9).tolist() for matrix in p.matrices]
     before = correlation()
-    after = {name: correlation(name) for name, matrix in PRESETS.items() if np.round(matrix, 9).tolist() not in mounted}
+    after = {}
+    for name, matrix in PRESETS.items():
+        if np.round(matrix, 9).tolist() not in mounted:
+            after[name] = correlation(name)
     if not after:
         return None
     # Of presets that do about as well, the first: it is the easiest to mount.
@@ -435,7 +453,7 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
         scored = scored & ~undecided(readings, trained)[out]
     if scored.sum() < FEWEST_SCORED:
         return None
-    before, after = (np.where(scored, error, np.nan) for error in errors)
+    before, after = np.where(scored, errors[0], np.nan), np.where(scored, errors[1], np.nan)
     gain = gain_of(errors[0][scored][:, None], errors[1][scored][:, None], rows=out)
     return gain.model_copy(update={"before": before, "after": after})
 
@@ -457,7 +475,10 @@ def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArra
 
 def _farthest_outside(values: Sequence[float], limits: Sequence[tuple[float, float]]) -> float:
     """By how much a value is outside its limits, at most; 0 where all are inside."""
-    return max(max(low - value, value - high, 0.0) for value, (low, high) in zip(values, limits, strict=True))
+    farthest = 0.0
+    for value, (low, high) in zip(values, limits, strict=True):
+        farthest = max(farthest, low - value, value - high)
+    return farthest
 
 
 def undecided(readings: Readings, fit: Fit) -> NDArray:

@@ -431,7 +431,8 @@ class BenchSearch:
             if relaxation.ways:
                 counted &= ~relaxation.touched
                 widening = widening + relaxation.widening
-        blocks = [problem.nominal, *(problem.columns[:, problem.blocks[effect]] for effect in effects)]
+        blocks = [problem.nominal]
+        blocks += [problem.columns[:, problem.blocks[effect]] for effect in effects]
         blocks += [relaxation.columns / noise[:, None] for relaxation in untold]
         jacobian, columns = np.hstack(blocks), {}
         rate = np.zeros(jacobian.shape)

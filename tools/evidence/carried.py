@@ -287,14 +287,15 @@ class CarriedReader(RecordReader):
 
     def objections(self) -> tuple[str, ...]:
         """Parameters that no instrument has, gyros that wander at rest, errors that all effects together leave."""
-        wandering = () if self.model.unsteady is None or self.model.jumps else (self.model.unsteady,)
-        too_large = () if self.least_radius is None else (self._too_large(self.least_radius),)
-        parameters = tuple(
-            f"{name} would be {digits(value, 2)}: check units, order and signs of the axes"
-            for (name, unit), value in zip(self.rows.names, self.model.baseline.central, strict=True)
-            if unit == "1" and abs(value) > LARGEST
-        )
-        return (*parameters, *wandering, *too_large)
+        objections = []
+        for (name, unit), value in zip(self.rows.names, self.model.baseline.central, strict=True):
+            if unit == "1" and abs(value) > LARGEST:
+                objections.append(f"{name} would be {digits(value, 2)}: check units, order and signs of the axes")
+        if self.model.unsteady is not None and not self.model.jumps:
+            objections.append(self.model.unsteady)
+        if self.least_radius is not None:
+            objections.append(self._too_large(self.least_radius))
+        return tuple(objections)
 
     def _too_large(self, least: float) -> str:
         assert isinstance(self.model.reference, Truth)
@@ -382,7 +383,7 @@ class CarriedRerun:
         """
         model = self.model.with_onsets(fit)
         rows, folds = model.rows, model.rows.folds(FOLDS if len(model.motion) <= LONG else FOLDS_OF_LONG)
-        before, after = (self._errors_of_folds(model, places, folds) for places in ((), fit.places))
+        before, after = self._errors_of_folds(model, (), folds), self._errors_of_folds(model, fit.places, folds)
         if before is None or after is None:
             return None
         kinds = []
@@ -426,8 +427,11 @@ class CarriedRerun:
     def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
         """Increments less what effects of the gyros add to them, by the inverse of a block with them."""
         model, rows = self.model, self.model.rows
-        undone = {p: (p.definition.component, p.definition.stage) == ("GyroBlock", "reading_effects") for p in effects}
-        places = [p for p in effects if p in rows.places and undone[p]]
+        places = []
+        for place in effects:
+            effect = place.definition
+            if place in rows.places and effect.component == "GyroBlock" and effect.stage == "reading_effects":
+                places.append(place)
         sizes = stacked_sizes(effects, places)
         values = model.values_of(places, np.concatenate([np.zeros(len(rows.names)), sizes]))
         return places, {"rate": None, "increment": compensated_increments(model.motion, values, model.found.gravity)}
@@ -445,12 +449,16 @@ class CarriedRerun:
         point = fit.estimate[: len(self.model.rows.names)]
         gyros = self.model.with_onsets(fit).gyros_with(fit.places, np.append(point - self.model.rows.point, fit.stated))
         bias = gyros.bias
-        vectors = (point, *fit.ends(0.0, self.model.effort.most_rows).T, np.full(len(point), np.nan))
-        parameters, low, high, depends = (self._parameters(vector, bias) for vector in vectors)
+        least_point, most_point = fit.ends(0.0, self.model.effort.most_rows).T
+        parameters, depends = self._parameters(point, bias), self._parameters(np.full(len(point), np.nan), bias)
+        low, high = self._parameters(least_point, bias), self._parameters(most_point, bias)
         starts = []
         for name, values in parameters.items():
-            least, most, unknown = (elements_of(side[name]) for side in (low, high, depends))
-            intervals = {element: (least[element], most[element]) for element, v in unknown.items() if np.isnan(v)}
+            least, most = elements_of(low[name]), elements_of(high[name])
+            intervals = {}
+            for element, unknown in elements_of(depends[name]).items():
+                if np.isnan(unknown):
+                    intervals[element] = least[element], most[element]
             starts.append(Start.of(name, values, intervals, effects))
         return Extension(starts, {"scenario": self._scenario(fit)})
 
@@ -468,7 +476,9 @@ class CarriedRerun:
                 "gravity": self.model.found.gravity,
                 "scale_error_plus": diagonal,
                 "scale_error_minus": diagonal,
-                **{name: gamma[name] for name in ("gamma_21", "gamma_31", "gamma_32")},
+                "gamma_21": gamma["gamma_21"],
+                "gamma_31": gamma["gamma_31"],
+                "gamma_32": gamma["gamma_32"],
                 "bias": x[6:].tolist(),
             }
             parameters |= {"AccelerometerBlock": block, "AccelerometerCompensation": block}

@@ -139,8 +139,11 @@ def linear_evidence(
         if with_effects:
             gyros += [p for p in linear_places(STRAPDOWN_EFFECTS.values(), motion) if p not in free_effects]
             if len(x):
-                block_effects = (e for e in POSITION_EFFECTS.values() if e.component == "AccelerometerBlock")
-                forces += linear_places((e for e in block_effects if e.untold is None), motion)
+                block_effects = []
+                for effect in POSITION_EFFECTS.values():
+                    if effect.component == "AccelerometerBlock" and effect.untold is None:
+                        block_effects.append(effect)
+                forces += linear_places(block_effects, motion)
             for place in further:
                 of_part = gyros if is_of_gyros(place) else forces
                 of_part.append(place)
@@ -196,9 +199,11 @@ def truth_reference(inspection: Inspection) -> Truth:
     up = inspection.rests.force / inspection.gravity if len(inspection.rests) else None
     noise = gyro_noise(inspection.record, inspection.rests, inspection.sampling.period, up)
     attitude, time_s, windows = inspection.record.attitude, inspection.record.time_s, truth_windows(inspection)
-    seconds = [float(np.median(pieces.durations(time_s))) for pieces in windows]
     inertial, period = is_inertial(inspection.record), inspection.sampling.period
-    scatter = [truth_scatter(attitude, inspection.rests, period, length, inertial=inertial) for length in seconds]
+    scatter = []
+    for pieces in windows:
+        length = float(np.median(pieces.durations(time_s)))
+        scatter.append(truth_scatter(attitude, inspection.rests, period, length, inertial=inertial))
     return Truth(time_s, inspection.rests, noise, windows, attitude, np.array(scatter), inertial=inertial)
 
 
@@ -217,10 +222,13 @@ def about_main_effect(run: Carried) -> Carried:
     second order may be above them too: it tells effects apart that are alike to first order. Of these one that does
     not stand about itself is no candidate, where another one does.
     """
-    runs = [(place, about_effect(run, place)) for place in main_effects(run)]
+    runs, errors = [], []
+    for place in main_effects(run):
+        about = about_effect(run, place)
+        runs.append((place, about))
+        errors.append(_rms_left(about, (place,)))
     if not runs:
         return about_main_onset(run)
-    errors = [_rms_left(about, (place,)) for place, about in runs]
     _, best = next(pair for pair, error in zip(runs, errors, strict=True) if SETTLED * error <= min(errors))
     standing = [place for place, about in runs if about.refit([place]).radius <= about.limit]
     return best.without([place for place, _ in runs if standing and place not in standing])
@@ -230,7 +238,10 @@ def about_main_onset(run: Carried) -> Carried:
     """The evidence about the effect that sets in and makes most of large errors; as it is where none does."""
     for _ in range(RELINEARISATIONS):
         before = _rms_left(run, ())
-        onsets = [nearest_onset(run, place) for place in run.starting] if before > MANY / np.sqrt(3.0) else []
+        onsets = []
+        if before > MANY / np.sqrt(3.0):
+            for place in run.starting:
+                onsets.append(nearest_onset(run, place))
         error, place, about = min(onsets, key=lambda onset: onset[0], default=(np.inf, BIAS, run))
         if not MOST_OF_IT * error < before:
             break
@@ -248,8 +259,11 @@ def nearest_onset(run: Carried, place: EffectPlace) -> tuple[float, EffectPlace,
     step = max(1, len(edges) // MOST_ONSETS)
     low, high = 0, len(edges)
     while True:
-        runs = [run.with_onset(place, int(row)) for row in edges[low:high:step]]
-        errors = [_rms_left(about, (place,)) for about in runs]
+        runs, errors = [], []
+        for row in edges[low:high:step]:
+            about = run.with_onset(place, int(row))
+            runs.append(about)
+            errors.append(_rms_left(about, (place,)))
         best = int(np.argmin(errors))
         if step == 1:
             return errors[best], place, runs[best]
@@ -374,8 +388,10 @@ def without_jumps(reader: CarriedReader) -> CarriedReader:
     parts = run.rows.parts
     masks = [np.ones(len(part), dtype=bool) for part in parts]
     for _ in range(ROUNDS_OF_JUMPS):
-        sizes = [np.linalg.norm(error, axis=1) for error in left_out_by_all(of_windows(run, masks))]
-        far = [size > JUMP * np.median(size) for size in sizes]
+        far = []
+        for error in left_out_by_all(of_windows(run, masks)):
+            size = np.linalg.norm(error, axis=1)
+            far.append(size > JUMP * np.median(size))
         if not any(mask.any() for mask in far):
             break
         for mask, jumping in zip(masks, far, strict=True):
@@ -465,9 +481,9 @@ def radius_with(run: Carried, rests: list[slice]) -> float:
     noise: NDArray = reference.deviation.max(axis=0)
     bound = factor_for(len(rests)) * np.sqrt((by_reading**2 * noise**2).sum(axis=1))
     by_own = np.zeros((len(rests), 1, len(run.rows.names) - len(NAMES)))
-    ends = [np.array([end(rows) for rows in rests]) for end in (lambda r: r.start, lambda r: r.stop - 1)]
+    first, last = np.array([rows.start for rows in rests]), np.array([rows.stop - 1 for rows in rests])
     part = Part(
-        Pieces("norms", "norms at a limit", *ends),
+        Pieces("norms", "norms at a limit", first, last),
         error[:, None],
         bound[:, None],
         np.concatenate([-slopes[:, None, :], by_own], axis=2),

@@ -113,7 +113,9 @@ class Extension:
         `said` is what the parameter sets are described by.
         """
         files = [build(s.component, folder, flavour=flavour) for s in self.starts if s.name == s.component.name]
-        for start in (start for start in self.starts if start.values):
+        for start in self.starts:
+            if not start.values:
+                continue
             path = folder / f"{start.name}.ssv"
             with whole_file(path) as beside:
                 beside.write_bytes(parameter_set(start.component, start.values, said, start.ends))
@@ -194,9 +196,11 @@ class Visited:
                 places[-1] = command - away
             times = begin + (arrive[k] - begin) * np.arange(stops) / max(stops, 1)
             # What follows the temperature with a lag needs it on the way, too.
-            warmth = [*np.interp(times + 0.5 * longest, seconds, degrees), degrees[k]]
-            timed = zip([*times, arrive[k]], [*places, command], warmth, strict=True)
-            rows += [(self.circumstances.began + time, *place, warm) for time, place, warm in timed]
+            warmth = np.append(np.interp(times + 0.5 * longest, seconds, degrees), degrees[k])
+            times = np.append(times, arrive[k])
+            places.append(command)
+            for time, (alpha, beta), warm in zip(times, places, warmth, strict=True):
+                rows.append((self.circumstances.began + time, alpha, beta, warm))
         names = ("time_s", "alpha_rad", "beta_rad", "temperature_degC")
         return dict(zip(names, np.array(rows).T, strict=True))
 
@@ -237,12 +241,17 @@ def extension_of_bench(readings: Readings, fit: Fit, ends: NDArray, effects: Siz
         def said(values: NDArray, columns: NDArray = columns, matrix: NDArray = matrix) -> dict[str, Parameters]:
             return component_parameters(dict(zip(TARGETS, values[columns].tolist(), strict=True)), gravity, matrix)
 
-        parameters, low, high, depends = (said(v) for v in (point, *ends.T, np.full(len(point), np.nan)))
+        least_values, most_values = ends.T
+        parameters, depends = said(point), said(np.full(len(point), np.nan))
+        low, high = said(least_values), said(most_values)
         fmus: dict[str, dict[str, Any]] = {}
         for name, component in TABLE_AND_BLOCK.items():
             fmus[name] = {"fmu": f"{component}.fmu"}
-            least, most, unknown = (elements_of(values[component]) for values in (low, high, depends))
-            intervals = {element: (least[element], most[element]) for element, v in unknown.items() if np.isnan(v)}
+            least, most = elements_of(low[component]), elements_of(high[component])
+            intervals = {}
+            for element, unknown in elements_of(depends[component]).items():
+                if np.isnan(unknown):
+                    intervals[element] = least[element], most[element]
             if index == 0 or name == "table":
                 starts.append(Start.of(component, parameters[component], intervals, effects, ending))
         if index:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -262,7 +261,9 @@ class Fit:
             intervals.append(linear_intervals(place, reach) if variant is None else _variant_intervals(variant, reach))
         if self.swept or not self.also:
             return tuple(intervals)
-        of_ways = [tuple(intervals), *(fit.intervals(room, most_rows) for fit in self.also)]
+        of_ways = [tuple(intervals)]
+        for fit in self.also:
+            of_ways.append(fit.intervals(room, most_rows))
         widest = []
         for of_effect in zip(*of_ways, strict=True):
             ends = hull([np.array(ends) for ends in of_effect])
@@ -326,11 +327,11 @@ def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
 
 def _variant_intervals(variant: Way, reach: Reach) -> tuple[Interval, ...]:
     """Intervals of the parameters of an effect that is not linear, for the way in which it acts."""
-    sizes = [
-        (max(low, -reach(-along)), min(high, reach(along)))
-        for along, (low, high) in zip(variant.directions, variant.limits, strict=False)
-    ]
-    return (*sizes, *variant.limits[len(sizes) :])
+    intervals = list(variant.limits)
+    for k, along in enumerate(variant.directions):
+        low, high = variant.limits[k]
+        intervals[k] = max(low, -reach(-along)), min(high, reach(along))
+    return tuple(intervals)
 
 
 def hull(ends: Sequence[NDArray]) -> NDArray[np.float64]:
@@ -382,8 +383,10 @@ class Classes:
 
     def whole_class(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
         """The class of an effect; it alone where it is in none."""
-        every = ((first, *members) for first, members in zip(self.places, self.members, strict=True))
-        return next((members for members in every if place in members), (place,))
+        for first, members in zip(self.places, self.members, strict=True):
+            if place == first or place in members:
+                return (first, *members)
+        return (place,)
 
     def joint_space(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
         """What a set of effects adds to the model together."""
@@ -420,9 +423,12 @@ class Gain(Told):
 
 def blocks_of(places: Sequence[EffectPlace], variants: Sequence[Way | None] = ()) -> tuple[slice, ...]:
     """The columns of each effect, in the way in which it acts, one after the other."""
-    acting = zip(places, variants or [None] * len(places), strict=True)
-    counts = [coefficient_count(place) if variant is None else variant.columns.shape[2] for place, variant in acting]
-    return tuple(slice(start, stop) for start, stop in pairwise(np.cumsum([0, *counts]).tolist()))
+    blocks, start = [], 0
+    for place, variant in zip(places, variants or [None] * len(places), strict=True):
+        stop = start + (coefficient_count(place) if variant is None else variant.columns.shape[2])
+        blocks.append(slice(start, stop))
+        start = stop
+    return tuple(blocks)
 
 
 def coefficient_limits(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

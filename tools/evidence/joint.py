@@ -115,7 +115,7 @@ class Joint(Linear):
         for member, chosen in zip(self.members, self.chosen, strict=True):
             places = member.rows.linear_places
             at = member.model.about(places, chosen @ self.point, np.zeros(width_of(places)))
-            columns, rate = (np.abs(values[:, chosen.shape[0] :]) for values in (at.jacobian, at.rate))
+            columns, rate = np.abs(at.jacobian[:, chosen.shape[0] :]), np.abs(at.rate[:, chosen.shape[0] :])
             searched = []
             for place, block in zip(places, blocks_of(places), strict=True):
                 if rate[:, block].max(initial=0.0) <= OPEN * columns[:, block].max(initial=0.0):
@@ -128,10 +128,13 @@ class Joint(Linear):
         """Names of effects that are not sought in several records together."""
         searched_names = {"outlier"}
         for places in self.searched:
-            searched_names.update(place.effect for place in places)
+            for place in places:
+                searched_names.add(place.effect)
         names: dict[str, None] = {}
         for member in self.members:
-            names |= dict.fromkeys(place.effect for place in member.rows.places if place.effect not in searched_names)
+            for place in member.rows.places:
+                if place.effect not in searched_names:
+                    names[place.effect] = None
         return tuple(names)
 
     @cached_property
@@ -278,7 +281,9 @@ class Joint(Linear):
         problem = Problem.of(self.rows.residual, self.rows.nominal, [self.columns_of([place]) for place in places])
         outliers = MOST_OUTLIERS if self.seeks_outliers else 0
         for chosen in sets_of_size(problem, size, self.limit - 1.0 + self.slack, outliers, work):
-            yield (*(places[i] for i in chosen.effects), *(self._outlier(row) for row in chosen.outliers))
+            candidate = [places[i] for i in chosen.effects]
+            candidate += [self._outlier(row) for row in chosen.outliers]
+            yield tuple(candidate)
 
     def _outlier(self, row: int) -> InRecord:
         """A reading that is off."""
@@ -296,8 +301,11 @@ class Joint(Linear):
 
     def alone_with(self, k: int, places: Sequence[EffectPlace]) -> Fit:
         """One record by itself with those of some effects that act in it."""
-        acting = (place for place in places if self.acts(k, place) and not isinstance(place, Differs))
-        return self.members[k].model.refit([plain(place) for place in acting])
+        acting = []
+        for place in places:
+            if self.acts(k, place) and not isinstance(place, Differs):
+                acting.append(plain(place))
+        return self.members[k].model.refit(acting)
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Nothing: what each record excludes its own diagnosis says."""

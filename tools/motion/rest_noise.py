@@ -147,9 +147,9 @@ def gyro_noise(
     for k in range(2, len(rests) - 1):
         changes.append((time >= time[k]).astype(float))
     changes += [np.exp(-time / constant) for constant in np.geomspace(lengths.min(), time[-1] + lengths[-1], SETTLING)]
-    scatters = (rest_scatter(rests, up, column) for column in changes)
     candidates = []
-    for scatter_of_rests in scatters:
+    for column in changes:
+        scatter_of_rests = rest_scatter(rests, up, column)
         if scatter_of_rests is not None:
             candidates.append(noise.judged(*scatter_of_rests, lengths))
     steady = [candidate for candidate in candidates if not candidate.unsteady]
@@ -177,7 +177,8 @@ def rest_noise(readings: NDArray, time_s: NDArray, rests: Rests, period: float) 
         if size * period >= SHORTEST:
             longer.append(size)
     sizes = np.array(sizes[:2] + longer)
-    squares, counts = map(np.array, zip(*(allan_square(pieces, size) for size in sizes.tolist()), strict=True))
+    of_sizes = np.array([allan_square(pieces, size) for size in sizes.tolist()])
+    squares, counts = of_sizes[:, 0], of_sizes[:, 1]
     channels, at = np.arange(3), np.argmin(squares[:-1], axis=0)
     half, quarter = squares[at, channels], squares[at + 1, channels]
     # At half the time white noise has twice the mean square.

@@ -306,11 +306,14 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     turning += int(turns.sum())
     still = [rows for rows, out in zip(still, turns, strict=True) if not out]
     limited = sampling.limits.of("f")
-    at_limit = [bool(np.mean(limited[rows]) > LEAST_SHARE) for rows in still]
-    rows = tuple(rows for rows, out in zip(still, at_limit, strict=True) if not out)
-    clipped = tuple(rows for rows, out in zip(still, at_limit, strict=True) if out)
+    usable, clipped = [], []
+    for rows in still:
+        if np.mean(limited[rows]) > LEAST_SHARE:
+            clipped.append(rows)
+        else:
+            usable.append(rows)
     finite_noise = np.where(np.isfinite(noise), noise, 0.0)
-    return _averaged(record, sampling, rows, finite_noise, turning=turning, clipped=clipped)
+    return _averaged(record, sampling, tuple(usable), finite_noise, turning=turning, clipped=tuple(clipped))
 
 
 def _noise(values: NDArray, size: int, lag: int) -> float:
@@ -364,7 +367,8 @@ def _steady_turns(rate: NDArray, force: NDArray, rests: list[slice], noise: NDAr
     """
     if not rests:
         return np.zeros(0, dtype=bool)
-    means, up = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (rate, force))
+    means = np.array([rate[rows].mean(axis=0) for rows in rests])
+    up = np.array([force[rows].mean(axis=0) for rows in rests])
     design = np.ones((len(rests), 1))
     if len(rests) >= FEWEST_POSES:
         middle = np.array([0.5 * (rows.start + rows.stop) for rows in rests])

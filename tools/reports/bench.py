@@ -117,9 +117,10 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     alpha, beta = np.degrees(linearised.positions.alpha), np.degrees(linearised.positions.beta)
     rows: list[list[Cell]] = []
     for i, axis in np.argwhere(proved(result, numbers)).tolist():
-        angles = [digits(float(alpha[i]), 7), digits(float(beta[i]), 7)]
-        figures = [digits(float(linearised.input[i, axis])), digits(float(in_bounds[i, axis]))]
-        rows.append([int(numbers[i]), axis + 1, *angles, *figures])
+        row: list[Cell] = [int(numbers[i]), axis + 1]
+        row += [digits(float(alpha[i]), 7), digits(float(beta[i]), 7)]
+        row += [digits(float(linearised.input[i, axis])), digits(float(in_bounds[i, axis]))]
+        rows.append(row)
     header = ["position", "accelerometer", "α [deg]", "β [deg]", "its input [g]", "at best off by [σ]"]
     return Section(
         "Evidence: the readings that prove it",
@@ -138,15 +139,16 @@ SENSES = {1: "forwards", -1: "backwards"}
 
 def next_positions_csv(positions: Sequence[Mapping[str, Any]]) -> str:
     """Return positions as CSV: number, both angles [deg], and mounting and senses of the approach where they matter."""
+    present = set()
+    for position in positions:
+        present |= position.keys()
     names = ["alpha_deg", "beta_deg"]
-    for name in OPTIONAL:
-        if any(name in position for position in positions):
-            names.append(name)
-    lines = [",".join(["position", *names])]
+    names += [name for name in OPTIONAL if name in present]
+    lines = [f"position,{','.join(names)}"]
     for number, position in enumerate(positions, start=1):
         cells = [str(position.get(name, "")) for name in names]
-        lines.append(",".join([str(number), *cells]))
-    return "\n".join([*lines, ""])
+        lines.append(f"{number},{','.join(cells)}")
+    return "\n".join(lines) + "\n"
 
 
 def next_sections(linearised: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Section]:

@@ -115,7 +115,8 @@ def sections(result: Diagnosis) -> list[Section]:
     first = Section(
         "What the record says, whatever the law", texts, pictured[0].picture, pictured[0].caption, _table(result)
     )
-    return [first, *pictured[1:]]
+    pictured[0] = first
+    return pictured
 
 
 def _pictured(beyond: Beyond, band: BandOfFunctions, possible: Possible) -> Section:
@@ -176,8 +177,10 @@ def _table(result: Diagnosis) -> Table | None:
         left_out = "" if law.left_out_rms is None else digits(law.left_out_rms)
         for cause in law.causes:
             name = _law_name(law, cause)
-            for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                rows.append([name, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left_out])
+            for p, value, (least, most) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+                estimate, low, high = interval(value, least, most)
+                radius = residual(law.radius)
+                rows.append([name, p.name, estimate, low, high, unit_text(p.unit), radius, left_out])
     header = ["law", "parameter", "estimate", "low", "high", "unit", "radius", "left out, rms"]
     return Table(header, rows)
 

@@ -42,7 +42,8 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
 
     Behind that stand residuals, record, model, evidence and joint sets; those of the record only where it is known.
     """
-    answer = [*target_sections(result), *gyro_sections(result), *open_sections(result), *levelling_sections(result)]
+    answer = target_sections(result) + gyro_sections(result)
+    answer += open_sections(result) + levelling_sections(result)
 
     def further() -> list[Section]:
         sections: list[Section | None] = []
@@ -50,7 +51,8 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
             sections += [residual_section(result, record.position), bench.measured_section(record, result)]
         sections.append(beside_section(result))
         if record is not None:
-            sections += [bench.proof_section(result, record.position), *rest_sections(record)]
+            sections.append(bench.proof_section(result, record.position))
+            sections += rest_sections(record)
         sections += joint_set_sections(result)
         return [section for section in sections if section is not None]
 
@@ -88,9 +90,11 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
     """What is left of the readings: an ideal bench, and the calibrated one, within the noise band."""
     linearised = result.linearised
     errors = bench.centre_residual(result)
-    parts = linearised.residual_at(np.zeros(len(linearised.point))), errors
-    figures = ((digits(float(np.sqrt(np.mean(r**2))), 2), upwards(float(np.abs(r).max()))) for r in parts)
-    ideal, best = (f"{rms} g (root mean square), at most {most} g" for rms, most in figures)
+    texts = []
+    for part in (linearised.residual_at(np.zeros(len(linearised.point))), errors):
+        rms, most = float(np.sqrt(np.mean(part**2))), float(np.abs(part).max())
+        texts.append(f"{digits(rms, 2)} g (root mean square), at most {upwards(most)} g")
+    ideal, best = texts
     return Section(
         "Residuals before and after",
         f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
@@ -169,15 +173,18 @@ def rest_sections(record: PositionRecord) -> list[Section]:
         for rest in refused
     ]  # fmt: skip
     usable = len(record.rests) - len(refused)
-    picture, *further = refused_rests(raw, record.rests)
+    pictures = refused_rests(raw, record.rests)
     first = Section(
         "Rests that were left out",
         [f"{len(record.rests)} rests were found, {usable} are used, {len(refused)} are not."],
-        picture,
+        pictures[0],
         "Angles and readings, less their medians, during the rests that were refused.",
         Table(["first row", "last row", "lasts [s]", "why"], rows),
     )
-    return [first, *(Section("Rests that were left out, continued", picture=picture_) for picture_ in further)]
+    sections = [first]
+    for picture in pictures[1:]:
+        sections.append(Section("Rests that were left out, continued", picture=picture))
+    return sections
 
 
 def target_sections(
@@ -196,9 +203,9 @@ def target_sections(
 def open_sections(result: Calibration) -> list[Section]:
     """Return what the readings do not determine, and the positions that would; none where nothing is open."""
     sections = [Section("What is open", bench.missing_texts(result))]
-    if result.linearised is None:
-        return sections
-    return [*sections, *bench.next_sections(result.linearised, result.next_positions)]
+    if result.linearised is not None:
+        sections += bench.next_sections(result.linearised, result.next_positions)
+    return sections
 
 
 def target_section(result: Calibration) -> Section:
@@ -264,19 +271,27 @@ def few(symbols: Sequence[str]) -> str:
     return ", ".join(symbols) if len(symbols) <= bench.MOST_NAMED else f"{len(symbols)} targets"
 
 
+BEFORE_INTERVAL = 4
+"""Columns of the table of targets before the drawn interval."""
+
+
 def target_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
     """Return each target with its interval, drawn in units of σ about its estimate; a truth where it is known."""
     true_values = truth or {}
     intervals = []
     for p in result.targets:
         band = None if p.central is None or p.guaranteed_error is None else p.guaranteed_error / result.noise_bound
-        ends = [_in_sigma(result, p, value) for value in (p.low, p.high, true_values.get(p.symbol))]
-        intervals.append(Bar(band, *ends, about=_in_sigma(result, p, p.a_priori) or 0.0))
+        low, high = _in_sigma(result, p, p.low), _in_sigma(result, p, p.high)
+        true_value = _in_sigma(result, p, true_values.get(p.symbol))
+        intervals.append(Bar(band, low, high, true_value, about=_in_sigma(result, p, p.a_priori) or 0.0))
     pictures, reach = bars(intervals)
     numbers = table_of(result.targets, ("symbol", "name", "central", "error_bound", "low", "high", "unit"), WORDS)
     rows: list[list[Cell]] = []
     for cells, bar, p in zip(numbers.rows, pictures, result.targets, strict=True):
-        rows.append([*cells[:4], bar, *cells[4:], to_bound(true_values.get(p.symbol), p.error_bound)])
+        row = list(cells)
+        row.insert(BEFORE_INTERVAL, bar)
+        row.append(to_bound(true_values.get(p.symbol), p.error_bound))
+        rows.append(row)
     caption = ""
     if reach > 0.0:
         caption = (
@@ -284,7 +299,9 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
             "guaranteed error; line: what the readings leave possible; dot: estimate"
             + ("; bar: truth." if true_values else ".")
         )
-    header = [*numbers.header[:4], "interval", *numbers.header[4:], "truth"]
+    header = list(numbers.header)
+    header.insert(BEFORE_INTERVAL, "interval")
+    header.append("truth")
     return Table(header, rows, caption)
 
 
@@ -307,8 +324,12 @@ def beside_table(result: Calibration) -> Table:
             outside.append("a priori")
         if not p.possible(p.least_squares):
             outside.append("least squares")
-        rows.append([*cells, " and ".join(outside) or None])
-    return Table([*numbers.header, "outside the interval"], rows)
+        row = list(cells)
+        row.append(" and ".join(outside) or None)
+        rows.append(row)
+    header = list(numbers.header)
+    header.append("outside the interval")
+    return Table(header, rows)
 
 
 LATITUDE_DEG = 55.75
@@ -368,7 +389,8 @@ def applied_page(result: Applied, latitude_deg: float | None = None) -> Page:
     """
     if result.correction is None:
         return _effects_page(result)
-    lines = [*correction_equation(result.correction), *_levelling_lines(result, _latitude(result, latitude_deg))]
+    lines = correction_equation(result.correction)
+    lines += _levelling_lines(result, _latitude(result, latitude_deg))
     if result.gyros is not None and result.correction.gyros is not None:
         gyros = result.correction.gyros
         lags = [f"their lag of {exactly(1e3 * gyros.lag, 3)} ms stays"]

@@ -34,7 +34,7 @@ RANK = {"worse": 0, "better": 1, "changed": 2, "same": 3}
 def result_page(result: CampaignResult) -> Page:
     """Return what was computed over all runs, and what it took, as a terminal shows it."""
     answer = []
-    for section in [*_failures(result), *_computed(result)]:
+    for section in _failures(result) + _computed(result):
         table = section.table
         if table is not None and len(table.rows) > MOST_ROWS:
             note = f"The first {MOST_ROWS} of {len(table.rows)} rows:"
@@ -80,14 +80,19 @@ def _quantiles(item: Mapping[str, Any], results: Results | None) -> Section:
         if not entry["runs"]:
             continue
         if not rows:
-            header += [f"{exactly(round(100.0 * quantile['at'], 9))} %" for quantile in entry["quantiles"]]
-        words = scalar_words(name)
-        marks[words] = [quantile["value"] for quantile in entry["quantiles"]]
-        figures = [digits(value, 4) for value in (entry["mean"], *marks[words])]
-        rows.append([name, *words, entry["runs"], *figures, upwards(entry["largest"], 4)])
+            for quantile in entry["quantiles"]:
+                header.append(f"{exactly(round(100.0 * quantile['at'], 9))} %")
+            header.append("largest")
+        meaning, unit = scalar_words(name)
+        marks[meaning, unit] = [quantile["value"] for quantile in entry["quantiles"]]
+        row: list[Cell] = [name, meaning, unit, entry["runs"], digits(entry["mean"], 4)]
+        for value in marks[meaning, unit]:
+            row.append(digits(value, 4))
+        row.append(upwards(entry["largest"], 4))
+        rows.append(row)
         if results is not None:
-            columns[words] = np.asarray(results.numbers(name))
-    table = Table([*header, "largest"], rows)
+            columns[meaning, unit] = np.asarray(results.numbers(name))
+    table = Table(header, rows)
     names = list(item["result"])
     title = "Distributions" if len(names) > 1 else f"Distribution of {names[0]}"
     if not columns:
@@ -157,7 +162,8 @@ def _method(entry: Mapping[str, Any], runs: int) -> str:
 
 
 def _index_text(numbers: Mapping[str, Any], index: str) -> str:
-    value, low, high = interval(numbers[index], *numbers[f"{index}_interval"])
+    least, most = numbers[f"{index}_interval"]
+    value, low, high = interval(numbers[index], least, most)
     return f"{value} [{low}, {high}]"
 
 
@@ -170,7 +176,8 @@ def rate_text(entry: Mapping[str, Any]) -> str:
     """A rate with its interval."""
     if not entry["cases"]:
         return "no cases"
-    percent, low, high = interval(100.0 * entry["rate"], *(100.0 * end for end in entry["interval"]))
+    least, most = entry["interval"]
+    percent, low, high = interval(100.0 * entry["rate"], 100.0 * least, 100.0 * most)
     return f"{entry['count']} of {entry['cases']} ({percent} %, 95 % from {low} % to {high} %)"
 
 
@@ -212,11 +219,14 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     """The page of a campaign that is complete, as `trihedron.tools.campaign.store.open_result` gives it."""
     campaign, results = store.campaign, Results(store)
     summary = summarise(store)
-    sections = [*_changes(comparison), _about(campaign), *_computed(summary, results)]
+    sections = _changes(comparison)
+    sections.append(_about(campaign))
+    sections += _computed(summary, results)
     if (records := results.records()) is not None:
         sections += spread_over_time(records[0], f"Records of {records[1]} runs: quantiles over the runs at each time.")
     sections += _failures(summary)
-    verdict = [f"{campaign.runs} {WHAT[campaign.kind]}, {summary.failed or 'none'} failed.", *counted(summary)]
+    verdict = [f"{campaign.runs} {WHAT[campaign.kind]}, {summary.failed or 'none'} failed."]
+    verdict += counted(summary)
     tone: Tone = "attention" if summary.failed else "neutral"
     if comparison is not None:
         got = [f"{len(comparison.of(word))} {word}" for word in ("worse", "better") if comparison.of(word)]
@@ -344,11 +354,15 @@ def suite_page(suite: Suite) -> Page:
     provenance = {"trihedron": versions()["trihedron"], "seed": suite.seed}
     if bench:
         provenance["mode"] = suite.mode
+    answer = [_counts_section(suite)]
+    answer += _confusion_sections(suite)
+    answer += _size_sections(suite)
+    answer.append(_failure_section(suite))
     return Page(
         f"Hidden effects: {suite.mode}" if bench else "Hidden effects in strapdown records",
         f"{_what_was_drawn(suite)}, seed {suite.seed}: {_outcome_counts(suite)}",
-        [_counts_section(suite), *_confusion_sections(suite), *_size_sections(suite), *_failure_sections(suite)],
-        lambda: [_about_section(suite), *_all_failures(suite)],
+        answer,
+        lambda: [_about_section(suite), _all_failures(suite)],
         tone="attention" if "wrong" in suite.outcomes else "good",
         provenance=provenance,
     )
@@ -436,8 +450,8 @@ def _detection_section(suite: Suite) -> Section:
         falsified.append({**ends, **rate(np.arange(bin_.cases) < bin_.detected)})
         named_rightly.append({**ends, **rate(np.arange(bin_.cases) < bin_.named)})
         last = digits(math.inf if bin_.high is None else bin_.high)
-        shares = [f"{digits(100.0 * count / bin_.cases)} %" for count in (bin_.detected, bin_.named)]
-        rows.append([digits(bin_.low), last, bin_.cases, *shares])
+        detected, named = digits(100.0 * bin_.detected / bin_.cases), digits(100.0 * bin_.named / bin_.cases)
+        rows.append([digits(bin_.low), last, bin_.cases, f"{detected} %", f"{named} %"])
     curves = {"falsified": falsified, "named rightly": named_rightly}
     return Section(
         "From which size it is seen",
@@ -448,7 +462,7 @@ def _detection_section(suite: Suite) -> Section:
     )
 
 
-def _failure_sections(suite: Suite) -> list[Section]:
+def _failure_section(suite: Suite) -> Section:
     """Return the first cases that were named wrongly or in part."""
     lines = []
     for outcome in suite.results:
@@ -459,18 +473,19 @@ def _failure_sections(suite: Suite) -> list[Section]:
         names = outcome.titles(named=True, between=" and ")
         verdict = f"{outcome.verdict}: {names}" if names or not suite.strapdown else outcome.verdict
         lines.append(f"case {outcome.case}: hidden {hidden}{where}; {verdict}")
-    return [Section("Wrong or in part", lines[:MOST_LISTED])]
+    return Section("Wrong or in part", lines[:MOST_LISTED])
 
 
-def _all_failures(suite: Suite) -> list[Section]:
+def _all_failures(suite: Suite) -> Section:
     """Return every case that was not named rightly, with what its diagnosis says."""
     rows: list[list[Any]] = []
     for outcome in suite.results:
         if outcome.outcome != "right":
-            case = [outcome.case, outcome.positions, outcome.reference, outcome.titles(named=False) or NOTHING]
-            rows.append([*case, outcome.verdict, outcome.outcome, outcome.titles(named=True), outcome.why])
+            row = [outcome.case, outcome.positions, outcome.reference, outcome.titles(named=False) or NOTHING]
+            row += [outcome.verdict, outcome.outcome, outcome.titles(named=True), outcome.why]
+            rows.append(row)
     header = ["case", "positions", "reference", "hidden", "verdict", "outcome", "named", "what it says"]
-    return [Section("Cases that were not named rightly", table=Table(header, rows))]
+    return Section("Cases that were not named rightly", table=Table(header, rows))
 
 
 def _about_section(suite: Suite) -> Section:

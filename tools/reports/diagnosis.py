@@ -41,8 +41,8 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
     return Page(
         _title(result),
         diagnosis_sentence(result),
-        [*beyond.sections(result), *answer_of(result), *remarks_of(result)],
-        lambda: [*_record_sections(result, record), *sections_of(result)],
+        beyond.sections(result) + answer_of(result) + remarks_of(result),
+        lambda: _record_sections(result, record) + sections_of(result),
         tone=TONES.get(result.verdict, "attention"),
         key=_key(result),
         provenance=_provenance(result),
@@ -58,8 +58,9 @@ def _page_of_file(result: Diagnosis) -> Page:
     for number, explanation in enumerate(result.explanations, start=1):
         for cause in explanation.causes:
             texts.append(sentence(cause.sentence))
-            for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                rows.append([number, cause.place.title, p.name, *interval(value, *ends), unit_text(p.unit)])
+            for p, value, (least, most) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+                estimate, low, high = interval(value, least, most)
+                rows.append([number, cause.place.title, p.name, estimate, low, high, unit_text(p.unit)])
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit"]
     table = Table(header, rows)
     answer = [Section("What explains the record", texts, table=table)]
@@ -75,7 +76,8 @@ def _page_of_file(result: Diagnosis) -> Page:
 
 def answer_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
     """Return the cause with its size, what it gains, and the residuals; `files` belong to the cause."""
-    sections = [cause_section(result, files or []), gain_section(result), *_errors(result)[:1]]
+    sections = [cause_section(result, files or []), gain_section(result)]
+    sections += _errors(result)[:1]
     return [section for section in sections if section is not None]
 
 
@@ -107,18 +109,17 @@ def remarks_of(result: Diagnosis) -> list[Section]:
 
 def sections_of(result: Diagnosis) -> list[Section]:
     """Return what stands behind the answer: further pictures of residuals, evidence, what is excluded."""
-    sections = [
-        *_errors(result)[1:],
-        beyond.level_section(result),
-        *_values(result),
-        evidence.ranking_section(result),
-        evidence.confusion_section(result),
-        evidence.length_section(result),
-        witnesses.judgement_section(result),
-        evidence.structure_section(result),
-        *evidence.excluded_sections(result),
-        evidence.power_section(result),
-    ]
+    sections: list[Section | None] = []
+    sections += _errors(result)[1:]
+    sections.append(beyond.level_section(result))
+    sections += _values(result)
+    sections.append(evidence.ranking_section(result))
+    sections.append(evidence.confusion_section(result))
+    sections.append(evidence.length_section(result))
+    sections.append(witnesses.judgement_section(result))
+    sections.append(evidence.structure_section(result))
+    sections += evidence.excluded_sections(result)
+    sections.append(evidence.power_section(result))
     return [section for section in sections if section is not None]
 
 
@@ -132,9 +133,12 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     rows: list[list[Cell]] = []
     for number, finding in enumerate(sets, start=1):
         for cause in finding.causes:
-            for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                size = [p.name, *interval(value, *ends), unit_text(p.unit), residual(finding.fit.radius)]
-                rows.append([None if is_named else number, cause.place.title, *size])
+            for p, value, (least, most) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+                estimate, low, high = interval(value, least, most)
+                row: list[Cell] = [None if is_named else number, cause.place.title, p.name, estimate, low, high]
+                row.append(unit_text(p.unit))
+                row.append(residual(finding.fit.radius))
+                rows.append(row)
     paragraphs = []
     for number, finding in enumerate(first_sets, start=1):
         text = sentences_of(finding, result)
@@ -177,7 +181,9 @@ def gain_section(result: Diagnosis) -> Section | None:
     if gain is None:
         return None
     rows: list[list[Cell]] = []
-    for part in (gain, *(gain.others or ())):
+    parts = [gain]
+    parts += gain.others or ()
+    for part in parts:
         rows.append(
             [
                 part.over or "positions",
@@ -189,7 +195,7 @@ def gain_section(result: Diagnosis) -> Section | None:
                 part.unit or result.unit or "g",
             ]
         )
-    _, count, before, after, *_, unit = rows[0]
+    _, count, before, after, _, _, unit = rows[0]
     pieces = f"pieces of {gain.over}" if gain.over else "positions"
     goes = "falls" if gain.improves else "goes"
     text = (
@@ -476,16 +482,20 @@ def hypothesis_sections(result: Diagnosis) -> list[Section]:
     paragraphs: list[str] = []
     equations: list[str] = []
     for hypothesis in result.hypotheses:
-        texts = [ANSWERS[hypothesis.answer], *_besides(hypothesis, result.unit or "g")]
+        texts = [ANSWERS[hypothesis.answer]]
+        texts += _besides(hypothesis, result.unit or "g")
         paragraphs.append(sentence(f"{hypothesis.formula}: {'; '.join(texts)}"))
-        radii = [residual(hypothesis.radius_before), residual(hypothesis.radius)]
-        head = [hypothesis.formula, hypothesis.answer, *radii]
+        before, after = residual(hypothesis.radius_before), residual(hypothesis.radius)
+        head: list[Cell] = [hypothesis.formula, hypothesis.answer, before, after]
         for p in hypothesis.parameters:
-            low = -math.inf if p.low is None else p.low
-            high = math.inf if p.high is None else p.high
-            rows.append([*head, p.name, *interval(p.estimate, low, high), unit_text(p.unit)])
+            least = -math.inf if p.low is None else p.low
+            most = math.inf if p.high is None else p.high
+            estimate, low, high = interval(p.estimate, least, most)
+            coefficient: list[Cell] = [p.name, estimate, low, high, unit_text(p.unit)]
+            rows.append(head + coefficient)
         if not hypothesis.parameters:
-            rows.append([*head, None, None, None, None, None])
+            empty: list[Cell] = [None] * 5
+            rows.append(head + empty)
         if hypothesis.finding is not None:
             equations += cause_lines([hypothesis.finding.causes[-1]])
     header = ["formula", "answer", "radius without", "with", "coefficient", "estimate", "low", "high", "unit"]

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ...models.effects import EffectPlace
-from ...models.effects.definition import ACCELEROMETERS, AXES
 from ..diagnosis.result import Diagnosis
 from ..diagnosis.search import compared_places, likeness
 from ..document.blocks import Picture, Section, Table
@@ -60,7 +59,7 @@ def residual_sections(result: Diagnosis) -> list[Section]:
         over_bounds = finding.fit.left / finding.fit.allowed
         after = over_bounds[result.sources.of_positions].reshape(-1, 3)
     proof = proved(nominal, result.sources.numbers)
-    return [
+    sections = [
         Section(
             "Residuals before and after" if result.findings else "Residuals",
             [text],
@@ -73,8 +72,8 @@ def residual_sections(result: Diagnosis) -> list[Section]:
             pictures.residuals_over_inputs(linearised.input, before, after, proof),
             "Residuals of each accelerometer against its own input.",
         ),
-        *turn_sections(result),
     ]
+    return sections + turn_sections(result)
 
 
 def proviso_of(result: Diagnosis) -> str:
@@ -135,15 +134,16 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
         least += f"; with {result.findings[0].title} it is {residual(result.best.radius)} of it"
     two = result.sources.quoted_part.error.shape[1] == 2
     about, size = ("two axes across it", "√2") if two else ("three axes", "√3")
+    texts = [
+        f"{carried}: gyro compensation and attitude computer, two FMUs that the orchestrator feeds with the "
+        f"record's increments. {least}.",
+        f"The bounds come from {result.calibration.sigma.basis}.",
+    ]
+    texts += bias
     return [
         Section(
             "Errors before and after" if result.best is not None else "Errors",
-            [
-                f"{carried}: gyro compensation and attitude computer, two FMUs that the orchestrator feeds with the "
-                f"record's increments. {least}.",
-                f"The bounds come from {result.calibration.sigma.basis}.",
-                *bias,
-            ],
+            texts,
             errors["time"],
             f"Size of the error over each of the {what}. The line is the bound about each of {about}: a size may be "
             f"{size} of it.",
@@ -165,10 +165,12 @@ def moved_targets_section(result: Diagnosis) -> Section | None:
     nominal_parameters = {p.symbol: p for p in nominal.parameters}
     intervals = []
     for target in result.targets:
-        ends = []
-        for end in (target["low"], target["high"]):
-            ends.append(None if end is None else (end - target["after"]) / nominal.noise_bound)
-        intervals.append(Bar(None, *ends))
+        low, high = target["low"], target["high"]
+        if low is not None:
+            low = (low - target["after"]) / nominal.noise_bound
+        if high is not None:
+            high = (high - target["after"]) / nominal.noise_bound
+        intervals.append(Bar(None, low, high))
     drawn, reach = bars(intervals)
     rows: list[list[Cell]] = []
     for target, bar in zip(result.targets, drawn, strict=True):
@@ -201,8 +203,10 @@ def parameter_section(result: Diagnosis) -> Section | None:
     rows: list[list[Cell]] = []
     for p, bar in zip(parameters, drawn, strict=True):
         value, low, high = interval(p.estimate, p.low, p.high)
-        ends = [low, high] if bounded else [None, None]
-        rows.append([own_words(p.symbol), value, bar, *ends, unit_text(p.unit)])
+        row: list[Cell] = [own_words(p.symbol), value, bar]
+        row += [low, high] if bounded else [None, None]
+        row.append(unit_text(p.unit))
+        rows.append(row)
     text = "They belong to any block of this kind and are no effects."
     caption = "What the record leaves possible, drawn about the estimate: one scale for all of one unit."
     if not bounded:
@@ -323,7 +327,8 @@ def length_section(result: Diagnosis) -> Section | None:
             ]
         )
     header = ["over", "pieces", "bound [arcmin]", "rms [arcmin]", "largest [arcmin]", "over its bound"]
-    table = Table([*header, "smallest sets that stand"], rows)
+    header.append("smallest sets that stand")
+    table = Table(header, rows)
     paragraphs = ["Each length of the pieces by itself, and what it needs."]
     orders = orders_of(result)
     if not orders:
@@ -366,8 +371,8 @@ def structure_section(result: Diagnosis) -> Section | None:
 _OF_A_GYRO = re.compile(r"(?P<name>[a-z]+)_(?P<gyro>[123])_?(?P<axes>[123]{0,2})")
 COLUMNS = {
     "gyros": ("gyro 1", "gyro 2", "gyro 3", "block"),
-    "accelerometers": tuple(name.replace("-", " ") for name in ACCELEROMETERS),
-    "table": tuple(name.replace("-", " ") for name in (*AXES, "base", "mounting")),
+    "accelerometers": ("accelerometer 1", "accelerometer 2", "accelerometer 3"),
+    "table": ("outer axis", "inner axis", "base", "mounting"),
 }
 """The parts of which effects are, and the places of each."""
 
@@ -384,9 +389,15 @@ def excluded_sections(result: Diagnosis) -> list[Section]:
     for part, entries in bounds.items():
         rows: list[list[Cell]] = []
         for (words, parameter, unit), sizes in entries.items():
-            rows.append([words, parameter, *[sizes.get(column) for column in COLUMNS[part]], unit])
+            row: list[Cell] = [words, parameter]
+            row += [sizes.get(column) for column in COLUMNS[part]]
+            row.append(unit)
+            rows.append(row)
         if rows:
-            table = Table(["effect", "parameter", *COLUMNS[part], "unit"], rows)
+            header = ["effect", "parameter"]
+            header += COLUMNS[part]
+            header.append("unit")
+            table = Table(header, rows)
             sections.append(Section(f"Excluded: effects of the {part}", paragraphs, table=table))
             paragraphs = []
     if result.cannot_be_seen:
@@ -414,12 +425,21 @@ def power_section(result: Diagnosis) -> Section | None:
         sizes.setdefault(key, {})[entry["place"].replace("-", " ")] = size
     if not sizes:
         return None
+    with_size: set[str] = set()
+    for of_place in sizes.values():
+        with_size |= of_place.keys()
     columns = []
     for places in COLUMNS.values():
-        columns += [place for place in places if any(place in row for row in sizes.values())]
+        columns += [place for place in places if place in with_size]
     rows: list[list[Cell]] = []
-    for (quantity, factor, unit), row in sizes.items():
-        rows.append([quantity, factor, *[row.get(column) for column in columns], unit])
+    for (quantity, factor, unit), of_place in sizes.items():
+        row: list[Cell] = [quantity, factor]
+        row += [of_place.get(column) for column in columns]
+        row.append(unit)
+        rows.append(row)
+    header = ["function of", "times"]
+    header += columns
+    header.append("unit")
     return Section(
         "What would have shown that is in no catalogue",
         [
@@ -429,7 +449,7 @@ def power_section(result: Diagnosis) -> Section | None:
             "parameters imitate of a function does not count. A sharper function, or one of several quantities, may "
             "hide at a larger size."
         ],
-        table=Table(["function of", "times", *columns, "unit"], rows),
+        table=Table(header, rows),
     )
 
 

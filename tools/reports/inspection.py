@@ -25,7 +25,8 @@ DIGITS_OF_STAMPS = 1e-6
 
 def inspection_page(result: Inspection) -> Page:
     """Return what a strapdown or bench record supports, and its Allan deviation."""
-    first, *lines = [*sampling_lines(result), *rest_lines(result)]
+    lines = sampling_lines(result) + rest_lines(result)
+    first = lines.pop(0)
     if result.at_table is not None:
         lines.append(table_line(result.at_table))
     if result.gyros is not None:
@@ -82,7 +83,8 @@ def rest_lines(inspection: Inspection) -> list[str]:
     head = f"{len(rests)} rests {span_of(rests.length_s)} s, median {digits(np.median(rests.length_s))} s"
     if rests.turning:
         head += f"; {rests.turning} slow turns left out"
-    lines = [head, *rest_warnings(rests, inspection.gravity)]
+    lines = [head]
+    lines += rest_warnings(rests, inspection.gravity)
     if len(inspection.moves):
         turns = np.degrees([move.turn_rad for move in inspection.moves])
         lines.append(f"{len(turns)} moves between them, {span_of(turns)} degrees")
@@ -95,7 +97,8 @@ def rest_lines(inspection: Inspection) -> list[str]:
     if quiet:
         lines.append(f"not excited: axis {', '.join(quiet)}")
     if rests.force_bound is None or rests.rate_bound is None:
-        return [*lines, "the rests are too short to tell the noise of their means"]
+        lines.append("the rests are too short to tell the noise of their means")
+        return lines
     force = np.median(rests.force_bound, axis=0).max() / inspection.gravity
     rate = math.degrees(np.median(rests.rate_bound, axis=0).max())
     lines.append(f"bound of a mean at rest, 3 Allan deviations: {upwards(force)} g, {upwards(rate)} deg/s")
@@ -169,9 +172,10 @@ def record_sections(
 
     `told` where it is said elsewhere what is missing.
     """
-    size, *further = sampling_lines(inspection)
-    lines = [size.removeprefix(f"{inspection.record.path.name}: "), *further, *rest_lines(inspection)]
-    lines += ["true attitude: in the record"] if inspection.record.attitude is not None else []
+    lines = sampling_lines(inspection) + rest_lines(inspection)
+    lines[0] = lines[0].removeprefix(f"{inspection.record.path.name}: ")
+    if inspection.record.attitude is not None:
+        lines.append("true attitude: in the record")
     lines += [f"warning: {warning}" for warning in warnings if warning not in lines]
     first = Section(
         "What was measured",
@@ -210,9 +214,11 @@ HOW_RATES_ARE_TAKEN = {
 
 def attitude_page(run: AttitudeRun) -> Page:
     """Return what was run, and how large the error is."""
-    files = [str(file) for file in run.files]
+    lines = error_lines(run)
+    for file in run.files:
+        lines.append(str(file))
     picture = None if run.rms is None else attitude_picture(run)
-    answer = [Section("Attitude", [*error_lines(run), *files], picture, "The computed attitude less the true one.")]
+    answer = [Section("Attitude", lines, picture, "The computed attitude less the true one.")]
     return Page(f"Attitude of {run.record.name}", run_line(run), answer)
 
 
@@ -232,7 +238,8 @@ def error_lines(run: AttitudeRun) -> list[str]:
         lines.append(f"velocity at the end, of the specific force alone, in the reference: ({velocity}) m/s")
     rms, maximum, final, drift = run.rms, run.maximum, run.final, run.drift
     if rms is None or maximum is None or final is None or drift is None:
-        return [*lines, "attitude error: the record has no true attitude to compare with"]
+        lines.append("attitude error: the record has no true attitude to compare with")
+        return lines
     judged = run.judged
     if run.gyro_bias is None:
         earth = math.degrees(EARTH_RATE * (run.time_s[judged][-1] - run.time_s[0]))
@@ -285,11 +292,13 @@ def split_lines(run: AttitudeRun) -> list[str]:
         split = split_error(run.time_s[judged], np.degrees(run.error_rad[judged]))
     except InputError:
         return []
-    rate = ", ".join(digits(60.0 * value) for value in split.rate)
-    amplitude = ", ".join(upwards(value, 3) for value in split.amplitude)
+    rates, amplitudes = [], []
+    for rate, amplitude in zip(split.rate, split.amplitude, strict=True):
+        rates.append(digits(60.0 * rate))
+        amplitudes.append(upwards(amplitude, 3))
     return [
-        f"slowly growing part ({rate}) deg/min, periodic part at most ({amplitude}) deg about axes 1, 2, 3 "
-        f"(period {exactly(split.period, 3)} s)"
+        f"slowly growing part ({', '.join(rates)}) deg/min, periodic part at most ({', '.join(amplitudes)}) deg "
+        f"about axes 1, 2, 3 (period {exactly(split.period, 3)} s)"
     ]
 
 

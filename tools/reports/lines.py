@@ -79,7 +79,9 @@ def _drawn(
                 values = table.select(pl.col(name).cast(pl.Float64)).collect()[name].to_numpy()
                 line = Line.of(short(split(name, units)[0]), times, values)
                 drawn[-1].append(line)
-                rows.append([name, *(digits(value, 6) for value in line.ends)])
+                row: list[Cell] = [name]
+                row += [digits(value, 6) for value in line.ends]
+                rows.append(row)
         room -= len(drawn)
         if drawn:
             of_unit = unit if unit == TRUTH else f"in {unit}" if unit else "pure numbers"
@@ -136,8 +138,12 @@ def compared_page(result: Compared) -> Page:
     differences = table_of(result.columns, columns)
     rows: list[list[Cell]] = []
     for cells, difference in zip(differences.rows, result.columns, strict=True):
-        rows.append([*cells, difference.one_only or None, "yes" if difference.within else "no"])
-    table = Table([*differences.header, "rows of one only", "allowed"], rows)
+        row = list(cells)
+        row += [difference.one_only or None, "yes" if difference.within else "no"]
+        rows.append(row)
+    header = list(differences.header)
+    header += ["rows of one only", "allowed"]
+    table = Table(header, rows)
 
     def pictures() -> list[Section]:
         apart = _drawn(result.differences.lazy(), {}, "Second less first")[0]

@@ -72,7 +72,8 @@ def present_text(session: Session, present: Present) -> str:
     """How the table stands now, and whether it may go on."""
     if present.state == "waiting":
         return "waiting for readings"
-    where = angles_text(*(round(angle, 3) for angle in session.angles_deg(present.alpha, present.beta)))
+    alpha, beta = session.angles_deg(present.alpha, present.beta)
+    where = angles_text(round(alpha, 3), round(beta, 3))
     if present.state == "moving":
         return f"moving, {where}"
     lasted = f"at rest for {digits(present.lasted_s, 3)} s at {where}"
@@ -87,7 +88,8 @@ def present_text(session: Session, present: Present) -> str:
 
 def visit_text(session: Session, visit: RestVisit) -> str:
     """What became of a rest."""
-    at = angles_text(*session.visit_angles_deg(visit))
+    alpha, beta = session.visit_angles_deg(visit)
+    at = angles_text(alpha, beta)
     number = session.setting_of[visit.number - 1]
     setting = next((planned for planned in session.programme.settings if planned.number == number), None)
     of = "of no position of the plan" if setting is None else setting_text(session, setting).partition(":")[0]

@@ -66,11 +66,11 @@ def published_page(result: PublishedCalibration) -> Page:
 def reproduction_page(result: Reproduction) -> Page:
     """Return every row, what each cause does, scores, and what is not reproduced."""
     rows: list[list[Cell]] = []
-    not_reproduced = []
+    not_reproduced = [f"not reproduced within {digits(100.0 * TOLERANCE)} %"]
     for row in result.rows:
-        cells = [row.row, TABLES[row.table], row.algorithm, exactly(row.h_s), row.nodes, row.motion]
-        numbers = (_angles_text(row.published_deg), _ratios(row.ratio), _angles_text(row.method_error_deg))
-        rows.append([*cells, *numbers])
+        cells: list[Cell] = [row.row, TABLES[row.table], row.algorithm, exactly(row.h_s), row.nodes, row.motion]
+        cells += [_angles_text(row.published_deg), _ratios(row.ratio), _angles_text(row.method_error_deg)]
+        rows.append(cells)
         if row.not_reproduced:
             not_reproduced.append(f"{row.row:>3} {row.title}: {', '.join(row.not_reproduced)}: {row.remark}")
     causes = ["what the simulation got wrong: ratio with everything, and with this one thing put right"]
@@ -85,7 +85,7 @@ def reproduction_page(result: Reproduction) -> Page:
         if score.of:
             names = " and ".join([TABLES[table] for table in score.tables])
             scores.append(f"{names}: {score.numbers} of {score.of} numbers within {digits(100.0 * score.within)} %")
-    tolerance = f"not reproduced within {digits(100.0 * TOLERANCE)} %"
+
     header = ["row", "table", "algorithm", "h [s]", "M", "motion", "published", "ratio", "method"]
     verdict = (
         "Largest errors over 600 s of ψ, ϑ, γ [deg]; ratio: reproduced over published; method: with exact increments, "
@@ -95,7 +95,7 @@ def reproduction_page(result: Reproduction) -> Page:
         Section("Rows", table=Table(header, rows)),
         Section("Causes", causes),
         Section("Scores", scores),
-        Section("Not reproduced", [tolerance, *not_reproduced]),
+        Section("Not reproduced", not_reproduced),
     ]
     return Page("Published attitude errors", verdict, answer)
 
@@ -122,7 +122,10 @@ def word_length_page(result: WordLength) -> Page:
     errors = {}
     for entry in result.errors:
         errors[entry.motion, entry.rounding, entry.arithmetic] = np.degrees(entry.error)
-    columns = (*ARITHMETICS, DOUBLE)
+    columns: list[str] = list(ARITHMETICS)
+    columns.append(DOUBLE)
+    header = ["increments rounded"]
+    header += columns
     answer = []
     for motion, sentence in (
         (REPEATING, "the motion repeats exactly in samples: rounding errors repeat with it and add up"),
@@ -130,8 +133,11 @@ def word_length_page(result: WordLength) -> Page:
     ):
         rows: list[list[Cell]] = []
         for rounding in ROUNDINGS:
-            rows.append([rounding, *[digits(errors[motion, rounding, name], 2) for name in columns]])
-        answer.append(Section(motion, [sentence], table=Table(["increments rounded", *columns], rows)))
+            row: list[Cell] = [rounding]
+            for name in columns:
+                row.append(digits(errors[motion, rounding, name], 2))
+            rows.append(row)
+        answer.append(Section(motion, [sentence], table=Table(header, rows)))
     floor = errors[REPEATING, "independently", DOUBLE]
     feedback = errors[REPEATING, "feedback", "pairs"]
     pairs = errors[REPEATING, "pairs", "pairs"]

@@ -46,8 +46,8 @@ def plans_page(plans: Plans) -> Page:
     rows: list[list[Cell]] = []
     warnings = []
     for plan in plans:
-        cost = [upwards(plan.cost, COST), downwards(plan.lower_bound, COST), upwards(plan.gap, 1)]
-        rows.append([symbol_text(plan.target), physical_words(plan.name), *cost, len(plan.weights)])
+        cost, least, gap = upwards(plan.cost, COST), downwards(plan.lower_bound, COST), upwards(plan.gap, 1)
+        rows.append([symbol_text(plan.target), physical_words(plan.name), cost, least, gap, len(plan.weights)])
         if plan.gap > UNCERTAIN:
             warnings.append(f"{plan.target}: the optimum is proven to {upwards(plan.gap)} only")
     costs = Section(
@@ -76,12 +76,15 @@ def plans_page(plans: Plans) -> Page:
         "scale factors": "one for both signs" if first.baseline == "symmetric" else "one for each sign",
         **versions(),
     }
-    estimators = [estimator_section(plan) for plan in plans]
+    answer, further = [costs], [estimator_section(plan) for plan in plans]
+    if len(plans) == 1:
+        answer += further
+        further = []
     return Page(
         "Optimal plan",
         verdict,
-        [costs, *estimators] if len(plans) == 1 else [costs],
-        lambda: [] if len(plans) == 1 else estimators,
+        answer,
+        lambda: further,
         key=key,
         provenance=provenance,
         sources=cited("guaranteed", "simplex", "columns", first.grid_deg is None and "branches"),
@@ -135,11 +138,13 @@ def positions_page(plan: "PositionPlan") -> Page:
     }
     if plan.reserve_deg:
         key["setting errors up to"] = f"{exactly(plan.reserve_deg)}°"
+    answer = [_order_section(plan), cost_section(plan)]
+    answer += _detection_sections(plan)
     return Page(
         "Positions to measure",
         f"{len(plan.positions)} positions, {plan.readings} readings; no target costs more than "
         f"{upwards(plan.worst_ratio, 5)} times its optimum.",
-        [_order_section(plan), cost_section(plan), *_detection_sections(plan)],
+        answer,
         key=key,
         provenance=versions(),
         warnings=[f"interrupted after {plan.starts} starts: the best set so far"] if plan.interrupted else [],
@@ -162,11 +167,14 @@ def cost_section(plan: "PositionPlan") -> Section:
     """Return the guaranteed error of each target beside its optimum, and what is proven of the set."""
     rows: list[list[Cell]] = []
     for target, cost, best in zip(plan.task.targets, plan.costs.values(), plan.optima.values(), strict=True):
-        figures = [upwards(cost, 7), upwards(best, 7), upwards(cost / best, 6)]
-        rows.append([symbol_text(target.symbol), physical_words(target.name), *figures])
-    texts = ["Guaranteed errors in units of σ, the bound of one averaged reading's error.", *wanted_lines(plan)]
+        row: list[Cell] = [symbol_text(target.symbol), physical_words(target.name)]
+        row += [upwards(cost, 7), upwards(best, 7), upwards(cost / best, 6)]
+        rows.append(row)
+    texts = ["Guaranteed errors in units of σ, the bound of one averaged reading's error."]
+    texts += wanted_lines(plan)
+    texts += _bound_texts(plan)
     table = Table(["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"], rows)
-    return Section("What it gives", [*texts, *_bound_texts(plan)], table=table)
+    return Section("What it gives", texts, table=table)
 
 
 def _bound_texts(plan: "PositionPlan") -> list[str]:
@@ -275,26 +283,23 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
     rows: list[list[Cell]] = []
     for number, at in enumerate(plan.programme, start=1):
         position, first = plan.positions[at - 1], plan.programme.index(at) + 1
-        angles = [exactly(round(angle, MOST_DECIMALS)) for angle in (position.alpha_deg, position.beta_deg)]
+        alpha = exactly(round(position.alpha_deg, MOST_DECIMALS))
+        beta = exactly(round(position.beta_deg, MOST_DECIMALS))
+        mounting = position.mounting if several else None
         remark = f"again no. {first}" if first < number else ROOM
-        rows.append(
-            [number, *angles, position.mounting if several else None, exactly(dwell_s), READ, READ, remark, "☐"]
-        )
+        rows.append([number, alpha, beta, mounting, exactly(dwell_s), READ, READ, remark, "☐"])
     minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
-    reserve = plan.reserve_deg
+    setting = "Write the encoder readings down as they are: what counts is where the table stands."
+    if plan.reserve_deg:
+        setting = f"Set to {exactly(plan.reserve_deg)}° or better; write the encoder readings down as they are."
+    instructions = [
+        "Bring the table to each position in this order, wait for the dwell, then go on. "
+        "Both axes may move at once. Angles are commands to the axes, within one turn.",
+        setting,
+    ]
+    instructions += _kept_out(plan)
     sections = [
-        Section(
-            "Programme",
-            [
-                "Bring the table to each position in this order, wait for the dwell, then go on. "
-                "Both axes may move at once. Angles are commands to the axes, within one turn.",
-                f"Set to {exactly(reserve)}° or better; write the encoder readings down as they are."
-                if reserve
-                else "Write the encoder readings down as they are: what counts is where the table stands.",
-                *_kept_out(plan),
-            ],
-            table=Table(header, rows),
-        ),
+        Section("Programme", instructions, table=Table(header, rows)),
         Section(
             "Positions",
             picture=positions_picture(plan),
@@ -391,7 +396,9 @@ def write_curve(curve: "Curve", folder: Path) -> list[Path]:
 
 
 def _csv(header: str, rows: list[str]) -> str:
-    return "\n".join([header, *rows, ""])
+    lines = [header]
+    lines += rows
+    return "\n".join(lines) + "\n"
 
 
 def _written(files: dict[str, str], folder: Path) -> list[Path]:
@@ -438,21 +445,24 @@ def way_of(plan: "ImuPlan") -> tuple[NDArray, list[NDArray]]:
         time += move_duration(way, rate, plan.acceleration_radps2)
         corners += [(t / 60.0, stop.alpha_deg, stop.beta_deg) for t in (time, time + stop.dwell_s)]
         time, visit = time + stop.dwell_s, stop
-    minutes, *angles = np.array(corners).T
-    return minutes, angles
+    minutes, alpha, beta = np.array(corners).T
+    return minutes, [alpha, beta]
 
 
 def imu_page(plan: "ImuPlan") -> Page:
     """Return the programme row by row with room for notes, and what it promises."""
     rows: list[list[Cell]] = []
     for number, entry in enumerate(plan.programme, start=1):
-        angles = [exactly(entry.alpha_deg), exactly(entry.beta_deg), digits(entry.dwell_s)]
-        rows.append([number, *angles, READ, READ, ROOM, "☐"])
+        alpha, beta = exactly(entry.alpha_deg), exactly(entry.beta_deg)
+        rows.append([number, alpha, beta, digits(entry.dwell_s), READ, READ, ROOM, "☐"])
     header = ["no.", "α [deg]", "β [deg]", "rest [s]", "α read [deg]", "β read [deg]", "remarks", "done"]
     promises: list[list[Cell]] = []
     for entry in plan.targets:
-        figures = [upwards(entry.promised), upwards(entry.bound), upwards(entry.promised / entry.bound, 4)]
-        promises.append([symbol_text(entry.symbol), physical_words(entry.name), *figures, unit_text(entry.unit)])
+        row: list[Cell] = [symbol_text(entry.symbol), physical_words(entry.name)]
+        row += [upwards(entry.promised), upwards(entry.bound), upwards(entry.promised / entry.bound, 4)]
+        row.append(unit_text(entry.unit))
+        promises.append(row)
+    minutes, angles_deg = way_of(plan)
     programme = Section(
         "Programme",
         [
@@ -460,18 +470,20 @@ def imu_page(plan: "ImuPlan") -> Page:
             f"order at {exactly(plan.rate_dps)} deg/s, both axes at once, and let it rest. Angles of more than a "
             "whole turn are whole turns of the table."
         ],
-        programme_tour(*way_of(plan)),
+        programme_tour(minutes, angles_deg),
         "Both axes over the programme's time.",
         Table(header, rows),
     )
+    texts = [
+        "Guaranteed errors of a calibration of the record. Those of a record differ by at most "
+        f"{digits(100.0 * plan.held_to)} per cent, by what bench and block are. The bound is what all rests "
+        "and turns of the pool together would guarantee."
+    ]
+    for line in ratio_lines(plan):
+        texts.append(sentence(line))
     promise = Section(
         "What it promises",
-        [
-            "Guaranteed errors of a calibration of the record. Those of a record differ by at most "
-            f"{digits(100.0 * plan.held_to)} per cent, by what bench and block are. The bound is what all rests "
-            "and turns of the pool together would guarantee.",
-            *map(sentence, ratio_lines(plan)),
-        ],
+        texts,
         table=Table(["target", "meaning", "promised", "bound", "ratio", "unit"], promises),
     )
     return Page(
@@ -494,11 +506,8 @@ def write_imu_plan(plan: "ImuPlan", folder: Path) -> list[Path]:
     """
     rows = [f"{stop.alpha_deg},{stop.beta_deg},{exactly(stop.dwell_s)}" for stop in plan.programme]
     files = {
-        "programme.csv": "\n".join(["alpha_deg,beta_deg,dwell_s", *rows, ""]),
+        "programme.csv": _csv("alpha_deg,beta_deg,dwell_s", rows),
         "operator.html": html(imu_page(plan)),
         "imu-plan.json": plan.json_text(),
     }
-    with whole_folder(folder) as folder_beside:
-        for name, text in files.items():
-            (folder_beside / name).write_text(text, encoding="utf-8", newline="\n")
-    return [folder / name for name in files]
+    return _written(files, folder)

@@ -100,7 +100,10 @@ def _in_unit(number: str, unit: str) -> str:
 
 def several_page(result: Diagnosis) -> Page:
     """Return what the records say together, each by itself, repeatability, and what was shared."""
-    together = [sentence(text) for text in (*sentences(result), *(result.not_named or ()), *result.caution)]
+    texts = sentences(result)
+    texts += result.not_named or ()
+    texts += result.caution
+    together = [sentence(text) for text in texts]
     if result.missing:
         together.append(f"Still open: {', '.join(map(str, result.missing))}.")
     rows: list[list[Cell]] = []
@@ -119,16 +122,17 @@ def several_page(result: Diagnosis) -> Page:
         key["radius with shared parameters"] = residual(result.radius)
         if result.best is not None:
             key["with the causes"] = residual(result.best.radius)
+    answer = [
+        Section("Together", together or ["Nothing must differ."]),
+        Section("Each by itself", table=alone),
+        _changes(result.repeatability),
+    ]
+    answer += _gains(result)
+    answer.append(Section("What is shared", shared))
     return Page(
         "Several records of one instrument",
         sentence(verdict_line(result)),
-        [
-            Section("Together", together or ["Nothing must differ."]),
-            Section("Each by itself", table=alone),
-            *_changes(result.repeatability),
-            *_gains(result),
-            Section("What is shared", shared),
-        ],
+        answer,
         lambda: _repeatability(result.repeatability),
         TONES.get(result.verdict, "attention"),
         key,
@@ -137,8 +141,8 @@ def several_page(result: Diagnosis) -> Page:
     )
 
 
-def _changes(alone: Calibration | None) -> list[Section]:
-    """Return the instrument's parameters that surely change between records; none where none do."""
+def _changes(alone: Calibration | None) -> Section:
+    """Return the instrument's parameters that surely change between records; an empty section where none do."""
     lines = []
     for change in alone.changes if alone is not None else ():
         if change.of == "instrument" and change.at_least > 0.0:
@@ -146,7 +150,7 @@ def _changes(alone: Calibration | None) -> list[Section]:
             lines.append(
                 f"{words(change.symbol)} changes by {_in_unit(downwards(change.at_least), change.unit)} at least{most}."
             )
-    return [Section("What is no constant", lines)]
+    return Section("What is no constant", lines)
 
 
 def _titles(explanation: Explanation | None) -> str | None:
@@ -160,18 +164,22 @@ def _gains(result: Diagnosis) -> list[Section]:
     header = ["errors of", "without"]
     for applied in result.cross_gain[0].applied:
         header.append(f"with that of {applied.found_in}")
+    header.append("unit")
     rows: list[list[Cell]] = []
     for gain in result.cross_gain:
-        errors = [digits(applied.rms) for applied in gain.applied]
-        rows.append([f"{gain.record}, {gain.over}", digits(gain.rms), *errors, gain.unit])
-    paragraph = (
+        row: list[Cell] = [f"{gain.record}, {gain.over}", digits(gain.rms)]
+        for applied in gain.applied:
+            row.append(digits(applied.rms))
+        row.append(gain.unit)
+        rows.append(row)
+    paragraphs = [
         "What was found in one record, applied to each by the extended FMUs: errors, root mean square. Sizes are those "
         "of the one record; a record's own biases, or mounting and table, are its own. What explains nothing by "
         "itself, but helps most, counts as found."
-    )
-    helps = [sentence(line) for line in helps_lines(result)]
-    table = Table([*header, "unit"], rows)
-    return [Section("What one record says of the others", [paragraph, *helps], table=table)]
+    ]
+    for line in helps_lines(result):
+        paragraphs.append(sentence(line))
+    return [Section("What one record says of the others", paragraphs, table=Table(header, rows))]
 
 
 def _typeset(name: str) -> str:
@@ -194,7 +202,10 @@ def _repeatability(alone: Calibration | None) -> list[Section]:
         cells.append(upwards(change.at_most))
         cells.append(unit_text(change.unit))
         rows.append(cells)
-    table = Table(["parameter", "of", *alone.of_record, "changes at least", "at most", "unit"], rows)
+    header = ["parameter", "of"]
+    header += alone.of_record
+    header += ["changes at least", "at most", "unit"]
+    table = Table(header, rows)
     paragraph = (
         "Each record by itself, with the effects that are named. Every value inside an interval is possible, "
         "none outside: where two intervals do not meet, the parameter is no constant."
@@ -217,11 +228,14 @@ def joint_calibration_page(result: Calibration, _: object = None) -> Page:
     missing = []
     for direction in result.open:
         missing += direction.parameters
-    still_open = [f"Still open: {', '.join(missing)}."] if missing else []
+    texts = []
+    if result.parameters:
+        texts.append("Every value inside an interval is possible, none outside.")
+    if missing:
+        texts.append(f"Still open: {', '.join(missing)}.")
     answer = []
-    if result.parameters or still_open:
-        texts = ["Every value inside an interval is possible, none outside."] if result.parameters else []
-        answer.append(Section("The instrument", [*texts, *still_open], table=_joint_table(result.parameters)))
+    if texts:
+        answer.append(Section("The instrument", texts, table=_joint_table(result.parameters)))
     provenance = versions()
     for label, record in result.of_record.items():
         provenance[label] = record.provenance.sha256
@@ -261,8 +275,8 @@ def entry_text(entry: Entry) -> str:
 def entries_page(result: Entries) -> Page:
     """Return the entries, in order of their dates."""
     lines = [entry_text(entry) for entry in result.entries]
-    verdict, *further = lines or ["nothing is in the folder"]
-    return Page("Entries", verdict, [Section("Entries", further)])
+    verdict = lines[0] if lines else "nothing is in the folder"
+    return Page("Entries", verdict, [Section("Entries", lines[1:])])
 
 
 def trend_page(result: Calibration, _: object = None) -> Page:

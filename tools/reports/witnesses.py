@@ -71,8 +71,10 @@ def _joint_table(witness: Witness) -> Table | None:
     rows: list[list[Cell]] = []
     for name, score in (("every fifth position", witness.folds), ("every quarter of the time", witness.blocks)):
         if score is not None:
-            rms = [digits(score.rms_before, 2), digits(score.rms_after, 2)]
-            rows.append([name, score.scored, *rms, upwards(score.max_before), upwards(score.max_after)])
+            row: list[Cell] = [name, score.scored]
+            row += [digits(score.rms_before, 2), digits(score.rms_after, 2)]
+            row += [upwards(score.max_before), upwards(score.max_after)]
+            rows.append(row)
     header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
     return Table(header, rows)
 
@@ -111,9 +113,10 @@ def turn_sections(result: Diagnosis) -> list[Section]:
     rows: list[list[Cell]] = []
     for k in np.argsort(-before, kind="stable")[:MOST_TURNS].tolist():
         outer, inner = np.degrees(turns.turned[k])
-        ends = [digits(float(turns.first[k]), 6), digits(float(turns.last[k]), 6)]
-        errors = [residual(float(before[k])), residual(float(after[k]))]
-        rows.append([*ends, digits(float(outer), 5), digits(float(inner), 5), *errors])
+        row: list[Cell] = [digits(float(turns.first[k]), 6), digits(float(turns.last[k]), 6)]
+        row += [digits(float(outer), 5), digits(float(inner), 5)]
+        row += [residual(float(before[k])), residual(float(after[k]))]
+        rows.append(row)
     header = ["from [s]", "to [s]", "outer turn [°]", "inner turn [°]", "error, over its bound", "with the effects"]
     return [Section("Turns, as the gyros saw them", [text], table=Table(header, rows))]
 

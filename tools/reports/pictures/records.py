@@ -140,11 +140,14 @@ def allan_curve(values: NDArray, rows: Sequence[slice], period: float) -> tuple[
     longest = max((len(piece) for piece in pieces), default=0) // 2
     octaves = np.arange(0.0, np.log2(longest) + 1e-9, 1.0 / PER_OCTAVE) if longest else np.zeros(0)
     sizes = np.unique(np.round(2.0**octaves).astype(int))
-    sizes = [size for size in sizes if sum(len(piece) // (2 * size) for piece in pieces) >= FEWEST_PAIRS]
-    curve = [(size * period, d) for size in sizes if (d := allan_deviation(pieces, int(size))) is not None]
-    if not curve:
-        return np.zeros(0), np.zeros((0, 3))
-    return np.array([time for time, _ in curve]), np.array([deviation for _, deviation in curve])
+    times, deviations = [], []
+    for size in sizes:
+        pairs = sum(len(piece) // (2 * size) for piece in pieces)
+        deviation = allan_deviation(pieces, int(size)) if pairs >= FEWEST_PAIRS else None
+        if deviation is not None:
+            times.append(size * period)
+            deviations.append(deviation)
+    return np.array(times), np.array(deviations).reshape(-1, 3)
 
 
 @drawn
@@ -197,12 +200,14 @@ def _refused(raw: RawRecord, rests: Sequence[Rest]) -> Drawn:
         rows = slice(rest.first, rest.last + 1, max(1, (rest.last + 1 - rest.first) // MOST_OF_A_REST))
         since = raw.time_s[rows] - raw.time_s[rest.first]
         angles = [3600.0 * np.degrees(without_turns(angle[rest_rows])) for angle in (raw.alpha, raw.beta)]
-        series = [(angle_axes, (angle - np.median(angle))[:: rows.step]) for angle in angles]
         force = 1e6 * raw.specific_force[rows] / STANDARD_GRAVITY
         middle = np.median(force, axis=0)
-        series = [*series, *((reading_axes, part) for part in (force - middle).T)]
-        for (axes, values), k in zip(series, (0, 1, 0, 1, 2), strict=True):
-            axes.plot(since, values, color=AXES[k].light, linestyle=DASHES[k], label=names[k])
+        for k, angle in enumerate(angles):
+            values = (angle - np.median(angle))[:: rows.step]
+            angle_axes.plot(since, values, color=AXES[k].light, linestyle=DASHES[k], label=names[k])
+        for k in range(3):
+            values = force[:, k] - middle[k]
+            reading_axes.plot(since, values, color=AXES[k].light, linestyle=DASHES[k], label=names[k])
         settled = 1e6 * raw.specific_force[rest.kept_first : rest.kept_last + 1] / STANDARD_GRAVITY - middle
         low, high = float(settled.min()), float(settled.max())
         if high > low:
@@ -235,12 +240,13 @@ def plan_picture(plan: "Plan") -> Drawn:
         inside = clearance(region, grid[:, None], grid[None, :])
         # Certain is certain, whichever sign the input has.
         fields[region.accelerometer + 1] = np.maximum(fields.get(region.accelerometer + 1, -np.inf), inside)
-    accelerometers = [(number, field) for number, field in sorted(fields.items()) if (which == number).any()]
+    accelerometers = [number for number in sorted(fields) if (which == number).any()]
     count = len(accelerometers)
     height = 7.4 if count == 1 else 0.9 + WIDTH / count
-    figure, ((*panels,),) = sheet(height, 1, count, sharey=True)
+    figure, (panels,) = sheet(height, 1, count, sharey=True)
     largest = max(float(np.abs(weights).max(initial=0.0)), 1e-300)
-    for axes, (number, field) in zip(panels, accelerometers, strict=True):
+    for axes, number in zip(panels, accelerometers, strict=True):
+        field = fields[number]
         angle = np.linspace(0.0, 360.0, len(field))
         axes.contourf(angle, angle, field.T, levels=[0.0, np.inf], colors=[BAND.light])
         axes.fill([], [], color=BAND.light, linewidth=0, label="sign of the input certain")
@@ -268,9 +274,8 @@ def plan_picture(plan: "Plan") -> Drawn:
 @drawn
 def positions_picture(plan: "PositionPlan") -> Drawn:
     """The positions in the plane of the two angles, and where they put the vertical in the inner frame."""
-    alpha, beta = (
-        np.array([getattr(position, name) for position in plan.positions]) for name in ("alpha_deg", "beta_deg")
-    )
+    alpha = np.array([position.alpha_deg for position in plan.positions])
+    beta = np.array([position.beta_deg for position in plan.positions])
     programme = [at - 1 for at in plan.programme]
     number = {row: place for place, row in enumerate(dict.fromkeys(programme), start=1)}
     from matplotlib.patches import Circle
@@ -287,7 +292,8 @@ def positions_picture(plan: "PositionPlan") -> Drawn:
     for axis, low, high in map(parsed_keep_out, plan.keep_out):
         span = (plane.axvspan, plane.axhspan)[axis]
         for turn in (-360.0, 0.0, 360.0):
-            span(*np.degrees([low, high]) + turn, color=QUIET.light, alpha=0.35, linewidth=0, zorder=0)
+            first, last = np.degrees([low, high]) + turn
+            span(first, last, color=QUIET.light, alpha=0.35, linewidth=0, zorder=0)
     plane.set(xlim=limits[0], ylim=limits[1])
     plane.set(xlabel="α, outer axis [deg]", ylabel="β, inner axis [deg]", title="positions in their order")
     s = up(np.radians(alpha), np.radians(beta))
@@ -345,15 +351,21 @@ class Line:
         finite = value[np.isfinite(value)]
         least, largest = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
         drawable = np.where(np.abs(value) < LARGEST_DRAWN, value, np.nan)
-        return cls(name, *thinned(time, drawable), (float(value[0]), least, largest, float(value[-1])))
+        times, values = thinned(time, drawable)
+        return cls(name, times, values, (float(value[0]), least, largest, float(value[-1])))
 
 
 @drawn
 def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
     """A panel for each group of lines, one above the other, all over the same time; SVG."""
-    columns_of = [max(1, min(3, LETTERS // (MARK + max(len(line.name) for line in lines)))) for lines in panels]
-    rows_of_names = [-(-len(lines) // count) for lines, count in zip(panels, columns_of, strict=True)]
-    figure, axes = sheet(0.5 + 1.5 * len(panels) + 0.19 * sum(rows_of_names), len(panels), sharex=True)
+    columns_of, names, rows_of_names = [], [], 0
+    for lines in panels:
+        of_panel = [line.name for line in lines]
+        columns = max(1, min(3, LETTERS // (MARK + len(max(of_panel, key=len)))))
+        columns_of.append(columns)
+        names += of_panel
+        rows_of_names += -(-len(lines) // columns)
+    figure, axes = sheet(0.5 + 1.5 * len(panels) + 0.19 * rows_of_names, len(panels), sharex=True)
     for axis, lines, columns in zip(axes.flat, panels, columns_of, strict=True):
         for line, (colour, dash) in zip(lines, LOOKS, strict=False):
             axis.plot(line.time, line.value, color=colour.light, linestyle=dash, label=line.name)
@@ -367,5 +379,4 @@ def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
     if first[0] < first[-1]:
         axes.flat[-1].set_xlim(float(first[0]), float(first[-1]))
     axes.flat[-1].set_xlabel("time [s]")
-    names = ", ".join(line.name for lines in panels for line in lines)
-    return figure, f"{names} over time, {f'in {unit}' if unit else 'pure numbers'}"
+    return figure, f"{', '.join(names)} over time, {f'in {unit}' if unit else 'pure numbers'}"

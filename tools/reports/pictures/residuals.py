@@ -74,7 +74,7 @@ def residuals(positions: Positions, before: NDArray, after: NDArray | None, proo
 @drawn
 def residuals_over_inputs(inputs: NDArray, before: NDArray, after: NDArray | None, proof: NDArray) -> Drawn:
     """Residuals of each accelerometer against its own input (N, 3) [g]; the others as for `residuals`."""
-    figure, ((*panels,),) = sheet(2.7, 1, 3, sharey=True)
+    figure, (panels,) = sheet(2.7, 1, 3, sharey=True)
     for p, axes in enumerate(panels):
         _readings(axes, inputs[:, p], p, before, after, proof)
         axes.set(title=f"accelerometer {p + 1}", xlabel="its input [g]", xlim=(-1.12, 1.12))
@@ -180,7 +180,7 @@ def errors_over_quantities(quantities: Mapping[str, NDArray], before: NDArray, a
     ]
     if "temperature" in quantities:
         quantities_drawn.append(("temperature, °C", quantities["temperature"][:, 0]))
-    figure, ((*panels,),) = sheet(2.6, 1, len(quantities_drawn), sharey=True)
+    figure, (panels,) = sheet(2.6, 1, len(quantities_drawn), sharey=True)
     for axes, (name, values) in zip(panels, quantities_drawn, strict=True):
         _pieces(axes, values, before, after)
         axes.set_xlabel(name)
@@ -228,9 +228,15 @@ MARKERS = ("o", "s", "^", "D", "v")
 def order_picture(orders: Sequence[tuple[str, "OrderOfEffects"]]) -> Drawn:
     """What is left of errors that were left out, effect after effect, for each length."""
     figure, ((axes,),) = sheet(2.9)
-    names = list(dict.fromkeys(step.effect for _, order in orders for step in order.steps))
+    names: list[str] = []
+    most = 0
     for k, (label, order) in enumerate(orders):
-        errors = [order.held_out_rms_arcmin, *(step.held_out_rms_arcmin for step in order.steps)]
+        most = max(most, len(order.steps))
+        errors = [order.held_out_rms_arcmin]
+        for step in order.steps:
+            errors.append(step.held_out_rms_arcmin)
+            if step.effect not in names:
+                names.append(step.effect)
         colour = STEP_COLOURS[k % 5].light
         axes.plot(range(len(errors)), errors, color=colour, linestyle=DASHES[k % 3], label=label)
         for number, step in enumerate(order.steps, start=1):
@@ -239,8 +245,10 @@ def order_picture(orders: Sequence[tuple[str, "OrderOfEffects"]]) -> Drawn:
             )
     for k, name in enumerate(names):
         axes.plot([], [], linestyle="none", marker=MARKERS[k % 5], color=INK.light, markersize=4.5, label=name)
-    most = max(len(order.steps) for _, order in orders)
-    axes.set_xticks(range(most + 1), ["none", *(str(k) for k in range(1, most + 1))])
+    ticks = ["none"]
+    for k in range(1, most + 1):
+        ticks.append(str(k))
+    axes.set_xticks(range(most + 1), ticks)
     axes.set(xlim=(-0.15, max(most, 1) + 0.15), ylabel="rms error left out, arcmin")
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("effects that are taken in, in the order in which they help most")

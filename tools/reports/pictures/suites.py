@@ -45,16 +45,18 @@ def confusion_picture(table: Mapping[str, Mapping[str, int]]) -> Drawn:
     What was named rightly stands on the diagonal in one colour, all else in another.
     """
     rows = list(table)
-    names = {name for row in table.values() for name in row}
+    names: set[str] = set()
+    for row in table.values():
+        names |= row.keys()
     columns = [name for name in rows if name in names] + sorted(names - set(rows))
     figure, ((axes,),) = sheet(1.9 + 0.23 * max(len(rows), 2))
-    for y, row in enumerate(rows):
-        total = sum(table[row].values())
+    for y, secret in enumerate(rows):
+        total = sum(table[secret].values())
         for x, name in enumerate(columns):
-            count = table[row].get(name, 0)
+            count = table[secret].get(name, 0)
             if not count:
                 continue
-            colour = FIRST if name == row else QUIET if name.startswith("ambiguous, among") else ALERT
+            colour = FIRST if name == secret else QUIET if name.startswith("ambiguous, among") else ALERT
             shade = LEAST_SHADE + (MOST_SHADE - LEAST_SHADE) * count / total
             axes.scatter([x], [y], color=colour.light, alpha=shade, s=118, marker="s", linewidth=0)
             axes.text(x, y, str(count), ha="center", va="center", fontsize=7.5, color=INK.light)
@@ -222,7 +224,7 @@ def sensitivity_picture(name: str, sensitivity: Mapping[str, Any], runs: int) ->
     return figure, f"How {name} depends on the parameters"
 
 
-SHOWN = (0.25, 4.0)
+LEAST_RATIO, LARGEST_RATIO = 0.25, 4.0
 """Ratios that the picture shows; what lies outside stands at its edge."""
 
 
@@ -230,16 +232,21 @@ SHOWN = (0.25, 4.0)
 def published_and_reproduced(result: Reproduction) -> Drawn:
     """Ratio of reproduced to published error for every row, and below it how far the method's own error lies."""
     numbers = np.array([row.row for row in result.rows])
-    names = ("ratio", "published_deg", "method_error_deg")
-    ratios, published, method = (np.array([getattr(row, n) for row in result.rows]).reshape(-1, 3) for n in names)
+
+    ratios = np.array([row.ratio for row in result.rows]).reshape(-1, 3)
+    published = np.array([row.published_deg for row in result.rows]).reshape(-1, 3)
+    method = np.array([row.method_error_deg for row in result.rows]).reshape(-1, 3)
     tables = [row.table for row in result.rows]
+    of_table: dict[str, list[int]] = {}
+    for row in result.rows:
+        of_table.setdefault(row.table, []).append(row.row)
     from matplotlib.ticker import FixedLocator, NullFormatter
 
     figure, ((above,), (below,)) = sheet(5.4, 2, sharex=True, height_ratios=[1.0, 1.2])
     above.axhspan(0.95, 1.05, color=BAND.light, linewidth=0)
     for k, name in enumerate(("ψ", "ϑ", "γ")):
         look = {"marker": "os^"[k], "linestyle": "none", "markersize": 3.2, "color": AXES[k].light}
-        above.plot(numbers, np.clip(ratios[:, k], *SHOWN), label=name, **look)
+        above.plot(numbers, np.clip(ratios[:, k], LEAST_RATIO, LARGEST_RATIO), label=name, **look)
         below.plot(numbers, published[:, k], **look)
         below.plot(numbers, method[:, k], markerfacecolor="none", **look)
     for axes in (above, below):
@@ -247,21 +254,20 @@ def published_and_reproduced(result: Reproduction) -> Drawn:
         for k in range(1, len(tables)):
             if tables[k] != tables[k - 1]:
                 axes.axvline(0.5 * (numbers[k] + numbers[k - 1]), color=MUTED.light, linewidth=0.7)
-    above.set_ylim(0.9 * SHOWN[0], 1.1 * SHOWN[1])
+    above.set_ylim(0.9 * LEAST_RATIO, 1.1 * LARGEST_RATIO)
     above.yaxis.set_major_locator(FixedLocator([0.25, 0.5, 1.0, 2.0, 4.0]))
     above.yaxis.set_minor_locator(FixedLocator([]))
     above.yaxis.set_major_formatter(lambda value, _: exactly(value))
     above.yaxis.set_minor_formatter(NullFormatter())
-    outside = (ratios < SHOWN[0]) | (ratios > SHOWN[1])
+    outside = (ratios < LEAST_RATIO) | (ratios > LARGEST_RATIO)
     if outside.any():
-        clipped = np.where(outside, np.clip(ratios, *SHOWN), np.nan)
+        clipped = np.where(outside, np.clip(ratios, LEAST_RATIO, LARGEST_RATIO), np.nan)
         above.plot(numbers, clipped, marker="x", color=ALERT.light, linestyle="none", markersize=6)
     above.set(ylabel="reproduced / published", title="under the paper's conditions")
     legend_beside(above, 3)
     below.set_ylabel("largest error over 600 s [deg]")
     below.set_title("full: published; open: exact increments, exact π, normalised")
     below.yaxis.set_major_formatter(power_of_ten)
-    within = {table: [int(n) for n, t in zip(numbers, tables, strict=True) if t == table] for table in tables}
-    spans = [f"{TABLES[table]}: {min(rows)} to {max(rows)}" for table, rows in within.items()]
+    spans = [f"{TABLES[table]}: {min(rows)} to {max(rows)}" for table, rows in of_table.items()]
     below.set_xlabel("row (" + "; ".join(spans) + ")", color=INK.light)
     return figure, "Ratios of reproduced to published attitude errors, and the methods' own errors, by row"
