@@ -35,7 +35,7 @@ PAGES = {
     "Entries": ("several", "entries_page"),
     "Entry": ("several", "entry_page"),
     "Exported": ("pages", "exported_page"),
-    "ImuPlan": ("imu_plan", "imu_page"),
+    "ImuPlan": ("plan", "imu_page"),
     "Imported": ("pages", "import_page"),
     "Inspection": ("inspection", "inspection_page"),
     "Installation": ("pages", "installation_page"),
