@@ -257,7 +257,7 @@ def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_
     >>> import trihedron as th
     >>> th.export_notebook("monday.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    from .templates.notebook import export_notebook as write
+    from .templates import export_notebook as write
 
     return write(Path(record), None if out is None else Path(out), noise_bound=noise_bound)
 
