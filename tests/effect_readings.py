@@ -10,7 +10,7 @@ from trihedron.fmus.parameters import component_parameters
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import EffectPlace, Rows
 from trihedron.tools.calibration import Linearisation, Positions, linearise, parametrise
-from trihedron.tools.evidence.bench_visits import Circumstances, Visits
+from trihedron.tools.evidence import Circumstances, Visits
 
 G = 9.80665
 ROWS = 7

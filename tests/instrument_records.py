@@ -6,10 +6,17 @@ from dataclasses import replace
 import numpy as np
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.evidence.of_record import in_record
+from trihedron.tools.evidence import in_record
 from trihedron.tools.records import PositionRecord, StrapdownRecord
-from trihedron.tools.trials import Hidden, draw_bench, draw_clean_block, draw_truth, plain_bench
-from trihedron.tools.trials.bench import draw_days, measured_on_days
+from trihedron.tools.trials import (
+    Hidden,
+    draw_bench,
+    draw_clean_block,
+    draw_days,
+    draw_truth,
+    measured_on_days,
+    plain_bench,
+)
 
 Sized = tuple[EffectPlace, tuple[float, ...]]
 

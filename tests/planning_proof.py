@@ -3,9 +3,9 @@
 import numpy as np
 
 from trihedron.tools.calibration import expression_weights
-from trihedron.tools.planning import Plan, clearance, sheets, value
+from trihedron.tools.planning import Plan, SignSheet, clearance, sheets, value
 from trihedron.tools.planning.certificate import ceiling, lower_bound
-from trihedron.tools.planning.forms import SignSheet, dual_forms
+from trihedron.tools.planning.forms import dual_forms
 from trihedron.tools.planning.targets import PositionGrid
 
 LEVELS = (2e-11, 1e-10, 5e-10, 9e-10, 1e-8, 1e-6)

@@ -8,8 +8,7 @@ from unittest import mock
 import numpy as np
 
 import trihedron as th
-from trihedron.tools.planning import Places, PositionPlan, Request, stored_positions, task, task_of
-from trihedron.tools.planning.task import Task
+from trihedron.tools.planning import Places, PositionPlan, Request, Task, stored_positions, task, task_of
 
 SCALE, ZERO, SINGLE, SUM, THIRD = 2.0475623761398, 1.0475623761398, 1.00026989733961, 2.00053979467921, 1.02897485655299
 OPTIMA = np.array([SINGLE] * 2 + [THIRD] + [SCALE] * 6 + [SUM] * 3 + [SINGLE] * 3 + [ZERO] * 3)

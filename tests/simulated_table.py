@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trihedron.tools.evidence.fit import composed
+from trihedron.tools.evidence import composed
 from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.trials import draw_truth
 from trihedron.tools.trials.bench import BLOCK_NOISE, ENCODER_FLUCTUATION

@@ -11,7 +11,7 @@ from trihedron.models.effects import Rows
 from trihedron.tools.bounded import chebyshev_radius
 from trihedron.tools.calibration import Asked, fit_record
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.evidence.bench_visits import Visits, circumstances_of, signature_columns
+from trihedron.tools.evidence import Visits, circumstances_of, signature_columns
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.trials import NOISE_BOUND, Case, Options, draw_case
 from trihedron.tools.trials.hiding import classes_with

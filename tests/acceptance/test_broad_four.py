@@ -8,9 +8,7 @@ import pytest
 
 from record_files import measured
 from trihedron.tools.diagnosis.helps import order_of_effects
-from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.evidence.evidence import rms_size
-from trihedron.tools.evidence.fit import ARCMIN, blocks_of
+from trihedron.tools.evidence import ARCMIN, blocks_of, carried_evidence, rms_size
 
 pytestmark = pytest.mark.acceptance
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "case-study-broad-four.md"

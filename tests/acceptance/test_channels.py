@@ -8,7 +8,7 @@ import pytest
 
 from generator.channels import GYRO_EFFECTS, WRONG, filmed_record, right_record, wrong_record
 from trihedron.tools.calibration import Positions, channels_advice, parametrise
-from trihedron.tools.evidence.carried_checks import wrong_channels
+from trihedron.tools.evidence import wrong_channels
 from trihedron.tools.motion import inspect_record
 from trihedron.tools.records import PERMUTATIONS, Channels, PositionRecord, StrapdownRecord, reading_of
 

@@ -10,7 +10,7 @@ from named import Named
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import Positions, parametrise, predicted_reading
-from trihedron.tools.evidence.bench_visits import Circumstances, Visits, circumstances_of
+from trihedron.tools.evidence import Circumstances, Visits, circumstances_of
 from trihedron.tools.records import PositionRecord
 
 

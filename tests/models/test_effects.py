@@ -23,7 +23,8 @@ from trihedron.models.effects import (
 from trihedron.models.effects.columns import small_turns
 from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration import Positions, linearise, parametrise
-from trihedron.tools.evidence.bench_visits import Circumstances, Visits, left_open, signature_columns, untold_readings
+from trihedron.tools.evidence import Circumstances, Visits, signature_columns, untold_readings
+from trihedron.tools.evidence.bench_visits import left_open
 from trihedron.tools.evidence.fit import linear_intervals
 
 CONTRACT = {

@@ -20,7 +20,7 @@ from trihedron.models.effects import parameter_name, place_from_mapping
 from trihedron.models.effects.formula import QUANTITIES, TARGETS, Formula
 from trihedron.models.expression import FUNCTIONS
 from trihedron.tools.document import equation
-from trihedron.tools.evidence.bench_visits import signature_columns
+from trihedron.tools.evidence import signature_columns
 
 AT_REST = (
     "f1 += c*n1**3",

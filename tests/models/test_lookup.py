@@ -11,7 +11,7 @@ from trihedron.fmus.component import extend
 from trihedron.models.effects import EffectPlace, MotionRows, parameter_name, place_from_mapping
 from trihedron.models.effects.lookup import Table
 from trihedron.models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_RATE, STEP_LENGTH
-from trihedron.tools.evidence.bench_visits import signature_columns
+from trihedron.tools.evidence import signature_columns
 
 LAWS = (
     ("accelerometer-1", "n1 at -1.0 -0.3 0.2 1.0"),

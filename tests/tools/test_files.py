@@ -23,7 +23,7 @@ from trihedron.tools.files import (
     whole_folder,
     write_text,
 )
-from trihedron.tools.records.columns import POSITION
+from trihedron.tools.records import POSITION
 
 SCENARIO = """schema = "trihedron.scenario/1"
 [run]

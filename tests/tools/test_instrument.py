@@ -15,7 +15,7 @@ from generator.stands import random_bench, simulated
 from trihedron.tools.calibrated import Calibration, first_falsified
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
-from trihedron.tools.diagnosis.cause import Cause
+from trihedron.tools.diagnosis import Cause
 from trihedron.tools.errors import InputError
 from trihedron.tools.instrument import (
     add_to_instrument,

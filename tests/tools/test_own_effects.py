@@ -12,7 +12,7 @@ from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFE
 from trihedron.tools import cli
 from trihedron.tools.bounded import Work
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence import bench_evidence
 from trihedron.tools.own_effects import OwnEffects, with_effects_of
 from trihedron.tools.own_effects.file import check_effect
 

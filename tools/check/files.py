@@ -41,10 +41,7 @@ from ..motion.rests import FEWEST_ROWS
 from ..orchestrator.scenario import SCHEMA as SCENARIO
 from ..orchestrator.scenario import Scenario
 from ..orchestrator.stimuli import read_number_table
-from ..planning.check import read_settings
-from ..planning.imu import ImuPlan
-from ..planning.positions import PositionPlan
-from ..planning.targets import Plan, Plans
+from ..planning import ImuPlan, Plan, Plans, PositionPlan, read_settings
 from ..records.columns import ANGLES, FORCE, VELOCITY, FileColumns, extra_warning, warnings
 from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import channel_limits

@@ -1,2 +1,6 @@
 from .importing import Imported as Imported
 from .importing import make_record as make_record
+from .numbers import clock as clock
+from .numbers import parsed_moment as parsed_moment
+from .numbers import parsed_number as parsed_number
+from .numbers import sexagesimal as sexagesimal

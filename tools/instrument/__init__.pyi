@@ -1,4 +1,5 @@
 from .folder import INSTRUMENT as INSTRUMENT
+from .folder import SAID as SAID
 from .folder import Entries as Entries
 from .folder import Entry as Entry
 from .folder import add_to_instrument as add_to_instrument

@@ -1,3 +1,6 @@
+from .interface import FmuVariable as FmuVariable
+from .interface import scale_of as scale_of
+from .load import usual_flavour as usual_flavour
 from .run import PreparedScenario as PreparedScenario
 from .run import Simulation as Simulation
 from .run import run_folder as run_folder
@@ -7,3 +10,5 @@ from .scenario import RunOptions as RunOptions
 from .scenario import Scenario as Scenario
 from .scenario import read_scenario as read_scenario
 from .scenario import write_scenario as write_scenario
+from .wiring import Wire as Wire
+from .wiring import stepping_groups as stepping_groups

@@ -11,7 +11,7 @@ from ..document.notation import Cell, equation, unit_text
 from ..document.page import write_page
 from ..errors import InputError, nearest
 from ..files import LARGEST_TEXT, bytes_of
-from ..instrument.folder import SAID
+from ..instrument import SAID
 from ..records import PositionRecord
 from ..rounding import digits
 from . import bench

@@ -5,9 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ...models.effects import EffectPlace
-from ..diagnosis import Cause, Diagnosis, diagnose
-from ..diagnosis.cause import NamedEffect
-from ..diagnosis.several import diagnosed_together
+from ..diagnosis import Cause, Diagnosis, NamedEffect, diagnose, diagnosed_together
 from ..result import ABSENT, Told
 from .bench import NOISE_BOUND
 from .case import Case

@@ -17,7 +17,7 @@ from trihedron.tools import cli
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.orchestrator import Scenario, run_scenario
 from trihedron.tools.records import PositionRecord, find_rests, read_record, write_record
-from trihedron.tools.reports.calibration import calibration_page
+from trihedron.tools.reports import calibration_page
 
 SIGMA = 1e-5
 

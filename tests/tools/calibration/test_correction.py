@@ -26,7 +26,8 @@ from trihedron.tools.calibration import (
 from trihedron.tools.document import text
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord, read_record, write_record
-from trihedron.tools.reports.calibration import applied_page, correction_equation
+from trihedron.tools.reports import applied_page
+from trihedron.tools.reports.calibration import correction_equation
 
 SIGMA = 1e-5
 

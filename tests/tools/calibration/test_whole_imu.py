@@ -26,9 +26,7 @@ from trihedron.tools.calibration import (
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.evidence.carried_run import Carried
+from trihedron.tools.evidence import Carried, bench_evidence, carried_evidence
 from trihedron.tools.exporting import write_fmpy_input
 from trihedron.tools.measured import bench_at
 from trihedron.tools.orchestrator import read_scenario
@@ -40,7 +38,7 @@ from trihedron.tools.records import (
     read_record,
     write_record,
 )
-from trihedron.tools.reports.calibration import gyro_sections
+from trihedron.tools.reports import gyro_sections
 from trihedron.tools.trials import Hidden, draw_whole
 
 SIGMA = 1.2e-5

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from campaign_runs import CALIBRATION
-from trihedron.tools.campaign.file import Axis, Campaign, parse_campaign
+from trihedron.tools.campaign import Axis, Campaign, parse_campaign
 from trihedron.tools.campaign.kinds import short_seed
 from trihedron.tools.campaign.runs import Design, columns_of, make_runner
 from trihedron.tools.errors import InputError

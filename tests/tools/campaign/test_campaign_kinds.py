@@ -12,8 +12,7 @@ from attitude_motions import paper_error
 from foreign_fmus import build_foreign
 from named import Named
 from trihedron.models.bench import TARGETS
-from trihedron.tools.campaign import carry_out_campaign
-from trihedron.tools.campaign.file import Campaign, parse_campaign
+from trihedron.tools.campaign import Campaign, carry_out_campaign, parse_campaign
 from trihedron.tools.campaign.kinds import RunOutputs, motion_samples, reduced
 from trihedron.tools.campaign.runs import Design, columns_of, make_runner
 from trihedron.tools.campaign.store import make_order

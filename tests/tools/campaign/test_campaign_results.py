@@ -10,14 +10,13 @@ import pytest
 from campaign_runs import content
 from page_text import html_of
 from trihedron.tools import cli
-from trihedron.tools.campaign import compare_campaigns, summarise
-from trihedron.tools.campaign.file import parse_campaign
+from trihedron.tools.campaign import Results, Store, compare_campaigns, parse_campaign, summarise
 from trihedron.tools.campaign.kinds import Output
 from trihedron.tools.campaign.runs import Design, scalars_file
-from trihedron.tools.campaign.store import Computed, Order, ResultColumns, Store, manifest_of
-from trihedron.tools.campaign.summary import Results, rate
+from trihedron.tools.campaign.store import Computed, Order, ResultColumns, manifest_of
+from trihedron.tools.campaign.summary import rate
 from trihedron.tools.errors import InputError
-from trihedron.tools.reports.campaign import campaign_page
+from trihedron.tools.reports import campaign_page
 
 HEAD = 'schema = "trihedron.campaign/1"\n'
 OUTPUTS = {

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.diagnosis import Cause
-from trihedron.tools.diagnosis.cause import Finding
-from trihedron.tools.diagnosis.witness import Witness
-from trihedron.tools.evidence.evidence import Trial, Worst
-from trihedron.tools.evidence.fit import Fit
+from trihedron.tools.diagnosis import Cause, Finding, Witness
+from trihedron.tools.evidence import Fit, Trial
+from trihedron.tools.evidence.evidence import Worst
 
 HYSTERESIS = EffectPlace("hysteresis", "accelerometer-1")
 BASE = EffectPlace("base-drift", "base")

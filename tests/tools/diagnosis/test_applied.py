@@ -14,10 +14,10 @@ from generator.positions import of_one_instrument
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
-from trihedron.tools.diagnosis import Cause, Diagnosis, applied_to, evidence_of
-from trihedron.tools.diagnosis.result import Explanation, OneRecord
+from trihedron.tools.diagnosis import Cause, Diagnosis, Explanation, applied_to, evidence_of
+from trihedron.tools.diagnosis.result import OneRecord
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.evidence import undetermined
+from trihedron.tools.evidence import undetermined
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.trials import Hidden, draw_clean_block
 

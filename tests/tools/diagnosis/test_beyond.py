@@ -17,11 +17,10 @@ from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.models.effects.lookup import Table
 from trihedron.tools.bounded import Work
-from trihedron.tools.diagnosis import Diagnosis, diagnose, export_extended
-from trihedron.tools.diagnosis.band import Possible
-from trihedron.tools.diagnosis.beyond import Beyond
+from trihedron.tools.diagnosis import Beyond, Diagnosis, Possible, diagnose, export_extended
 from trihedron.tools.diagnosis.dependence import NEAR, dependence
-from trihedron.tools.evidence.bench import Bench, bench_evidence
+from trihedron.tools.evidence import bench_evidence
+from trihedron.tools.evidence.bench import Bench
 from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.trials import NOISE_BOUND, draw_alone
 

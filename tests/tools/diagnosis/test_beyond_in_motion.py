@@ -16,10 +16,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.tools.bounded import chebyshev_radius
 from trihedron.tools.diagnosis import Diagnosis, diagnose, export_extended
-from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.evidence.carried_run import Carried
-from trihedron.tools.evidence.pairs import Form
-from trihedron.tools.evidence.power import PIECES
+from trihedron.tools.evidence import PIECES, Carried, Form, carried_evidence
 from trihedron.tools.records import StrapdownRecord, read_record
 
 HUMP = 9

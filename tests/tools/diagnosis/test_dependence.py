@@ -12,12 +12,12 @@ from generator.positions import record_with
 from generator.unlisted import SHAPES, encoder_bump, fifth_power, of_temperature, one_jump, outside_case
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded import Work
-from trihedron.tools.diagnosis.beyond import Beyond
+from trihedron.tools.diagnosis import Beyond
 from trihedron.tools.diagnosis.dependence import Search, dependence, is_same, most_of_rivals
 from trihedron.tools.diagnosis.laws import Laws
 from trihedron.tools.diagnosis.rivals import NOT_COMPARED, ROUGHLY, Listed, Unlisted, complexity_of
 from trihedron.tools.diagnosis.search import search
-from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence import bench_evidence
 from trihedron.tools.records import PositionRecord, read_record
 
 SMOOTH = [SHAPES.index(shape) for shape in (encoder_bump, fifth_power, of_temperature, one_jump)]

@@ -8,16 +8,11 @@ import pytest
 from generator.carried import camera_attitude, drawn_motion, strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.lookup import Table
-from trihedron.tools.diagnosis import Diagnosis, diagnose
-from trihedron.tools.diagnosis.band import Possible
-from trihedron.tools.diagnosis.beyond import Beyond
+from trihedron.tools.diagnosis import Beyond, Diagnosis, Possible, diagnose
 from trihedron.tools.diagnosis.dependence import Dependence, Standing, dependence
 from trihedron.tools.diagnosis.rivals import Listed, Unlisted
-from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.evidence.carried_run import Carried
+from trihedron.tools.evidence import Carried, Form, Gravity, carried_evidence
 from trihedron.tools.evidence.dependences import pairs_of_accelerometers
-from trihedron.tools.evidence.pairs import Form
-from trihedron.tools.evidence.references import Gravity
 from trihedron.tools.records import StrapdownRecord
 from trihedron.tools.reports.beyond import sections
 

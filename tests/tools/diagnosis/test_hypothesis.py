@@ -14,7 +14,7 @@ from scenario_runs import run_of_file
 from trihedron.tools import cli
 from trihedron.tools.diagnosis.hypothesis import answered, places_of
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence import bench_evidence
 from trihedron.tools.records import PositionRecord, StrapdownRecord, read_record, write_record
 
 

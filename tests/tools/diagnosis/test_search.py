@@ -11,7 +11,7 @@ from generator.stands import random_bench, simulated
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis.procedure import diagnosed
 from trihedron.tools.diagnosis.search import search
-from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence import bench_evidence
 
 WARNING = "warning: the search was cut off: single effects were not all tried"
 

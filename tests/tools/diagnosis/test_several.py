@@ -16,8 +16,7 @@ from instrument_records import at_a_table_and_by_hand, days_of_a_suite
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
-from trihedron.tools.diagnosis import Diagnosis, evidence_options, labels_of, procedure, several
-from trihedron.tools.diagnosis.cause import Finding
+from trihedron.tools.diagnosis import Diagnosis, Finding, evidence_options, labels_of, procedure, several
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import write_record
 from trihedron.tools.trials import draw_clean_block

@@ -11,7 +11,7 @@ from generator.positions import hidden_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.cause import causes_of, centred
-from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence import bench_evidence
 from trihedron.tools.evidence.bench_model import Cast
 from trihedron.tools.trials import NOISE_BOUND
 

@@ -18,11 +18,10 @@ from other_solver import farthest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded import Work
 from trihedron.tools.calibration import PRESETS, parametrise
-from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis import Witness, diagnose
 from trihedron.tools.diagnosis.cause import excluded_sizes
-from trihedron.tools.diagnosis.witness import Witness, judgement_of
-from trihedron.tools.evidence import bench_left_out, bench_predictions
-from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.diagnosis.witness import judgement_of
+from trihedron.tools.evidence import bench_evidence, bench_left_out, bench_predictions
 from trihedron.tools.evidence.bench_model import Cast, determined, predicted_errors
 from trihedron.tools.evidence.bench_predictions import second_mounting, simulate_rows
 from trihedron.tools.records import PositionRecord, read_record

@@ -19,15 +19,12 @@ from trihedron.tools.diagnosis import Diagnosis
 from trihedron.tools.diagnosis.dependence import dependence
 from trihedron.tools.diagnosis.hypothesis import answered, places_of
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence import bench_in_motion
-from trihedron.tools.evidence.bench_in_motion import whole_evidence
+from trihedron.tools.evidence import Form, Travel, bench_in_motion, whole_evidence
 from trihedron.tools.evidence.bench_in_time import simulated_turns
-from trihedron.tools.evidence.observation import Travel, approached
-from trihedron.tools.evidence.pairs import Form
+from trihedron.tools.evidence.observation import approached
 from trihedron.tools.evidence.rows import reading_at
 from trihedron.tools.records import BenchRecord, PositionRecord, write_record
-from trihedron.tools.trials import Hidden, draw_whole
-from trihedron.tools.trials.bench import TrialBench
+from trihedron.tools.trials import Hidden, TrialBench, draw_whole
 
 SIGMA = 1e-5
 HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 3)

@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded import Work, chebyshev_radius
-from trihedron.tools.evidence.bench_in_motion import whole_evidence
+from trihedron.tools.evidence import Evidence, Fit, whole_evidence
 from trihedron.tools.evidence.bench_in_time import SLACK, SLIP
-from trihedron.tools.evidence.evidence import Evidence, limits_of
-from trihedron.tools.evidence.fit import Fit
+from trihedron.tools.evidence.evidence import limits_of
 from trihedron.tools.trials import Hidden, draw_whole
 
 SIGMA = 1e-5

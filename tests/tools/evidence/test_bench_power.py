@@ -12,8 +12,8 @@ from generator.positions import Session, errors
 from generator.unlisted import Known, carried
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.evidence.pairs import Pair
-from trihedron.tools.evidence.power import LARGEST_INPUT, PIECES, SECTORS, Power
+from trihedron.tools.evidence import PIECES, SECTORS, Pair
+from trihedron.tools.evidence.power import LARGEST_INPUT, Power
 from trihedron.tools.records import PositionRecord, read_record
 
 PAIRS = ("accelerometer-2 n2", "accelerometer-1 n3", "accelerometer-3 alpha", "accelerometer-3 hours n3")

@@ -12,16 +12,15 @@ from generator.turns import turned_by
 from page_text import MATRIX, shown
 from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis import EffectWitness, diagnose
 from trihedron.tools.diagnosis.helps import order_of_effects
 from trihedron.tools.diagnosis.search import search
-from trihedron.tools.diagnosis.witness import EffectWitness
-from trihedron.tools.evidence.carried_record import linear_evidence
+from trihedron.tools.evidence import Gravity, linear_evidence
 from trihedron.tools.evidence.evidence import trials_in_time
-from trihedron.tools.evidence.references import Gravity, turned
+from trihedron.tools.evidence.references import turned
 from trihedron.tools.motion import GyroModel, carried_attitude, inspect_record
 from trihedron.tools.orchestrator import fmu as orchestrator_fmu
-from trihedron.tools.orchestrator.load import usual_flavour
+from trihedron.tools.orchestrator import usual_flavour
 from trihedron.tools.trials import Options, draw_case, draw_clean_block
 
 LATENCY = EffectPlace("latency", "gyro-block")

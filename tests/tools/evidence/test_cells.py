@@ -16,9 +16,8 @@ from trihedron.models.effects.last_stage import LAST_HOUR
 from trihedron.models.effects.wander import wander_at
 from trihedron.tools.bounded import Work
 from trihedron.tools.calibration import predicted_reading
-from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.evidence.bench_visits import acted_on
-from trihedron.tools.evidence.cells import BEFORE, LONGEST, CellsAtRest, beginnings, lagged, time_constants
+from trihedron.tools.evidence import CellsAtRest, acted_on, beginnings, bench_evidence, lagged
+from trihedron.tools.evidence.cells import BEFORE, LONGEST, time_constants
 
 SLOW, FAST = 3.0, 0.02
 SEARCHED = [name for name, effect in POSITION_EFFECTS.items() if effect.searched is not None]

@@ -13,12 +13,9 @@ from generator.carried import camera_attitude, drawn_motion, strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded import Work, apart, chebyshev_radius
 from trihedron.tools.diagnosis.procedure import diagnosed
-from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.evidence.carried_run import Carried
+from trihedron.tools.evidence import Carried, Evidence, Rows, carried_evidence, contains
 from trihedron.tools.evidence.cells_in_motion import Onsets, TimeConstants, refused
-from trihedron.tools.evidence.evidence import Evidence, limits_of
-from trihedron.tools.evidence.fit import contains
-from trihedron.tools.evidence.rows import Rows
+from trihedron.tools.evidence.evidence import limits_of
 
 PERIOD = 0.02
 STEP = EffectPlace("gyro-bias-step", "gyro-block")

@@ -11,11 +11,16 @@ from instrument_records import at_a_table_and_by_hand
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import members_of
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.evidence.evidence import rms_size
-from trihedron.tools.evidence.joint import join
-from trihedron.tools.evidence.of_record import Differs, in_record, is_of_instrument, mended
+from trihedron.tools.evidence import (
+    Differs,
+    bench_evidence,
+    carried_evidence,
+    in_record,
+    is_of_instrument,
+    join,
+    mended,
+    rms_size,
+)
 from trihedron.tools.trials import Hidden, draw_clean_block
 
 SIGMA = 1e-5

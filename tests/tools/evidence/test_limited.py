@@ -10,7 +10,7 @@ from generator import G
 from generator.carried import POSES, strapdown_record, true_motion
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import Diagnosis, diagnose
-from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence import carried_evidence
 from trihedron.tools.records import StrapdownRecord
 
 BIAS = np.array([0.01, -0.02, 0.015])

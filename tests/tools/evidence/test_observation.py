@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from trihedron.tools.evidence.observation import Group, Observation, OnKnots
+from trihedron.tools.evidence import Observation
+from trihedron.tools.evidence.observation import Group, OnKnots
 from trihedron.tools.evidence.rows import Pieces
 
 STEPS = 40

@@ -9,9 +9,9 @@ import pytest
 
 from generator.carried import camera_attitude, drawn_motion, slow_noise, strapdown_record
 from trihedron.tools.diagnosis import Diagnosis, diagnose
-from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.motion import inspect_record
-from trihedron.tools.motion.rest_noise import RestNoise, allan_square
+from trihedron.tools.evidence import carried_evidence
+from trihedron.tools.motion import RestNoise, inspect_record
+from trihedron.tools.motion.rest_noise import allan_square
 from trihedron.tools.records import StrapdownRecord
 from trihedron.tools.reports import page_of
 

@@ -10,9 +10,7 @@ from scipy.spatial.transform import Rotation
 from generator.carried import camera_attitude, drawn_motion, slow_noise, strapdown_record
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.evidence.carried_run import Carried
-from trihedron.tools.evidence.references import Truth
+from trihedron.tools.evidence import Carried, Truth, carried_evidence
 from trihedron.tools.records import StrapdownRecord
 
 ARCMIN = np.pi / 180.0 / 60.0

@@ -4,8 +4,9 @@ import math
 
 import pytest
 
+from trihedron.tools.foreign import clock, parsed_moment, parsed_number, sexagesimal
 from trihedron.tools.foreign.names import heading
-from trihedron.tools.foreign.numbers import Marks, clock, parsed_moment, parsed_number, scaled_unit, sexagesimal
+from trihedron.tools.foreign.numbers import Marks, scaled_unit
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from trihedron.tools.measure import Measurement, Session, SessionOptions, read_p
 from trihedron.tools.measure.programme import TableProgramme
 from trihedron.tools.measure.readings import Source
 from trihedron.tools.records import PositionRecord, read_record
-from trihedron.tools.reports.measure import promise_text, visit_text
+from trihedron.tools.reports import promise_text, visit_text
 
 POSITIONS = list(product((20, 65, 110, 155), (25, 145, 265)))
 SIGMA = 1e-5

@@ -23,12 +23,15 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.motion import (
     AttitudeRun,
     angle_between,
+    attitude_error,
     compare_algorithms,
+    heading_and_tilt,
+    rate_at_rest,
     rotation_of,
     run_algorithm,
     sample_motion,
+    split_error,
 )
-from trihedron.tools.motion.attitude import attitude_error, heading_and_tilt, rate_at_rest, split_error
 from trihedron.tools.papers import EXACT, angle_errors, paper_motion
 from trihedron.tools.records import StrapdownRecord, write_record
 

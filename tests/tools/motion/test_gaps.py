@@ -11,8 +11,8 @@ import pytest
 import trihedron as th
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion import algorithm_named, angle_between, compare_algorithms, run_algorithm
-from trihedron.tools.motion.increments import increments_from, without_gaps
+from trihedron.tools.motion import algorithm_named, angle_between, compare_algorithms, increments_from, run_algorithm
+from trihedron.tools.motion.increments import without_gaps
 from trihedron.tools.records import StrapdownRecord, write_record
 
 PERIOD, COUNT = 0.01, 300

@@ -13,11 +13,10 @@ from generator.carried import PERIOD, POSES, strapdown_record, true_motion
 from record_files import measured
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion import inspect_record
-from trihedron.tools.motion.norm import calibrate_by_norm, norm_block
-from trihedron.tools.motion.rests import reading_steps, sampling_of
+from trihedron.tools.motion import calibrate_by_norm, inspect_record, norm_block, sampling_of
+from trihedron.tools.motion.rests import reading_steps
 from trihedron.tools.records import StrapdownRecord, write_record
-from trihedron.tools.reports.pictures.records import allan_curve, allan_picture
+from trihedron.tools.reports import allan_curve, allan_picture
 from trihedron.tools.rounding import exactly
 
 GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])

@@ -7,8 +7,9 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from trihedron.tools.motion import factor_for
 from trihedron.tools.motion import rest_noise as module
-from trihedron.tools.motion.rest_noise import ANY_BEYOND, factor_for, rest_noise
+from trihedron.tools.motion.rest_noise import ANY_BEYOND, rest_noise
 
 PERIOD = 0.01
 

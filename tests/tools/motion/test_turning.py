@@ -15,13 +15,8 @@ from record_files import measured
 from trihedron.tools.calibration import PRESETS, calibrate
 from trihedron.tools.check import check
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.carried_checks import (
-    check_record,
-    downward_warning,
-    truth_check,
-    warnings_of,
-    wrong_channels,
-)
+from trihedron.tools.evidence import downward_warning, wrong_channels
+from trihedron.tools.evidence.carried_checks import check_record, truth_check, warnings_of
 from trihedron.tools.measured import apply
 from trihedron.tools.motion import inspect_record
 from trihedron.tools.motion.turning import check_turning

@@ -12,9 +12,16 @@ from hypothesis import strategies as st
 from foreign_fmus import declaring, rewritten
 from scenario_runs import ACCUMULATOR, CLOCK, GAIN, SCENARIOS, refusal, run, wires
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import Scenario, read_scenario, run_scenario
-from trihedron.tools.orchestrator.interface import FmuVariable, between, scale_of
-from trihedron.tools.orchestrator.wiring import Wire, stepping_groups
+from trihedron.tools.orchestrator import (
+    FmuVariable,
+    Scenario,
+    Wire,
+    read_scenario,
+    run_scenario,
+    scale_of,
+    stepping_groups,
+)
+from trihedron.tools.orchestrator.interface import between
 
 PAIR = {"clock": CLOCK, "gain": GAIN}
 EARTH_RATE = 7.292115e-5

@@ -29,7 +29,7 @@ from trihedron.tools.papers import (
     published_rows,
     reproduce_attitude,
 )
-from trihedron.tools.reports.papers import write_reproduction
+from trihedron.tools.reports import write_reproduction
 
 QUICK = (8, 10, 12, 24, 32, 34, 39, 42, 56, 57)
 """Rows with steps of 10 ms and more: one algorithm of each family, and five of the nine causes."""

@@ -6,8 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from trihedron.tools.motion import algorithm_named, angle_between, run_algorithm
-from trihedron.tools.motion.compare import ARITHMETICS, ROUNDINGS, rounded_increments, run_single
+from trihedron.tools.motion import (
+    ARITHMETICS,
+    ROUNDINGS,
+    algorithm_named,
+    angle_between,
+    rounded_increments,
+    run_algorithm,
+    run_single,
+)
 from trihedron.tools.papers import DOUBLE, INCOMMENSURATE, REPEATING, word_length_errors
 
 

@@ -9,9 +9,9 @@ from planning_reference import random_mounting
 from trihedron.models.bench import admissible, nominal_input
 from trihedron.tools.calibration import Positions, parametrise, reading_jacobian
 from trihedron.tools.errors import InputError
-from trihedron.tools.planning import clearance, sheets, value
+from trihedron.tools.planning import SignSheet, clearance, sheets, value
 from trihedron.tools.planning.certificate import ROUNDING, ceiling
-from trihedron.tools.planning.forms import Ridges, SignSheet, dual_forms
+from trihedron.tools.planning.forms import Ridges, dual_forms
 
 
 @settings(max_examples=25)

@@ -10,9 +10,10 @@ from trihedron.tools.calibration import Bench
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.orchestrator import read_scenario
-from trihedron.tools.planning import ImuPlan, Planned
-from trihedron.tools.planning.imu import ImuVisit, TableVisit, programme_record, seconds_of
-from trihedron.tools.reports.plan import way_of, write_imu_plan
+from trihedron.tools.planning import ImuPlan, ImuVisit, Planned, TableVisit
+from trihedron.tools.planning.imu import programme_record, seconds_of
+from trihedron.tools.reports import write_imu_plan
+from trihedron.tools.reports.plan import way_of
 
 EARTH = np.array([3e-5, -1e-5, 6e-5])
 
@@ -100,6 +101,7 @@ def test_a_plan_is_drawn_on_its_page_and_checked(tmp_path, capsys):
         azimuth_deg=0.0,
         pool=528,
     )
+    assert str(plan).startswith("3 rests in 1.18 minutes")
     _, page, written = write_imu_plan(plan, tmp_path / "imu")
     assert "<svg" in page.read_text(encoding="utf-8")
     # Three rests, and two moves that speed up to 100 deg/s and slow down.

@@ -19,27 +19,25 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.planning import (
     Places,
     Request,
+    Task,
+    bound_positions,
     costs,
+    measuring_order,
+    move_times,
     parsed_keep_out,
     read_settings,
     separated,
+    shortest_tour,
     stored_counts,
     task_of,
+    tour_duration,
 )
-from trihedron.tools.planning.bounds import bound_positions, pool_of, symmetries
+from trihedron.tools.planning.bounds import pool_of, symmetries
 from trihedron.tools.planning.forms import x_from_targets
 from trihedron.tools.planning.request import FACES
 from trihedron.tools.planning.search import improve, random_places, rounded, search_positions
-from trihedron.tools.planning.task import Task, allowed, clearances, freedom
-from trihedron.tools.planning.tour import (
-    SAME_PLACE,
-    measuring_order,
-    move_times,
-    shortest_tour,
-    tour_duration,
-    unwound,
-    with_repeats,
-)
+from trihedron.tools.planning.task import allowed, clearances, freedom
+from trihedron.tools.planning.tour import SAME_PLACE, unwound, with_repeats
 from trihedron.tools.records import write_record
 
 ROOT = Path(__file__).parents[3]

@@ -11,13 +11,13 @@ import trihedron as th
 from planning_tasks import stored, tables_task
 from trihedron.models.bench import admissible, regressors
 from trihedron.tools.calibration import PRESETS, expression_weights, parametrise
-from trihedron.tools.planning import Optimum, Places, Plan, clearance, costs, sheets, task_of
-from trihedron.tools.planning.bounds import HittingSet, PositionPool, bound_positions
+from trihedron.tools.planning import Optimum, Places, Plan, Task, bound_positions, clearance, costs, sheets, task_of
+from trihedron.tools.planning.bounds import HittingSet, PositionPool
 from trihedron.tools.planning.certificate import MOST_TERMS, _expand, _upper, lower_bound
 from trihedron.tools.planning.forms import dual_forms, x_from_targets
 from trihedron.tools.planning.search import random_places
 from trihedron.tools.planning.targets import PositionGrid
-from trihedron.tools.planning.task import Task, clearances, readings
+from trihedron.tools.planning.task import clearances, readings
 
 
 def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np.ndarray:

@@ -5,9 +5,9 @@ import pytest
 
 from generator import G as GRAVITY
 from generator.runs import PROGRAMME, Bench
-from trihedron.tools.records import PositionRecord, allan_deviation, noise_bound_from
+from trihedron.tools.records import NoiseBound, PositionRecord, allan_deviation, deviation_at_dwell, noise_bound_from
 from trihedron.tools.records import position_record_of as averaged
-from trihedron.tools.records.noise import NoiseBound, deviation_at_dwell, uniform_range_quantile
+from trihedron.tools.records.noise import uniform_range_quantile
 
 SIGMA = 1e-5
 

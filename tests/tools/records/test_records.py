@@ -11,9 +11,17 @@ from hypothesis import strategies as st
 
 from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, measured, reader
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord, read_record, write_record
+from trihedron.tools.records import (
+    BenchRecord,
+    PositionRecord,
+    RawRecord,
+    StrapdownRecord,
+    read_record,
+    significant_digits,
+    write_record,
+    written_resolution,
+)
 from trihedron.tools.records.kinds import degrees_that_read_back
-from trihedron.tools.records.read import significant_digits, written_resolution
 
 
 @pytest.fixture

@@ -10,9 +10,8 @@ from scipy.special import stdtrit
 from generator import G as GRAVITY
 from generator.runs import ARCSEC, PROGRAMME, Bench, mean_errors, up
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import RawRecord, average_rests, find_rests, position_record_of
+from trihedron.tools.records import RawRecord, average_rests, find_rests, position_record_of, without_turns
 from trihedron.tools.records.noise import scatter_of_mean, student_quantile
-from trihedron.tools.records.rests import without_turns
 
 
 def averaged(raw: RawRecord) -> Any:

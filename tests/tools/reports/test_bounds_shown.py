@@ -21,9 +21,7 @@ from trihedron.tools.calibration import calibrate, correction_of, face_readings,
 from trihedron.tools.campaign import open_result
 from trihedron.tools.document import html
 from trihedron.tools.planning import PositionPlan, SettingCheck, check_settings
-from trihedron.tools.reports import page_of
-from trihedron.tools.reports.campaign import campaign_page
-from trihedron.tools.reports.plan import operator_page
+from trihedron.tools.reports import campaign_page, operator_page, page_of
 from trihedron.tools.result import Result
 from trihedron.tools.rounding import Stated, digits, exactly, interval, upwards
 from trihedron.tools.trials import NOISE_BOUND

@@ -1,6 +1,7 @@
 """What results say: one walk over the documents of every kind, and that their figures are those of the results."""
 
 import csv
+import importlib
 import io
 import re
 from collections.abc import Sequence
@@ -16,14 +17,19 @@ from page_text import MAKERS, WATCHED, bent, clean, few, html_of, page_of, shown
 from shown_bounds import shown_too_well
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import Calibration, calibrate
-from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.search import compared_places, likeness
+from trihedron.tools.diagnosis import compared_places, diagnose, likeness
 from trihedron.tools.document import Page, Section, half_width, minus, text, typographic
-from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
-from trihedron.tools.reports import bench, calibration, diagnosis, evidence, inspection
+from trihedron.tools.reports import PAGES, bench, calibration, diagnosis, evidence, inspection
 from trihedron.tools.rounding import digits, residual, to_bound, upwards
 from trihedron.tools.trials import NOISE_BOUND
+
+
+def test_every_kind_of_result_has_the_function_that_makes_its_page():
+    for module, maker in PAGES.values():
+        assert callable(getattr(importlib.import_module(f"trihedron.tools.reports.{module}"), maker))
+
 
 MEASURED = ["What was measured"]
 RANKED = ["Evidence: which effect mends it", "Evidence: what could be taken for what"]

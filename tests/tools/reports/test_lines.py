@@ -8,8 +8,8 @@ import polars as pl
 import pytest
 
 import trihedron as th
-from trihedron.tools.reports import write_plot
-from trihedron.tools.reports.lines import lines_page, spread_over_time
+from trihedron.tools.reports import lines_page, write_plot
+from trihedron.tools.reports.lines import spread_over_time
 from trihedron.tools.reports.pictures.records import MOST_LINES, TRUTH
 
 TIME = np.linspace(0.0, 9.0, 5001)

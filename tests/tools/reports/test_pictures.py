@@ -15,26 +15,20 @@ from scipy import stats
 from reference import interval_picture, strips_picture
 from trihedron.tools.calibration import Positions
 from trihedron.tools.motion import AttitudeRun
-from trihedron.tools.reports.pictures import COLOURS
-from trihedron.tools.reports.pictures.records import (
-    MOST_POINTS,
+from trihedron.tools.reports import (
     attitude_picture,
     bench_tour,
-    thinned,
-)
-from trihedron.tools.reports.pictures.residuals import (
-    candidates,
-    held_out,
-    likeness_picture,
-    residuals,
-)
-from trihedron.tools.reports.pictures.suites import (
-    chance_of,
     confusion_picture,
     distributions_picture,
+    held_out,
+    likeness_picture,
     rates_picture,
     size_errors_picture,
 )
+from trihedron.tools.reports.pictures import COLOURS
+from trihedron.tools.reports.pictures.records import MOST_POINTS, thinned
+from trihedron.tools.reports.pictures.residuals import candidates, residuals
+from trihedron.tools.reports.pictures.suites import chance_of
 
 SVG = "{http://www.w3.org/2000/svg}"
 HOSTILE = "<script>alert('x')</script> & \"$\\frac{1}{$ ]]> \x00\x1b \ud800 漢字\n"

@@ -9,7 +9,7 @@ import trihedron as th
 from browser import Window
 from page_text import clean, few, with_power
 from trihedron.tools.document import html
-from trihedron.tools.reports.sheet import read_about, sheet_page
+from trihedron.tools.reports import read_about, sheet_page
 from trihedron.tools.trials import NOISE_BOUND
 
 SAID = {"Serial number": "AB-17", "operator": "of the record", "resolution_deg": "1e-6"}

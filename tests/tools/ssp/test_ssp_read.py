@@ -14,7 +14,7 @@ from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import Scenario, run_scenario
-from trihedron.tools.ssp.read import scenario_of_ssp
+from trihedron.tools.ssp import scenario_of_ssp
 
 MEAN_RATE = next(a.number for a in ALGORITHMS if a.name == "mean-rate")
 STEP = (

@@ -18,10 +18,8 @@ from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import Scenario, read_scenario, run_scenario
-from trihedron.tools.ssp import write_ssp
+from trihedron.tools.ssp import scenario_of_ssp, self_contained, write_ssp
 from trihedron.tools.ssp.documents import children, parsed
-from trihedron.tools.ssp.read import scenario_of_ssp
-from trihedron.tools.ssp.write import self_contained
 
 NUMBERS = {algorithm.name: algorithm.number for algorithm in ALGORITHMS}
 EIGHTH = 0.125

@@ -10,10 +10,9 @@ import pytest
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools import cli
-from trihedron.tools.diagnosis.cause import Cause, NamedEffect
+from trihedron.tools.diagnosis import Cause, NamedEffect
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.cells import lagged
-from trihedron.tools.evidence.of_record import in_record
+from trihedron.tools.evidence import in_record, lagged
 from trihedron.tools.trials import (
     NOISE_BOUND,
     Case,
@@ -21,12 +20,15 @@ from trihedron.tools.trials import (
     Suite,
     diagnosed_case,
     draw_case,
+    draw_positions,
+    drawn_errors,
+    faultless_record,
     judged_case,
     named_suite,
     run_suite,
 )
-from trihedron.tools.trials.bench import STEP_S, draw_positions, drawn_errors
-from trihedron.tools.trials.hiding import expected, faultless_record
+from trihedron.tools.trials.bench import STEP_S
+from trihedron.tools.trials.hiding import expected
 from trihedron.tools.trials.outcome import outcome_kind
 from unknown_effects import UNKNOWN, draw_unknown
 

@@ -12,31 +12,28 @@ from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord, allan_deviation, read_record
-from trihedron.tools.reports.campaign import write_suite
+from trihedron.tools.reports import write_suite
 from trihedron.tools.trials import (
+    Block,
     Hidden,
+    Instruments,
+    Noise,
     Options,
+    Reference,
     Suite,
+    TrueMotion,
+    block_model,
     diagnosed_case,
     draw_case,
     draw_clean_block,
+    draw_motion,
+    flicker_noise,
     judged_case,
     run_suite,
 )
-from trihedron.tools.trials.block import (
-    BEFORE_A_CAMERA,
-    BETWEEN_RESTS,
-    Block,
-    Instruments,
-    Noise,
-    Reference,
-    TrueMotion,
-    draw_motion,
-    flicker_noise,
-    without_coning,
-)
+from trihedron.tools.trials.block import BEFORE_A_CAMERA, BETWEEN_RESTS, without_coning
 from trihedron.tools.trials.case import hideable_in_block
-from trihedron.tools.trials.draw import block_model, size_in_block
+from trihedron.tools.trials.draw import size_in_block
 
 G = 9.80665
 QUIET = Instruments({}, {}, Noise(0.0, 0.0), Noise(0.0, 0.0), 0.0, increments=True)

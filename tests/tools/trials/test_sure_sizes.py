@@ -13,9 +13,9 @@ from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.bounded import chebyshev_radius, spread_directions
 from trihedron.tools.calibration import Linearisation, fit_record
-from trihedron.tools.evidence.bench_visits import circumstances_of, signature_columns
-from trihedron.tools.evidence.cells import Cell
-from trihedron.tools.trials.sizes import DIRECTIONS, KnownBench, level_change
+from trihedron.tools.evidence import Cell, circumstances_of, signature_columns
+from trihedron.tools.trials import KnownBench
+from trihedron.tools.trials.sizes import DIRECTIONS, level_change
 
 SIGMA = 1e-5
 RNG = np.random.default_rng(11)
