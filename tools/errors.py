@@ -46,12 +46,34 @@ def said_of(where: str) -> Iterator[None]:
 LONGEST_MESSAGE = 800
 
 
+def printable(text: str) -> str:
+    """A text in one line, in which characters that would move a terminal's cursor or hide others are escaped."""
+    line = " ".join(text.split())
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line)
+
+
 def one_line(text: str) -> str:
     """A message in one line of bearable length, whatever names and values an archive from elsewhere has."""
-    line = "".join(c if c.isprintable() else " " for c in text)
+    line = printable(text)
     if len(line) > LONGEST_MESSAGE:
         line = f"{line[: LONGEST_MESSAGE - 200]} ... {line[-190:]}"
     return line
+
+
+def shortage(error: BaseException) -> str:
+    """Return what the machine is short of, and what to do; empty where an error says nothing of that kind."""
+    number, text = getattr(error, "errno", None), str(error).lower()
+    if isinstance(error, MemoryError) or number == errno.ENOMEM or any(words in text for words in NO_MEMORY):
+        return "there is not enough memory; end other programs, raise the limit (ulimit -v), or give fewer rows"
+    if number in (errno.EMFILE, errno.ENFILE) or "too many open files" in text:
+        return "too many files are open; raise the limit (ulimit -n)"
+    if number == errno.EAGAIN or "can't start new thread" in text:
+        return "no more processes or threads can be started; end other programs or raise the limit (ulimit -u)"
+    return ""
+
+
+NO_MEMORY = ("cannot allocate memory", "failed to map segment", "bad_alloc")
+"""What libraries say that find no memory."""
 
 
 def nearest_file(path: Path) -> str:

@@ -17,6 +17,8 @@ from .errors import InputError, NoSuchFileError, nearest_file, reason
 
 LARGEST, LARGEST_RESULT, LARGEST_TEXT = 2 << 30, 256 << 20, 16 << 20
 """Bytes of the largest file that is read: of any, of a result (JSON), and of what a person writes (TOML, Python)."""
+LONGEST_PART = 24
+"""Characters of a name that the name of a draft beside it has, too: it may be longer than a system allows."""
 ZIP = b"PK"
 """A ZIP archive begins so."""
 OLD_WORKBOOK = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
@@ -220,7 +222,8 @@ def whole_file(path: Path) -> Iterator[Path]:
             raise InputError(f"{path}: is a directory; give the name of a file")
         if path.exists() and not path.is_file():
             raise InputError(f"{path}: is a device or a pipe; give the name of a file")
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+        prefix, suffix = f".{path.stem[:LONGEST_PART]}-", path.suffix[:LONGEST_PART]
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=prefix, suffix=suffix)
         os.close(handle)
         with _beside(Path(name), path) as draft:
             yield draft
@@ -242,7 +245,7 @@ def whole_folder(path: Path, obsolete: Sequence[str] = ()) -> Iterator[Path]:
         make_folders(path.parent)
         if path.exists() and not path.is_dir():
             raise InputError(f"{path}: is a file; give the name of a folder")
-        folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
+        folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name[:LONGEST_PART]}-"))
         # What is written in it appears with it.
         with _beside(folder, path, [path / name for name in obsolete]) as draft, at_once():
             yield draft

@@ -5,6 +5,7 @@ Both are executors of `concurrent.futures`. `joblib.Parallel` waits for ever for
 
 import contextlib
 import logging
+import multiprocessing
 import os
 import signal
 import threading
@@ -15,10 +16,13 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, 
 from itertools import islice
 from typing import Any, Literal, TypeVar
 
-from joblib.externals.loky import ProcessPoolExecutor
-
-from .errors import InputError
+from .errors import InputError, reason
 from .locks import own_folder
+
+with warnings.catch_warnings():
+    # joblib warns where there is no shared memory; `_processes` refuses.
+    warnings.simplefilter("ignore")
+    from joblib.externals.loky import ProcessPoolExecutor
 
 MOST_JOBS = 1024
 AHEAD = 2
@@ -97,6 +101,7 @@ def _completed(
 
 @contextlib.contextmanager
 def _processes(jobs: int) -> Iterator[tuple[Executor, Callable[[], int]]]:
+    _need_shared_memory(jobs)
     pool = ProcessPoolExecutor(jobs, timeout=IDLE_SECONDS, initializer=_begin, initargs=(os.getpid(),))
     completed = False
     try:
@@ -112,6 +117,17 @@ def _processes(jobs: int) -> Iterator[tuple[Executor, Callable[[], int]]]:
             threading.excepthook = lambda _: None
         pool.shutdown(wait=True, kill_workers=not completed)
         threading.excepthook = hook
+
+
+def _need_shared_memory(jobs: int) -> None:
+    """Refuse processes where the system gives no semaphores, as with a shared memory that nobody can write."""
+    context = multiprocessing.get_context("spawn" if os.name == "nt" else "fork")
+    try:
+        context.Semaphore(1)
+    except (OSError, ImportError) as error:
+        why = reason(error) if isinstance(error, OSError) else str(error)
+        message = f"--jobs {jobs}: processes need shared memory that can be written, /dev/shm ({why}); give --jobs 1"
+        raise InputError(message) from error
 
 
 def _begin(parent: int) -> None:

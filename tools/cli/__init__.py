@@ -8,7 +8,7 @@ from contextlib import suppress
 from cyclopts import App, Group, Parameter
 
 from . import commands, studies
-from .answer import exit_status, refuse, say
+from .answer import exit_status, no_working_folder, refuse, say, too_little_memory
 from .completion import add_completion
 from .plan_commands import plan
 
@@ -38,6 +38,8 @@ GONE_OPTIONS = {
 """Options of commands of earlier versions, some with their value, and what to do instead."""
 OF_IMU = ("imu", "--imu")
 """Words of `plan` for a whole IMU, where minutes stay."""
+WITHOUT_FILES = {"--help", "-h", "--version"}
+"""Options that need no working folder and little memory."""
 QUIET = ("--quiet", "-q")
 """Options of every command, before or after its name."""
 
@@ -113,7 +115,10 @@ def main(arguments: list[str] | None = None) -> int:
     words = [word for word in words[:end] if word not in QUIET] + words[end:]
     if words and words[0] in GONE_COMMANDS:
         return refuse(f'Unknown command "{words[0]}". {GONE_COMMANDS[words[0]]}')
-    if advice := gone_option(words[:end]):
+    advice = gone_option(words[:end])
+    if not advice and not WITHOUT_FILES.intersection(words[:end]):
+        advice = no_working_folder() or too_little_memory()
+    if advice:
         return refuse(advice)
     return exit_status(lambda: say(lambda: app(words, exit_on_error=False, print_error=False), quiet=quiet))
 

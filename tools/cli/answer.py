@@ -19,14 +19,21 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 from cyclopts import CycloptsError, Parameter
 
 from .. import document
-from ..errors import InputError, full
+from ..errors import InputError, full, one_line, shortage
 from ..files import inputs_kept, json_text, ordinary_file, ordinary_folder, together, write_text
 from ..options import Option, docstring_words, option_of
+
+if sys.platform == "win32":
+    resource = None
+else:
+    import resource
 
 Command = TypeVar("Command", bound=Callable[..., object])
 NOT_ALLOWED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
 """What the machine says of a file or folder that the user named; everything else is a fault of the program."""
 
+LEAST_MEMORY = 1 << 30
+"""Bytes of addresses without which libraries do not load, or end the process."""
 LONG_S = 20.0
 """Who has waited so long without numba is told of it [s]."""
 INTERRUPTED = 130
@@ -96,7 +103,7 @@ def say(command: Callable[[], object], *, quiet: bool) -> int:
     if outcome.text and (outcome.wanted or not quiet):
         print(outcome.text)
     if outcome.complaint:
-        print(f"trihedron: {outcome.complaint}", file=sys.stderr)
+        print(f"trihedron: {one_line(outcome.complaint)}", file=sys.stderr)
     return outcome.status
 
 
@@ -116,7 +123,7 @@ def exit_status(command: Callable[[], int]) -> int:
     except (InputError, CycloptsError) as error:
         return refuse(str(error))
     except KeyboardInterrupt as error:
-        print(f"trihedron: {str(error) or 'interrupted'}", file=sys.stderr)
+        print(f"trihedron: {one_line(str(error)) or 'interrupted'}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
         drop_output()
@@ -124,6 +131,8 @@ def exit_status(command: Callable[[], int]) -> int:
     except OSError as error:
         if error.filename is not None and (full(error) or error.errno in NOT_ALLOWED):
             return refuse(f"{error.filename}: cannot be used ({error.strerror})")
+        if advice := no_working_folder():
+            return refuse(advice)
         if not full(error):
             return fault(error)
         drop_output()
@@ -132,6 +141,30 @@ def exit_status(command: Callable[[], int]) -> int:
         return int(stop.code or 0)
     except Exception as error:
         return fault(error)
+    except BaseException as error:
+        # What a library in Rust raises that meets what it does not expect.
+        if type(error).__name__ != "PanicException":
+            raise
+        return fault(RuntimeError(str(error)))
+
+
+def no_working_folder() -> str:
+    """Return what to do where the working folder was deleted; empty where it is there."""
+    try:
+        Path.cwd()
+    except OSError as error:
+        return f"the working folder cannot be used ({error.strerror}); it may be deleted: change to another one (cd)"
+    return ""
+
+
+def too_little_memory() -> str:
+    """Return what to do where the limit of memory lets no library load; empty where there is enough, or no limit."""
+    if resource is None:
+        return ""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY or limit >= LEAST_MEMORY:
+        return ""
+    return f"the limit of memory is {limit >> 20} MiB; give at least {LEAST_MEMORY >> 20} MiB (ulimit -v)"
 
 
 def drop_output() -> None:
@@ -142,7 +175,7 @@ def drop_output() -> None:
 
 def refuse(message: str) -> int:
     """Say in one line on standard error why the input cannot be used."""
-    print(f"trihedron: {' '.join(message.split())}", file=sys.stderr)
+    print(f"trihedron: {one_line(message)}", file=sys.stderr)
     return 2
 
 
@@ -150,7 +183,9 @@ def fault(error: Exception) -> int:
     """Say in one line on standard error what went wrong in the program itself."""
     if os.environ.get("TRIHEDRON_TRACEBACK"):
         raise error
-    message = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    if advice := shortage(error):
+        return refuse(advice)
+    message = one_line(f"{type(error).__name__}: {error}")
     print(f"trihedron: a fault of the program: {message} (TRIHEDRON_TRACEBACK=1 shows where)", file=sys.stderr)
     return 1
 

@@ -7,6 +7,7 @@ name another host, or come from a page of another origin, are refused: another p
 import json
 import queue
 import secrets
+import sys
 import threading
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -15,7 +16,7 @@ from importlib import resources
 from math import log
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
+from ..errors import InputError, shortage
 from ..measure import Moment, Session, TableSetting
 from ..reports.measure import (
     against_text,
@@ -99,6 +100,12 @@ class PageServer:
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
     of: PageServer
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say nothing of a client that goes away or is too slow: the terminal is the operator's."""
+        error = sys.exc_info()[1]
+        if error is None or not (isinstance(error, OSError) or shortage(error)):
+            super().handle_error(request, client_address)  # pyright: ignore[reportArgumentType]
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -115,6 +115,8 @@ def refuse_outside(name: str, label: str, *, ssp: bool) -> None:
         forbidden += '<>|?*"'
     if ".." in parts or name.startswith("/") or any(c in name for c in forbidden) or (ssp and not parts):
         raise InputError(f"{label}: member {member_label(name)} would leave the archive's folder; not unpacked")
+    if not parts and not name.endswith("/"):
+        raise InputError(f"{label}: has a member without a name ({member_label(name)}); not unpacked")
 
 
 def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -> None:
