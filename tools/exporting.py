@@ -206,7 +206,9 @@ class FmpyInput(Result):
         return "; ".join([*complaints, *self.warnings])
 
 
-def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bridge_gaps: int = 0) -> FmpyInput:
+def write_fmpy_input(
+    path: Path, out: Path, *, rates: str = "instantaneous", bridge_gaps: int = 0, stamps: str | None = None
+) -> FmpyInput:
     """Write a record as the CSV file that FMPy reads: inputs of a computer or of AccelerometerCompensation.
 
     Parameters
@@ -219,6 +221,8 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bri
         "instantaneous" or "averaged": what a rate in the record means
     bridge_gaps : int
         bridge gaps of a strapdown record of up to so many lost rows
+    stamps : str or None
+        as of `read_record`
 
     Raises
     ------
@@ -227,7 +231,7 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bri
     """
     import polars as pl
 
-    record = records.read_record(path)
+    record = records.read_record(path, stamps=stamps)
     if isinstance(record, records.BenchRecord):
         record = record.gyros
     if isinstance(record, records.StrapdownRecord):

@@ -28,6 +28,7 @@ from .options import (
     RecordBaseline,
     ReferenceBound,
     Shared,
+    Stamps,
     Targets,
 )
 
@@ -72,7 +73,7 @@ def import_record(
     )
 
 
-def check(file: str | Path, *, channels: Channels = ()) -> "checks.Check":
+def check(file: str | Path, *, channels: Channels = (), stamps: Stamps = None) -> "checks.Check":
     """Say everything that is wrong with a file, with lines; nothing is run.
 
     Parameters
@@ -85,10 +86,12 @@ def check(file: str | Path, *, channels: Channels = ()) -> "checks.Check":
     InputError
         no file that can be read
     """
-    return checks.check(file, channels)
+    return checks.check(file, channels, stamps)
 
 
-def inspect(record: "records.Source", *, gravity: Gravity = 9.80665, channels: Channels = ()) -> "motion.Inspection":
+def inspect(
+    record: "records.Source", *, gravity: Gravity = 9.80665, channels: Channels = (), stamps: Stamps = None
+) -> "motion.Inspection":
     """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
 
     Of a bench record the accelerometers are judged against the table's angles, as `calibrate` does without options.
@@ -103,7 +106,7 @@ def inspect(record: "records.Source", *, gravity: Gravity = 9.80665, channels: C
     InputError
         for a record of a table, or gravity that is none
     """
-    run = records.read_record(record, records.StrapdownRecord, records.BenchRecord, channels=channels)
+    run = records.read_record(record, records.StrapdownRecord, records.BenchRecord, channels=channels, stamps=stamps)
     if isinstance(run, records.StrapdownRecord):
         return motion.inspect_record(run, gravity=gravity)
     inspection = motion.inspect_record(run.gyros, gravity=gravity)
@@ -120,6 +123,7 @@ def attitude_of_record(
     bridge_gaps: BridgeGaps = 0,
     gyro_bias: Sequence[float] | None = None,
     channels: Channels = (),
+    stamps: Stamps = None,
     out: Path | None = None,
     progress: Progress = False,
 ) -> "motion.AttitudeRun":
@@ -146,7 +150,7 @@ def attitude_of_record(
         unknown algorithm; a record that is not uniform, has a gap, or turns by more than the algorithm takes
     """
     return motion.run_attitude(
-        records.read_record(record, records.StrapdownRecord, channels=channels),
+        records.read_record(record, records.StrapdownRecord, channels=channels, stamps=stamps),
         algorithm=algorithm,
         rates=rates,
         rate_divisor=rate_divisor,
@@ -167,6 +171,7 @@ def calibrate(
     bounds: Bounds = (3e-3, 1e-2),
     mounting: Mounting = "identity",
     channels: Channels = (),
+    stamps: Stamps = None,
     targets: Targets = (),
     priors: Sequence[str] = (),
     bench: "calibrations.Bench | None" = None,
@@ -195,7 +200,7 @@ def calibrate(
     >>> th.calibrate(run, noise_bound=1e-5).verdict
     'consistent'
     """
-    rests = records.read_record(record, records.PositionRecord, channels=channels)
+    rests = records.read_record(record, records.PositionRecord, channels=channels, stamps=stamps)
     place = {} if bench is None else vars(bench)
     result = calibrations.calibrate_whole(
         rests,
@@ -260,6 +265,7 @@ def apply(
     *,
     noise_bound: float = 0.0,
     channels: Channels = (),
+    stamps: Stamps = None,
 ) -> "calibrations.Applied":
     """Correct the readings of a record by a calibration, or by what a diagnosis of another record names.
 
@@ -286,11 +292,13 @@ def apply(
     if isinstance(found, str | Path):
         result = diagnosis.read_diagnosis(Path(found)) or found
     if not isinstance(result, diagnosis.Diagnosis):
-        applied = calibrations.apply_calibration(result, record, noise_bound=noise_bound, channels=channels)
+        applied = calibrations.apply_calibration(
+            result, record, noise_bound=noise_bound, channels=channels, stamps=stamps
+        )
         mounting = None if applied.correction is None else applied.correction.mounting
         warnings = checks.channels_warning(applied.record, mounting)
         return applied.model_copy(update={"warnings": [*applied.warnings, *warnings]})
-    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
+    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels, stamps=stamps)
     bound = noise_bound or None
     if bound is None and not isinstance(run, records.StrapdownRecord):
         bound = result.noise_bound
@@ -307,6 +315,7 @@ def diagnose(
     bounds: Bounds = (3e-3, 1e-2),
     mounting: Mounting = "identity",
     channels: Channels = (),
+    stamps: Stamps = None,
     rates: Rates = "instantaneous",
     reference_bound: ReferenceBound = None,
     hypotheses: Sequence[str] = (),
@@ -343,7 +352,7 @@ def diagnose(
     >>> import trihedron as th
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
+    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels, stamps=stamps)
     place = {} if bench is None else vars(bench)
     options = diagnosis.evidence_options(
         run,
@@ -374,6 +383,7 @@ def calibrate_together(
     bounds: Bounds = (3e-3, 1e-2),
     mounting: Mounting = "identity",
     channels: Channels = (),
+    stamps: Stamps = None,
     shared: Shared = (),
     own: Own = (),
 ) -> "calibrations.Calibration":
@@ -389,7 +399,7 @@ def calibrate_together(
     InputError
         whatever cannot be done, in one line
     """
-    runs = _several((first, *others), (records.PositionRecord,), channels)
+    runs = _several((first, *others), (records.PositionRecord,), channels, stamps)
     for run in runs.values():
         if noise_bound is None and not records.tells_noise(run):
             raise InputError(f"{run.path}: does not tell its noise bound: give --noise-bound")
@@ -412,6 +422,7 @@ def diagnose_together(
     bounds: Bounds = (3e-3, 1e-2),
     mounting: Mounting = "identity",
     channels: Channels = (),
+    stamps: Stamps = None,
     rates: Rates = "instantaneous",
     reference_bound: ReferenceBound = None,
     effects_from: EffectsFrom = None,
@@ -442,7 +453,7 @@ def diagnose_together(
     >>> import trihedron as th
     >>> th.diagnose_together("monday.csv", "tuesday.csv", "friday.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    runs = _several((first, *others), (records.PositionRecord, records.StrapdownRecord), channels)
+    runs = _several((first, *others), (records.PositionRecord, records.StrapdownRecord), channels, stamps)
     options = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
     options |= {"mounting": mounting, "rates": rates, "reference_bound": reference_bound}
     with own_effects.with_effects_of(effects_from):
@@ -464,11 +475,13 @@ def diagnose_together(
         )
 
 
-def _several(sources: Sequence["records.Source"], kinds: tuple[type, ...], channels: Sequence[str]) -> dict[str, Any]:
+def _several(
+    sources: Sequence["records.Source"], kinds: tuple[type, ...], channels: Sequence[str], stamps: str | None
+) -> dict[str, Any]:
     """Several records by what they are called; an InputError for fewer than two, or for one that is given twice."""
     if len(sources) < 2:
         raise InputError("several records are needed, two at least")
-    runs = [records.read_record(source, *kinds, channels=channels) for source in sources]
+    runs = [records.read_record(source, *kinds, channels=channels, stamps=stamps) for source in sources]
     digests = set()
     for run in runs:
         if run.sha256 and run.sha256 in digests:

@@ -60,6 +60,14 @@ Channels = Annotated[
         name="--channels",
     ),
 ]
+Stamps = Annotated[
+    str | None,
+    Option(
+        "Time stamps of a record with gyros: even (one period between rows, gaps kept), logged, or the sampling rate "
+        "[Hz], by which rows are counted whatever their stamps. Without it, of uneven stamps those under which gyros "
+        "and gravity agree better."
+    ),
+]
 Rates = Annotated[Literal["instantaneous", "averaged"], Option("What a rate in the record means.")]
 EffectsFrom = Annotated[
     str | Path | None,

@@ -31,6 +31,7 @@ from ..motion.rests import RecordSampling, quiet_rests, rates_of, sampling_of
 from ..records import BenchRecord, PositionRecord, StrapdownRecord
 from ..records.kinds import Rest
 from ..records.rests import without_turns
+from ..records.stamps import grid_of
 from ..rounding import digits
 from .model import Linearisation
 
@@ -159,7 +160,7 @@ def turns_of(
         ends.append((begin, end))
         if cuts := _steady_rows(time, alpha, beta, begin, end):
             ends += pairwise([begin, *cuts, end])
-    gap = np.append(False, np.diff(time) > 1.5 * sampling.period)
+    gap = np.append(False, grid_of(time).is_gap)
     faults = np.cumsum([sampling.broken, gap, sampling.limits.of("w")], axis=1)
     first, last = np.array(ends, dtype=int).T
     sound = (faults[:, first] == faults[:, last]).all(axis=0)

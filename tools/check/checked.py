@@ -14,7 +14,7 @@ from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings
 
 
-def check(path: Path | str, channels: Sequence[str] = ()) -> Check:
+def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = None) -> Check:
     """Say everything that is wrong with a file that Trihedron reads, with lines; what it is is told by its content.
 
     A scenario, campaign or file of mountings (TOML); a record, position programme or angles of a plan (CSV, Parquet); a
@@ -39,7 +39,7 @@ def check(path: Path | str, channels: Sequence[str] = ()) -> Check:
         # An archive of somebody else is refused before the half of the program is imported that reads records.
         from .files import check_content
 
-        return findings.check(check_content(findings, content, channels))
+        return findings.check(check_content(findings, content, channels, stamps))
     return findings.check()
 
 

@@ -43,6 +43,7 @@ from ..orchestrator.scenario import Scenario
 from ..orchestrator.stimuli import read_number_table
 from ..planning import ImuPlan, Plan, Plans, PositionPlan, read_settings
 from ..records.columns import ANGLES, FORCE, VELOCITY, FileColumns, extra_warning, warnings
+from ..records.even import times_unused
 from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import channel_limits
 from ..records.read import all_faults, read_record
@@ -71,14 +72,14 @@ MOST = 200
 """So many problems of a record are listed."""
 
 
-def check_content(findings: Findings, content: bytes, channels: Sequence[str]) -> int | None:
+def check_content(findings: Findings, content: bytes, channels: Sequence[str], stamps: str | None = None) -> int | None:
     """Note what is wrong with a file that is no archive; so many problems of it are listed, all without a number.
 
     A scenario, campaign or file of mountings (TOML); a calibration, diagnosis or plan (JSON); anything else is a table.
     """
     ending = findings.path.suffix.lower()
     if ending not in (".toml", ".json"):
-        _check_table(findings, content, channels)
+        _check_table(findings, content, channels, stamps)
         return MOST
     try:
         text = content.decode("utf-8-sig").replace("\r\n", "\n")
@@ -142,7 +143,7 @@ def _check_toml(findings: Findings, text: str) -> None:
         findings.add(f"schema: {schema!r} is not known; {nearest(str(schema), [SCENARIO, CAMPAIGN])}", ("schema",))
 
 
-def _check_table(findings: Findings, content: bytes, channels: Sequence[str]) -> None:
+def _check_table(findings: Findings, content: bytes, channels: Sequence[str], stamps: str | None) -> None:
     """A table of measured or commanded numbers, CSV or Parquet.
 
     Of a record every field that is wrong, by row; of a series without such fields also the limits of its channels, and
@@ -159,7 +160,7 @@ def _check_table(findings: Findings, content: bytes, channels: Sequence[str]) ->
     def listed():
         """The faults; what the reader has at its end is the columns."""
         nonlocal columns
-        columns = yield from all_faults(findings.path, content)
+        columns = yield from all_faults(findings.path, content, any_times=times_unused(stamps))
 
     columns: FileColumns | None = None
     for fault in listed():
@@ -179,7 +180,7 @@ def _check_table(findings: Findings, content: bytes, channels: Sequence[str]) ->
         names = list(read_parquet_schema(BytesIO(content)))
     present = [name for name in columns.layout.present if name in names]
     findings.summary = (f"{len(columns.row)} rows, columns {', '.join(present)}",)
-    record = read_record(findings.path, channels=channels)
+    record = read_record(findings.path, channels=channels, stamps=stamps)
     earlier = findings.warnings
     for line in record.warnings:
         if line not in earlier:

@@ -26,7 +26,7 @@ from .. import (
 )
 from ..errors import InputError, one_line
 from ..files import at_once, ordinary_file, ordinary_folder, write_text
-from ..options import BridgeGaps, Platform, Rates
+from ..options import BridgeGaps, Platform, Rates, Stamps
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -42,6 +42,8 @@ from .answer import (
     with_options_of,
 )
 
+READING = ("channels", "stamps")
+"""How the channels and time stamps of a record are read."""
 PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
 """What is said of a bench and its encoders and gyros."""
 
@@ -172,7 +174,7 @@ def calibrate_command(
         return answer(joint, json)
     _refuse_of_several(shared)
     circumstances = {} if about is None else reports.read_about(about)
-    run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
+    run = records.read_record(record, records.PositionRecord, **_taken(options, READING))
     bench = measured.bench_at(run, **place, rates=rates)
     result = measured.calibrate(run, bench=bench, **options)
     if report is not None:
@@ -288,7 +290,7 @@ def diagnose_command(
         return answer(several, json)
     _refuse_of_several(shared)
     kinds = records.PositionRecord, records.StrapdownRecord
-    run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
+    run = records.read_record(record, *kinds, **_taken(options, READING))
     bench = measured.bench_at(run, **place)
     result = measured.diagnose(run, bench=bench, **options, progress=True)
     if report is not None:
@@ -339,7 +341,7 @@ def attitude_command(
     distinct_files({"the record": record, "--out": out, "--json": json, "--plot": plot})
     if compare and plot is not None:
         raise InputError("--plot: is of one algorithm; it does not go with --compare")
-    source = records.read_record(record, records.StrapdownRecord, channels=options.pop("channels", ()))
+    source = records.read_record(record, records.StrapdownRecord, **_taken(options, READING))
     if compare:
         options.pop("algorithm", None)
         compared = motion.compare_algorithms(source, **options, progress=True)
@@ -361,6 +363,7 @@ def fmpy_input_command(
     *,
     rates: Rates = "instantaneous",
     bridge_gaps: BridgeGaps = 0,
+    stamps: Stamps = None,
     out: File = Path("input.csv"),
     json: JsonFile = None,
 ) -> Answer:
@@ -379,7 +382,7 @@ def fmpy_input_command(
     distinct_files({"the record": record, "--out": out, "--json": json})
     from ..exporting import write_fmpy_input
 
-    inputs = write_fmpy_input(record, out, rates=rates, bridge_gaps=bridge_gaps)
+    inputs = write_fmpy_input(record, out, rates=rates, bridge_gaps=bridge_gaps, stamps=stamps)
     complaint = f"{record.name}: {inputs.complaint}" if inputs.complaint else ""
     return answer(inputs, json, complaint=complaint, status=0 if inputs.trusted_until is None else 2)
 

@@ -18,10 +18,11 @@ from ..motion.carry import GyroModel, Motion, matrices_of
 from ..motion.inspect import Inspection
 from ..motion.norm import COLUMNS, NAMES, ROWS, inputs_of, norm_block, norm_equations
 from ..motion.rest_noise import RestNoise, factor_for, rest_lengths, rest_noise
-from ..motion.rests import GAP, Rests
+from ..motion.rests import Rests
 from ..records import StrapdownRecord
 from ..records.columns import INERTIAL
 from ..records.noise import SCATTER_FACTOR
+from ..records.stamps import grid_of
 from .fit import coefficient_count
 from .rows import Part, Pieces
 
@@ -160,7 +161,7 @@ def usable_in(inspection: Inspection, *, whole: bool = True) -> Usable:
     """Which stretches of a record hold no gap and no saturated gyro; `whole`: no knock or turn that cannot be told."""
     record, sampling = inspection.record, inspection.sampling
     bad = np.zeros(len(record), dtype=bool)
-    bad[1:] = np.diff(record.time_s) > GAP * sampling.period
+    bad[1:] = grid_of(record.time_s).is_gap
     # Of rates both turns beside a row hold it.
     spoilt = sampling.limits.of("w") | sampling.broken if whole else sampling.limits.of("w")
     bad |= spoilt

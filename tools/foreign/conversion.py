@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal, InvalidOperation
 from itertools import islice
 
 import numpy as np
@@ -59,6 +60,10 @@ MOST_LEFT_OUT = 0.2
 DAY, HOUR = 86400.0, 3600.0
 ZONE = re.compile(r"(Z|[+-]\d\d:?\d\d)$")
 """What a time ends with that is no local time."""
+COUNTERS = tuple(sorted(2.0**bits * unit for bits in (16, 24, 31, 32) for unit in (1.0, 1e-3, 1e-6, 1e-9)))
+"""Values at which a counter begins again: of so many bits, in units of the file or a thousandth of them."""
+WRAPPED = 20.0
+"""A counter that wraps goes on by at most this many usual steps."""
 EPOCH = 1e8
 """Times above that many seconds count from long ago: the first row is taken off, whose digits doubles would lose."""
 RESOLUTIONS = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
@@ -275,8 +280,11 @@ def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[
         assert origin.unit is not None
         values = _values(table, TIMES, texts[TIMES], lines)
         if np.abs(values * origin.unit.factor).max() > EPOCH:
-            values = values - values[0]
+            values = _since_first(texts[TIMES], values)
             table.notes.append("times count from the first row")
+        values, wraps = unwrapped(values)
+        if wraps:
+            table.notes.append(f"the counter of times wraps {plural(wraps, 'time')}")
         return values * origin.unit.factor
     mapping = table.whole_mapping
     order = mapping.dates or "day-first"
@@ -326,6 +334,30 @@ def _without_clock_changes(
     jumps = np.zeros(len(seconds))
     jumps[changes + 1] = -HOUR * np.sign(steps[changes] - period)
     return seconds + np.cumsum(jumps)
+
+
+def _since_first(texts: list[str], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times since the first row, exact where they are plain numbers: doubles hold 16 digits, epochs in ns have 19."""
+    try:
+        exact = [Decimal(text.strip()) for text in texts]
+        return np.array([float(time - exact[0]) for time in exact])
+    except InvalidOperation:
+        return values - values[0]
+
+
+def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+    """Times (N,) of a counter that begins again at zero, and how often it does so; as they are where it does not."""
+    step = np.diff(counts)
+    wraps = step < 0.0
+    if not wraps.any() or wraps.all() or counts.min() < 0.0:
+        return counts, 0
+    usual = float(np.median(step[~wraps]))
+    for size in COUNTERS:
+        over = step[wraps] + size
+        if counts.max() < size and (over > 0.0).all() and (over <= WRAPPED * usual).all():
+            turns = np.concatenate([[0], np.cumsum(wraps)])
+            return counts + size * turns, int(turns[-1])
+    return counts, 0
 
 
 def _resolutions(table: UnderstoodTable, texts: dict[str, list[str]]) -> dict[str, float]:

@@ -293,6 +293,14 @@ def run_attitude(
     bias = None
     if gyro_bias is not None:
         bias = tuple(np.asarray(gyro_bias).tolist())
+    left = len(record) - 1 - int(index[-1])
+    warnings = source.warnings
+    if left:
+        words = f"the last {left} rows fill" if left > 1 else "the last row fills"
+        warnings += (
+            f"{words} no step of {algorithm}: left out, the attitude ends at {digits(time[-1], 9)} s; "
+            "one-sample-rodrigues takes every row",
+        )
     saturated = {}
     for name, mask in limited.rows.items():
         if name.startswith("w"):
@@ -310,7 +318,7 @@ def run_attitude(
         bridged_bound_rad=source.bridged_bound,
         saturated_rows=saturated,
         trusted_until_s=source.trusted_until(time),
-        warnings=source.warnings,
+        warnings=warnings,
         files=simulation.files,
         row=record.row[index],
         time_s=time,

@@ -19,7 +19,8 @@ from ..orchestrator import run_scenario
 from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
-from .rests import GAP, RecordSampling, mean_rates
+from ..records.stamps import grid_of
+from .rests import RecordSampling, mean_rates
 
 ALGORITHM = "one-sample-rodrigues"
 """What carries the attitude: it updates at every sample."""
@@ -109,7 +110,7 @@ def mean_motion(
     else:
         assert record.rate is not None
         rate = np.vstack([record.rate[:1], mean_rates(record, rates)])
-    step[step > GAP * sampling.period] = sampling.period
+    step[1:][grid_of(record.time_s).is_gap] = sampling.period
     rate[~(np.linalg.norm(rate * step[:, None], axis=1) <= MAX_INCREMENT)] = 0.0
     return Motion(sampling.period, record.time_s, step, rate, record.specific_force, gravity, record.temperature)
 

@@ -16,9 +16,10 @@ from pydantic import Field
 from ..errors import InputError
 from ..records import StrapdownRecord
 from ..records.limits import Limits, channel_limits
+from ..records.stamps import grid_of
 from ..result import Result
 from ..rounding import exactly, upwards
-from .rests import GAP, check_turns, mean_rates
+from .rests import check_turns, mean_rates
 
 JITTER = 0.01
 """Largest deviation of a row's time from the uniform grid that is none, in sampling periods."""
@@ -58,9 +59,8 @@ def without_gaps(record: StrapdownRecord, most: int) -> tuple[StrapdownRecord, t
     between = np.diff(time)
     if not len(between):
         return record, ()
-    usual = float(np.median(between))
-    gaps = np.flatnonzero(between > GAP * usual)
-    lost = np.round(between[gaps] / usual).astype(int) - 1
+    grid = grid_of(time)
+    usual, gaps, lost = grid.period, grid.gaps, grid.lost
     for k, count in zip(gaps, lost, strict=True):
         if count > most:
             way = "give a record without gaps"

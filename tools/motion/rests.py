@@ -16,11 +16,10 @@ from ..records import StrapdownRecord
 from ..records.columns import LARGEST_FORCE
 from ..records.limits import Limits, channel_limits, runs_of
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
+from ..records.stamps import grid_of
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
 
-GAP = 1.5
-"""A time between rows is a gap from so many periods on."""
 FEWEST_ROWS = 16
 """Fewer rows tell nothing."""
 RATE_MEANINGS = ("instantaneous", "averaged")
@@ -165,9 +164,8 @@ def sampling_of(record: StrapdownRecord) -> RecordSampling:
     if len(record) < FEWEST_ROWS:
         raise InputError(f"{record.path}: has {len(record)} rows; at least {FEWEST_ROWS} are needed")
     between = np.diff(record.time_s)
-    is_gap = between > GAP * np.median(between)
-    # The median tells gaps; of stamps that jitter it is off by more than the mean, by which rates would be too.
-    period = float(np.mean(between[~is_gap]))
+    grid = grid_of(record.time_s)
+    is_gap, period = grid.is_gap, grid.period
     off = between[~is_gap] - period
     channels = {f"w{i + 1}": v for i, v in enumerate(rates_of(record).T)}
     for i, v in enumerate(record.specific_force.T):
@@ -191,7 +189,7 @@ def sampling_of(record: StrapdownRecord) -> RecordSampling:
         jitter_rms_s=float(np.sqrt(np.mean(off**2))),
         jitter_max_s=float(np.abs(off).max()),
         gaps=tuple(Gap(time_s=record.time_s[k], length_s=between[k]) for k in np.flatnonzero(is_gap)),
-        missing_rows=int(np.sum(np.round(between[is_gap] / period) - 1.0)),
+        missing_rows=int(grid.lost.sum()),
         saturated_rows={name: int(mask.sum()) for name, mask in limits.rows.items()},
         saturated_from_s=first_limits,
         limits=limits,
@@ -292,9 +290,11 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     at = np.arange(len(record))
     resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]
     resting &= ~sampling.broken
+    jumps = _jumps(channels, quiet, noise, size)
+    ends = np.union1d(grid_of(record.time_s).gaps + 1, jumps)
     still, turning = [], 0
     dropped = round(SETTLING / sampling.period)
-    for first, stop in _stretches(resting, record.time_s, sampling.period):
+    for first, stop in _stretches(resting, ends):
         if record.time_s[stop - 1] - record.time_s[first] < SHORTEST:
             continue
         rows = slice(first + dropped, stop - dropped)
@@ -342,15 +342,30 @@ def _window_sums(values: NDArray, size: int) -> NDArray:
     return sums[size:] - sums[:-size]
 
 
-def _stretches(resting: NDArray, time: NDArray, period: float) -> list[tuple[int, int]]:
-    """Beginnings and ends of the stretches of quiet rows between moves and gaps."""
-    breaks = np.flatnonzero(np.diff(time) > GAP * period) + 1
-    edges = np.concatenate([[0], breaks, [len(time)]])
+def _stretches(resting: NDArray, breaks: NDArray[np.int_]) -> list[tuple[int, int]]:
+    """Beginnings and ends of the stretches of quiet rows between moves, gaps and jumps, whose next rows are given."""
+    edges = np.concatenate([[0], breaks, [len(resting)]])
     stretches = []
     for low, high in pairwise(edges):
         begins, ends = runs_of(resting[low:high])
         stretches += zip((low + begins).tolist(), (low + ends).tolist(), strict=True)
     return stretches
+
+
+def _jumps(channels: list[NDArray], quiet: NDArray[np.bool_], noise: NDArray, size: int) -> NDArray[np.int_]:
+    """First rows behind a jump: no quiet window holds the row before it too, and the means beside it differ."""
+    begun = np.concatenate([[0], np.cumsum(quiet)])
+    at = np.arange(size, len(quiet))
+    apart = begun[at] == begun[at - size + 1]
+    at = at[apart & quiet[at - size] & quiet[at]]
+    differs = np.zeros(len(at), dtype=bool)
+    if not len(at):
+        return at
+    for values, usual in zip(channels, noise, strict=True):
+        sums = np.concatenate([[0.0], np.cumsum(values - values.mean())])
+        change = np.abs(sums[at + size] - 2.0 * sums[at] + sums[at - size]) / size
+        differs |= change > QUIET * usual
+    return at[differs]
 
 
 def _walks(values: NDArray, noise: NDArray) -> bool:

@@ -349,9 +349,9 @@ def _rows_from(columns: FileColumns, index: np.ndarray) -> str:
     return f"{len(index)} rows, the first row {first}"
 
 
-def faults(columns: FileColumns) -> Iterator[RecordError]:
+def faults(columns: FileColumns, *, any_times: bool = False) -> Iterator[RecordError]:
     """Every number out of its range, `position` or `time_s` that repeats or runs back, readings that are not specific
-    forces in m/s², quaternions that are none."""
+    forces in m/s², quaternions that are none. Where `any_times` holds, the times of a series are not looked at."""
     for name, (low, high, needed) in LIMITS.items():
         values = columns.numbers.get(name, np.zeros(0))
         for k in np.flatnonzero((values < low) | (values > high)):
@@ -364,7 +364,8 @@ def faults(columns: FileColumns) -> Iterator[RecordError]:
             yield columns.fault(k, "position", what)
         if not wrong.size:
             yield from _increasing(columns, "position")
-    yield from _increasing(columns, "time_s", SHORTEST)
+    if not any_times or columns.layout.kind is POSITION:
+        yield from _increasing(columns, "time_s", SHORTEST)
     for name in APPROACH:
         values = columns.numbers.get(name, np.zeros(0))
         for k in np.flatnonzero(np.abs(values) != 1.0):
@@ -383,6 +384,8 @@ def _increasing(columns: FileColumns, name: str, least: float = 0.0) -> Iterator
         hint = ""
         if name == "position":
             hint = " (a time series has no such column)"
+        elif columns.layout.kind is not POSITION:
+            hint = "; rows that were sampled evenly are taken with --stamps RATE_HZ"
         what = f"{value:.17g} after {before:.17g} {verb}; it must grow from row to row{hint}"
         yield columns.fault(k + 1, name, what)
 

@@ -49,6 +49,7 @@ from .columns import (
     warnings,
     with_force,
 )
+from .even import times_unused, with_stamps
 from .kinds import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
 from .rests import position_record_of
 
@@ -93,14 +94,22 @@ Source: TypeAlias = str | Path | pl.DataFrame | Mapping[str, ArrayLike] | NDArra
 
 
 @overload
-def read_record(record: Source, *, channels: Sequence[str] = ()) -> Record: ...
-@overload
-def read_record(record: Source, kind: type[Wanted], /, *, channels: Sequence[str] = ()) -> Wanted: ...
+def read_record(record: Source, *, channels: Sequence[str] = (), stamps: str | None = None) -> Record: ...
 @overload
 def read_record(
-    record: Source, kind: type[Wanted], second: type[Other], /, *, channels: Sequence[str] = ()
+    record: Source, kind: type[Wanted], /, *, channels: Sequence[str] = (), stamps: str | None = None
+) -> Wanted: ...
+@overload
+def read_record(
+    record: Source,
+    kind: type[Wanted],
+    second: type[Other],
+    /,
+    *,
+    channels: Sequence[str] = (),
+    stamps: str | None = None,
 ) -> Wanted | Other: ...
-def read_record(record: Source, *kinds: Any, channels: Sequence[str] = ()) -> Any:
+def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamps: str | None = None) -> Any:
     """Read a record from a CSV or a Parquet file, a table in memory, or whatever else holds one.
 
     Parameters
@@ -112,6 +121,9 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = ()) -> An
         is a record of the table, gyros or not, and a raw record, or that of a bench, is averaged over its rests
     channels : sequence of str
         order, signs, senses and units of its channels, as of `Channels.given`; as it stands where nothing is said
+    stamps : str or None
+        "even", "logged" or a rate in hertz; None: of a file with gyros and uneven stamps, those under which gyros and
+        gravity agree better. A record is taken as it is where nothing is said
 
     Raises
     ------
@@ -121,14 +133,18 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = ()) -> An
     """
     table = PositionRecord in kinds
     measured: Record
+    is_read = isinstance(record, PositionRecord | RawRecord | StrapdownRecord)
     if isinstance(record, PositionRecord | RawRecord | StrapdownRecord):
         measured = record
     elif isinstance(record, Recorded):
         measured = record.position_record()
     else:
-        measured = _parsed(record, STRAPDOWN_KINDS if kinds and not table and BenchRecord not in kinds else KINDS)
+        known = STRAPDOWN_KINDS if kinds and not table and BenchRecord not in kinds else KINDS
+        measured = _parsed(record, known, any_times=times_unused(stamps))
     if channels:
         measured = measured.read_with(Channels.given(channels))
+    if stamps is not None or not is_read:
+        measured = with_stamps(measured, stamps)
     if table and isinstance(measured, RawRecord):
         measured = position_record_of(measured)
     if not kinds or isinstance(measured, kinds):
@@ -160,7 +176,7 @@ def table_in_memory(source: object) -> pl.DataFrame:
         raise InputError(f"a table in memory cannot be used: {str(error).splitlines()[0]}") from error
 
 
-def _parsed(source: Any, kinds: Sequence[RecordKind], *, trusted: bool = False) -> Record:
+def _parsed(source: Any, kinds: Sequence[RecordKind], *, trusted: bool = False, any_times: bool = False) -> Record:
     if in_memory := not isinstance(source, str | os.PathLike):
         path, written = Path("table"), io.BytesIO()
         if not (table := table_in_memory(source)).width:
@@ -176,7 +192,7 @@ def _parsed(source: Any, kinds: Sequence[RecordKind], *, trusted: bool = False) 
         if path.suffix.lower() == ".parquet" and not content.startswith(MAGIC):
             raise RecordError(path, None, None, "is not a Parquet file (it does not begin with PAR1)")
     # a table in memory cannot be corrupt
-    faults = all_faults(path, content, kinds, trusted=trusted or in_memory)
+    faults = all_faults(path, content, kinds, trusted=trusted or in_memory, any_times=any_times)
     try:
         raise next(faults)
     except StopIteration as done:
@@ -185,12 +201,20 @@ def _parsed(source: Any, kinds: Sequence[RecordKind], *, trusted: bool = False) 
     return replace(record_from(columns), warnings=lines, sha256=hashlib.sha256(content).hexdigest())
 
 
-def all_faults(path: Path, content: bytes, kinds: Sequence[RecordKind] = KINDS, *, trusted: bool = False) -> Faults:
+def all_faults(
+    path: Path,
+    content: bytes,
+    kinds: Sequence[RecordKind] = KINDS,
+    *,
+    trusted: bool = False,
+    any_times: bool = False,
+) -> Faults:
     """Everything that is wrong with the columns and numbers of a record's file, of which `data` are the bytes.
 
     First the faults of the table and of its fields come, in the order of the rows; then those of the numbers. Returned
     are the columns of the rows whose fields have no fault; None where there are none, or no table at all. Bytes of a
-    Parquet file that this process made are trusted not to be corrupt.
+    Parquet file that this process made are trusted not to be corrupt. Where `any_times` holds, the times of a series
+    may repeat and run back: they are not used.
     """
     try:
         if is_workbook(content):
@@ -206,7 +230,7 @@ def all_faults(path: Path, content: bytes, kinds: Sequence[RecordKind] = KINDS, 
         return None
     if columns is not None:
         columns = with_force(columns)
-        yield from faults(columns)
+        yield from faults(columns, any_times=any_times)
     return columns
 
 

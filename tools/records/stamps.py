@@ -1,0 +1,222 @@
+"""Time stamps: the sampling period, the gaps, and the even times of a record whose logger stamps late or coarsely.
+
+A sensor samples evenly; its logger stamps late, in steps of its clock, or in bursts. The period is the slope of stamps
+over row number. Behind a gap the stamps leave that line for good; a late stamp returns to it.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+GAP = 1.5
+"""Stamps that leave their line for good by half a period less than this many periods hide a gap."""
+UNEVEN = 0.01
+"""Largest departure of a stamp from even times that counts as none, in periods."""
+HARDLY = 0.25
+"""Where no time between stamps differs by a larger part from their mean, their mean is the period."""
+NEAR = 32
+"""Rows on each side of a possible gap that tell whether stamps return to their line."""
+USUAL = 0.99
+"""Part of the times between stamps that are no gaps."""
+ROUNDS = 3
+"""Rounds in which the period is fitted to the earliest stamps."""
+RETURN = 3
+"""A late stamp returns to the line within this many times its delay."""
+MOST_ROWS = 2000
+"""Largest number of rows on each side of a possible gap."""
+LATE = 1.25
+"""A time between stamps of more periods may hide a gap."""
+FEW = 8
+"""Fewer rows on one side than this tell a late stamp from a gap only where the stamps are even."""
+LAGS = (256, 64, 16, 4, 1)
+"""Distances between stamps in rows over which the period is tried, after a sixteenth of the record."""
+CERTAIN = 8.0
+"""A gap moves stamps by more than this many usual changes of the earliest departure."""
+ON_STEP, NEARLY_ALL = 0.1, 0.98
+"""Departure from a whole number of periods that counts as none; part of the rows for which it must hold."""
+IRREGULAR = 4.0
+"""Of stamps that follow no line, times that exceed nine in ten of all others by this factor are gaps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """How the stamps of a record lie on even times.
+
+    Attributes
+    ----------
+    period : float
+        time between samples [s]
+    gaps : (G,) array of int
+        rows before a gap
+    even : (N,) array
+        times of even samples, as near to the stamps as they come [s]
+    logged : (N,) array
+        the stamps [s]
+    regular : bool
+        whether even times describe the stamps; False where the rows follow no line between gaps
+    """
+
+    period: float
+    gaps: NDArray[np.int_]
+    even: NDArray[np.float64]
+    logged: NDArray[np.float64]
+    regular: bool
+
+    @property
+    def is_gap(self) -> NDArray[np.bool_]:
+        """Intervals (N - 1,) between rows that are gaps."""
+        mask = np.zeros(len(self.logged) - 1, dtype=bool)
+        mask[self.gaps] = True
+        return mask
+
+    @property
+    def lost(self) -> NDArray[np.int_]:
+        """Rows (G,) that each gap lacks, at least one."""
+        between = np.diff(self.even)[self.gaps]
+        return np.maximum(np.round(between / self.period).astype(int) - 1, 1)
+
+    @property
+    def departure(self) -> float:
+        """Largest departure of a stamp from its even time [s]."""
+        return float(np.abs(self.logged - self.even).max(initial=0.0))
+
+    @property
+    def uneven(self) -> bool:
+        """Whether the stamps depart from even times by more than a hundredth of the period."""
+        return self.regular and self.departure > UNEVEN * self.period
+
+
+def grid_of(time: NDArray[np.float64]) -> Grid:
+    """Return period, gaps and even times of stamps (N,), at least two [s]."""
+    return _grid(time.tobytes())
+
+
+@lru_cache(maxsize=8)
+def _grid(stamps: bytes) -> Grid:
+    time = np.frombuffer(stamps)
+    rows = np.arange(len(time))
+    lags = [lag for lag in (len(time) // 16, *LAGS) if 0 < lag <= max(1, len(time) // 4)]
+    for lag in lags:
+        period = float(np.median(time[lag:] - time[:-lag])) / lag
+        if period <= 0.0:
+            continue
+        if lag == 1 and _lies_on_steps(time, period):
+            return _with_steps(time, period)
+        stretch = _stretch(time, period)
+        period = _steadied(time, period, stretch, lag)
+        gaps, shift = _lasting_jumps(time - period * rows, period, stretch)
+        if _wander(time - period * rows - shift, stretch) <= (GAP - 1.0) * period:
+            return _fitted(time, gaps, shift, period)
+    between = np.diff(time)
+    usual = max(float(np.median(between)), np.finfo(float).tiny)
+    longest = max(GAP * usual, IRREGULAR * float(np.quantile(between, 0.9)))
+    return Grid(usual, np.flatnonzero(between > longest), time, time, regular=False)
+
+
+def _stretch(time: NDArray, period: float) -> int:
+    """How many rows hold at least one stamp that is hardly late."""
+    longest = float(np.quantile(np.diff(time), USUAL)) / period
+    return int(min(max(NEAR, RETURN * longest), max(NEAR, len(time) // 16)))
+
+
+def _steadied(time: NDArray, period: float, stretch: int, lag: int) -> float:
+    """The period by the earliest stamps of stretches of rows: delays do not move it."""
+    for _ in range(ROUNDS):
+        earliest = _earliest(time - period * np.arange(len(time)), stretch)
+        apart = lag // stretch
+        if not 1 <= apart < len(earliest):
+            return period
+        period += float(np.median(earliest[apart:] - earliest[:-apart])) / (apart * stretch)
+    return period
+
+
+def _lasting_jumps(departure: NDArray, period: float, stretch: int) -> tuple[NDArray[np.int_], NDArray]:
+    """Rows before a gap, and by how much (N,) the gaps before each row move its stamp [s]."""
+    count = len(departure)
+    step = np.diff(departure)
+    candidates = np.flatnonzero(step > (LATE - 1.0) * period)
+    # The longest first: a gap bounds what is compared beside it.
+    order = candidates[np.argsort(-step[candidates], kind="stable")]
+    bounds = np.zeros(count + 1, dtype=bool)
+    bounds[[0, count]] = True
+    jumps = np.zeros(count)
+    wander = CERTAIN * _wander(departure, stretch)
+    for before in order:
+        reach = int(min(max(stretch, RETURN * (1.0 + step[before] / period)), MOST_ROWS))
+        low, high = max(before + 1 - reach, 0), min(before + 1 + reach, count)
+        inside = np.flatnonzero(bounds[low : before + 1])
+        if inside.size:
+            low += int(inside[-1])
+        inside = np.flatnonzero(bounds[before + 2 : high])
+        if inside.size:
+            high = before + 2 + int(inside[0])
+        jump, unsure = _jump(departure[low : before + 1], departure[before + 1 : high])
+        if jump > (GAP - 1.0) * period + unsure + wander:
+            bounds[before + 1] = True
+            jumps[before + 1] = jump
+    return np.flatnonzero(jumps) - 1, np.cumsum(jumps)
+
+
+def _jump(before: NDArray, behind: NDArray) -> tuple[float, float]:
+    """By how much departures behind a row exceed those before it for good, and how unsure few rows leave that."""
+    jump = min(
+        float(behind.min() - before.min()),
+        float(behind.max() - before.max()),
+        float(np.median(behind) - np.median(before)),
+    )
+    unsure = 0.0
+    if min(len(before), len(behind)) < FEW:
+        longer = max(before, behind, key=len)
+        unsure = float(np.ptp(longer))
+    return jump, unsure
+
+
+def _earliest(departure: NDArray, stretch: int) -> NDArray:
+    """The earliest departure (S,) of each stretch of rows [s]."""
+    count = len(departure) // stretch
+    return departure[: count * stretch].reshape(count, stretch).min(axis=1)
+
+
+def _wander(departure: NDArray, stretch: int) -> float:
+    """Median change of the earliest departure from one stretch of rows to the next [s]; 0 of few stretches."""
+    earliest = _earliest(departure, stretch)
+    if len(earliest) < 3:
+        return 0.0
+    return float(np.median(np.abs(np.diff(earliest))))
+
+
+def _lies_on_steps(time: NDArray, period: float) -> bool:
+    """Whether nearly all times between stamps are whole periods."""
+    steps = np.diff(time) / period
+    off = np.abs(steps - np.round(steps))
+    return bool(np.mean(off <= ON_STEP) >= NEARLY_ALL and steps.min() >= 1.0 - ON_STEP)
+
+
+def _with_steps(time: NDArray, period: float) -> Grid:
+    """The even times of stamps that are whole periods apart."""
+    is_gap = np.diff(time) > GAP * period
+    jumps = np.where(is_gap, np.diff(time) - period, 0.0)
+    return _fitted(time, np.flatnonzero(is_gap), np.append(0.0, np.cumsum(jumps)), period)
+
+
+def _fitted(time: NDArray, gaps: NDArray[np.int_], shift: NDArray, period: float) -> Grid:
+    """The even times of stamps whose gaps are known."""
+    between = np.delete(np.diff(time), gaps)
+    rows = np.arange(len(time))
+    mean = float(np.mean(between)) if len(between) else period
+    # The slope of even stamps is their mean; a late stamp at an end would move it.
+    if np.abs(between - mean).max(initial=0.0) <= HARDLY * mean:
+        period = mean
+    else:
+        lag = max(1, len(time) // 2)
+        level = time - shift
+        period = float(np.median(level[lag:] - level[:-lag])) / lag
+    departure = time - period * rows
+    even = period * rows
+    edges = [0, *(gaps + 1).tolist(), len(time)]
+    for first, stop in pairwise(edges):
+        even[first:stop] += np.median(departure[first:stop])
+    return Grid(period, gaps, even, time, regular=True)
