@@ -60,8 +60,10 @@ MOST_LEFT_OUT = 0.2
 DAY, HOUR = 86400.0, 3600.0
 ZONE = re.compile(r"(Z|[+-]\d\d:?\d\d)$")
 """What a time ends with that is no local time."""
-COUNTERS = tuple(sorted(2.0**bits * unit for bits in (16, 24, 31, 32) for unit in (1.0, 1e-3, 1e-6, 1e-9)))
-"""Values at which a counter begins again: of so many bits, in units of the file or a thousandth of them."""
+COUNTERS = (2.0**16, 2.0**24, 2.0**31, 2.0**32)
+"""Values at which a counter of whole numbers begins again."""
+WRITTEN = (2.0**32 * 1e-9, 2.0**32 * 1e-6, 604800.0, 2.0**32 * 1e-3, 604800e3)
+"""Values at which others do: 32 bits in a smaller unit, and the seconds and milliseconds of a GPS week."""
 WRAPPED = 20.0
 """A counter that wraps goes on by at most this many usual steps."""
 EPOCH = 1e8
@@ -352,7 +354,10 @@ def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
     if not wraps.any() or wraps.all() or counts.min() < 0.0:
         return counts, 0
     usual = float(np.median(step[~wraps]))
-    for size in COUNTERS:
+    sizes = WRITTEN
+    if np.array_equal(counts, np.round(counts)):
+        sizes += COUNTERS
+    for size in sorted(sizes):
         over = step[wraps] + size
         if counts.max() < size and (over > 0.0).all() and (over <= WRAPPED * usual).all():
             turns = np.concatenate([[0], np.cumsum(wraps)])

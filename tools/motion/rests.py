@@ -32,6 +32,8 @@ QUIET = 3.0
 """A window is quiet when no channel scatters so many times as much as its noise."""
 QUIETEST = 0.1
 """Part of the windows that shows the noise."""
+IRREGULAR = 0.1
+"""Where a larger part of the rows has a gap behind it, sampling is irregular, and short gaps end no rest."""
 SHORTEST = 1.0
 """A rest lasts at least so long [s]."""
 SETTLING = 0.2
@@ -291,7 +293,7 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]
     resting &= ~sampling.broken
     jumps = _jumps(channels, quiet, noise, size)
-    ends = np.union1d(grid_of(record.time_s).gaps + 1, jumps)
+    ends = np.union1d(_parting_gaps(record.time_s) + 1, jumps)
     still, turning = [], 0
     dropped = round(SETTLING / sampling.period)
     for first, stop in _stretches(resting, ends):
@@ -350,6 +352,14 @@ def _stretches(resting: NDArray, breaks: NDArray[np.int_]) -> list[tuple[int, in
         begins, ends = runs_of(resting[low:high])
         stretches += zip((low + begins).tolist(), (low + ends).tolist(), strict=True)
     return stretches
+
+
+def _parting_gaps(time: NDArray) -> NDArray[np.int_]:
+    """Rows before the gaps that end a rest; of stamps with a gap every few rows only the long ones do."""
+    grid = grid_of(time)
+    if len(grid.gaps) <= IRREGULAR * len(time):
+        return grid.gaps
+    return grid.gaps[np.diff(time)[grid.gaps] > WINDOW]
 
 
 def _jumps(channels: list[NDArray], quiet: NDArray[np.bool_], noise: NDArray, size: int) -> NDArray[np.int_]:

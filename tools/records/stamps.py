@@ -4,6 +4,7 @@ A sensor samples evenly; its logger stamps late, in steps of its clock, or in bu
 over row number. Behind a gap the stamps leave that line for good; a late stamp returns to it.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -109,11 +110,14 @@ def _grid(stamps: bytes) -> Grid:
         period = _steadied(time, period, stretch, lag)
         gaps, shift = _lasting_jumps(time - period * rows, period, stretch)
         if _wander(time - period * rows - shift, stretch) <= (GAP - 1.0) * period:
-            return _fitted(time, gaps, shift, period)
+            period = _common_slope(time, gaps, period, stretch)
+            gaps, _ = _lasting_jumps(time - period * rows, period, stretch)
+            return _fitted(time, gaps, period, stretch)
     between = np.diff(time)
     usual = max(float(np.median(between)), np.finfo(float).tiny)
     longest = max(GAP * usual, IRREGULAR * float(np.quantile(between, 0.9)))
-    return Grid(usual, np.flatnonzero(between > longest), time, time, regular=False)
+    is_gap = between > longest
+    return Grid(float(np.mean(between[~is_gap])), np.flatnonzero(is_gap), time, time, regular=False)
 
 
 def _stretch(time: NDArray, period: float) -> int:
@@ -198,11 +202,30 @@ def _lies_on_steps(time: NDArray, period: float) -> bool:
 def _with_steps(time: NDArray, period: float) -> Grid:
     """The even times of stamps that are whole periods apart."""
     is_gap = np.diff(time) > GAP * period
-    jumps = np.where(is_gap, np.diff(time) - period, 0.0)
-    return _fitted(time, np.flatnonzero(is_gap), np.append(0.0, np.cumsum(jumps)), period)
+    return _fitted(time, np.flatnonzero(is_gap), period, NEAR)
 
 
-def _fitted(time: NDArray, gaps: NDArray[np.int_], shift: NDArray, period: float) -> Grid:
+def _segments(gaps: NDArray[np.int_], count: int) -> Iterator[tuple[int, int]]:
+    """First rows of the parts between gaps, and those behind them."""
+    return pairwise([0, *(gaps + 1).tolist(), count])
+
+
+def _common_slope(time: NDArray, gaps: NDArray[np.int_], period: float, stretch: int) -> float:
+    """The slope of the earliest stamps of stretches of rows, one for all parts between gaps."""
+    departure = time - period * np.arange(len(time))
+    moment = square = 0.0
+    for first, stop in _segments(gaps, len(time)):
+        earliest = _earliest(departure[first:stop], stretch)
+        if len(earliest) >= 3:
+            at = stretch * (np.arange(len(earliest)) - 0.5 * (len(earliest) - 1))
+            moment += float(at @ earliest)
+            square += float(at @ at)
+    if square > 0.0:
+        return period + moment / square
+    return period
+
+
+def _fitted(time: NDArray, gaps: NDArray[np.int_], period: float, stretch: int) -> Grid:
     """The even times of stamps whose gaps are known."""
     between = np.delete(np.diff(time), gaps)
     rows = np.arange(len(time))
@@ -211,12 +234,9 @@ def _fitted(time: NDArray, gaps: NDArray[np.int_], shift: NDArray, period: float
     if np.abs(between - mean).max(initial=0.0) <= HARDLY * mean:
         period = mean
     else:
-        lag = max(1, len(time) // 2)
-        level = time - shift
-        period = float(np.median(level[lag:] - level[:-lag])) / lag
+        period = _common_slope(time, gaps, period, stretch)
     departure = time - period * rows
     even = period * rows
-    edges = [0, *(gaps + 1).tolist(), len(time)]
-    for first, stop in pairwise(edges):
+    for first, stop in _segments(gaps, len(time)):
         even[first:stop] += np.median(departure[first:stop])
     return Grid(period, gaps, even, time, regular=True)
