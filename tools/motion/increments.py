@@ -176,7 +176,8 @@ def sampling_period(record: StrapdownRecord) -> float:
         raise InputError(
             f"{record.path}, row {int(record.row[worst])}, column 'time_s': {exactly(time[worst], 9)} s is "
             f"{exactly(100.0 * abs(off[worst]), 3)} % of the period ({exactly(period, 6)} s) off the uniform grid; "
-            f"at most {exactly(100.0 * MOST_JITTER)} % is taken: give a uniformly sampled record, or --stamps even where the sensor samples evenly"
+            f"at most {exactly(100.0 * MOST_JITTER)} % is taken: give a uniformly sampled record, or "
+            "--stamps even where the sensor samples evenly"
         )
     return period
 
