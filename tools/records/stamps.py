@@ -236,7 +236,7 @@ def _fitted(time: NDArray, gaps: NDArray[np.int_], period: float, stretch: int) 
     else:
         period = _common_slope(time, gaps, period, stretch)
     departure = time - period * rows
-    even = period * rows
+    even: NDArray[np.float64] = np.asarray(period * rows, dtype=np.float64)
     for first, stop in _segments(gaps, len(time)):
         even[first:stop] += np.median(departure[first:stop])
     return Grid(period, gaps, even, time, regular=True)

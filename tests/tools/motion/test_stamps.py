@@ -82,7 +82,8 @@ def stamped(time: np.ndarray, kind: str, seed: int) -> np.ndarray:
         return np.maximum.accumulate(late) + 1e-7 * np.arange(count)
     size = int(rng.integers(5, 25))
     group = np.minimum((np.arange(count) // size + 1) * size, count) - 1
-    return time[group] + 0.1 * PERIOD * (np.arange(count) % size)
+    bursts = time[group] + 0.1 * PERIOD * (np.arange(count) % size)
+    return np.maximum.accumulate(bursts) + 1e-7 * np.arange(count)
 
 
 KINDS = ("jitter", "coarse", "single precision", "late", "bursts")
