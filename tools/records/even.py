@@ -170,7 +170,7 @@ def _with_truth(record: StrapdownRecord, grid: Grid) -> list[tuple[int, int]]:
     if record.attitude is None:
         return []
     rows = max(2, round(STRETCH / grid.period))
-    known = np.isfinite(record.attitude).all(axis=1)
+    known = np.asarray(np.isfinite(record.attitude).all(axis=1))
     gaps = np.concatenate([[0], np.cumsum(grid.is_gap)])
     first = np.arange(0, len(record) - rows, rows)
     last = first + rows
