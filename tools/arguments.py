@@ -3,13 +3,15 @@
 import builtins
 import ctypes
 import inspect
+import os
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, wraps
 from itertools import product
 from pathlib import Path
-from threading import Lock
+from threading import Event, Lock
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -40,6 +42,8 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def called(*positional: P.args, **keywords: P.kwargs) -> R:
+        if _THREADS_LOST.is_set():
+            raise InputError(FORKED)
         bound = signature.bind(*positional, **keywords)
         for name, value in bound.arguments.items():
             adapter = _adapters(function).get(name)
@@ -137,6 +141,36 @@ def _of_arguments(text: str, names: Sequence[str]) -> str:
         return match[0]
 
     return re.sub(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)", argument, text)
+
+
+# A fork copies one thread: what waits for the others of polars waits for ever
+
+FORKED = (
+    "this process was forked after its parent had used Trihedron, and polars has lost its threads: start processes by "
+    "multiprocessing.get_context('spawn') or 'forkserver', or fork before the first use"
+)
+_THREADS_RUN, _THREADS_LOST = Event(), Event()
+
+
+def _note_threads() -> None:
+    """Note before a fork whether polars' threads run; where the system does not list them, whether it is loaded."""
+    names = []
+    for path in Path("/proc/self/task").glob("*/comm"):
+        with suppress(OSError):
+            names.append(path.read_text("utf-8", "replace"))
+    run = any(re.match(r"polars-\d", name) for name in names) if names else "polars" in sys.modules
+    if run:
+        _THREADS_RUN.set()
+
+
+def _lose_threads() -> None:
+    """Note in the forked process that it has none of the threads that ran before."""
+    if _THREADS_RUN.is_set():
+        _THREADS_LOST.set()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_note_threads, after_in_child=_lose_threads)
 
 
 # One thread for the linear algebra of a call from Python
