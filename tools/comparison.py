@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from .errors import InputError, nearest
-from .files import MAGIC, bytes_of, fault_of_parquet
+from .files import MAGIC, advice_on, bytes_of, fault_of_parquet
 from .quantity import Quantity
 from .records.columns import INCREMENT
 from .records.read import table_in_memory
@@ -326,6 +326,9 @@ def _of_file(path: Path) -> pl.DataFrame:
         if fault := fault_of_parquet(data):
             raise InputError(f"{path}: {fault}")
         return pl.read_parquet(io.BytesIO(data))
+    advice = advice_on(path, data, "record")
+    if advice:
+        raise InputError(f"{path}: is no table of a run or a record{advice}")
     try:
         data.decode("utf-8")
         table = pl.read_csv(io.BytesIO(data), comment_prefix="#", infer_schema_length=None)

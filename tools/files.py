@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -314,6 +316,58 @@ def is_workbook(content: bytes) -> bool:
     """Whether bytes are those of a workbook: of a new kind (.xlsx, .xlsb, .ods: ZIP archives) or the old (.xls)."""
     archive = content.startswith(ZIP) and (b"xl/workbook" in content or OPEN_DOCUMENT in content)
     return archive or content.startswith(OLD_WORKBOOK)
+
+
+# What a file is, whoever reads it
+
+_SCHEMA = re.compile(rb"^\s*[{]?\s*\"?schema\"?\s*[=:]\s*\"trihedron\.([a-z-]+)/\d+\"", re.MULTILINE)
+_OF_RECORD = re.compile(rb"\b(alpha_deg|f1_mps2|w1_radps|dtheta1_rad)\b")
+_NAMES = re.compile(rb'[\w"]+(,[\w" ]+){2,}')
+_SNIFFED = 4000
+"""Bytes at the beginning of a file that say what it is."""
+KINDS_OF_FILES = {
+    "scenario": "a scenario: did you mean `trihedron simulate {file}`?",
+    "campaign": "a campaign: did you mean `trihedron campaign {file}`?",
+    "calibration": "a calibration: did you mean `trihedron apply {file} RECORD`?",
+    "diagnosis": "a diagnosis: did you mean `trihedron apply {file} RECORD`?",
+    "plan": "a plan: did you mean `trihedron measure {file}`?",
+    "imu-plan": "a plan for the whole IMU: did you mean `trihedron measure {file}`?",
+    "run": "the account of a run: its rows are in run.parquet or run.csv beside it, its rests in positions.csv",
+    "mapping": "a mapping: did you mean `trihedron import FILE --mapping {file}`?",
+    "instrument": "an entry of an instrument's folder: did you mean `trihedron instrument trend FOLDER`?",
+    "record": "a record: did you mean `trihedron calibrate {file}` or `trihedron check {file}`?",
+    "FMU": "an FMU: did you mean `trihedron simulate {file}`?",
+    "system": "a system of FMUs (SSP): did you mean `trihedron simulate {file}`?",
+    "workbook": "a workbook: did you mean `trihedron import {file} --out RECORD.csv`?",
+}
+"""What a file can be, and what is said where it is given in place of another."""
+
+
+def kind_of_file(content: bytes) -> str:
+    """Which of `KINDS_OF_FILES` the bytes of a file are; "" where they tell none."""
+    if is_workbook(content):
+        return "workbook"
+    if content.startswith(ZIP):
+        if b"SystemStructure.ssd" in content:
+            return "system"
+        return "FMU" if b"modelDescription.xml" in content else ""
+    beginning = content[:_SNIFFED]
+    schema = _SCHEMA.search(beginning)
+    if schema is not None:
+        kind = schema[1].decode("ascii")
+        return kind if kind in KINDS_OF_FILES else ""
+    names = next((line for line in beginning.splitlines() if line.strip() and not line.startswith(b"#")), b"")
+    if _NAMES.fullmatch(names.strip()) and _OF_RECORD.search(names):
+        return "record"
+    return ""
+
+
+def advice_on(path: object, content: bytes, *right: str) -> str:
+    """What follows a refusal: "; this is a scenario: did you mean ...?"; "" where nothing tells it, or it is right."""
+    kind = kind_of_file(content)
+    if not kind or kind in right:
+        return ""
+    return f"; this is {KINDS_OF_FILES[kind].format(file=shlex.quote(str(path)))}"
 
 
 def _size(count: int) -> str:

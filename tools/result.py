@@ -30,7 +30,7 @@ from pydantic_core import CoreSchema
 
 from .. import tools
 from .errors import InputError, nearest
-from .files import json_text
+from .files import advice_on, json_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -191,7 +191,7 @@ def object_of(text: bytes, where: str) -> dict[str, Any]:
     try:
         content = json.loads(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: is not JSON text") from error
+        raise InputError(f"{where}: is not JSON text{advice_on(where, text)}") from error
     if not isinstance(content, dict):
         raise InputError(f"{where}: is no object of JSON")
     return content
@@ -242,15 +242,18 @@ def read_sections(content: bytes, path: Path, model: type[File], **origin: Any) 
     wrong.
     """
     schema = model.model_fields["schema_"].default
+    kind = schema.partition(".")[2].partition("/")[0]
+    advice = advice_on(path, content, kind)
     try:
         sections = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start + 1})") from error
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start + 1}){advice}") from error
     except ValueError as error:
-        raise InputError(f"{path}: is not TOML: {error}") from error
+        raise InputError(f"{path}: is not TOML: {error}{advice}") from error
     except RecursionError as error:
-        what = schema.partition(".")[2].partition("/")[0]
-        raise InputError(f"{path}: is not a {what} (nested too deeply)") from error
+        raise InputError(f"{path}: is not a {kind} (nested too deeply)") from error
+    if advice:
+        raise InputError(f"{path}: is no {kind}{advice}")
     if "schema" not in sections:
         raise InputError(f'{path}: schema is missing; write schema = "{schema}"')
     for problem in not_for_files(sections, model).values():

@@ -28,7 +28,7 @@ from ...fmus.parameters import (
 from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
 from ..calibrated import LATENCIES
 from ..errors import InputError
-from ..files import LARGEST_RESULT, bytes_of, whole_file
+from ..files import LARGEST_RESULT, advice_on, bytes_of, whole_file
 from ..records import BenchRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
 from ..result import Result, Told
@@ -103,10 +103,15 @@ class Correction:
 
 def read_correction(path: Path, sha256: str = "") -> Correction:
     """The correction of a calibration's file, as of `correction_of`."""
+    content_bytes = bytes_of(path, most=LARGEST_RESULT)
+    advice = advice_on(path, content_bytes, "calibration", "diagnosis")
     try:
-        content = json.loads(bytes_of(path, most=LARGEST_RESULT).decode("utf-8"))
+        content = json.loads(content_bytes.decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not JSON text; the file of `trihedron calibrate --json` is needed") from error
+        needed = advice or "; the file of `trihedron calibrate --json` is needed"
+        raise InputError(f"{path}: is not JSON text{needed}") from error
+    if advice:
+        raise InputError(f"{path}: is no calibration{advice}")
     return correction_of(content, str(path), sha256)
 
 

@@ -29,7 +29,7 @@ from ...models.bench import (
 )
 from ..bounded.programmes import shortened
 from ..errors import InputError, nearest
-from ..files import LARGEST_TEXT, bytes_of
+from ..files import LARGEST_TEXT, advice_on, bytes_of
 from ..records import PositionRecord
 
 MOUNTING_TARGETS = ("X8", "-X12", "X13")
@@ -72,6 +72,9 @@ def read_mounting_file(path: Path) -> dict[str, NDArray]:
     if not path.exists():
         raise InputError(f"--mounting {path}: neither a file nor a preset ({nearest(str(path), tuple(PRESETS))})")
     content_bytes = bytes_of(path, "a file of mountings is needed", label=f"--mounting {path}", most=LARGEST_TEXT)
+    advice = advice_on(path, content_bytes)
+    if advice:
+        raise InputError(f"--mounting {path}: is no file of mountings{advice}")
     try:
         content = tomllib.loads(content_bytes.decode("utf-8"))
     except UnicodeDecodeError as error:

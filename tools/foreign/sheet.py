@@ -19,6 +19,7 @@ from itertools import islice
 from pathlib import Path
 
 from ..errors import InputError, nearest
+from ..files import advice_on
 from ..records.read import PACKED
 from .numbers import Typed, bare, date_of, has_degree_mark, is_clock, is_missing, parsed_number
 
@@ -256,6 +257,9 @@ def unpacked(path: Path, content: bytes) -> bytes:
 
 def refuse_other(path: Path, content: bytes) -> None:
     """Refuse a file that is no text with a table, by what it begins with, and say what would be right."""
+    advice = advice_on(path, content, "record", "workbook")
+    if advice:
+        raise InputError(f"{path}: is no table of measured data{advice}")
     begins = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip().decode("latin-1")
     for pattern, what in OTHERS.items():
         if re.match(pattern, begins):

@@ -16,7 +16,7 @@ import polars as pl
 
 from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..errors import InputError, nearest, said_of
-from ..files import bytes_of, fault_of_parquet
+from ..files import advice_on, bytes_of, fault_of_parquet
 from .interface import FmuVariable, Interface, Value, checked, conversion, is_angle, refer_to, spread
 from .load import Loaded, Sources, interfaces_of
 from .scenario import MOST_STEPS, Scenario, Stimulus
@@ -111,6 +111,9 @@ def read_number_table(path: Path, label: str, names: Sequence[str] | None) -> tu
     (row and column named).
     """
     content = bytes_of(path, label=label)
+    advice = advice_on(label, content, "record")
+    if advice:
+        raise InputError(f"{label}: is no table of numbers{advice}")
     if path.suffix.lower() != ".parquet":
         return _read_csv(content, label, names), content
     wrong = fault_of_parquet(content)

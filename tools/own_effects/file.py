@@ -40,7 +40,7 @@ from ...models.effects import (
 from ...models.effects.columns import ONSET, PORTS, WHOLE, ports
 from ...models.effects.definition import ACCELEROMETERS, AXES, GYRO_BLOCK, whole_numbers
 from ..errors import InputError, nearest, one_line
-from ..files import bytes_of
+from ..files import advice_on, bytes_of
 
 TABLE_PLACES = (*AXES, "base")
 STAGES = {
@@ -91,6 +91,9 @@ class OwnEffects:
             return path
         file = Path(path)
         content = bytes_of(file, "a file of effects is needed", label=f"--effects-from {file}", most=LARGEST_FILE)
+        advice = advice_on(file, content)
+        if advice:
+            raise InputError(f"--effects-from {file}: is no file of effects{advice}")
         try:
             return OwnEffects(str(file), content.decode("utf-8-sig"))
         except UnicodeDecodeError as error:

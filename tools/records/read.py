@@ -22,7 +22,7 @@ import polars as pl
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..files import MAGIC, bytes_of, fault_of_parquet, is_workbook
+from ..files import MAGIC, advice_on, bytes_of, fault_of_parquet, is_workbook
 from ..progress import tracked
 from .channels import Channels
 from .columns import (
@@ -236,6 +236,9 @@ def all_faults(
 
 def _with_import(error: RecordError, path: Path, content: bytes) -> RecordError:
     """What is wrong with a file that is no record, and the command that makes one of what a laboratory wrote."""
+    advice = advice_on(path, content, "record", "workbook")
+    if advice:
+        return RecordError(path, None, None, f"is no record{advice}")
     is_readable = is_workbook(content) or content[:2] in (PACKED, b"\xff\xfe", b"\xfe\xff") or b"\0" not in content
     if not is_readable or content.startswith(MAGIC) or not content.strip() or "no rows follow" in error.what:
         return error
