@@ -207,13 +207,19 @@ class FmpyInput(Result):
 
 
 def write_fmpy_input(
-    path: Path, out: Path, *, rates: str = "instantaneous", bridge_gaps: int = 0, stamps: str | None = None
+    source: records.Source,
+    out: Path,
+    *,
+    rates: str = "instantaneous",
+    bridge_gaps: int = 0,
+    stamps: str | None = None,
+    trust: bool = False,
 ) -> FmpyInput:
     """Write a record as the CSV file that FMPy reads: inputs of a computer or of AccelerometerCompensation.
 
     Parameters
     ----------
-    path : Path
+    source : path, table in memory or record
         a strapdown record, of which increments are taken for AttitudeComputer, where it has increments of velocity for
         VelocityComputer; or a raw record of a table, of which readings
     out : Path
@@ -223,6 +229,8 @@ def write_fmpy_input(
         bridge gaps of a strapdown record of up to so many lost rows
     stamps : str or None
         as of `read_record`
+    trust : bool
+        whether a person knows that the record is right, whatever speaks against it
 
     Raises
     ------
@@ -231,7 +239,7 @@ def write_fmpy_input(
     """
     import polars as pl
 
-    record = records.read_record(path, stamps=stamps)
+    record = motion.trusted(records.read_record(source, stamps=stamps), trust=trust)
     if isinstance(record, records.BenchRecord):
         record = record.gyros
     if isinstance(record, records.StrapdownRecord):
@@ -243,7 +251,9 @@ def write_fmpy_input(
             )
         inputs = _reading_inputs(record)
     else:
-        raise InputError(f"{path}: is a position record, which has no steps; a strapdown or a raw record is needed")
+        raise InputError(
+            f"{record.path}: is a position record, which has no steps; a strapdown or a raw record is needed"
+        )
     rows = len(next(iter(inputs.variables.values())))
     table = {"time": [inputs.period * row for row in range(rows)]}
     for name, values in inputs.variables.items():

@@ -30,6 +30,7 @@ from .options import (
     Shared,
     Stamps,
     Targets,
+    Trust,
 )
 
 
@@ -73,7 +74,7 @@ def import_record(
     )
 
 
-def check(file: str | Path, *, channels: Channels = (), stamps: Stamps = None) -> "checks.Check":
+def check(file: str | Path, *, channels: Channels = (), stamps: Stamps = None, trust: Trust = False) -> "checks.Check":
     """Say everything that is wrong with a file, with lines; nothing is run.
 
     Parameters
@@ -86,11 +87,16 @@ def check(file: str | Path, *, channels: Channels = (), stamps: Stamps = None) -
     InputError
         no file that can be read
     """
-    return checks.check(file, channels, stamps)
+    return checks.check(file, channels, stamps, trust=trust)
 
 
 def inspect(
-    record: "records.Source", *, gravity: Gravity = 9.80665, channels: Channels = (), stamps: Stamps = None
+    record: "records.Source",
+    *,
+    gravity: Gravity = 9.80665,
+    channels: Channels = (),
+    stamps: Stamps = None,
+    trust: Trust = False,
 ) -> "motion.Inspection":
     """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
 
@@ -108,8 +114,8 @@ def inspect(
     """
     run = records.read_record(record, records.StrapdownRecord, records.BenchRecord, channels=channels, stamps=stamps)
     if isinstance(run, records.StrapdownRecord):
-        return motion.inspect_record(run, gravity=gravity)
-    inspection = motion.inspect_record(run.gyros, gravity=gravity)
+        return motion.inspect_record(run, gravity=gravity, trust=trust)
+    inspection = motion.inspect_record(run.gyros, gravity=gravity, trust=trust)
     at_table = calibrations.judged_at_table(run, gravity)
     return inspection.model_copy(update={"accelerometers": None, "at_table": at_table})
 
@@ -124,6 +130,7 @@ def attitude_of_record(
     gyro_bias: Sequence[float] | None = None,
     channels: Channels = (),
     stamps: Stamps = None,
+    trust: Trust = False,
     out: Path | None = None,
     progress: Progress = False,
 ) -> "motion.AttitudeRun":
@@ -150,7 +157,9 @@ def attitude_of_record(
         unknown algorithm; a record that is not uniform, has a gap, or turns by more than the algorithm takes
     """
     return motion.run_attitude(
-        records.read_record(record, records.StrapdownRecord, channels=channels, stamps=stamps),
+        motion.trusted(
+            records.read_record(record, records.StrapdownRecord, channels=channels, stamps=stamps), trust=trust
+        ),
         algorithm=algorithm,
         rates=rates,
         rate_divisor=rate_divisor,
@@ -172,6 +181,7 @@ def calibrate(
     mounting: Mounting = "identity",
     channels: Channels = (),
     stamps: Stamps = None,
+    trust: Trust = False,
     targets: Targets = (),
     priors: Sequence[str] = (),
     bench: "calibrations.Bench | None" = None,
@@ -201,10 +211,12 @@ def calibrate(
     'consistent'
     """
     rests = records.read_record(record, records.PositionRecord, channels=channels, stamps=stamps)
-    place = {} if bench is None else vars(bench)
+    place = calibrations.Bench.given(rests, **({} if bench is None else vars(bench)))
+    # without the place gyros are not used
+    rests = motion.trusted(rests, trust=trust or place is None, gravity=gravity)
     result = calibrations.calibrate_whole(
         rests,
-        calibrations.Bench.given(rests, **place),
+        place,
         noise_bound=noise_bound,
         gravity=gravity,
         convention=convention,
@@ -266,6 +278,7 @@ def apply(
     noise_bound: float = 0.0,
     channels: Channels = (),
     stamps: Stamps = None,
+    trust: Trust = False,
 ) -> "calibrations.Applied":
     """Correct the readings of a record by a calibration, or by what a diagnosis of another record names.
 
@@ -292,13 +305,14 @@ def apply(
     if isinstance(found, str | Path):
         result = diagnosis.read_diagnosis(Path(found)) or found
     if not isinstance(result, diagnosis.Diagnosis):
-        applied = calibrations.apply_calibration(
-            result, record, noise_bound=noise_bound, channels=channels, stamps=stamps
-        )
-        mounting = None if applied.correction is None else applied.correction.mounting
-        warnings = checks.channels_warning(applied.record, mounting)
+        measured = motion.trusted(records.read_record(record, channels=channels, stamps=stamps), trust=trust)
+        applied = calibrations.apply_calibration(result, measured, noise_bound=noise_bound)
+        if applied.correction is None or isinstance(measured, records.StrapdownRecord):
+            return applied
+        warnings = checks.channels_warning(applied.record, applied.correction.mounting)
         return applied.model_copy(update={"warnings": [*applied.warnings, *warnings]})
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels, stamps=stamps)
+    run = motion.trusted(run, trust=trust)
     bound = noise_bound or None
     if bound is None and not isinstance(run, records.StrapdownRecord):
         bound = result.noise_bound
@@ -316,6 +330,7 @@ def diagnose(
     mounting: Mounting = "identity",
     channels: Channels = (),
     stamps: Stamps = None,
+    trust: Trust = False,
     rates: Rates = "instantaneous",
     reference_bound: ReferenceBound = None,
     hypotheses: Sequence[str] = (),
@@ -353,10 +368,12 @@ def diagnose(
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels, stamps=stamps)
-    place = {} if bench is None else vars(bench)
+    place = calibrations.Bench.given(run, **({} if bench is None else vars(bench)))
+    is_table = isinstance(run, records.PositionRecord)
+    run = motion.trusted(run, trust=trust or (is_table and place is None), gravity=gravity)
     options = diagnosis.evidence_options(
         run,
-        bench=calibrations.Bench.given(run, **place),
+        bench=place,
         noise_bound=noise_bound,
         gravity=gravity,
         baseline=baseline,
@@ -423,6 +440,7 @@ def diagnose_together(
     mounting: Mounting = "identity",
     channels: Channels = (),
     stamps: Stamps = None,
+    trust: Trust = False,
     rates: Rates = "instantaneous",
     reference_bound: ReferenceBound = None,
     effects_from: EffectsFrom = None,
@@ -454,6 +472,9 @@ def diagnose_together(
     >>> th.diagnose_together("monday.csv", "tuesday.csv", "friday.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
     runs = _several((first, *others), (records.PositionRecord, records.StrapdownRecord), channels, stamps)
+    for label, run in runs.items():
+        is_table = isinstance(run, records.PositionRecord)
+        runs[label] = motion.trusted(run, trust=trust or is_table, gravity=gravity)
     options = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
     options |= {"mounting": mounting, "rates": rates, "reference_bound": reference_bound}
     with own_effects.with_effects_of(effects_from):

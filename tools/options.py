@@ -68,6 +68,13 @@ Stamps = Annotated[
         "and gravity agree better."
     ),
 ]
+Trust = Annotated[
+    bool,
+    Option(
+        "Use a record with gyros although its units, axes, signs or single rows look wrong: what speaks against it is "
+        "then a warning."
+    ),
+]
 Rates = Annotated[Literal["instantaneous", "averaged"], Option("What a rate in the record means.")]
 EffectsFrom = Annotated[
     str | Path | None,

@@ -8,8 +8,7 @@ import pytest
 
 from generator.channels import GYRO_EFFECTS, WRONG, filmed_record, right_record, wrong_record
 from trihedron.tools.calibration import Positions, channels_advice, parametrise
-from trihedron.tools.evidence import wrong_channels
-from trihedron.tools.motion import inspect_record
+from trihedron.tools.motion import trust_of
 from trihedron.tools.records import PERMUTATIONS, Channels, PositionRecord, StrapdownRecord, reading_of
 
 pytestmark = pytest.mark.acceptance
@@ -50,7 +49,7 @@ def test_no_right_record_is_advised_anything() -> None:
 def is_mended(record: StrapdownRecord, matrix: np.ndarray) -> bool:
     """Whether gyros exchanged by a signed permutation are said with the order that reads them right, first of all."""
     assert record.rate is not None
-    output = " ".join(wrong_channels(inspect_record(replace(record, rate=record.rate @ matrix.T))))
+    output = " ".join(trust_of(replace(record, rate=record.rate @ matrix.T)).faults)
     return f"read it with --channels w={','.join(map(str, reading_of(matrix)))}" in output
 
 
@@ -73,7 +72,5 @@ def test_nearly_all_ways_of_gyros_are_spotted_beside_an_effect() -> None:
 
 def test_no_right_gyros_are_advised_anything() -> None:
     effects = ("", "", *GYRO_EFFECTS)
-    observed = [
-        (seed, wrong_channels(inspect_record(filmed_record(100 + seed, effects[seed % 10])))) for seed in range(RIGHT)
-    ]
+    observed = [(seed, trust_of(filmed_record(100 + seed, effects[seed % 10])).faults) for seed in range(RIGHT)]
     assert [(seed, output) for seed, output in observed if output] == []

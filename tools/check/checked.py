@@ -14,12 +14,12 @@ from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings
 
 
-def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = None) -> Check:
+def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = None, *, trust: bool = False) -> Check:
     """Say everything that is wrong with a file that Trihedron reads, with lines; what it is is told by its content.
 
     A scenario, campaign or file of mountings (TOML); a record, position programme or angles of a plan (CSV, Parquet); a
-    calibration, diagnosis or plan (JSON); an .fmu or .ssp. Channels of a record are as of `read_record`. An InputError
-    where no file can be read.
+    calibration, diagnosis or plan (JSON); an .fmu or .ssp. Channels of a record are as of `read_record`; with
+    `trust` what speaks against its gyros is a warning. An InputError where no file can be read.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -39,7 +39,7 @@ def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = N
         # An archive of somebody else is refused before the half of the program is imported that reads records.
         from .files import check_content
 
-        return findings.check(check_content(findings, content, channels, stamps))
+        return findings.check(check_content(findings, content, channels, stamps, trust=trust))
     return findings.check()
 
 

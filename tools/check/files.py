@@ -33,11 +33,9 @@ from ..campaign.file import Campaign
 from ..diagnosis import Diagnosis
 from ..diagnosis.result import DIAGNOSES, in_present_schema
 from ..errors import InputError, nearest
-from ..evidence.carried_checks import downward_warning, wrong_channels
 from ..files import MAGIC
 from ..instrument import INSTRUMENT, Entry
-from ..motion import inspect_record
-from ..motion.rests import FEWEST_ROWS
+from ..motion import trust_of
 from ..orchestrator.scenario import SCHEMA as SCENARIO
 from ..orchestrator.scenario import Scenario
 from ..orchestrator.stimuli import read_number_table
@@ -72,14 +70,16 @@ MOST = 200
 """So many problems of a record are listed."""
 
 
-def check_content(findings: Findings, content: bytes, channels: Sequence[str], stamps: str | None = None) -> int | None:
+def check_content(
+    findings: Findings, content: bytes, channels: Sequence[str], stamps: str | None = None, *, trust: bool
+) -> int | None:
     """Note what is wrong with a file that is no archive; so many problems of it are listed, all without a number.
 
     A scenario, campaign or file of mountings (TOML); a calibration, diagnosis or plan (JSON); anything else is a table.
     """
     ending = findings.path.suffix.lower()
     if ending not in (".toml", ".json"):
-        _check_table(findings, content, channels, stamps)
+        _check_table(findings, content, channels, stamps, trust=trust)
         return MOST
     try:
         text = content.decode("utf-8-sig").replace("\r\n", "\n")
@@ -143,7 +143,9 @@ def _check_toml(findings: Findings, text: str) -> None:
         findings.add(f"schema: {schema!r} is not known; {nearest(str(schema), [SCENARIO, CAMPAIGN])}", ("schema",))
 
 
-def _check_table(findings: Findings, content: bytes, channels: Sequence[str], stamps: str | None) -> None:
+def _check_table(
+    findings: Findings, content: bytes, channels: Sequence[str], stamps: str | None = None, *, trust: bool
+) -> None:
     """A table of measured or commanded numbers, CSV or Parquet.
 
     Of a record every field that is wrong, by row; of a series without such fields also the limits of its channels, and
@@ -189,8 +191,14 @@ def _check_table(findings: Findings, content: bytes, channels: Sequence[str], st
         findings.warnings += channels_warning(record)
         return
     findings.warnings += tuple(channel_limits(record).lines)
+    told = trust_of(record)
+    findings.warnings += told.warnings
+    if trust:
+        findings.warnings += told.faults
+    else:
+        for line in told.faults:
+            findings.add(line)
     if isinstance(record, StrapdownRecord):
-        findings.warnings += channels_warning(record)
         return
     with findings.of():
         averaged = position_record_of(record)
@@ -198,19 +206,12 @@ def _check_table(findings: Findings, content: bytes, channels: Sequence[str], st
         findings.summary += (f"{len(averaged.rests)} rests, {len(averaged)} of them good",)
 
 
-def channels_warning(
-    record: PositionRecord | RawRecord | StrapdownRecord, mounting: NDArray | None = ALIGNED
-) -> tuple[str, ...]:
-    """What `calibrate` or `diagnose` would say of the channels of a record.
+def channels_warning(record: PositionRecord | RawRecord, mounting: NDArray | None = ALIGNED) -> tuple[str, ...]:
+    """What `calibrate` or `diagnose` would say of the channels of a record of a table.
 
-    Block axes from axes of the inner frame are a mounting (3, 3); of a record on the table with several, or with none
-    that is known, nothing is said. Gyros are looked at beside gravity and the true attitude. A record that has too few
-    rows, or no rests, tells nothing.
+    Block axes from axes of the inner frame are a mounting (3, 3); of a record with several, or with none that is known,
+    nothing is said. A record without rests tells nothing.
     """
-    if isinstance(record, StrapdownRecord):
-        if len(record) < FEWEST_ROWS:
-            return downward_warning(record)
-        return wrong_channels(inspect_record(record)) + downward_warning(record)
     if isinstance(record, RawRecord):
         try:
             record = position_record_of(record)

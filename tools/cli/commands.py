@@ -26,7 +26,7 @@ from .. import (
 )
 from ..errors import InputError, one_line
 from ..files import at_once, ordinary_file, ordinary_folder, write_text
-from ..options import BridgeGaps, Platform, Rates, Stamps
+from ..options import BridgeGaps, Channels, Platform, Rates, Stamps, Trust
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -166,6 +166,7 @@ def calibrate_command(
         _refuse_of_one(of_one)
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
+        options.pop("trust", None)
         joint = measured.calibrate_together(record, *others, **shared, **options)
         if report is not None:
             reports.write_report(report, joint)
@@ -317,7 +318,10 @@ def inspect_command(
         reports.write_plot(plot, record.name, f"{len(rows)} rows as measured.", rows.to_polars())
     if allan is not None:
         write_text(allan, reports.allan_picture(inspection).svg())
-    return answer(inspection, json)
+    complaint = "; ".join(inspection.trust.faults)
+    if complaint:
+        complaint = f"{record.name}: {complaint}. If the record is right all the same, add --trust"
+    return answer(inspection, json, complaint=complaint)
 
 
 @with_options_of(measured.attitude_of_record)
@@ -344,6 +348,7 @@ def attitude_command(
     source = records.read_record(record, records.StrapdownRecord, **_taken(options, READING))
     if compare:
         options.pop("algorithm", None)
+        source = motion.trusted(source, trust=options.pop("trust", False))
         compared = motion.compare_algorithms(source, **options, progress=True)
         if out is not None:
             write_text(out / "comparison.csv", compared.to_polars().write_csv())
@@ -364,6 +369,8 @@ def fmpy_input_command(
     rates: Rates = "instantaneous",
     bridge_gaps: BridgeGaps = 0,
     stamps: Stamps = None,
+    channels: Channels = (),
+    trust: Trust = False,
     out: File = Path("input.csv"),
     json: JsonFile = None,
 ) -> Answer:
@@ -382,7 +389,8 @@ def fmpy_input_command(
     distinct_files({"the record": record, "--out": out, "--json": json})
     from ..exporting import write_fmpy_input
 
-    inputs = write_fmpy_input(record, out, rates=rates, bridge_gaps=bridge_gaps, stamps=stamps)
+    source = motion.trusted(records.read_record(record, channels=channels, stamps=stamps), trust=trust)
+    inputs = write_fmpy_input(source, out, rates=rates, bridge_gaps=bridge_gaps)
     complaint = f"{record.name}: {inputs.complaint}" if inputs.complaint else ""
     return answer(inputs, json, complaint=complaint, status=0 if inputs.trusted_until is None else 2)
 

@@ -6,8 +6,6 @@ from .bench_visits import acted_on as acted_on
 from .bench_visits import circumstances_of as circumstances_of
 from .bench_visits import signature_columns as signature_columns
 from .bench_visits import untold_readings as untold_readings
-from .carried_checks import downward_warning as downward_warning
-from .carried_checks import wrong_channels as wrong_channels
 from .carried_record import carried_evidence as carried_evidence
 from .carried_record import linear_evidence as linear_evidence
 from .carried_run import Carried as Carried

@@ -5,7 +5,7 @@ in axes of the piece's beginning and to first order. Errors are computed less tr
 carried attitude too far.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,10 +19,10 @@ from ..motion.inspect import Inspection
 from ..motion.norm import COLUMNS, NAMES, ROWS, inputs_of, norm_block, norm_equations
 from ..motion.rest_noise import RestNoise, factor_for, rest_lengths, rest_noise
 from ..motion.rests import Rests
+from ..motion.truth import Usable, known_rows, thinned, usable_in, windows_between
 from ..records import StrapdownRecord
 from ..records.columns import INERTIAL
 from ..records.noise import SCATTER_FACTOR
-from ..records.stamps import grid_of
 from .fit import coefficient_count
 from .rows import Part, Pieces
 
@@ -30,21 +30,15 @@ CHUNK = 30_000
 """Rows at a time: the memory does not grow with the record."""
 LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Of the windows [s]."""
-LENGTH_ROOM = 0.1
-"""A window may be longer or shorter by this part, where the truth is not known at every row."""
 FEWEST_WINDOWS = 8
 """A length with fewer windows is not used: they cannot be left out in blocks."""
 TOGETHER = (1, 2, 3)
 """Moves between neighbouring rests, and over two and three rests."""
-MOST_PIECES = 400
-"""Of more windows of one length, and moves over several rests, so many are taken, spread over the record."""
 EARTH_AT_REST, EARTH_IN_MOTION = 1.0, 2.0
 """So many times Earth's rate widens the bounds: with the gyros' bias free only its change between poses counts; with
 the mean at rest taken out it counts once there and once in the motion."""
 Sized = Mapping[EffectPlace, tuple[float, ...]]
 """Effects with the values of their parameters."""
-Usable = Callable[[NDArray, NDArray], NDArray[np.bool_]]
-"""Rows at which stretches (S,) begin and end -> whether every interval of theirs can be used."""
 
 
 def force_deviation(inspection: Inspection) -> NDArray[np.float64]:
@@ -155,19 +149,6 @@ def all_rows(parts: Sequence[Pieces]) -> NDArray[np.int_]:
     """Every row at which a piece begins or ends, in order."""
     ends = [rows for part in parts for rows in (part.first, part.last)]
     return np.unique(np.concatenate(ends)) if ends else np.zeros(0, dtype=int)
-
-
-def usable_in(inspection: Inspection, *, whole: bool = True) -> Usable:
-    """Which stretches of a record hold no gap and no saturated gyro; `whole`: no knock or turn that cannot be told."""
-    record, sampling = inspection.record, inspection.sampling
-    bad = np.zeros(len(record), dtype=bool)
-    bad[1:] = grid_of(record.time_s).is_gap
-    # Of rates both turns beside a row hold it.
-    spoilt = sampling.limits.of("w") | sampling.broken if whole else sampling.limits.of("w")
-    bad |= spoilt
-    bad[1:] |= spoilt[:-1]
-    broken = np.cumsum(bad)
-    return lambda first, last: broken[last] == broken[first]
 
 
 def force_columns(place: EffectPlace, n: NDArray, rests: Rests) -> NDArray[np.float64]:
@@ -326,7 +307,7 @@ class Gravity(Reference):
 
 def gravity_pieces(inspection: Inspection) -> tuple[Pieces, tuple[Pieces, ...], tuple[NDArray[np.int_], ...]]:
     """Rests without a gap; moves over one, two and three rests; numbers (S, 2) of the rests at the ends of each."""
-    rests, usable = inspection.rests, usable_in(inspection)
+    rests, usable = inspection.rests, usable_in(inspection.record, inspection.sampling)
     first, last = _ends_of(rests)
     whole_rests = np.flatnonzero(usable(first, last) & (last > first))
     still = Pieces("rests", "rests", first[whole_rests], last[whole_rests])
@@ -336,7 +317,7 @@ def gravity_pieces(inspection: Inspection) -> tuple[Pieces, tuple[Pieces, ...], 
         begin, end = last[numbers], first[numbers + together]
         chosen = np.flatnonzero(usable(begin, end))
         if together > 1:
-            chosen = _thinned(chosen)
+            chosen = thinned(chosen)
         if len(chosen):
             label = "1 move" if together == 1 else f"{together} moves"
             moves.append(Pieces("moves", label, begin[chosen], end[chosen]))
@@ -396,13 +377,6 @@ class Truth(Reference):
         return parts
 
 
-def known_rows(record: StrapdownRecord) -> NDArray[np.int_]:
-    """Rows whose true attitude is known."""
-    if record.attitude is None:
-        return np.zeros(0, dtype=int)
-    return np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
-
-
 def has_truth(inspection: Inspection) -> bool:
     """Whether a record holds the true attitude anywhere."""
     return len(known_rows(inspection.record)) > 0
@@ -429,45 +403,22 @@ def without_earth(inspection: Inspection) -> Inspection:
 
 def truth_windows(inspection: Inspection) -> tuple[Pieces, ...]:
     """Windows of each length of which the record holds enough."""
-    rows, usable, period = known_rows(inspection.record), usable_in(inspection), inspection.sampling.period
+    record, sampling = inspection.record, inspection.sampling
+    rows, usable, period = known_rows(record), usable_in(record, sampling), sampling.period
     windows = [windows_of(rows, usable, period, seconds) for seconds in LENGTHS if seconds >= 4.0 * period]
     return tuple(pieces for pieces in windows if len(pieces) >= FEWEST_WINDOWS)
 
 
 def windows_of(known: NDArray, usable: Usable, period: float, seconds: float) -> Pieces:
     """Windows of one length, side by side, between rows (K,) whose true attitude is known."""
-    rows = max(1, round(seconds / period))
-    room = max(1, int(LENGTH_ROOM * rows))
-    first, last = [], []
-    k = 0
-    while k < len(known) - 1:
-        start = known[k]
-        end = int(np.searchsorted(known, start + rows))
-        candidates = [e for e in (end - 1, end) if k < e < len(known)]
-        best = min(candidates, key=lambda e: abs(known[e] - start - rows), default=None)
-        if best is None:
-            break
-        if abs(known[best] - start - rows) > room:
-            k += 1
-            continue
-        first.append(start)
-        last.append(known[best])
-        k = best
-    windows = Pieces("windows", f"{seconds:g} s", np.array(first, dtype=int), np.array(last, dtype=int))
-    return windows.selected(_thinned(np.flatnonzero(usable(windows.first, windows.last))))
+    first, last = windows_between(known, usable, period, seconds).T
+    return Pieces("windows", f"{seconds:g} s", first, last)
 
 
 def _ends_of(rests: Rests) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
     """First and last rows (K,) of the rests."""
     first = np.array([rows.start for rows in rests.rows], dtype=int)
     return first, np.array([rows.stop - 1 for rows in rests.rows], dtype=int)
-
-
-def _thinned(chosen: NDArray) -> NDArray[np.int_]:
-    """At most so many of them, spread over the record: they say much the same."""
-    if len(chosen) <= MOST_PIECES:
-        return chosen
-    return chosen[np.linspace(0, len(chosen) - 1, MOST_PIECES).round().astype(int)]
 
 
 def _square(rows: NDArray, deviation: NDArray) -> NDArray:

@@ -28,3 +28,6 @@ from .norm import norm_block as norm_block
 from .rest_noise import RestNoise as RestNoise
 from .rest_noise import factor_for as factor_for
 from .rests import sampling_of as sampling_of
+from .trust import TrustCheck as TrustCheck
+from .trust import trust_of as trust_of
+from .trust import trusted as trusted

@@ -17,7 +17,8 @@ from ..result import ABSENT, Array, Result
 from .norm import calibrate_by_norm, inputs_of, norm_values
 from .rest_noise import RestNoise, factor_for, gyro_noise, rest_lengths
 from .rests import RecordSampling, Rests, quiet_rests, rates_of, sampling_of
-from .turning import TurningCheck, check_turning
+from .trust import TrustCheck, judged, turning_of
+from .turning import TurningCheck
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -32,8 +33,6 @@ DISTINCT = 1e-3
 """Least singular value, over the largest, of columns of size one that can be told apart."""
 SHUFFLES, CHANCE = 200, 0.01
 """Of shuffled rests not more than this part may be explained as well by a term that is named."""
-FEW = 0.01
-"""Part of the rows."""
 WORDS = {
     "drift": "drifting with time",
     "gravity": "dependent on the direction of gravity",
@@ -163,6 +162,7 @@ class Inspection(Result):
     moves: tuple[Move, ...]
     excitation: Array = Field(alias="rate_rms_radps")
     turning: TurningCheck
+    trust: TrustCheck = TrustCheck()
     accelerometers: Calibration | None
     gyros: GyrosAtRest | None = Field(alias="gyros_at_rest")
     at_table: AtTable | None = None
@@ -180,7 +180,7 @@ class Inspection(Result):
         return pl.DataFrame({"time_s": self.rests.time_s, "length_s": self.rests.length_s})
 
 
-def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY) -> Inspection:
+def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY, trust: bool = False) -> Inspection:
     """Say what a strapdown record supports, and what its rests say of gyros and accelerometers.
 
     Nothing is resampled or repaired: gaps, jitter, saturated samples and wrong units are stated.
@@ -190,6 +190,8 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     record : StrapdownRecord
     gravity : float
         model value [m/s²]; a wrong one is in every scale factor
+    trust : bool
+        whether a person knows that the record is right: what speaks against it is then a warning
 
     Raises
     ------
@@ -204,16 +206,15 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     moving = np.ones(len(record), dtype=bool)
     for rows in rests.rows:
         moving[rows] = False
-    level = noise = excitation = np.zeros(3)
+    level = excitation = np.zeros(3)
     if len(rests):
-        level, noise = np.median(rests.rate, axis=0), rests.noise[:3]
+        level = np.median(rests.rate, axis=0)
+    turning = turning_of(record, sampling, rests)
+    check = judged(record, sampling, rests, turning, gravity)
+    if trust:
+        check = TrustCheck(warnings=(*check.faults, *check.warnings))
     if moving.any():
         excitation = np.sqrt(np.mean((rate[moving] - level) ** 2, axis=0))
-    # Where many turns are more than half a turn they are no glitches: the unit is wrong.
-    if sampling.wrapped < FEW * len(record):
-        broken = sampling.broken
-    else:
-        broken = record.knocks
     calibration = gyros = None
     if len(rests) and rests.force_bound is not None and rests.rate_bound is not None:
         bound = np.maximum(rests.force_bound / gravity, LEAST_BOUND)
@@ -236,7 +237,8 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
         rests=rests,
         moves=_moves(record, rests, rate - level),
         rate_rms_radps=excitation,
-        turning=check_turning(record.time_s, rate - level, record.specific_force, noise, broken, record.channels),
+        turning=turning,
+        trust=check,
         accelerometers=calibration,
         gyros_at_rest=gyros,
     )

@@ -4,6 +4,7 @@ All 48 signed permutations are tried, in rad/s and in degrees per second; what f
 that reads the record so.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +32,8 @@ FEWEST_BEFORE, CLEARER = 10, 4.0
 than on the other side misses so many times less, squared, than that of the other side."""
 LEAST_SHARE = 0.5
 """Part of the turns, squared, that gyros must show before anything is believed."""
+CLEAR = 0.2
+"""Where turns leave a smaller part of the changes of the specific force, squared, the gyros' size is told."""
 LEAST_MISS, BETTER = 0.1, 0.1
 """Gyros are read wrongly where they miss so much of the true turns, squared, and another way misses so much of that."""
 ALIKE = 0.05
@@ -52,11 +55,14 @@ class TurningCheck(Result):
         what is wrong, in words, and what mends it; empty where nothing is
     of_forces : str
         what mends it where the gyros are known to be right: the accelerometers' order and signs; empty where none does
+    scale : float or None
+        how many times as far as they read the gyros turn, where turns explain nearly all that the specific force does
     """
 
     matrix: Array | None = Field(default=None)
     said: tuple[str, ...] = ()
     of_forces: str = Field(default="", exclude=True)
+    scale: float | None = Field(default=None, exclude=True)
 
 
 def check_turning(
@@ -85,7 +91,7 @@ def check_turning(
     turn = 0.5 * (mean[1:] + mean[:-1]) * between[:, None]
     change, level = np.diff(middle, axis=0), 0.5 * (middle[1:] + middle[:-1])
     # rates that were read as degrees and are none turn the block so much less
-    smallest = LEAST_TURN / max(1.0, _units(before)[1])
+    smallest = LEAST_TURN / max(1.0, units_tried(before)[1])
     least = np.maximum(MOVING * noise * between[:, None] / np.sqrt(size), smallest)
     moving = (np.abs(turn) > least).any(axis=1) & (between < 1.5 * size * period)
     if broken is not None:
@@ -97,11 +103,16 @@ def check_turning(
     overall = _fit(turn, change, level)
     if overall is None:
         return TurningCheck()
-    matrix, uncertain, trusted = overall
+    matrix, uncertain, unexplained = overall
+    scale = None
+    if unexplained < CLEAR:
+        scale = float(np.median(np.abs(matrix).max(axis=1)))
     if before == Channels():
-        return TurningCheck(matrix=matrix)
+        return TurningCheck(matrix=matrix, scale=scale)
     apart = [
-        change - np.cross(level, unit * turn @ permutation.T) for unit in _units(before) for permutation in PERMUTATIONS
+        change - np.cross(level, unit * turn @ permutation.T)
+        for unit in units_tried(before)
+        for permutation in PERMUTATIONS
     ]
     squares = []
     for difference in apart:
@@ -110,13 +121,13 @@ def check_turning(
     at = time_s[blocks].reshape(pieces, size)[1:, 0][moving]
     if change_found := _change(squares, np.square(change).sum(axis=1), at):
         return TurningCheck(matrix=matrix, said=(f"the gyros, or the accelerometers, {change_found[0]}",))
-    if trusted:
-        return beside_gravity(matrix, uncertain, before)
+    if unexplained < 1.0 - LEAST_SHARE:
+        return beside_gravity(matrix, uncertain, before).model_copy(update={"scale": scale})
     return TurningCheck(matrix=matrix)
 
 
-def _fit(turn: NDArray, change: NDArray, level: NDArray) -> tuple[NDArray, NDArray, bool] | None:
-    """K (3, 3), its covariance (9, 9), and whether turns (S, 3) explain how the specific force (S, 3) changes.
+def _fit(turn: NDArray, change: NDArray, level: NDArray) -> tuple[NDArray, NDArray, float] | None:
+    """K (3, 3), its covariance (9, 9), and the part of the changes of the specific force (S, 3) beyond turns (S, 3).
 
     None where the block does not turn about all axes.
     """
@@ -132,9 +143,9 @@ def _fit(turn: NDArray, change: NDArray, level: NDArray) -> tuple[NDArray, NDArr
     solution = np.linalg.lstsq(design, target, rcond=None)[0]
     residual = target - design @ solution
     # what K ω explains of the change of the specific force; the rest is linear acceleration and noise
-    trusted = float(residual @ residual) < (1.0 - LEAST_SHARE) * float(target @ target)
+    unexplained = float(residual @ residual) / float(target @ target)
     uncertain = np.linalg.inv(design.T @ design) * float(residual @ residual) / (len(residual) - 9)
-    return solution.reshape(3, 3), uncertain, trusted
+    return solution.reshape(3, 3), uncertain, unexplained
 
 
 def _change(missed: NDArray, none: NDArray, at: NDArray) -> tuple[str, float] | None:
@@ -157,7 +168,7 @@ def _change(missed: NDArray, none: NDArray, at: NDArray) -> tuple[str, float] | 
     return f"{what}: no --channels reads both; give what is before and what is behind as files of their own", share
 
 
-def _units(before: Channels | None) -> tuple[float, float]:
+def units_tried(before: Channels | None) -> tuple[float, float]:
     """Units of the rates that are tried, beside that in which they were read: as they are, and the other one."""
     return (1.0, 1.0 / RADIANS if before is not None and before.degrees else RADIANS)
 
@@ -165,7 +176,7 @@ def _units(before: Channels | None) -> tuple[float, float]:
 def _costs(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> NDArray[np.float64]:
     """Costs (96,) of K (3, 3), with its covariance (9, 9), as each signed permutation in each of the two units."""
     costs = []
-    for unit in _units(before):
+    for unit in units_tried(before):
         weights = np.linalg.inv(uncertain / unit**2 + USUAL**2 * np.eye(9))
         apart = (matrix / unit - np.array(PERMUTATIONS)).reshape(-1, 9)
         costs.append(np.einsum("wi,ij,wj->w", apart, weights, apart))
@@ -174,29 +185,35 @@ def _costs(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> NDAr
 
 def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> TurningCheck:
     """What K (3, 3), with its covariance (9, 9), says of units, order and signs of the gyros, where it is surely so."""
-    same = far_better(_costs(matrix, uncertain, before))
-    ways: list[tuple[Channels, str]] = []
+    told = said_of_ways(
+        [divmod(int(way), len(PERMUTATIONS)) for way in far_better(_costs(matrix, uncertain, before))], before
+    )
+    if told is not None:
+        return TurningCheck(matrix=matrix, said=told[:1], of_forces=told[1])
+    return TurningCheck(matrix=matrix)
+
+
+def said_of_ways(ways: Sequence[tuple[int, int]], before: Channels | None) -> tuple[str, str] | None:
+    """What is wrong where these ways of reading, the best first, fit far better; None where there are none.
+
+    A way is the number of a unit and of a signed permutation. The second text mends the accelerometers alone.
+    """
+    gyros: list[tuple[Channels, str]] = []
     of_forces: list[tuple[Channels, str]] = []
-    for number, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
+    for number, permutation in ways:
         axes, degrees = PERMUTATIONS[permutation], number > 0
-        ways.append((Channels(gyros=reading_of(axes.T), degrees=degrees), ""))
+        gyros.append((Channels(gyros=reading_of(axes.T), degrees=degrees), ""))
         # Accelerometers that are turned see gravity turn as turned gyros do; that all are reversed does not show.
         if np.linalg.det(axes) > 0.0 and permutation:
             for sign in (1.0, -1.0):
                 of_forces.append((Channels(reading_of(sign * axes), degrees=degrees), ""))
-    if ways:
-        sentence = (
-            f"{_words(ways[0][0], 'the accelerometers', before)}: read it with {advice([*ways, *of_forces], before)}"
-        )
-        alternatives = ""
-        if of_forces:
-            alternatives = advice(of_forces, before)
-        return TurningCheck(matrix=matrix, said=(sentence,), of_forces=alternatives)
-    size = float(np.median(np.abs(matrix).max(axis=1)))
-    if not 0.5 < size < 2.0:
-        far = f"the gyros turn the block {digits(1.0 / size)} times as far as gravity turns: check their unit"
-        return TurningCheck(matrix=matrix, said=(far,))
-    return TurningCheck(matrix=matrix)
+    if not gyros:
+        return None
+    alternatives = ""
+    if of_forces:
+        alternatives = advice(of_forces, before)
+    words = _words(gyros[0][0], "the accelerometers", before)
+    return f"{words}: read it with {advice([*gyros, *of_forces], before)}", alternatives
 
 
 def beside_truth(
@@ -210,7 +227,7 @@ def beside_truth(
     target = true.as_matrix()
     missed = []
     none = np.square(target - np.eye(3)).sum(axis=(1, 2))
-    for unit in _units(before):
+    for unit in units_tried(before):
         # A permutation that turns is a turn of what was carried; one that mirrors, of what the reversed gyros carry.
         forth, back = (carried(sign * unit * increments, windows).as_matrix() for sign in (1.0, -1.0))
         for axes in PERMUTATIONS:

@@ -451,20 +451,21 @@ def faults_of_line(path: Path, row: int, line: str, width: int, place: dict[str,
 
 
 def _numbers(texts: Sequence[str], may_be_empty: bool) -> np.ndarray | None:
-    """The texts as finite numbers; None when one of them is not."""
+    """The texts as finite numbers, or NaN where they may be empty; None when one of them is neither."""
     joined = "".join(texts)
     # float() takes 1_000 and the digits of every script
     if "_" in joined or not joined.isascii():
         return None
-    empty = 0
     if may_be_empty:
-        empty = sum(not text.strip() for text in texts)
         texts = [text if text.strip() else "nan" for text in texts]
     try:
         values = np.array([float(text) for text in texts])
     except ValueError:
         return None
-    if np.count_nonzero(np.isfinite(values)) == len(values) - empty:
+    allowed = np.isfinite(values)
+    if may_be_empty:
+        allowed |= np.isnan(values)
+    if allowed.all():
         return values
     return None
 
@@ -474,7 +475,7 @@ def _number_fault(text: str, may_be_empty: bool) -> str | None:
         if may_be_empty:
             return None
         return "the field is empty; a number is needed"
-    if _numbers([text], may_be_empty=False) is not None:
+    if _numbers([text], may_be_empty) is not None:
         return None
     try:
         value = float(text)

@@ -70,9 +70,7 @@ def sampling_lines(inspection: Inspection) -> list[str]:
     for name in sampling.dead:
         lines.append(f"{name}: dead, it never changes")
     lines.append("temperature: not in the record" if record.temperature is None else "temperature: in the record")
-    for text in inspection.turning.said:
-        lines.append(f"units and axes: {text}")
-    return lines
+    return [*lines, *inspection.trust.faults, *inspection.trust.warnings]
 
 
 def rest_lines(inspection: Inspection) -> list[str]:

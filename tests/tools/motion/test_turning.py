@@ -15,10 +15,9 @@ from record_files import measured
 from trihedron.tools.calibration import PRESETS, calibrate
 from trihedron.tools.check import check
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence import downward_warning, wrong_channels
-from trihedron.tools.evidence.carried_checks import check_record, truth_check, warnings_of
 from trihedron.tools.measured import apply
-from trihedron.tools.motion import inspect_record
+from trihedron.tools.motion import inspect_record, trust_of, trusted
+from trihedron.tools.motion.truth import downward_warning
 from trihedron.tools.motion.turning import check_turning
 from trihedron.tools.records import PERMUTATIONS, Channels, StrapdownRecord, read_record, reading_of, write_record
 
@@ -77,8 +76,7 @@ def test_rates_that_were_said_to_be_degrees_and_are_none_are_said(clean, order):
     for record in (clean, filmed(1, speed=2.0)):
         advice = Channels(gyros=order, degrees=True)
         record_read = replace(record, rate=record.rate @ advice.of_gyros.T, channels=advice)
-        inspection = inspect_record(record_read)
-        lines = truth_check(inspection) or inspection.turning.said
+        lines = trust_of(record_read).faults
         assert "the rates are probably in rad/s, not degrees per second" in lines[0]
         assert "read it with no --channels" in lines[0]
 
@@ -112,12 +110,12 @@ def test_right_gyros_are_advised_nothing(seed):
 def test_rotations_are_compared_with_the_true_ones_however_fast(speed, every):
     """With the truth in every thirtieth row the block turns by more than half a turn between rows that are known."""
     record = filmed(1, speed=speed, truth_every=every)
-    assert truth_check(inspect_record(record)) == ()
+    assert trust_of(record).faults == ()
     for matrix in PERMUTATIONS[5::11]:
-        advice = truth_check(inspect_record(replace(record, rate=record.rate @ matrix.T)))
+        advice = trust_of(replace(record, rate=record.rate @ matrix.T)).faults
         assert advice
         assert f"read it with --channels w={order_of(matrix)}" in advice[0]
-    advice = truth_check(inspect_record(replace(record, rate=np.degrees(record.rate))))
+    advice = trust_of(replace(record, rate=np.degrees(record.rate))).faults
     assert advice
     assert "--channels w=deg" in advice[0]
 
@@ -127,7 +125,7 @@ def test_where_the_truth_says_that_the_gyros_are_right_the_accelerometers_are_ex
     record = filmed(4, speed=2.0)
     matrix = PERMUTATIONS[8 + 3]
     with pytest.raises(InputError, match="the accelerometers are exchanged") as refused:
-        check_record(inspect_record(replace(record, specific_force=record.specific_force @ matrix.T)))
+        trusted(replace(record, specific_force=record.specific_force @ matrix.T))
     assert f"--channels {order_of(matrix)}" in str(refused.value)
     assert "w=" not in str(refused.value)
 
@@ -135,8 +133,8 @@ def test_where_the_truth_says_that_the_gyros_are_right_the_accelerometers_are_ex
 @pytest.mark.parametrize("lag", [0.005, 0.05, 0.1])
 def test_gyros_that_lag_or_scale_wrongly_are_right(lag):
     record = filmed(2, speed=12.0, lag=lag)
-    assert truth_check(inspect_record(record)) == ()
-    assert truth_check(inspect_record(replace(record, rate=record.rate * [0.9, 1.1, 1.05]))) == ()
+    assert trust_of(record).faults == ()
+    assert trust_of(replace(record, rate=record.rate * [0.9, 1.1, 1.05])).faults == ()
 
 
 @pytest.mark.parametrize(
@@ -150,7 +148,7 @@ def test_gyros_that_lag_or_scale_wrongly_are_right(lag):
 def test_a_true_attitude_of_another_meaning_is_said(change, advice):
     record = filmed(3, speed=6.0)
     with pytest.raises(InputError, match="do not turn as the true attitude") as refused:
-        check_record(inspect_record(replace(record, attitude=change(record.attitude))))
+        trusted(replace(record, attitude=change(record.attitude)))
     assert advice in str(refused.value)
 
 
@@ -165,11 +163,12 @@ def test_channels_that_change_during_a_record_are_said_with_the_time_and_no_way_
             force = np.where(later, force @ matrix.T, force)
         else:
             rate = np.where(later, rate @ matrix.T, rate)
-        advice = "; ".join(wrong_channels(inspect_record(replace(record, rate=rate, specific_force=force))))
+        advice = "; ".join(trust_of(replace(record, rate=rate, specific_force=force)).faults)
         inspection = re.search(r"change their order, signs or unit at ([\d.]+) s: no --channels reads both", advice)
         if inspection is None:
-            # moves of one half alone need not tell two ways apart; then nothing else is said
-            assert (record is clean, way, advice) == (True, 21, "")
+            # moves of one half alone need not tell two ways apart; then gravity at the later rests says it
+            assert (record is clean, way) == (True, 21)
+            assert "the gyros miss gravity after" in advice
             continue
         assert float(inspection[1]) == pytest.approx(part * time[-1], abs=0.1 * time[-1])
 
@@ -183,24 +182,27 @@ def test_accelerometers_that_are_all_reversed_or_a_reference_whose_z_points_down
     reversed_ = replace(record, specific_force=-record.specific_force)
     (advice,) = downward_warning(reversed_)
     assert "z points down, or all accelerometers are reversed (--channels -1,-2,-3)" in advice
-    assert not wrong_channels(inspect_record(reversed_))
+    assert not trust_of(reversed_).faults
     path = tmp_path / "measured.csv"
     write_record(reversed_, path)
     assert advice in check(path).warnings
     assert advice not in check(path, ["-1,-2,-3"]).warnings
-    assert advice in warnings_of(inspect_record(reversed_))
+    assert advice in trusted(reversed_).warnings
 
 
 def test_check_and_apply_say_what_diagnose_would_refuse(clean, tmp_path):
     path = tmp_path / "measured.csv"
     write_record(replace(clean, rate=clean.rate @ PERMUTATIONS[30].T), path)
     option = f"--channels w={order_of(PERMUTATIONS[30])}"
-    assert any(option in line for line in check(path).warnings)
-    assert not any("read it with" in line for line in check(path, [option.split()[1]]).warnings)
+    assert option in check(path).problems[0].text
+    assert any(option in line for line in check(path, trust=True).warnings)
+    assert check(path, [option.split()[1]]).good
     rng = np.random.default_rng(1)
     bench = simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3)))
     calibration = calibrate(bench, noise_bound=1e-5)
-    assert any(option in line for line in apply(calibration, path).warnings)
+    with pytest.raises(InputError, match=re.escape(option)):
+        apply(calibration, path)
+    assert any(option in line for line in apply(calibration, path, trust=True).warnings)
     write_record(replace(bench, specific_force=bench.specific_force[:, [1, 0, 2]]), path)
     assert any("--channels 2,1,3" in line for line in apply(calibration, path).warnings)
     write_record(bench, path)
@@ -229,8 +231,7 @@ LONG = [pytest.param(name, marks=pytest.mark.acceptance) for name in ("broad-08"
 @pytest.mark.parametrize("name", ["broad-03", "mpu9150-4", "xsens-imu-tk", *LONG])
 def test_no_measured_record_is_read_wrongly(name):
     record: Any = measured(name)
-    inspection = inspect_record(record)
-    check_record(inspection)
+    assert trust_of(record).faults == ()
     matrix = PERMUTATIONS[13]
     with pytest.raises(InputError, match=f"--channels w={order_of(matrix)}"):
-        check_record(inspect_record(replace(record, rate=record.rate @ matrix.T)))
+        trusted(replace(record, rate=record.rate @ matrix.T))

@@ -86,7 +86,7 @@ REFUSED: list[tuple[str | bytes, tuple[str, ...]]] = [
     (strapdown("0,1,2,3,0,0,9.8,1,0,,0"), ("row 2", "column q2", "all of q0..q3 or none")),
     (strapdown("0,1,2,3,0,0,9.8,,,,", "1,1,2,3,0,0,9.8,1,0,0,0.1"), ("row 3", "q0..q3", "norm")),
     (strapdown("0,1,2,3,0,0,9.8,1e200,0,0,0"), ("row 2", "q0..q3", "norm")),
-    (strapdown("0,1,2,3,0,0,9.8,nan,nan,nan,nan"), ("row 2", "column q0", "not a number")),
+    (strapdown("0,1,2,3,0,0,9.8,inf,0,0,0"), ("row 2", "column q0", "infinite")),
     (strapdown("0,1,2,3,0,0,9.8,1,0,0", columns="q0,q1,q2"), ("'q3' is missing",)),
     (strapdown("0,1,2,3,0,0,9.8,1,0,0", columns="dtheta1_rad,dtheta2_rad,dtheta3_rad"), ("keep one",)),
     ("", ("is empty",)),

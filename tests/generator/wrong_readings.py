@@ -1,0 +1,114 @@
+"""Records of a block that is moved by hand, and readings of it that are wrong: units, signs, ranges, lost rows."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from generator import G
+from generator.carried import drawn_motion
+from trihedron.tools.records import StrapdownRecord
+
+RATE_NOISE, FORCE_NOISE = 2e-3, 0.02
+"""Of a sample [rad/s], [m/s²]."""
+
+
+def hand_record(seed: int, *, truth: bool, moves: int = 12, period: float = 0.01) -> StrapdownRecord:
+    """A right record with usual errors: scale factors and misalignments of 1 %, biases of 0.01 rad/s."""
+    rng = np.random.default_rng(seed)
+    time, rate, up, attitude = drawn_motion(rng, moves=moves, rest=2.5, period=period)
+    gyros = rate @ (np.eye(3) + rng.normal(0.0, 0.01, (3, 3))).T + rng.normal(0.0, 0.01, 3)
+    quaternion = None
+    if truth:
+        quaternion = np.roll(attitude.as_quat(), 1, axis=1)
+    return StrapdownRecord(
+        time_s=time,
+        rate=gyros + rng.normal(0.0, RATE_NOISE, rate.shape),
+        increment=None,
+        specific_force=G * up + rng.normal(0.0, FORCE_NOISE, up.shape),
+        attitude=quaternion,
+    )
+
+
+def with_rates(record: StrapdownRecord, change: Callable[[np.ndarray], np.ndarray]) -> StrapdownRecord:
+    """The record with changed rates."""
+    assert record.rate is not None
+    return replace(record, rate=change(record.rate.copy()))
+
+
+def fastest_row(rate: np.ndarray, axis: int) -> int:
+    """The row at which a gyro turns fastest."""
+    return int(np.argmax(np.abs(rate[:, axis])))
+
+
+def spiked(seed: int, rows: int = 1) -> Callable[[np.ndarray], np.ndarray]:
+    """One reading, or a few in a row, of 10 to 100 rad/s, at rest or in a move."""
+
+    def change(rate: np.ndarray) -> np.ndarray:
+        rng = np.random.default_rng(seed)
+        first = int(rng.integers(100, len(rate) - 100))
+        rate[first : first + rows, rng.integers(3)] = rng.choice([-1.0, 1.0]) * rng.uniform(10.0, 100.0)
+        return rate
+
+    return change
+
+
+def overflowing(part: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Readings of 16 bits whose range is this part of what a gyro reads at most."""
+
+    def change(rate: np.ndarray) -> np.ndarray:
+        limit = part * float(np.abs(rate).max())
+        return (rate + limit) % (2.0 * limit) - limit
+
+    return change
+
+
+def losing(rows: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Zeros in place of so many readings of all gyros in the middle of a fast turn."""
+
+    def change(rate: np.ndarray) -> np.ndarray:
+        middle = fastest_row(rate, 0)
+        rate[middle - rows // 2 : middle - rows // 2 + rows] = 0.0
+        return rate
+
+    return change
+
+
+GYROS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "degrees": np.degrees,
+    "reversed": np.negative,
+    "one-sign": lambda rate: rate * [1.0, -1.0, 1.0],
+    "swapped": lambda rate: rate[:, [1, 0, 2]],
+    "twice": lambda rate: 2.0 * rate,
+    "half": lambda rate: 0.5 * rate,
+    "four-times": lambda rate: 4.0 * rate,
+    "by-1.5": lambda rate: 1.5 * rate,
+    "spike": spiked(1),
+    "two-spikes": spiked(2, rows=2),
+    "overflow": overflowing(0.85),
+    "lost": losing(20),
+}
+"""Gyros that are read wrongly: with and without a true attitude each makes results wrong."""
+ATTITUDES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "scalar-last": lambda q: np.roll(q, -1, axis=1),
+    "inverse": lambda q: q * [1.0, -1.0, -1.0, -1.0],
+}
+"""True attitudes of another meaning."""
+FORCES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "force-twice": lambda force: 1.99 * force,
+    "force-half": lambda force: 0.505 * force,
+    "feet": lambda force: force / 0.3048,
+}
+"""Accelerometers in another range or unit."""
+
+
+def wrong_record(name: str, seed: int, *, truth: bool, **motion: Any) -> StrapdownRecord:
+    """A record that is wrong in this way."""
+    record = hand_record(seed, truth=truth or name in ATTITUDES, **motion)
+    if name in ATTITUDES:
+        assert record.attitude is not None
+        return replace(record, attitude=ATTITUDES[name](record.attitude))
+    if name in FORCES:
+        return replace(record, specific_force=FORCES[name](record.specific_force))
+    return with_rates(record, GYROS[name])

@@ -1,0 +1,192 @@
+"""The gyros of a record beside its true attitude: units, order and signs of axes, and what the quaternions mean."""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ..records import StrapdownRecord
+from ..records.channels import Channels
+from ..records.stamps import grid_of
+from ..result import Result
+from .carry import rotation_of
+from .rests import RecordSampling, Rests, rates_of
+from .turning import FEWEST_WINDOWS, LEAST_MISS, LEAST_SHARE, LEAST_TURN, beside_truth, carried
+
+LEAST_DOWN = 0.9
+"""So much of the specific force stands along −z of the true attitude's reference where that points down."""
+LARGEST_TURN, FASTEST = 0.5, 0.99
+"""Gyros and true attitude are compared over windows in which the block turns hardly more [rad], but for so few rows."""
+SHORT_WINDOW = 0.5
+"""Shortest windows of other checks [s]."""
+LENGTH_ROOM = 0.1
+"""A window may be longer or shorter by this part, where the truth is not known at every row."""
+MOST_PIECES = 400
+"""Of more windows of one length, and moves over several rests, so many are taken, spread over the record."""
+SAME_AXIS, MOST_ALIKE = 0.95, 0.8
+"""Turns are about the same axis from this cosine on; so large a part of them must be, that their sizes are compared."""
+LARGEST_SCALE = 6.0
+"""Beyond that gyros are in another unit."""
+Usable: TypeAlias = Callable[[NDArray, NDArray], NDArray[np.bool_]]
+"""Rows at which stretches (S,) begin and end -> whether every interval of theirs can be used."""
+
+
+class TruthCheck(Result):
+    """The gyros beside the true attitude, where it tells anything.
+
+    `faults`: what is wrong, in lines; `scale`: how many times as far as the gyros the true attitude turns.
+    """
+
+    faults: tuple[str, ...]
+    scale: float
+
+
+def truth_check(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> TruthCheck | None:
+    """What is wrong with the gyros beside the true attitude: units, order, signs of axes; None where it tells nothing.
+
+    Rotations are compared, over windows in which the block turns little and over longer ones, in which gyros that lag
+    follow better.
+    """
+    rows = known_rows(record)
+    if record.attitude is None or len(rows) < FEWEST_WINDOWS:
+        return None
+    turns = (rotation_of(record.attitude[rows[:-1]]).inv() * rotation_of(record.attitude[rows[1:]])).magnitude()
+    speed = turns / np.diff(record.time_s[rows])
+    seconds = LARGEST_TURN / max(float(np.quantile(speed, FASTEST)), LARGEST_TURN / SHORT_WINDOW)
+    level = np.median(rests.rate, axis=0) if len(rests) else np.zeros(3)
+    step = np.concatenate([[sampling.period], np.diff(record.time_s)])
+    rate = rates_of(record) - level
+    if record.rate is not None:
+        rate[1:] = 0.5 * (rate[1:] + rate[:-1])
+    increments = rate * step[:, None]
+    comparisons = []
+    for length in (seconds, SHORT_WINDOW):
+        # Rotations are bounded, so a few that are wrong do no harm; in degrees most seem to be more than half a turn.
+        ends = windows_between(rows, usable_in(record, sampling, whole=False), sampling.period, length)
+        if len(ends) < FEWEST_WINDOWS:
+            continue
+        true = turns_between(record.attitude, ends)
+        moving = true.magnitude() > LEAST_TURN
+        if moving.sum() >= FEWEST_WINDOWS:
+            faults, missed = beside_truth(increments, true[moving], ends[moving], record.channels, record.time_s)
+            scale = scale_of(carried(increments, ends[moving]), true[moving])
+            comparisons.append((missed, TruthCheck(faults=faults, scale=scale), ends[moving]))
+    if not comparisons:
+        return None
+    missed, check, ends = min(comparisons, key=lambda comparison: comparison[0])
+    if not check.faults and missed <= 1.0 - LEAST_SHARE:
+        return check
+    what = "the gyros do not turn as the true attitude does"
+    meaning = _meaning(record.attitude, increments, ends, min(missed, LEAST_MISS))
+    if meaning:
+        line = f"{what}: they do where q0..q3 are {meaning}; give them body to reference, scalar first"
+    elif check.faults or check.scale != 1.0:
+        return check
+    else:
+        line = f"{what}: is it body to reference, scalar first?"
+    return TruthCheck(faults=(line,), scale=1.0)
+
+
+def scale_of(carried_turns: Rotation, true: Rotation) -> float:
+    """How many times as far as carried turns (S) the true ones turn; 1 where they are not about the same axes."""
+    vectors, true_vectors = carried_turns.as_rotvec(), true.as_rotvec()
+    lengths = np.linalg.norm(vectors, axis=1) * np.linalg.norm(true_vectors, axis=1)
+    along = (vectors * true_vectors).sum(axis=1)
+    alike = along > SAME_AXIS * lengths
+    if np.mean(alike) < MOST_ALIKE:
+        return 1.0
+    scale = float(np.sqrt(np.sum(true_vectors[alike] ** 2) / np.sum(vectors[alike] ** 2)))
+    if 1.0 / LARGEST_SCALE < scale < LARGEST_SCALE:
+        return scale
+    return 1.0
+
+
+def _meaning(attitude: NDArray, increments: NDArray, ends: NDArray, missed: float) -> str:
+    """What a true attitude (N, 4) means where the gyros miss less of it then; empty where nothing known does.
+
+    Windows are rows (S, 2); missed is a part of the turns, squared.
+    """
+    ways = {
+        "reference to body": attitude * [1.0, -1.0, -1.0, -1.0],
+        "body to reference, scalar last": np.roll(attitude, 1, axis=1),
+    }
+    for name, meant in ways.items():
+        true = turns_between(meant, ends)
+        if beside_truth(increments, true, ends, Channels(), np.zeros(len(attitude)))[1] < missed:
+            return name
+    return ""
+
+
+def turns_between(attitude: NDArray, ends: NDArray) -> Rotation:
+    """Turns (S) of a true attitude (N, 4), scalar first, between rows (S, 2), in body axes."""
+    before, after = (rotation_of(attitude[rows]) for rows in ends.T)
+    return before.inv() * after
+
+
+def downward_warning(record: StrapdownRecord) -> tuple[str, ...]:
+    """Where the specific force points along −z of the reference: its z points down, or all accelerometers are reversed.
+
+    Nothing else in a record can show that all are reversed, and nothing in this one which of the two it is; no line
+    where a person has said how the channels are read.
+    """
+    rows = known_rows(record)
+    if record.attitude is None or not len(rows) or record.channels is not None:
+        return ()
+    force = record.specific_force[rows]
+    mean = rotation_of(record.attitude[rows]).apply(force).mean(axis=0)
+    if not mean[2] < -LEAST_DOWN * float(np.median(np.linalg.norm(force, axis=1))):
+        return ()
+    mends = Channels((-1, -2, -3)).options[0]
+    what = "the specific force points along -z of the true attitude's reference: its z points down, or all"
+    return (f"{what} accelerometers are reversed (--channels {mends}); the record cannot tell which",)
+
+
+def usable_in(record: StrapdownRecord, sampling: RecordSampling, *, whole: bool = True) -> Usable:
+    """Which stretches of a record hold no gap and no saturated gyro; `whole`: no knock or turn that cannot be told."""
+    bad = np.zeros(len(record), dtype=bool)
+    bad[1:] = grid_of(record.time_s).is_gap
+    # Of rates both turns beside a row hold it.
+    spoilt = sampling.limits.of("w") | sampling.broken if whole else sampling.limits.of("w")
+    bad |= spoilt
+    bad[1:] |= spoilt[:-1]
+    broken = np.cumsum(bad)
+    return lambda first, last: broken[last] == broken[first]
+
+
+def known_rows(record: StrapdownRecord) -> NDArray[np.int_]:
+    """Rows whose true attitude is known."""
+    if record.attitude is None:
+        return np.zeros(0, dtype=int)
+    return np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
+
+
+def windows_between(known: NDArray, usable: Usable, period: float, seconds: float) -> NDArray[np.int_]:
+    """Windows of one length, side by side, as rows (S, 2) of the rows (K,) whose true attitude is known."""
+    rows = max(1, round(seconds / period))
+    room = max(1, int(LENGTH_ROOM * rows))
+    first, last = [], []
+    k = 0
+    while k < len(known) - 1:
+        start = known[k]
+        end = int(np.searchsorted(known, start + rows))
+        candidates = [e for e in (end - 1, end) if k < e < len(known)]
+        best = min(candidates, key=lambda e: abs(known[e] - start - rows), default=None)
+        if best is None:
+            break
+        if abs(known[best] - start - rows) > room:
+            k += 1
+            continue
+        first.append(start)
+        last.append(known[best])
+        k = best
+    windows = np.column_stack([np.array(first, dtype=int), np.array(last, dtype=int)])
+    return windows[thinned(np.flatnonzero(usable(windows[:, 0], windows[:, 1])))]
+
+
+def thinned(chosen: NDArray, most: int = MOST_PIECES) -> NDArray[np.int_]:
+    """At most so many of them, spread over the record: they say much the same."""
+    if len(chosen) <= most:
+        return chosen
+    return chosen[np.linspace(0, len(chosen) - 1, most).round().astype(int)]
