@@ -389,8 +389,8 @@ def fmpy_input_command(
     distinct_files({"the record": record, "--out": out, "--json": json})
     from ..exporting import write_fmpy_input
 
-    source = motion.trusted(records.read_record(record, channels=channels, stamps=stamps), trust=trust)
-    inputs = write_fmpy_input(source, out, rates=rates, bridge_gaps=bridge_gaps)
+    source = records.read_record(record, channels=channels, stamps=stamps)
+    inputs = write_fmpy_input(source, out, rates=rates, bridge_gaps=bridge_gaps, trust=trust)
     complaint = f"{record.name}: {inputs.complaint}" if inputs.complaint else ""
     return answer(inputs, json, complaint=complaint, status=0 if inputs.trusted_until is None else 2)
 
