@@ -3,14 +3,14 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from ...fmus import components
 from ...fmus.parameters import (
@@ -26,14 +26,16 @@ from ...fmus.parameters import (
     parameter_set,
 )
 from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
-from ..calibrated import LATENCIES
+from ..calibrated import LATENCIES, Provenance, Sigma
 from ..errors import InputError
 from ..files import LARGEST_RESULT, advice_on, bytes_of, whole_file
 from ..records import BenchRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
+from ..records.columns import CORRECTED_BY
 from ..records.rests import average_rests, find_rests
 from ..result import Result, Told
 from ..rounding import exactly
 from .model import checked_mounting
+from .promise import broken_conditions
 from .targets import corners
 
 if TYPE_CHECKING:
@@ -41,6 +43,9 @@ if TYPE_CHECKING:
 
 WELL_POSED = 1e3
 """Gyros whose matrix is conditioned worse measure no three rates."""
+
+CALIBRATED = "the calibration of "
+"""How a comment line of a record says that a calibration corrected it."""
 
 Measured = PositionRecord | RawRecord | StrapdownRecord
 """What can be corrected."""
@@ -87,6 +92,9 @@ class Correction:
     elsewhere, `bias` (3,) is in g. `low`, `high` (3, 3, 3, 3): what accelerometer p reads beyond its input at the input
     (i, j, k) − 1, at least and at most [g]. `mounting` (3, 3) is that of the calibration's record, None of several.
     `of_record`: of several records that were calibrated the one whose own biases these are, where it is another one.
+
+    `noise_bound` [g] is σ of the calibration and `sigma_kind` what it is; `source`, `sha256`, `temperature` [°C] (least
+    and most) and `comments` are those of its record.
     """
 
     gravity: float
@@ -99,6 +107,17 @@ class Correction:
     mounting: NDArray | None = None
     of_record: str = ""
     gyros: GyroCorrection | None = None
+    noise_bound: float = 0.0
+    sigma_kind: str = "unknown"
+    source: str = ""
+    sha256: str = ""
+    temperature: tuple[float, float] | None = None
+    comments: Mapping[str, str] = field(default_factory=dict)
+
+    def bound_at(self, n: NDArray, noise_bound: float) -> NDArray[np.float64]:
+        """How far true inputs may be from corrected ones n (N, 3) [g], either way."""
+        least, most = remaining_error(self, n, noise_bound)
+        return np.maximum(np.abs(least), np.abs(most))
 
 
 def read_correction(path: Path, sha256: str = "") -> Correction:
@@ -139,7 +158,24 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
     except ValueError as error:
         raise InputError(f"{where}: {error}") from error
     bias, mounting = np.array(block["bias"]), _mounting(calibration)
-    return Correction(block["gravity"], plus, minus, gamma, bias, low, high, mounting, record, gyros)
+    correction = Correction(block["gravity"], plus, minus, gamma, bias, low, high, mounting, record, gyros)
+    return replace(correction, **_origin(calibration, where))
+
+
+def _origin(calibration: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return what the promise of a calibration rests on: σ, and its record's digest, temperatures and comments."""
+    try:
+        sigma = Sigma.model_validate(calibration_of(calibration)["sigma"])
+        values: dict[str, Any] = {"noise_bound": sigma.value or 0.0, "sigma_kind": sigma.kind}
+        if calibration.get("provenance") is None:
+            return values
+        source = Provenance.model_validate(calibration["provenance"])
+    except (KeyError, ValidationError) as error:
+        raise InputError(f"{where}: its sigma or provenance is not as the schema says; calibrate again") from error
+    values |= {"source": source.record, "sha256": source.sha256, "comments": source.comments}
+    if source.temperature:
+        values["temperature"] = (min(source.temperature), max(source.temperature))
+    return values
 
 
 def _mounting(calibration: Mapping[str, Any]) -> NDArray | None:
@@ -314,6 +350,8 @@ class Applied(Told):
     levelled_at : str
         where the vertical was looked at: "positions", "rests" or "rows"
     levelling_error : LevellingError
+    not_guaranteed : list of str
+        why the levelling error is not guaranteed for this record; empty where it is
     gyros : str
         "corrected" where calibration and record have gyros
     effects : tuple of AppliedEffect
@@ -338,6 +376,7 @@ class Applied(Told):
     bias_g: list[float] | None = None
     levelled_at: Literal["positions", "rests", "rows"] | None = None
     levelling_error: LevellingError | None = Field(default=None, alias="levelling_error_rad")
+    not_guaranteed: list[str] | None = None
     gyros: Literal["corrected"] | None = None
     effects: tuple[AppliedEffect, ...] | None = None
     over: str | None = None
@@ -387,6 +426,11 @@ def apply_calibration(
         rests = find_rests(measured)
         if any(rest.refused is None for rest in rests):
             at, still = "rests", average_rests(measured, rests)
+    before_it = measured.about.get(CORRECTED_BY, "")
+    if CALIBRATED in before_it:
+        raise InputError(
+            f"{measured.path}: is corrected already ({before_it}); apply the calibration to the record as measured"
+        )
     better = corrected(correction, measured.specific_force)
     if not np.isfinite(better).all():
         raise InputError(f"{measured.path}: the corrected readings are not finite")
@@ -397,6 +441,11 @@ def apply_calibration(
         )
     gain = levelling(correction, still.specific_force / correction.gravity, noise_bound)
     before, after = gain.worst
+    n = corrected(correction, still.specific_force) / correction.gravity
+    source = f"{CALIBRATED}{correction.source or 'a record'} (SHA-256 {correction.sha256 or 'none'})"
+    if before_it:
+        source = f"{before_it}; then {source}"
+    about = {CORRECTED_BY: source} | dict(measured.about) | {CORRECTED_BY: source}
     channels_of_gyros: dict[str, NDArray] = {}
     of_gyros: dict[str, Any] = {}
     if correction.gyros is not None and isinstance(measured, BenchRecord | StrapdownRecord):
@@ -410,10 +459,11 @@ def apply_calibration(
         bias_g=correction.bias.tolist(),
         rows=len(measured),
         levelled_at=at,
+        not_guaranteed=broken_conditions(correction, measured, still, n, noise_bound),
         levelling_error_rad=LevellingError(as_read=before, corrected_at_most=after),
         warnings=warnings,
         correction=correction,
-        record=replace(measured, specific_force=better, **channels_of_gyros),
+        record=replace(measured, specific_force=better, about=about, **channels_of_gyros),
         levelling=gain,
         **of_gyros,
     )

@@ -430,11 +430,13 @@ def _levelling_lines(result: Applied, latitude_deg: float) -> list[str]:
     before, after = gained.worst
     azimuth = abs(math.tan(math.radians(latitude_deg)))
     places = result.levelled_at or "rows"
+    promise = "not guaranteed" if result.not_guaranteed else "guaranteed"
+    reasons = [f"  not guaranteed: {reason}" for reason in result.not_guaranteed or ()]
     worst = f"{places.removesuffix('s')} {int(np.argmax(gained.before)) + 1}"
     return [
         f"{len(gained.before)} {places}; largest error of the vertical, in arcseconds:",
-        f"  as read {upwards(before / ARCSEC, 3)} ({worst}), "
-        f"corrected at most {upwards(after / ARCSEC, 3)}, guaranteed",
+        f"  as read {upwards(before / ARCSEC, 3)} ({worst}), corrected at most {upwards(after / ARCSEC, 3)}, {promise}",
+        *reasons,
         f"  its part in the azimuth of a gyrocompass at latitude {exactly(latitude_deg)}°: as read up to "
         f"{upwards(azimuth * before / ARCSEC, 3)}, corrected at most {upwards(azimuth * after / ARCSEC, 3)}",
     ]
