@@ -69,6 +69,8 @@ NOISE_BOUNDS = (1e-12, 1e-2)
 """Noise bounds that can be used: above rounding, and small enough that the model is smooth on their scale."""
 ROUNDING = 2e-15
 """What the evaluation of readings and model may be wrong by, as a fraction of g."""
+NOTICEABLE = 0.1
+"""The part of σ from which on it is said that a comment line adds to it."""
 GRID_STEP_DEG = 15
 WELL_DETERMINED = 2.0
 """Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
@@ -148,7 +150,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         positions += next_positions(linearised, np.array([target.weights for target in targets]), request.bounds)
     if unbounded:
         positions += repeats(linearised)
-    warnings = list(record.warnings) + _of_correction(record)
+    warnings = list(record.warnings) + _of_correction(record) + _of_resolution(record, sigma, request.gravity)
     warnings += _remarks(linearised, falsified and bool(missing), unbounded)
     if not solution.contradicted and solution.radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
         warnings.append(
@@ -336,6 +338,22 @@ def _no_scale_factor(record: PositionRecord, axis: int, factor: float) -> str:
         f"{record.path}: column f{axis}_mps2: reads {digits(factor, 4)} times what the table "
         f"gives, where {exactly(least)} to {exactly(most)} is possible; {hint}, or is --mounting another?"
     )
+
+
+def _of_resolution(record: PositionRecord, sigma: float, gravity: float) -> list[str]:
+    """Say by which comment lines the bounds are more than σ."""
+    added = {
+        "resolution_mps2": record.resolution / gravity,
+        "resolution_deg": 2.0 * record.angle_resolution,
+    }
+    lines = []
+    for key, size in added.items():
+        if key in record.about and size > NOTICEABLE * sigma:
+            lines.append(
+                f"the comment line `# {key}: {record.about[key]}` counts: it adds {upwards(size)} g to the noise bound "
+                f"of {upwards(sigma, 3)} g"
+            )
+    return lines
 
 
 def _of_correction(record: PositionRecord) -> list[str]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
-from ..rounding import digits
+from ..rounding import digits, upwards
 
 FORCE = ("f1_mps2", "f2_mps2", "f3_mps2")
 RATE = ("w1_radps", "w2_radps", "w3_radps")
@@ -54,6 +54,10 @@ CORRECTED_BY = "corrected_by"
 """What was taken out of a record's readings, and by which diagnosis or calibration."""
 CORRECTED_WITHIN = "corrected_within_mps2"
 """What the sizes that were taken out may be wrong by, in readings of each accelerometer: three numbers."""
+COARSEST = 1e-2 * STANDARD_GRAVITY
+"""No reading that bounds can be had of is written more coarsely than half a last digit of this size [m/s²]."""
+GRID = 0.02
+"""The part of half a last digit that readings on a grid differ by at the least, as a rule, interpolated or not."""
 INERTIAL = ("attitude_reference", "inertial")
 """Key and value that say of a true attitude that it is against inertial space: Earth's rotation is in it."""
 MOST_COMMENTS = 200
@@ -349,6 +353,28 @@ def _rows_from(columns: FileColumns, index: np.ndarray) -> str:
     return f"{len(index)} rows, the first row {first}"
 
 
+def fault_of_resolution(columns: FileColumns) -> RecordError | None:
+    """What is wrong with a resolution that a comment line gives: the readings are written more finely."""
+    resolution = columns.comments.resolution
+    key = "comment resolution_mps2"
+    if resolution > COARSEST:
+        what = f"{key}: half a last digit of {upwards(resolution)} m/s2 leaves no reading; at most 0.098 can be used"
+        return RecordError(columns.path, None, None, what)
+    # averages of readings on a grid are on none
+    if resolution == 0.0 or columns.layout.kind is POSITION:
+        return None
+    for name in FORCE:
+        steps = np.abs(np.diff(columns.numbers.get(name, np.zeros(0))))
+        steps = steps[steps > 0.0]
+        if len(steps) and np.median(steps) < GRID * resolution:
+            what = (
+                f"{key}: readings that are written to {upwards(2.0 * resolution)} m/s2 do not differ by "
+                f"{digits(float(np.median(steps)), 2)}, as column {name} does from row to row; correct that line"
+            )
+            return RecordError(columns.path, None, None, what)
+    return None
+
+
 def faults(columns: FileColumns, *, any_times: bool = False) -> Iterator[RecordError]:
     """Every number out of its range, `position` or `time_s` that repeats or runs back, readings that are not specific
     forces in m/s², quaternions that are none. Where `any_times` holds, the times of a series are not looked at."""
@@ -370,6 +396,9 @@ def faults(columns: FileColumns, *, any_times: bool = False) -> Iterator[RecordE
         values = columns.numbers.get(name, np.zeros(0))
         for k in np.flatnonzero(np.abs(values) != 1.0):
             yield columns.fault(k, name, f"{float(values[k]):g} is neither +1 nor -1, the sense of the last move")
+    resolution_fault = fault_of_resolution(columns)
+    if resolution_fault is not None:
+        yield resolution_fault
     yield from _forces(columns)
     if QUATERNION[0] in columns.numbers:
         yield from _quaternions(columns)
