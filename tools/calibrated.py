@@ -56,7 +56,8 @@ class Sigma(Part):
     value : float or None
         None where each record, or each reading, has a bound of its own
     kind : str
-        "bound": a person gave it; "estimated": the record tells it; "unknown": nothing says where it comes from
+        "bound": a person gave it; "estimated": the record tells it; "unknown": nothing says where it comes from, or
+        only the scatter within rests, which does not show an error that holds over one
     basis : str
         on what it rests; `from` in the JSON
     """

@@ -170,7 +170,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         verdict = "insufficient"
     return Calibration(
         verdict=verdict,
-        sigma=Sigma.of(sigma, noise.basis),
+        sigma=_sigma_of(noise),
         stands_with_sigma=solution.radius * sigma,
         radius=solution.radius,
         gravity_mps2=float(request.gravity),
@@ -192,6 +192,14 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         linearised=linearised,
         feasible=solution.feasible,
     )
+
+
+def _sigma_of(noise: NoiseBound) -> Sigma:
+    """Return σ as a calibration has it: unknown where errors that hold over a rest do not show in it."""
+    sigma = Sigma.of(noise.value, noise.basis)
+    if noise.complete:
+        return sigma
+    return sigma.model_copy(update={"kind": "unknown"})
 
 
 def provenance_of(record: PositionRecord, bounds: tuple[float, float]) -> Provenance:

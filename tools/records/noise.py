@@ -246,6 +246,14 @@ def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
     return half * np.clip(slope, WHITE, WANDERING)
 
 
+def deviation_widening(count: int) -> float:
+    """Return the factor by which a deviation with so many degrees of freedom may be too small, by `CONFIDENCE`."""
+    # late: a record is read without it
+    from scipy.special import chdtri
+
+    return math.sqrt(count / float(chdtri(count, CONFIDENCE)))
+
+
 def dwell_noise(raw: RawRecord, rests: Sequence[slice]) -> DwellNoise | None:
     """The noise of a record's averages, from the rows kept of each rest; None when these are too short to tell."""
     deviation = deviation_at_dwell([raw.specific_force[rows] for rows in rests])

@@ -79,6 +79,12 @@ def verdict_sentence(result: Calibration) -> str:
         )
     if result.verdict == "insufficient":
         return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
+    if result.sigma.kind == "unknown":
+        return (
+            f"Noise bound unknown: the model explains every reading within {residual(result.radius)} times its scatter "
+            "within rests, which does not show an error that holds over a rest, so that nothing is guaranteed. To find "
+            "the bound, measure some positions again, or give --noise-bound."
+        )
     bounds = [e.error_bound for e in result.targets if e.error_bound is not None]
     largest = ""
     if bounds:
@@ -145,13 +151,16 @@ def levelling_sections(result: Calibration) -> list[Section]:
     for n, terms, plus, minus in bench.correction_terms(correction, result.noise_bound, "_"):
         equations.append(equation(f"{n} = {terms} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}"))
     before, after = errors.worst
-    header = ["attitude of the block", "error of the vertical as read [arcsec]", "corrected, guaranteed [arcsec]"]
+    promise = f"if the noise bound, {exactly(result.noise_bound, 3)} g, is one"
+    if result.sigma.kind == "bound":
+        promise = "guaranteed"
+    header = ["attitude of the block", "error of the vertical as read [arcsec]", f"corrected, {promise} [arcsec]"]
     return [
         Section(
             "What it bought",
             [
                 f"Levelling with an axis vertical: as read wrong by up to {upwards(before / ARCSEC, 3)} arcsec, "
-                f"corrected by at most {upwards(after / ARCSEC, 3)} (guaranteed; `trihedron apply` corrects). The "
+                f"corrected by at most {upwards(after / ARCSEC, 3)} ({promise}; `trihedron apply` corrects). The "
                 "readings' own errors come on top."
             ],
             equations=equations,
@@ -313,8 +322,8 @@ def _in_sigma(result: Calibration, p: Parameter, value: float | None) -> float |
 def beside_table(result: Calibration) -> Table:
     """Return each target's estimates by the a-priori weights and by least squares."""
     columns = ["symbol", "name", "central", "a_priori", "guaranteed_error", "least_squares", "standard_error", "unit"]
-    if result.verdict == "falsified":
-        # Of a model that the readings contradict nothing is guaranteed.
+    if result.verdict == "falsified" or result.sigma.kind == "unknown":
+        # Of a model that the readings contradict, or without a bound of their errors, nothing is guaranteed.
         columns.remove("guaranteed_error")
     numbers = table_of(result.targets, columns, WORDS)
     rows: list[list[Cell]] = []

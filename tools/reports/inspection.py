@@ -16,9 +16,12 @@ from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, AtTable, GyrosAtRest, Inspection
 from ..motion.rests import rest_warnings
+from ..records.noise import deviation_widening
 from ..rounding import Number, digits, downwards, exactly, outwards, residual, upwards
 from .pictures.records import allan_picture, attitude_picture
 
+FEWEST_FOR_NOISE = 5
+"""Fewer rests tell an Allan deviation at their length by chance."""
 DIGITS_OF_STAMPS = 1e-6
 """Jitter of so small a part of the period is in the last digits of the time stamps."""
 
@@ -97,9 +100,16 @@ def rest_lines(inspection: Inspection) -> list[str]:
     if rests.force_bound is None or rests.rate_bound is None:
         lines.append("the rests are too short to tell the noise of their means")
         return lines
-    force = np.median(rests.force_bound, axis=0).max() / inspection.gravity
-    rate = math.degrees(np.median(rests.rate_bound, axis=0).max())
-    lines.append(f"bound of a mean at rest, 3 Allan deviations: {upwards(force)} g, {upwards(rate)} deg/s")
+    if len(rests) < FEWEST_FOR_NOISE:
+        lines.append(f"the noise of a mean at rest: not told by fewer than {FEWEST_FOR_NOISE} rests; measure more")
+        return lines
+    widening = deviation_widening(len(rests))
+    force = widening * np.median(rests.force_bound, axis=0).max() / inspection.gravity
+    rate = widening * math.degrees(np.median(rests.rate_bound, axis=0).max())
+    lines.append(
+        f"bound of a mean at rest, 3 Allan deviations, widened by {upwards(widening)} for the number of rests: "
+        f"{upwards(force)} g, {upwards(rate)} deg/s"
+    )
     return lines
 
 

@@ -35,7 +35,7 @@ def raw(resolution: float) -> RawRecord:
     return record
 
 
-@pytest.mark.parametrize("line", ["resolution_mps2: 1e-4", "resolution_mps2: 5e-2", "resolution_deg: 1e-4"])
+@pytest.mark.parametrize("line", ["resolution_mps2: 1e-4", "resolution_mps2: 5e-2", "resolution_mps2: 2e-5"])
 def test_a_comment_line_that_widens_the_bounds_is_named(line, tmp_path):
     result = th.calibrate(positions(tmp_path, line), noise_bound=SIGMA)
     assert any(f"`# {line}` counts" in warning for warning in result.warnings)
