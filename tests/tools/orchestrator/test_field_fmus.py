@@ -1,0 +1,41 @@
+"""FMUs that ended this program once, from the field: each is refused in one line."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import fmpy
+import pytest
+
+DATA = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[4] / "shared" / "data"))
+FIELD = DATA / "field"
+
+
+@pytest.mark.skipif(fmpy.platform != "linux64", reason="their libraries are for Linux")
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("h4_3", "sent a reply that cannot be read"),
+        ("h21_3", "crashed (SIGBUS)"),
+        ("empty-member-name", "has a member without a name ('')"),
+    ],
+)
+def test_an_fmu_of_the_field_ends_its_own_run_only(name: str, said: str, tmp_path: Path) -> None:
+    path = FIELD / f"{name}.fmu"
+    if not path.is_file():
+        pytest.skip(f"{path}: the records of the field are not here")
+    command = [sys.executable, "-m", "trihedron.tools.cli", "simulate", str(path), "--out", "out"]
+    process = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
+    assert (process.returncode, process.stdout, process.stderr.count("\n")) == (2, "", 1), process.stderr
+    assert said in process.stderr
+
+
+def test_the_step_of_an_fmu_of_the_field_is_greater_than_zero(tmp_path: Path) -> None:
+    path = FIELD / "BouncingBall_ME.fmu"
+    if not path.is_file():
+        pytest.skip(f"{path}: the records of the field are not here")
+    command = [sys.executable, "-m", "trihedron.tools.cli", "simulate", str(path), "--step", "0", "--out", "out"]
+    process = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
+    assert (process.returncode, process.stderr) == (2, "trihedron: --step 0: must be greater than 0 s\n")
+    assert not (tmp_path / "out").exists()
