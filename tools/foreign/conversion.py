@@ -329,7 +329,7 @@ def _without_clock_changes(
     if period > 0.1 * HOUR or not changes.size:
         return seconds
     if answer in ("", OPEN):
-        row = changes[0]
+        row = int(changes[0])
         why = f"row {lines[row]} is of {texts[row].strip()!r}, the next of {texts[row + 1].strip()!r}"
         table.ask("clock_changes", ("corrected", "none"), f"{why}: whether the clock was changed")
         return seconds

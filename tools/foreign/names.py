@@ -93,7 +93,7 @@ _PATTERNS = (
     (DATE, ("",), r"date|datum|дата"),
 )
 """Columns, the quantities that the unit of a head may have ("": none is known), and their names, in order."""
-_NAMED_BY_UNIT = dict.fromkeys(("seconds", "sec", "secs"), "s")
+_NAMED_BY_UNIT: dict[str, str] = dict.fromkeys(("seconds", "sec", "secs"), "s")
 """Names of times that are their units."""
 for _unit, _names in (("ms", "ms msec millis milliseconds"), ("us", "us μs usec micros microseconds")):
     _NAMED_BY_UNIT |= dict.fromkeys(_names.split(), _unit)

@@ -258,3 +258,62 @@ def test_field_files_with_senses_counts_and_seconds(tmp_path, capsys):
     assert status == 0, said
     length = np.linalg.norm(table.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy(), axis=1)
     assert np.median(length) > 5.0
+
+
+def test_field_files_with_marked_heads_and_of_workbooks(tmp_path, capsys):
+    units = ("units.time=s", "units.rate=rad/s", "units.force=m/s2")
+    status, said, table = imported(copied("pct.txt", tmp_path), capsys, *units)
+    assert status == 0, said
+    assert table["f3_mps2"][0] == 9.8
+    # its head says gyros where its numbers are accelerations: refused, and right once it is said
+    crossed = copied("hash_space.txt", tmp_path)
+    status, said, _ = imported(crossed, capsys, *units)
+    assert status == 2
+    assert "times gravity" in said
+    axes = [f"columns.f{k}_mps2=w{axis}" for k, axis in zip((1, 2, 3), "xyz", strict=True)]
+    axes += [f"columns.w{k}_radps=a{axis}" for k, axis in zip((1, 2, 3), "xyz", strict=True)]
+    status, said, table = imported(crossed, capsys, *units, *axes)
+    assert status == 0, said
+    assert table["f3_mps2"][0] == 9.8
+    status, said, table = imported(copied("pruefprotokoll_text.xlsx", tmp_path), capsys, "missing=Mittelwert")
+    assert status == 0, said
+    assert (table.height, table["alpha_deg"][0], table["temperature_degC"][0]) == (40, 335.0001, 20.15)
+    named = ["columns.alpha_deg=phi", "columns.beta_deg=theta"]
+    named += [f"columns.f{k}_mps2={axis}" for k, axis in zip((1, 2, 3), "xyz", strict=True)]
+    answers = (*named, "time=order", "units.angle=deg", "units.force=m/s2")
+    status, said, table = imported(copied("kurz.xlsx", tmp_path), capsys, *answers)
+    assert status == 0, said
+    assert (table.height, table["f1_mps2"][0]) == (40, -1.677568305)
+
+
+def copied(name: str, folder: Path) -> Path:
+    path = folder / name
+    path.write_bytes(field_file(name, folder).read_bytes())
+    return path
+
+
+def test_the_field_folder_that_was_overwritten_keeps_its_programme(tmp_path, capsys):
+    bench = field_file("loss/bench.toml", tmp_path)
+    for name in ("bench.toml", "before.csv"):
+        (tmp_path / name.replace("before", "positions")).write_bytes((bench.parent / name).read_bytes())
+    before = (tmp_path / "positions.csv").read_bytes()
+    assert cli.main(["simulate", str(tmp_path / "bench.toml"), "--out", str(tmp_path)]) == 2
+    assert "this command has read it" in capsys.readouterr().err
+    assert (tmp_path / "positions.csv").read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bench.toml", "positions.csv"]
+
+
+def test_drawn_files_keep_every_sign_count_and_hour(tmp_path, capsys):
+    """Twelve files of each kind, drawn: what is answered is what was written."""
+    for seed in range(12):
+        rng = np.random.default_rng([42, seed])
+        first, second = [("CW", "CCW"), ("E", "W"), ("N", "S"), ("L", "R")][rng.integers(4)]
+        angles = np.round(rng.uniform(-180.0, 180.0, ROWS), int(rng.integers(1, 6)))
+        texts = [f"{abs(angle)}{first if angle >= 0.0 else second}" for angle in angles.tolist()]
+        column = ["alpha_deg", "beta_deg"][rng.integers(2)]
+        path = laboratory_file(tmp_path, positions(**{column: texts}))
+        status, said, _ = imported(path, capsys)
+        assert (status, f"columns.{column}.positive" in said) == (2, True)
+        status, said, table = imported(path, capsys, f"columns.{column}.positive={first}")
+        assert status == 0, said
+        assert table[column].to_list() == angles.tolist()
