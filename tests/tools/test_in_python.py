@@ -129,7 +129,8 @@ def test_the_page_and_its_pictures(record, calibration, tmp_path):
     with pytest.raises(InputError, match="needs the record"):
         again.report(tmp_path / "again.html")
     with pytest.raises(TypeError, match="has no page"):
-        th.check(tmp_path / "page.html").report(tmp_path / "check.html")
+        calibration.parameters[0].report(tmp_path / "parameter.html")
+    assert th.check(tmp_path / "page.html").report(tmp_path / "check.html").exists()
 
 
 @pytest.mark.acceptance
