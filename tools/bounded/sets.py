@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .exchange import MOST_COLUMNS
-from .programmes import MANY_ROWS, any_centre, column_space
+from .programmes import MANY_ROWS, SolverError, any_centre, column_space
 from .set_bounds import ACCEPTED, REFUSED, UNDECIDED, bounds_of, settle, surviving_sets
 
 MAX_SET = 3
@@ -378,11 +378,14 @@ def parts(problem: Problem, projection: Projection) -> tuple[NDArray, ...]:
 
 
 def linear_radius(problem: Problem, candidate: EffectSet) -> float:
-    """Chebyshev radius that a set leaves, by a linear programme."""
+    """Chebyshev radius that a set leaves, by a linear programme; 0 where it is not solved, which refuses nothing."""
     rows = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
     blocks = [problem.columns[:, problem.blocks[effect]] for effect in candidate.effects]
     columns = np.hstack([problem.nominal, *blocks])[rows]
-    return any_centre(columns, problem.residual[rows], np.ones(len(rows)))[0]
+    try:
+        return any_centre(columns, problem.residual[rows], np.ones(len(rows)))[0]
+    except SolverError:
+        return 0.0
 
 
 def _combinations(count: int, size: int) -> NDArray[np.int64]:

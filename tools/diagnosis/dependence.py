@@ -67,7 +67,8 @@ class Dependence:
 
     `standing`: pairs with which the model stands, the least complex first, up to `most_of_rivals` of it;
     `freedoms`: ways in which a place may act with which the model stands where it may do so as it likes; `radius` of
-    the model without functions. `listed_elsewhere`, `listed_otherwise`: whether a set of the catalogue that is as
+    the model without functions; up to the radius `limit` and the complexity `most_complex` a function is a proof.
+    `listed_elsewhere`, `listed_otherwise`: whether a set of the catalogue that is as
     simple acts at another place, or depends on another quantity.
     """
 
@@ -75,8 +76,14 @@ class Dependence:
     freedoms: tuple[str, ...]
     places: tuple[str, ...]
     radius: float
+    limit: float = np.inf
+    most_complex: float = np.inf
     listed_elsewhere: bool = False
     listed_otherwise: bool = False
+
+    def shows(self, standing: Standing) -> bool:
+        """Whether a function shows its place and quantity: within the bounds, by far fewer numbers than pieces."""
+        return standing.radius <= self.limit and standing.complexity <= self.most_complex
 
     @property
     def is_near(self) -> bool:
@@ -97,7 +104,9 @@ class Dependence:
     def place(self) -> str | None:
         """The place that is proven; None where several would do, or none does."""
         places = {standing.pair.where for standing in self.standing} or set(self.places)
-        sure = len(places) == 1 and not self.is_near and not self.listed_elsewhere
+        # Where all other places are refused, whatever they do, no function has to show it.
+        shown = len(set(self.places)) == 1 or any(self.shows(standing) for standing in self.standing)
+        sure = len(places) == 1 and shown and not self.is_near and not self.listed_elsewhere
         return next(iter(places)) if sure else None
 
     @property
@@ -113,6 +122,8 @@ class Dependence:
         if self.place is None or not self.standing or self.listed_otherwise or self.is_of_one_move:
             return None
         first, *further = self.standing
+        if not self.shows(first):
+            return None
         return first if all(is_same(first.pair, standing.pair) for standing in further) else None
 
 
@@ -304,7 +315,9 @@ class Search:
         freedoms = self.freedoms
         standing = tuple(self.standing(freedoms))
         places = tuple(dict.fromkeys(pair.freedom.split()[0] for pair in self.pairs if pair.freedom in freedoms))
-        return Dependence(standing, tuple(freedoms), places, self.evidence.model.radius)
+        model = self.evidence.model
+        most_complex = LARGEST_PART * self.evidence.rows.piece_count
+        return Dependence(standing, tuple(freedoms), places, model.radius, model.limit, most_complex)
 
     @cached_property
     def freedoms(self) -> list[str]:

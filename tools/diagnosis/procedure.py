@@ -454,7 +454,8 @@ class Procedure:
             content["causes"] = explanations[0].causes
         if "calibration" not in content:
             content["calibration"] = self.evidence.reader.calibration_of()
-        content["warnings"] = (*self.head.get("warnings", ()), *model_keys.get("warnings", ()))
+        unsolved = self.found.warnings if self.evidence.model.falsified and not self.missing else ()
+        content["warnings"] = (*self.head.get("warnings", ()), *model_keys.get("warnings", ()), *unsolved)
         return Diagnosis.model_validate({**content, "verdict": verdict})
 
     @cached_property

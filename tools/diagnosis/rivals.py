@@ -102,14 +102,14 @@ class Listed:
         """A dependence of which nothing is proven that a set of the catalogue, as simple, does otherwise.
 
         Sets of several effects are so many that some stand by chance where one function suffices: they have to be no
-        more complex than that, single effects no more complex than rivals may be.
+        more complex than that, single effects and single readings no more complex than rivals may be.
         """
         least = np.inf if dependence.least is None else dependence.least
         for fit in fits:
-            most = most_of_rivals(least) if len(fit.places) == 1 else least
+            of_readings = all(place.effect == OUTLIER for place in fit.places)
+            most = most_of_rivals(least) if len(fit.places) == 1 or of_readings else least
             if dependence.listed_elsewhere or complexity_of(fit.places) > most:
                 continue
-            of_readings = all(place.effect == OUTLIER for place in fit.places)
             if of_readings or not any(self.is_of(fit, standing.pair) for standing in dependence.standing):
                 elsewhere = {_instrument(place) for place in fit.places} != {dependence.place}
                 dependence = replace(dependence, listed_elsewhere=elsewhere, listed_otherwise=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.programmes import cosine, same_space, spaces_beyond
+from ..bounded.programmes import SolverError, cosine, same_space, spaces_beyond
 from ..bounded.sets import MAX_SET, CutOff, Work
 from ..evidence.evidence import Model
 from ..evidence.fit import Fit
@@ -21,19 +21,22 @@ MOST_FOUND = 60
 MOST_WORK = 8e6
 """The work of a search, after which it is cut off: some eight seconds of one processor; in a long record more."""
 MOST_COMPARED = 10
+MOST_TITLES = 3
+"""So many sets that were not tried are named."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
     """The smallest sets that explain a record, the least radius first; the model without effects where it stands.
 
-    `complete`: whether they are all; else the search was cut off among sets of `size` effects, all smaller ones being
-    tried.
+    `complete`: whether they are all; else sets of `size` effects were not all tried, all smaller ones being tried.
+    `unsolved`: sets that were not tried because no linear programme of them was solved.
     """
 
     fits: tuple[Fit, ...]
     complete: bool = True
     size: int = 0
+    unsolved: tuple[tuple[EffectPlace, ...], ...] = ()
 
     @property
     def is_sample(self) -> bool:
@@ -47,6 +50,16 @@ class Found:
     def keys(self) -> Mapping[str, Any]:
         """Keys of the result where the search was cut off."""
         return {} if self.complete else {"complete": False, "cut_off_at": self.size}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The sets that were not tried, in a sentence; none where the solver failed on none."""
+        if not self.unsolved:
+            return ()
+        titles = [" and ".join(place.title for place in places) for places in self.unsolved[:MOST_TITLES]]
+        further = len(self.unsolved) - len(titles)
+        more = f" and {further} more" if further else ""
+        return (f"not tried, since the solver failed: {'; '.join(titles)}{more}",)
 
 
 def search(
@@ -63,12 +76,13 @@ def search(
     leaves no room.
     """
     work = Work(most_work * model.effort.cost)
+    unsolved: list[tuple[EffectPlace, ...]] = []
     for size in range(1, MAX_SET + 1):
         fits: list[Fit] = []
         complete = True
         try:
             for candidate in tracked(model.candidates(size, work, among), f"sets of {size}", show=progress):
-                fits += _mended(model, candidate, work)
+                fits += _mended(model, candidate, work, unsolved)
                 if len(fits) >= MOST_FOUND:
                     complete = False
                     break
@@ -76,22 +90,45 @@ def search(
             complete = False
         if fits or not complete:
             fits.sort(key=lambda fit: (round(fit.radius, 9), fit.title))
-            return Found(tuple(fits), complete, size)
-    return Found(())
+            return _found(fits, complete, size, unsolved)
+    return _found((), True, MAX_SET, unsolved)
 
 
-def _mended(model: Model, candidate: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-    """Fits with which the model stands, of the first members of the effects' classes that mend it."""
+def _found(fits: Sequence[Fit], complete: bool, size: int, unsolved: Sequence[tuple[EffectPlace, ...]]) -> Found:
+    """What a search returns that ends among sets of a size; a set that was not tried leaves it incomplete."""
+    if not unsolved:
+        return Found(tuple(fits), complete, size if fits or not complete else 0)
+    least = min(len(places) for places in unsolved)
+    return Found(tuple(fits), False, min(size, least), tuple(unsolved))
+
+
+def _mended(
+    model: Model, candidate: Sequence[EffectPlace], work: Work, unsolved: list[tuple[EffectPlace, ...]]
+) -> Sequence[Fit]:
+    """Fits with which the model stands, of the first members of the effects' classes that mend it.
+
+    Where none does, members on which the solver fails are added to the unsolved.
+    """
     classes = [model.classes.whole_class(place) for place in candidate]
+    failed = []
     for places in product(*classes):
-        if fits := model.mended(places, work):
-            return fits
+        try:
+            if fits := model.mended(places, work):
+                return fits
+        except SolverError:
+            failed.append(places)
+    unsolved += failed
     return ()
 
 
 def single_radii(model: Model) -> tuple[tuple[str, float], ...]:
-    """Radii that single effects leave, with their titles, the least first."""
-    radii = [(place.title, model.alone(place)) for place in model.classes.places]
+    """Radii that single effects leave, with their titles, the least first; not of those on which the solver fails."""
+    radii = []
+    for place in model.classes.places:
+        try:
+            radii.append((place.title, model.alone(place)))
+        except SolverError:
+            continue
     radii.sort(key=lambda entry: (round(entry[1], 9), entry[0]))
     return tuple(radii)
 

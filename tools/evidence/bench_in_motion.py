@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...fmus.parameters import elements_of
 from ...models.bench import BIAS, MATRIX
 from ...models.effects import EffectPlace
-from ..bounded.programmes import MANY_ROWS, Growth, Interval, any_centre, chebyshev_radius
+from ..bounded.programmes import MANY_ROWS, Growth, Interval, SolverError, any_centre, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibrated import Calibration
 from ..calibration.calibration import Asked
@@ -311,7 +311,11 @@ class BenchInMotion(TurnsInTime):
         rows = self.rows.matrix(places)[self.of_readings :]
         work.programme(*rows.shape)
         acting = rows[:, np.abs(rows).max(axis=0) > 0.0]
-        return chebyshev_radius(acting, self.rows.residual[self.of_readings :], np.ones(len(acting)))[0] <= 1.0 + slack
+        try:
+            radius = chebyshev_radius(acting, self.rows.residual[self.of_readings :], np.ones(len(acting)))[0]
+        except SolverError:
+            return True
+        return radius <= 1.0 + slack
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Fits of a set with possible sizes with which the model stands; of what is not linear in its ways."""
@@ -388,6 +392,18 @@ class WholeReader(BenchReader):
     def of_positions(self) -> NDArray[np.int_]:
         """Which rows are readings at positions."""
         return self.model.of_positions
+
+    def calibration_of(self, fit: Fit | None = None) -> Calibration:
+        """As of the rests; the nominal one is falsified where turns or readings in motion are what falsifies it."""
+        calibration = super().calibration_of(fit)
+        if (fit is not None and fit.places) or calibration.verdict != "consistent" or not self.model.falsified:
+            return calibration
+        parameters = []
+        for parameter in calibration.parameters:
+            unbounded = {"low": None, "high": None, "estimate": parameter.least_squares}
+            parameters.append(parameter.model_copy(update=unbounded))
+        changed = {"verdict": "falsified", "radius": self.model.radius, "parameters": parameters}
+        return calibration.model_copy(update={**changed, "estimator": "least squares"})
 
     @property
     def circumstances(self) -> Circumstances:

@@ -38,6 +38,10 @@ LARGEST_OF_BENCH = 0.5
 """No parameter of a bench [1], [rad], [g] is larger, as none of `--bounds`: accelerometers that are swapped or reversed
 are no bench with an effect."""
 MAX_ITERATIONS, MAX_MOVES = 12, 8
+DIFFERENCE = 1e-6
+"""Parameters [1], [rad], [g] differ by so much for exact derivatives."""
+LEAST_PART = 0.01
+"""Steps to a fit at the very edge are no shorter than this part of the whole one."""
 ATTAINED = 1e-10
 """Relative difference between the radius of the programme and the largest misfit where it is attained."""
 ASTRAY = 10.0
@@ -397,6 +401,7 @@ def fitted(
                 return None
     assert model is not None
     estimate, fit = x, fit_at(x, model, x)
+    lowest = fit.radius
     for _ in range(MAX_MOVES):
         # Noise may be at its very bound: then the second order of the step to the centre must not count either.
         x = x + fit.step
@@ -407,8 +412,32 @@ def fitted(
         if fit.radius <= least + ATTAINED * max(1.0, least):
             break
         fit = fit_at(x, model, estimate)
+        lowest = min(lowest, fit.radius)
     fit = fit_at(x, model, estimate, there=True)
+    part = 1.0
+    # At the very edge derivatives have to be exact, and whole steps may overshoot by their second order.
+    while lowest <= limit < fit.radius and part > LEAST_PART:
+        exact = replace(model, jacobian=exact_jacobian(model_at, x, model.jacobian))
+        shorter = x + part * fit_at(x, exact, estimate).step
+        moved = model_at(shorter)
+        tried = None if moved is None else fit_at(shorter, moved, estimate, there=True)
+        if moved is not None and tried is not None and tried.radius < fit.radius:
+            x, model, fit = shorter, moved, tried
+        else:
+            part *= 0.5
     return fit if _stands(fit, model.rows) else None
+
+
+def exact_jacobian(
+    model_at: Callable[[NDArray], Model | None], x: NDArray, approximate: NDArray
+) -> NDArray[np.float64]:
+    """Derivatives (M, P + K) of the readings at x by central differences; approximate ones where the model ends."""
+    jacobian = np.array(approximate)
+    for column, unit in enumerate(np.eye(len(x))):
+        before, after = model_at(x - DIFFERENCE * unit), model_at(x + DIFFERENCE * unit)
+        if before is not None and after is not None:
+            jacobian[:, column] = (after.reading - before.reading) / (2.0 * DIFFERENCE)
+    return jacobian
 
 
 def relinearised(at: Exact, places: Sequence[EffectPlace], start: NDArray, settled: Settled | None = None) -> Fit:

@@ -40,6 +40,8 @@ MOST_CANDIDATES = 10
 """So many candidates, the best ones first, are separated from each other."""
 MOST_FOR_A_PAIR = 4
 """So many new positions are proposed to decide between two candidates."""
+MOST_POSITIONS = 6
+"""So many positions are proposed in all; a pair that would need more waits for the next measurement."""
 LATER = (0.25, 0.5, 0.75, 1.0)
 """Parts of a record's length after its end at which positions may be measured again."""
 HOUR_DIGITS = 5
@@ -160,6 +162,8 @@ def separating_positions(
         if contains(*sets) or contains(*reversed(sets)):
             continue
         distance, rows_chosen = decide(first, second, usable, list(apart), sure)
+        if distance <= sure or len({*apart, *rows_chosen}) > MOST_POSITIONS:
+            continue
         for row in rows_chosen:
             apart[row] = min(apart.get(row, np.inf), distance)
             names[row] = list(dict.fromkeys((*names.get(row, ()), first.fit.title, second.fit.title)))

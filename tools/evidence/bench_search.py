@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...models.bench import admissible, nominal_input
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
-from ..bounded.programmes import least_squares
+from ..bounded.programmes import SolverError, least_squares
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.estimates import widening
 from ..calibration.model import Linearisation, linearise, predicted_input
@@ -442,7 +442,11 @@ class BenchSearch:
         bound = 1.0 + widening / noise
         growths = growths_of(Paid.of(columns, rate[counted]), rate[counted], np.zeros(jacobian.shape[1]))
         work.programme(*jacobian.shape)
-        return least_radius(jacobian[counted], problem.residual[counted], bound[counted], growths)[0]
+        try:
+            return least_radius(jacobian[counted], problem.residual[counted], bound[counted], growths)[0]
+        except SolverError:
+            # A bound that is not known refuses nothing.
+            return 0.0
 
 
 def most_helpful(problem: Problem) -> list[int]:

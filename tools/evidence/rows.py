@@ -188,6 +188,13 @@ class Rows:
         return numbers_in(self.blocks, places)
 
     @property
+    def piece_count(self) -> int:
+        """How many pieces, of the scored kind that has most, or readings of an accelerometer there are."""
+        if self.scored:
+            return max(len(self.parts[k]) for k in self.scored)
+        return len(self.residual) // (3 if self.are_readings else 1)
+
+    @property
     def linear_places(self) -> list[EffectPlace]:
         """Effects that are linear in their coefficients."""
         return [place for place in self.places if place.definition.linear]

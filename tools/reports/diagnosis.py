@@ -432,7 +432,8 @@ def rivals(result: Diagnosis) -> str:
         text += f", {OTHERS_MAY}"
     proposed = len(result.next_positions or ())
     if not proposed:
-        return f"{text}."
+        nothing_decides = result.next_positions is not None and result.calibration.linearised is not None
+        return f"{text}. No further position surely tells two of them apart." if nothing_decides else f"{text}."
     sure = len(bench.deciding(result.calibration.linearised, result.next_positions or ()))
     if sure == proposed:
         positions = "position decides" if proposed == 1 else "positions decide"

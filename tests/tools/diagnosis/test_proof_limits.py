@@ -1,0 +1,93 @@
+"""What no record proves: beyond the bounds, by as many numbers as pieces, beside readings or sets that do as well."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trihedron
+from diagnoses import diagnosed
+from generator import SIGMA
+from generator.positions import drawn_record, hidden_record, record_with
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.bounded import Work
+from trihedron.tools.bounded.programmes import SolverError
+from trihedron.tools.diagnosis.dependence import dependence
+from trihedron.tools.evidence.bench import Bench, bench_evidence
+
+FIELD = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[4] / "shared" / "data")) / "field"
+SAG = EffectPlace("sag", "outer-axis")
+QUADRATICS = [EffectPlace("quadratic", f"accelerometer-{p}") for p in (1, 2, 3)]
+"""The first is tried every time, the others before a release."""
+LONG = [pytest.param(place, marks=pytest.mark.acceptance) for place in QUADRATICS[1:]]
+
+
+def field_diagnosis(name: str) -> Any:
+    """The diagnosis of a record from the field."""
+    if not (FIELD / name).exists():
+        pytest.skip(f"{FIELD / name} is not there; TRIHEDRON_DATA names the folder above")
+    return trihedron.diagnose(FIELD / name, noise_bound=1e-5)
+
+
+@pytest.mark.parametrize("accelerometer", [1, 2, 3])
+def test_nothing_is_proven_above_its_bound_or_by_as_many_numbers_as_pieces(accelerometer):
+    record = record_with(accelerometer, {f"f{accelerometer}": lambda v: 3e-4 * v.n[:, accelerometer - 1] ** 5})
+    shown = dependence(bench_evidence(record, noise_bound=SIGMA))
+    assert shown is not None
+    assert shown.place == f"accelerometer-{accelerometer}"
+    assert shown.limit < 1.001
+    above = [replace(standing, radius=1.06) for standing in shown.standing]
+    assert replace(shown, standing=tuple(above)).proven is None
+    many = [replace(standing, complexity=20) for standing in shown.standing]
+    assert replace(shown, standing=tuple(many)).proven is None
+
+
+def test_two_readings_that_do_as_well_leave_nothing_proven():
+    assert field_diagnosis("x11_local_16.csv").proven.quantity is None
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("name", ["x08_mag_16", "x10_triple_24", "x14_walk_16"])
+def test_a_record_is_not_refused_for_a_programme_that_fails(name):
+    assert field_diagnosis(f"{name}.csv").verdict in ("unexplained", "ambiguous")
+
+
+@pytest.mark.parametrize("place", [QUADRATICS[0], *LONG])
+def test_a_set_on_which_the_solver_fails_is_said_to_be_not_tried(place, monkeypatch):
+    mended = Bench.mended
+
+    def failing(model: Bench, places: Any, work: Any) -> Any:
+        if tuple(places) == (place,):
+            raise SolverError("a linear programme was not solved: Unbounded")
+        return mended(model, places, work)
+
+    monkeypatch.setattr(Bench, "mended", failing)
+    result = diagnosed(hidden_record(4, place, (4e-4,)))
+    assert result.verdict != "explained"
+    assert any("not tried, since the solver failed" in text and place.title in text for text in result.warnings)
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_a_true_set_stands_though_every_error_is_at_its_bound(seed):
+    product = EffectPlace("cross-product", "accelerometer-3", None, (1, 2))
+    record = drawn_record(seed, [(SAG, (1.55e-4, 0.5)), (product, (2.1e-4,))], 100, at_bound=True)
+    model = bench_evidence(record, noise_bound=SIGMA).model
+    fits = model.mended((SAG, product), Work())
+    assert fits
+    assert fits[0].radius <= model.limit
+
+
+@pytest.mark.parametrize("seed", [21, *(pytest.param(seed, marks=pytest.mark.acceptance) for seed in (22, 23))])
+def test_only_positions_that_decide_are_proposed(seed):
+    """Cubic or odd quadratic: few readings leave both; what is proposed tells two of the candidates apart."""
+    place = EffectPlace("odd-quadratic", "accelerometer-1")
+    result = diagnosed(drawn_record(seed, [(place, (1.5e-4,))], 20))
+    positions = result.next_positions or ()
+    assert len(positions) <= 6
+    assert all(position["apart_g"] > 2.0 * SIGMA for position in positions)
+    if result.verdict == "ambiguous" and not positions:
+        assert "No further position surely tells two of them apart" in str(result)
+    assert np.isfinite(result.radius)
