@@ -30,6 +30,8 @@ NEAR = 1.3
 """Below this radius a slightly larger noise bound is a candidate like any other: nothing is proven."""
 MOST_SECOND_ORDER = 1.0
 """The linear model may be wrong by at most so many bounds, or nothing is said of functions."""
+MOST_ALLOWED = 0.03
+"""A function may leave so much more than a bound, where the linear model may be wrong by that, and be a proof."""
 LARGEST_PART = 0.5
 """A function has at most this part of as many coefficients as its quantity has values."""
 DEPENDENT = 1e-12
@@ -317,7 +319,8 @@ class Search:
         places = tuple(dict.fromkeys(pair.freedom.split()[0] for pair in self.pairs if pair.freedom in freedoms))
         model = self.evidence.model
         most_complex = LARGEST_PART * self.evidence.rows.piece_count
-        return Dependence(standing, tuple(freedoms), places, model.radius, model.limit, most_complex)
+        limit = model.limit + min(model.second_order, MOST_ALLOWED)
+        return Dependence(standing, tuple(freedoms), places, model.radius, limit, most_complex)
 
     @cached_property
     def freedoms(self) -> list[str]:
