@@ -271,7 +271,7 @@ def _counts(table: UnderstoodTable, column: str, values: NDArray[np.float64]) ->
     size = 2.0 ** int(kind.split()[1])
     if values.min() < 0.0 or values.max() >= size:
         what = f"{table.origins[column].name!r} has numbers from {values.min():g} to {values.max():g}"
-        raise InputError(f"{table.sheet.path}: integers = {kind!r}: {what}, not from 0 to {size - 1:.0f}")
+        raise InputError(f"{table.sheet.path}: integers = {kind!r}: {what}, not from 0 to {int(size) - 1}")
     return np.where(values >= 0.5 * size, values - size, values)
 
 

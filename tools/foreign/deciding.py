@@ -365,7 +365,7 @@ def _ask_of_integers(table: UnderstoodTable) -> None:
         bits = bits_of_signed(values)
         if bits:
             why = (
-                f"{origin.name!r} has counts from {min(values):.0f} to {max(values):.0f}, near both ends of {bits} bits"
+                f"{origin.name!r} has counts from {int(min(values))} to {int(max(values))}, near both ends of {bits} bits"
             )
             table.ask("integers", (f"signed {bits}", "unsigned"), why)
             return
