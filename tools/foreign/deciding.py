@@ -364,9 +364,8 @@ def _ask_of_integers(table: UnderstoodTable) -> None:
         values = table.values(origin.field.texts)
         bits = bits_of_signed(values)
         if bits:
-            why = (
-                f"{origin.name!r} has counts from {int(min(values))} to {int(max(values))}, near both ends of {bits} bits"
-            )
+            span = f"from {int(min(values))} to {int(max(values))}"
+            why = f"{origin.name!r} has counts {span}, near both ends of {bits} bits"
             table.ask("integers", (f"signed {bits}", "unsigned"), why)
             return
 
