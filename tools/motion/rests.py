@@ -22,8 +22,6 @@ from ..rounding import digits, downwards, exactly
 
 FEWEST_ROWS = 16
 """Fewer rows tell nothing."""
-GAP = 1.5
-"""A time between rows is a gap from this many periods on."""
 RATE_MEANINGS = ("instantaneous", "averaged")
 """Samples of the rate (trapezoid rule), or means over the interval that ends at the row's time."""
 WINDOW = 0.5
