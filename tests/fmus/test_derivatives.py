@@ -3,6 +3,7 @@
 import ctypes as ct
 import random
 import zipfile
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -31,7 +32,7 @@ class Subject:
         self.library = self.model.library
         rng = random.Random(title(component))
         elements = draw_parameters(component, rng) | draw_inputs(component, rng)
-        self.values: dict[str, list[float]] = {}
+        self.values: dict[str, list[Any]] = {}
         for v in component.interface:
             if v.causality != "output":
                 starts = dict(zip(v.elements, v.starts, strict=True))

@@ -526,7 +526,8 @@ def simplest_directions(beyond: NDArray) -> NDArray:
     """Return unit vectors (K, P) that span as columns (P, K) do; each has a parameter that is in no other."""
     if not beyond.size:
         return np.zeros((0, len(beyond)))
-    of_one = qr(beyond.T, mode="r", pivoting=True)[1][: beyond.shape[1]]
+    factors: tuple[NDArray, NDArray] = qr(beyond.T, mode="r", pivoting=True)  # pyright: ignore[reportAssignmentType]
+    of_one = factors[1][: beyond.shape[1]]
     directions = beyond @ np.linalg.inv(beyond[of_one])
     return (directions / np.linalg.norm(directions, axis=0)).T
 

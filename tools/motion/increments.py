@@ -67,8 +67,8 @@ def without_gaps(record: StrapdownRecord, most: int) -> tuple[StrapdownRecord, t
             if count <= MOST_BRIDGED:
                 way += f", or bridge it, with a bound of the error: --bridge-gaps {count}"
             raise InputError(
-                f"{_row_behind(record, int(k))}: a gap of {exactly(between[k], 6)} s before "
-                f"{exactly(time[k + 1], 9)} s, where rows come every {exactly(usual, 6)} s; {way}"
+                f"{_row_behind(record, int(k))}: a gap of {exactly(float(between[k]), 6)} s before "
+                f"{exactly(float(time[k + 1]), 9)} s, where rows come every {exactly(usual, 6)} s; {way}"
             )
     if not len(gaps):
         return record, ()

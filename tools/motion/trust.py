@@ -38,7 +38,7 @@ WHOLE_POWER = 0.1
 """A factor is a power of two where its logarithm to base 2 is so near a whole number."""
 FEW = 0.01
 """Part of the rows."""
-Measured = TypeVar("Measured", PositionRecord, RawRecord, StrapdownRecord, PositionRecord | RawRecord | StrapdownRecord)
+Measured = TypeVar("Measured", bound=PositionRecord | RawRecord | StrapdownRecord)
 
 
 class TrustCheck(Result):
@@ -115,8 +115,10 @@ def judged(
             "the gyros turn as the true attitude does and not as gravity: the accelerometers are exchanged, read them "
             f"with {mends}"
         )
-    elif truth is None and (turning.said or ways):
-        faults += turning.said or ways[:1]
+    elif truth is None and turning.said:
+        faults += turning.said
+    elif truth is None and ways:
+        faults.append(ways[0])
     scale = 1.0
     if not faults:
         scale = _say_gyro_scale(faults, warnings, truth, turning, scale_by_rests(turns))

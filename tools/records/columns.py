@@ -54,7 +54,7 @@ CORRECTED_BY = "corrected_by"
 """What was taken out of a record's readings, and by which diagnosis or calibration."""
 CORRECTED_WITHIN = "corrected_within_mps2"
 """What the sizes that were taken out may be wrong by, in readings of each accelerometer: three numbers."""
-COARSEST = 1e-2 * STANDARD_GRAVITY
+COARSEST = 0.5 * STANDARD_GRAVITY
 """No reading that bounds can be had of is written more coarsely than half a last digit of this size [m/s²]."""
 GRID = 0.02
 """The part of half a last digit that readings on a grid differ by at the least, as a rule, interpolated or not."""
@@ -358,7 +358,8 @@ def fault_of_resolution(columns: FileColumns) -> RecordError | None:
     resolution = columns.comments.resolution
     key = "comment resolution_mps2"
     if resolution > COARSEST:
-        what = f"{key}: half a last digit of {upwards(resolution)} m/s2 leaves no reading; at most 0.098 can be used"
+        limit = f"at most {COARSEST:.2g} can be used"
+        what = f"{key}: half a last digit of {upwards(resolution)} m/s2 leaves no reading; {limit}"
         return RecordError(columns.path, None, None, what)
     # averages of readings on a grid are on none
     if resolution == 0.0 or columns.layout.kind is POSITION:

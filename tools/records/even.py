@@ -46,7 +46,7 @@ than sensors sample unevenly."""
 MOST_HELD = 0.5
 """Stamps that are farther from even times, in periods, are not taken as logged where nothing tells."""
 
-Measured = TypeVar("Measured", PositionRecord, RawRecord, StrapdownRecord)
+Measured = TypeVar("Measured", bound=PositionRecord | RawRecord | StrapdownRecord)
 
 
 def with_stamps(record: Measured, stamps: str | None = None) -> Measured:

@@ -12,7 +12,7 @@ import trihedron as th
 from generator.runs import PROGRAMME, Bench
 from trihedron.tools.records.noise import deviation_widening
 
-FIELD = Path(os.environ.get("TRIHEDRON_DATA", Path(th.__file__).parents[1] / "shared" / "data")) / "field"
+FIELD = Path(os.environ.get("TRIHEDRON_DATA") or Path(th.__file__).parents[1] / "shared" / "data") / "field"
 
 
 def raw(white: float) -> Any:

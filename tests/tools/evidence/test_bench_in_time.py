@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,7 +52,7 @@ def test_a_slip_is_not_lost_where_the_time_next_to_the_best_parts_a_reading():
     record = bench.measured(5, None, (Hidden(SLIP, values),))
     evidence = whole_evidence(record, bench.place, noise_bound=SIGMA)
     (fit,) = evidence.model.mended([SLIP], Work())
-    assert holds(fit, (*values[:-1], values[-1] - evidence.reader.circumstances.began / 3600.0))
+    assert holds(fit, (*values[:-1], values[-1] - began_of(evidence) / 3600.0))
 
 
 @settings(max_examples=3, deadline=None, derandomize=True)
@@ -74,6 +75,12 @@ def test_a_range_of_numbers_holds_what_each_within_it_does(seed, part):
         assert radius <= missed + 1e-9 * np.abs(target[rows]).max()
 
 
+def began_of(evidence: Evidence) -> float:
+    """When a bench's record begins [s]."""
+    reader: Any = evidence.reader
+    return reader.circumstances.began
+
+
 def title(value: object) -> str:
     return value.effect if isinstance(value, EffectPlace) else ""
 
@@ -94,7 +101,7 @@ def test_a_slip_is_seen_by_readings_and_by_gyros_as_the_extended_component_says(
     clean, moved = evidence_with(), evidence_with(Hidden(SLIP, values))
     turns = clean.model.whole.turns
     assert np.array_equal(turns.first, moved.model.whole.turns.first)
-    number = clean.model.cells[SLIP].number(values[-1] - clean.reader.circumstances.began / 3600.0)
+    number = clean.model.cells[SLIP].number(values[-1] - began_of(clean) / 3600.0)
     with_slip = clean.model.with_onset(SLIP, number)
     columns, of = np.nan_to_num(with_slip.columns_set_in(SLIP)), clean.model.of_readings
     by_gyros = (moved.model.whole.turns.integral - turns.integral).ravel()
@@ -123,7 +130,7 @@ def test_a_slip_is_found_with_its_angles_and_its_time(factor):
         assert list(standing) == [SLIP]
         ((fit,),) = standing.values()
         (ends,) = fit.intervals()
-        assert holds(fit, (*values[:-1], start - evidence.reader.circumstances.began / 3600.0))
+        assert holds(fit, (*values[:-1], start - began_of(evidence) / 3600.0))
         assert all(high - low < 10.0 * SIGMA for low, high in ends[:-1])
         # Within a move, or a rest with its moves.
         assert ends[-1][1] - ends[-1][0] < 20.0 / 3600.0

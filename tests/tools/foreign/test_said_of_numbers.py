@@ -3,6 +3,7 @@
 import gzip
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -42,7 +43,7 @@ def motion(**columns: list) -> dict[str, list]:
     return table
 
 
-def imported(path: Path, capsys, *answers: str) -> tuple[int, str, pl.DataFrame | None]:
+def imported(path: Path, capsys, *answers: str) -> tuple[int, str, Any]:
     out = path.parent / "out.csv"
     words = ["import", str(path), "--out", str(out)]
     for answer in answers:

@@ -41,7 +41,7 @@ SECTIONS = {
     "bench, explained": ["The cause", "Residuals before and after", *MEASURED, "Residuals against the inputs",
                          "Targets, and what the effects do to them", *RANKED, "Left out, and shuffled"],
     "bench, explained, with its gain": ["The cause", "The gain on what was not used", *MEASURED, *RANKED],
-    "bench, ambiguous": ["Causes that remain", "Where to measure next", *RANKED],
+    "bench, ambiguous": ["Causes that remain", *RANKED],
     "bench, unexplained": ["Targets", RANKED[0], "What the residual depends on"],
     "bench, insufficient": ["Residuals", *MEASURED, "Targets"],
     "block, explained": ["The cause", "The gain on what was not used", "Errors before and after", *MEASURED,
