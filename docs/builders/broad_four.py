@@ -78,7 +78,8 @@ class OfRecord:
 
     def errors(self, sizes: Sizes) -> NDArray[np.float64]:
         """Errors (S, 3) of the quoted windows by the FMUs with effects of some sizes [arcmin]."""
-        return self.evidence.reader.rerun.errors(sizes) / ARCMIN
+        rerun: Any = self.evidence.reader.rerun
+        return rerun.errors(sizes) / ARCMIN
 
     @cached_property
     def linear(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

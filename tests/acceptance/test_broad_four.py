@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,10 +30,7 @@ def test_figures_of_the_page_are_those_of_the_records():
         for on, row in table
     }
     for on, evidence in catalogue.items():
-        assert rms_size(np.array(evidence.reader.rerun.errors({}))) / ARCMIN == pytest.approx(
-            page[on]["without"], rel=5e-3
-        )
+        rerun: Any = evidence.reader.rerun
+        assert rms_size(np.array(rerun.errors({}))) / ARCMIN == pytest.approx(page[on]["without"], rel=5e-3)
         for source, result in sizes.items():
-            assert rms_size(np.array(evidence.reader.rerun.errors(result))) / ARCMIN == pytest.approx(
-                page[on][source], rel=5e-3
-            )
+            assert rms_size(np.array(rerun.errors(result))) / ARCMIN == pytest.approx(page[on][source], rel=5e-3)

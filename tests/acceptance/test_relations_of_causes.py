@@ -283,13 +283,13 @@ def test_settings_in_another_order_and_of_whole_turns_more_are_the_same_settings
     make_inputs(tmp_path)
     from trihedron.tools import planning
 
-    planned, actual = planning.read_angles(tmp_path / "angles.csv")
+    planned, actual = planning.read_settings(tmp_path / "angles.csv")
     first = planning.check_settings(planning.task_of(planning.Request()), planned, actual, SIGMA).to_json()
     table = pl.read_csv(tmp_path / "angles.csv")
     order = np.random.default_rng(3).permutation(table.height)
     turned = table.with_columns(pl.col("alpha_deg", "planned_alpha_deg") + 360.0)
     turned.select(pl.all().gather(order.tolist())).write_csv(tmp_path / "other.csv")
-    planned, actual = planning.read_angles(tmp_path / "other.csv")
+    planned, actual = planning.read_settings(tmp_path / "other.csv")
     second = planning.check_settings(planning.task_of(planning.Request()), planned, actual, SIGMA).to_json()
     assert second["advice"] == first["advice"]
     assert second["lost_readings"] == first["lost_readings"]

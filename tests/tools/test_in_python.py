@@ -48,7 +48,7 @@ def test_a_table_of_any_library_gives_the_same_record(record):
     columns = record.to_polars().to_dict(as_series=False)
     rows = np.array(list(zip(*columns.values(), strict=True)), dtype=[(name, float) for name in columns])
     for source in (columns, Pandas(columns), rows):
-        loaded = th.read_record(source)
+        loaded: Any = th.read_record(source)
         assert np.array_equal(loaded.specific_force, record.specific_force)
         assert np.allclose(loaded.alpha, record.alpha, rtol=0, atol=1e-15)
 

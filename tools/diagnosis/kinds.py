@@ -73,7 +73,7 @@ class Kind:
         return replace(options, **changed)
 
 
-def evidence_of(record: PositionRecord | StrapdownRecord, **options: Any) -> Evidence:
+def evidence_of(record: PositionRecord | StrapdownRecord | KnownDirections, **options: Any) -> Evidence:
     """The evidence of a record.
 
     Options are as for `bench_evidence` or `carried_evidence`. `bench` says where a bench record was measured: then its
@@ -95,7 +95,10 @@ def evidence_options(record: Any, *, among: Mapping[str, Any] | None = None, **o
 
 
 def evidence_with_formulas(
-    record: PositionRecord | StrapdownRecord, evidence: Evidence, formulas: Sequence[EffectPlace], **options: Any
+    record: PositionRecord | StrapdownRecord | KnownDirections,
+    evidence: Evidence,
+    formulas: Sequence[EffectPlace],
+    **options: Any,
 ) -> Evidence:
     """The evidence of a record in which formulas can be tried.
 
@@ -113,7 +116,7 @@ def evidence_with_formulas(
     return evidence
 
 
-def kind_of(record: PositionRecord | StrapdownRecord) -> Kind:
+def kind_of(record: PositionRecord | StrapdownRecord | KnownDirections) -> Kind:
     """The kind of a record."""
     return KINDS[type(record)]
 

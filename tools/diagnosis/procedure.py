@@ -20,7 +20,7 @@ from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, fin
 from .dependence import Dependence, Proven, Suffices, dependence, residual_structure
 from .helps import of_lengths, only_at_one_length, what_helps
 from .hypothesis import answered, places_of
-from .kinds import evidence_of, evidence_with_formulas, kind_of
+from .kinds import KnownDirections, evidence_of, evidence_with_formulas, kind_of
 from .result import Diagnosis, Explanation
 from .rivals import Listed, Unlisted
 from .search import MOST_WORK, Found, equivalence_groups, search, single_radii
@@ -28,7 +28,7 @@ from .witness import Judgement, Witness, by_need, judgement_of, objections_of
 
 
 def diagnose(
-    record: PositionRecord | StrapdownRecord,
+    record: PositionRecord | StrapdownRecord | KnownDirections,
     *,
     evidence: Evidence | None = None,
     hypotheses: Sequence[str] = (),
@@ -41,7 +41,7 @@ def diagnose(
 
     Parameters
     ----------
-    record : PositionRecord, StrapdownRecord
+    record : PositionRecord, StrapdownRecord, KnownDirections
     evidence : Evidence, optional
         of the record; by default it is made with the options, as for `evidence_of`
     hypotheses : sequence of str

@@ -46,13 +46,13 @@ def odd_rows(record: StrapdownRecord) -> tuple[str, ...]:
         zeros = lost_rows(values, period) & ~overflowed
         spikes = spike_rows(values, period) & ~overflowed & ~zeros & ~knocked
         kinds = {
-            "jump to the opposite end of the range and back (an overflow: choose a larger range)": overflowed,
-            "are exactly 0 between readings that are not (lost readings)": zeros,
-            "are unlike their neighbours, as no motion is (spikes)": spikes,
+            "an overflow to the opposite end of the range and back; choose a larger range": overflowed,
+            "lost readings, exactly 0 between readings that are not": zeros,
+            "unlike their neighbours, as no motion is (a spike)": spikes,
         }
         for words, rows in kinds.items():
             if rows.any():
-                lines.append(f"gyro {axis}: {_counted(record, rows)} {words}")
+                lines.append(f"gyro {axis}: {_counted(record, rows)}: {words}")
     return tuple(lines)
 
 
@@ -127,5 +127,5 @@ def _counted(record: StrapdownRecord, rows: NDArray[np.bool_]) -> str:
     where = f"row {int(record.row[first])} ({digits(float(record.time_s[first]), 9)} s)"
     count = int(rows.sum())
     if count == 1:
-        return f"1 row, {where}:"
-    return f"{count} rows, the first {where}:"
+        return where
+    return f"{count} rows, the first {where}"

@@ -54,8 +54,12 @@ CORRECTED_BY = "corrected_by"
 """What was taken out of a record's readings, and by which diagnosis or calibration."""
 CORRECTED_WITHIN = "corrected_within_mps2"
 """What the sizes that were taken out may be wrong by, in readings of each accelerometer: three numbers."""
-COARSEST = 0.5 * STANDARD_GRAVITY
-"""No reading that bounds can be had of is written more coarsely than half a last digit of this size [m/s²]."""
+COARSEST = 1e-2 * STANDARD_GRAVITY
+"""Half a last digit that is larger is believed only where no two readings are nearer than that digit [m/s²]."""
+AS_WRITTEN = 0.9
+"""Part of a last digit that readings differ by at the least: a comment line gives half of it rounded up."""
+ROUNDING_STEP = 1e-9
+"""Readings that differ by less are the same one, converted [m/s²]."""
 GRID = 0.02
 """The part of half a last digit that readings on a grid differ by at the least, as a rule, interpolated or not."""
 INERTIAL = ("attitude_reference", "inertial")
@@ -353,14 +357,25 @@ def _rows_from(columns: FileColumns, index: np.ndarray) -> str:
     return f"{len(index)} rows, the first row {first}"
 
 
+def least_step(values: np.ndarray) -> float:
+    """Least distance of two values (N,) that differ by more than rounding; infinite where none do."""
+    steps = np.diff(np.unique(values))
+    return float(steps[steps > ROUNDING_STEP].min(initial=np.inf))
+
+
 def fault_of_resolution(columns: FileColumns) -> RecordError | None:
     """What is wrong with a resolution that a comment line gives: the readings are written more finely."""
     resolution = columns.comments.resolution
     key = "comment resolution_mps2"
     if resolution > COARSEST:
-        limit = f"at most {COARSEST:.2g} can be used"
-        what = f"{key}: half a last digit of {upwards(resolution)} m/s2 leaves no reading; {limit}"
-        return RecordError(columns.path, None, None, what)
+        for name in FORCE:
+            values = columns.numbers.get(name, np.zeros(0))
+            if least_step(values) < AS_WRITTEN * 2.0 * resolution:
+                what = (
+                    f"{key}: column {name} is written more finely than to {upwards(2.0 * resolution)} m/s2; "
+                    "correct that line"
+                )
+                return RecordError(columns.path, None, None, what)
     # averages of readings on a grid are on none
     if resolution == 0.0 or columns.layout.kind is POSITION:
         return None

@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -402,5 +403,6 @@ def test_against_inertial_space_the_earth_is_no_error_of_the_gyros(truth):
         assert isinstance(evidence.model, Carried)
         assert evidence.model.radius < evidence.model.limit
         within[len(comments)] = evidence.reader.stated_bound
-        assert ("Earth" in evidence.reader.bounds_from) == (not comments)
+        reader: Any = evidence.reader
+        assert ("Earth" in reader.bounds_from) == (not comments)
     assert within[1] < 0.2 * within[0]

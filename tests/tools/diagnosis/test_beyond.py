@@ -19,8 +19,7 @@ from trihedron.models.effects.lookup import Table
 from trihedron.tools.bounded import Work
 from trihedron.tools.diagnosis import Beyond, Diagnosis, Possible, diagnose, export_extended
 from trihedron.tools.diagnosis.dependence import NEAR, dependence
-from trihedron.tools.evidence import bench_evidence
-from trihedron.tools.evidence.bench import Bench
+from trihedron.tools.evidence import Evidence, bench_evidence
 from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.trials import NOISE_BOUND, draw_alone
 
@@ -93,7 +92,7 @@ def test_the_truth_is_in_the_band_and_among_the_laws(power: int):
 
 
 @cache
-def with_temperature() -> Bench:
+def with_temperature() -> Evidence:
     """A clean record with temperatures."""
     rng, reading, alpha, beta = bench_of(12)
     record = dataclasses.replace(position_record(reading, alpha, beta), temperature=rng.uniform(15.0, 30.0, COUNT))

@@ -1,6 +1,7 @@
 """Formulas as hypotheses: true ones stand with their coefficients, false ones are refuted, wrong ones are one line."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,7 +108,8 @@ def test_an_angle_reaches_the_block_of_what_is_exported(tmp_path):
     assert answer.gain is not None
     assert answer.gain.held_out_rms_after < SIGMA < answer.gain.held_out_rms_before
     sizes = {cause.place: (cause.values, cause.intervals) for cause in answer.finding.causes}
-    evidence.reader.rerun.extension(answer.finding.fit, sizes).write(tmp_path / "out", "a formula", "python")
+    rerun: Any = evidence.reader.rerun
+    rerun.extension(answer.finding.fit, sizes).write(tmp_path / "out", "a formula", "python")
     assert worst_miss(tmp_path / "out", record) <= SIGMA
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -180,7 +181,8 @@ def test_classes_are_effects_whose_signatures_are_parallel():
 
 def test_least_squares_and_the_search_agree_on_a_known_error():
     """Errors made by one effect are explained by it exactly, and by no smaller set."""
-    evidence, size = simulated(), 4e-3 * np.sin(np.arange(9.0))
+    evidence: Any = simulated()
+    size = 4e-3 * np.sin(np.arange(9.0))
     numbers = evidence.rows.numbers_of([SENSITIVITY])
     errors = [part.columns[..., numbers] @ size for part in evidence.rows.parts]
     evidence = replace(evidence, rows=evidence.rows.with_errors(errors))

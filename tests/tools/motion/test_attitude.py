@@ -92,7 +92,7 @@ def test_a_gyro_bias_drifts_at_its_own_rate_and_about_its_own_axis() -> None:
     np.testing.assert_allclose(run.error_rad, np.outer(elapsed, axis), rtol=0, atol=1e-12)
     assert run.drift == pytest.approx(0.01, rel=1e-9)
     assert run.rms == pytest.approx(float(np.sqrt(np.mean((0.01 * elapsed[1:]) ** 2))), rel=1e-9)
-    mended: Any = th.attitude_of_record(record, algorithm="mean-rate", gyro_bias=bias)
+    mended: Any = th.attitude_of_record(record, algorithm="mean-rate", gyro_bias=bias.tolist())
     assert mended.maximum < 1e-12
     assert "bias" in str(mended)
 
@@ -157,7 +157,7 @@ def test_error_of_no_rows() -> None:
 
 
 @pytest.mark.parametrize("how", ["instantaneous", "averaged", "increments"])
-def test_attitudes_after_a_clipped_gyro_are_marked(how: str) -> None:
+def test_attitudes_after_a_clipped_gyro_are_marked(how: Any) -> None:
     """Up to the last update before the first clipped row the attitude is that of the whole motion."""
     time, period = 0.01 * np.arange(3000), 0.01
     rate = np.stack([np.sin(time + 4.0), 0.7 * np.sin(1.3 * time), 0.5 * np.cos(0.8 * time)], axis=1)

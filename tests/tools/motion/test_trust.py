@@ -158,8 +158,8 @@ FIELD = {
     "dv_neg": "--channels -1,-2,-3",
     "gyros-reversed": "--channels w=-1,-2,-3",
     "sat_wrap": "gyro 3: 15 rows, the first row 4790",
-    "sat_spike": "gyro 2: 1 row, row 4002",
-    "gyro-glitch-100radps": "gyro 3: 1 row, row 601",
+    "sat_spike": "gyro 2: row 4002",
+    "gyro-glitch-100radps": "gyro 3: row 601",
     "gs_2.0": "a factor of 2",
     "real_gyros_half": "a factor of 2",
 }

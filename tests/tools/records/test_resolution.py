@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,9 +48,9 @@ def test_one_that_adds_next_to_nothing_is_not(line, tmp_path):
     assert th.calibrate(positions(tmp_path, line), noise_bound=SIGMA).warnings == []
 
 
-@pytest.mark.parametrize("size", ["10", "30"])
-def test_a_resolution_that_leaves_no_reading_is_refused(size, tmp_path):
-    with pytest.raises(th.InputError, match="comment resolution_mps2: half a last digit of"):
+@pytest.mark.parametrize("size", ["1", "0.2", "30"])
+def test_a_resolution_that_the_digits_disprove_is_refused(size, tmp_path):
+    with pytest.raises(th.InputError, match="comment resolution_mps2: column f1_mps2 is written more finely than to"):
         read_record(positions(tmp_path, f"resolution_mps2: {size}"))
 
 
@@ -61,5 +62,6 @@ def test_a_resolution_that_the_rows_of_a_series_disprove_is_refused(size, tmp_pa
 
 @pytest.mark.parametrize("size", [1e-5, 1e-3, 1e-2])
 def test_a_resolution_that_is_true_passes(size, tmp_path):
-    record = read_record(written(raw(size), tmp_path, (f"resolution_mps2: {size}",)), RawRecord)
+    kind: Any = RawRecord
+    record = read_record(written(raw(size), tmp_path, (f"resolution_mps2: {size}",)), kind)
     assert record.resolution == pytest.approx(size, rel=0.5)
