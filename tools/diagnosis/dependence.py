@@ -446,8 +446,8 @@ class Search:
         for width in np.unique(widths):
             alike = np.flatnonzero(widths == width)
             at = first[alike][:, None] + np.arange(width)
-            products_of, product = columns[at], products[at]
-            inverse = np.linalg.pinv(products_of @ products_of.swapaxes(1, 2), rcond=DEPENDENT, hermitian=True)
+            columns_alike, product = columns[at], products[at]
+            inverse = np.linalg.pinv(columns_alike @ columns_alike.swapaxes(1, 2), rcond=DEPENDENT, hermitian=True)
             explained[alike] = np.einsum("np,npq,nq->n", product, inverse, product)
         return np.sqrt(np.maximum(0.0, residual @ residual - explained))
 
