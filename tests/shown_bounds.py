@@ -151,9 +151,7 @@ def sets_shown(content: Mapping[str, Any]) -> list[list[dict[str, Any]]]:
     """Sets of effects of a diagnosis, by its JSON, in the order of its page: the best, then the alternatives."""
     if content["verdict"] not in NAMED:
         return []
-    alternatives = content.get("alternatives") or []
-    sets = [entry["causes"] for entry in content["explanations"] if not entry.get("extension")]
-    return [causes for causes in sets if causes not in alternatives] + alternatives
+    return [content["causes"]] if content["causes"] else content.get("alternatives") or []
 
 
 def wrong_on_page(page: str, content: Mapping[str, Any]) -> list[str]:

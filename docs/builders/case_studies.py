@@ -290,8 +290,7 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
             name,
             n.verdict,
             residual(n.radius),
-            " + ".join(c.place.effect for c in n.causes)
-            + (f" and {len(n.alternatives)} other sets" if n.alternatives else ""),
+            " or ".join(" + ".join(c.place.effect for c in causes) for causes in n.sets),
             f"{digits(n.lengths[0].order.held_out_rms_arcmin)} → "
             f"{digits(n.lengths[0].order.steps[0].held_out_rms_arcmin)}"
             if n.lengths and n.lengths[0].order is not None and n.lengths[0].order.steps

@@ -75,11 +75,13 @@ def _add_sets(
 ) -> None:
     """Sort the causes: what is named, what remains."""
     causes, alternatives = content.get("causes") or [], content.get("alternatives") or []
-    present["causes"] = causes if content.get("verdict") == "explained" else []
+    explained = content.get("verdict") == "explained"
+    present["causes"] = causes if explained else []
     present["sets"] = [(causes, radius, calibration)] if causes else []
-    if isinstance(alternatives, list) and alternatives:
-        present["alternatives"] = alternatives
+    if isinstance(alternatives, list):
         present["sets"] += [(causes_of_set, None, None) for causes_of_set in alternatives]
+    if not explained:
+        present["alternatives"] = [causes_of_set for causes_of_set, *_ in present["sets"]]
 
 
 def _calibration(content: Mapping[str, Any], radius: Any, sigma: Mapping[str, Any], parameters: Any) -> dict[str, Any]:

@@ -267,8 +267,8 @@ class Diagnosis(Told):
         with which the record stands: what is named, or what remains. The one that needs the fewest numbers comes
         first; of several, the one with the least radius
     causes, alternatives : tuple of Cause, tuple of such
-        the effects of the explanation that is named; else none; the sets that remain beside the best one, in the order
-        in which they explain the record
+        the effects of the explanation that is named, else none; of an ambiguous record the sets of the catalogue that
+        remain, the best first
     level : str or None
         how far the record carries the verdict: "law", "quantity" or "place"
     proven : Proven or None
@@ -443,19 +443,16 @@ class Diagnosis(Told):
 
     @property
     def best(self) -> Explanation | None:
-        """The set of effects that is named, or the one beside which `alternatives` remain."""
-        if self.verdict not in ("explained", "ambiguous"):
-            return None
+        """The set of effects that is named, or the first of the `alternatives`."""
         for explanation in self.explanations:
-            rival = explanation.causes in (self.alternatives or ())
-            if explanation.causes and explanation.extension is None and not rival:
+            if explanation.extension is None and explanation.causes in self.sets[:1]:
                 return explanation
         return None
 
     @property
     def sets(self) -> tuple[tuple[Cause, ...], ...]:
         """The effects that are named, or the sets of the catalogue that remain, the best first."""
-        return () if self.best is None else (self.best.causes, *(self.alternatives or ()))
+        return (self.causes,) if self.causes else (self.alternatives or ())
 
     @property
     def stated(self) -> Calibration:

@@ -229,7 +229,7 @@ class Together:
             "verdict": "explained" if is_named else "ambiguous",
             "explanations": simplest_first(explanations),
             "causes": explanations[0].causes if is_named else (),
-            "alternatives": tuple(explanation.causes for explanation in explanations[1:]),
+            "alternatives": () if is_named else tuple(explanation.causes for explanation in explanations),
             "complete": self.found.cut_off_at is None,
             "caution": caution,
             "instrument": _is_in_every(None, owners),
@@ -312,7 +312,7 @@ class Together:
         for k, label in enumerate(self.joint.labels):
             diagnosis = self.alone[label]
             one_set = (
-                diagnosis.verdict == "ambiguous" and not diagnosis.alternatives and diagnosis.complete is not False
+                diagnosis.verdict == "ambiguous" and len(diagnosis.sets) < 2 and diagnosis.complete is not False
             )
             acting = [place for place in best.fit.places if self.joint.acts(k, place)]
             if one_set and any(not sure & {p, *self.joint.classes.equivalents(p)} for p in acting):

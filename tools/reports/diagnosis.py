@@ -468,7 +468,7 @@ def cut_off(size: int) -> str:
 
 def only_unlisted(result: Diagnosis) -> bool:
     """Whether a record is ambiguous only by what is in no catalogue."""
-    alone = result.verdict == "ambiguous" and not result.alternatives and result.complete is not False
+    alone = result.verdict == "ambiguous" and len(result.sets) < 2 and result.complete is not False
     return alone and bool(result.caution)
 
 

@@ -45,7 +45,7 @@ def verdict_line(result: Diagnosis) -> str:
     text = VERDICTS[result.verdict]
     if result.radius is None:
         text = "insufficient: nothing is said of all together, as fewer than two records can be judged so"
-    if result.verdict == "ambiguous" and not result.alternatives:
+    if result.verdict == "ambiguous" and len(result.sets) < 2:
         also = "as the cautions say" if result.caution else "that were not tried"
         text = f"ambiguous: one set makes all records consistent together, and others may {also}"
     verdicts, left_out = set(), []
