@@ -311,9 +311,7 @@ class Together:
         cautions: list[str] = []
         for k, label in enumerate(self.joint.labels):
             diagnosis = self.alone[label]
-            one_set = (
-                diagnosis.verdict == "ambiguous" and len(diagnosis.sets) < 2 and diagnosis.complete is not False
-            )
+            one_set = diagnosis.verdict == "ambiguous" and len(diagnosis.sets) < 2 and diagnosis.complete is not False
             acting = [place for place in best.fit.places if self.joint.acts(k, place)]
             if one_set and any(not sure & {p, *self.joint.classes.equivalents(p)} for p in acting):
                 cautions += [f"{label}: {text}" for text in diagnosis.caution]
