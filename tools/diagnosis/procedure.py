@@ -15,14 +15,15 @@ from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
+from ..sieve import Simple, simple_faults
 from .beyond import Beyond, keys_of
 from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, finding_of
 from .dependence import Dependence, Proven, Suffices, dependence, residual_structure
 from .helps import of_lengths, only_at_one_length, what_helps
 from .hypothesis import answered, places_of
 from .kinds import KnownDirections, evidence_of, evidence_with_formulas, kind_of
-from .result import Diagnosis, Explanation
-from .rivals import Listed, Unlisted
+from .result import Diagnosis, Explanation, simplest_first
+from .rivals import Listed, Unlisted, complexity_of
 from .search import MOST_WORK, Found, equivalence_groups, search, single_radii
 from .witness import Judgement, Witness, by_need, judgement_of, objections_of
 
@@ -158,6 +159,8 @@ class Procedure:
             return self._result("insufficient", self.missing)
         if not self.evidence.model.falsified:
             return self._of_model_that_stands()
+        if self.simple:
+            return self._of_list()
         if not self.found.fits:
             return self._without_a_set()
         return self._of_sets()
@@ -190,6 +193,11 @@ class Procedure:
         return dependence(self.evidence)
 
     # Search
+
+    @cached_property
+    def simple(self) -> tuple[Simple, ...]:
+        """The simple faults of the record with which the model stands."""
+        return () if self.objections else simple_faults(self.evidence)
 
     @cached_property
     def objections(self) -> tuple[str, ...]:
@@ -282,6 +290,20 @@ class Procedure:
         return tuple(explanations)
 
     # The results
+
+    def _of_list(self) -> Diagnosis:
+        """What follows from one list of simple faults of the record and effects of the simulation."""
+        findings = self.candidates.findings if self.found.fits else ()
+        least = min(simple.numbers for simple in self.simple)
+        if findings and complexity_of(findings[0].fit.places) + 1 < least:
+            return self._of_sets()
+        explanations = [Explanation.of_simple(simple) for simple in self.simple]
+        for finding in findings:
+            explanations.append(Explanation.of(finding, self.evidence.reader.calibration_of(finding.fit)))
+        ranked = simplest_first(explanations)
+        close = [explanation for explanation in ranked if explanation.numbers <= ranked[0].numbers + 1]
+        verdict = "explained" if len(close) == 1 else "ambiguous"
+        return self._result(verdict, {}, explanations=ranked)
 
     def _of_model_that_stands(self) -> Diagnosis:
         """Consistent, unless the record is too short, or readings show an effect by themselves."""

@@ -11,9 +11,10 @@ from ...models.effects import EffectPlace
 from ..calibrated import Calibration, OpenTarget
 from ..evidence.fit import Gain
 from ..result import Result, Told
+from ..sieve.simple import Simple, calibration_of
 from .band import BandOfFunctions
 from .beyond import BeyondCatalogue, StatedLaw
-from .cause import Cause, Finding, NamedEffect, Number
+from .cause import Cause, Finding, NamedEffect, Number, causes_of
 from .dependence import Proven, Suffices
 from .former import DIAGNOSIS, FORMER, of_former_schemas
 from .hypothesis import Hypothesis
@@ -35,7 +36,8 @@ class Explanation(Told):
     Attributes
     ----------
     kind : str
-        "effect", one or several of the catalogue; "rows", readings that are off; "formula"; "function" of a quantity
+        "effect", one or several of the catalogue; "rows" or readings that are wrong; a "stretch" of rows; a "break";
+        "sigma", a noise bound that is too small; "formula"; "function" of a quantity
     numbers : int
         parameters that it adds to the model, and one for each number that is searched for
     where : tuple of str
@@ -49,6 +51,12 @@ class Explanation(Told):
         of the model so extended, where it was fitted
     extension : BeyondCatalogue or None
         of a formula or a table that is in no catalogue: its knots, and what it predicts of what was left out
+    rows : tuple of int
+        numbers of wrong rows as in the file
+    change : mapping
+        what makes a row fit, or what changes at a break: {"alpha_deg": -0.4002}
+    before_row, time_s : int, float
+        where a break lies
     """
 
     kind: KindOfExplanation
@@ -59,6 +67,10 @@ class Explanation(Told):
     sentence: str
     calibration: Calibration | None = None
     extension: BeyondCatalogue | None = None
+    rows: tuple[int, ...] | None = None
+    change: Mapping[str, Any] | None = None
+    before_row: int | None = None
+    time_s: Number | None = None
 
     @staticmethod
     def of(finding: Finding, calibration: Calibration | None = None) -> "Explanation":
@@ -77,6 +89,21 @@ class Explanation(Told):
             radius=radius,
             sentence="; ".join(cause.sentence for cause in causes),
             **keys,
+        )
+
+    @staticmethod
+    def of_simple(simple: Simple) -> "Explanation":
+        """A simple fault of the record, with the effects beside it."""
+        keys = {"rows": simple.rows, "change": simple.change, "before_row": simple.before_row, "time_s": simple.time_s}
+        return Explanation(
+            kind=simple.kind,
+            numbers=simple.numbers,
+            where=simple.where,
+            causes=() if simple.fit is None else causes_of(simple.evidence, simple.fit),
+            radius=simple.radius,
+            sentence=simple.sentence,
+            calibration=calibration_of(simple),
+            **{key: value for key, value in keys.items() if value not in (None, (), {})},
         )
 
     @staticmethod
@@ -395,9 +422,10 @@ class Diagnosis(Told):
 
     @model_validator(mode="after")
     def _agree(self) -> "Diagnosis":
-        if (self.verdict == "explained") != bool(self.causes):
-            needs = "needs" if self.verdict == "explained" else "goes without"
-            raise ValueError(f"verdict {self.verdict} {needs} causes")
+        if self.verdict == "explained" and not (self.explanations or self.causes):
+            raise ValueError("verdict explained needs an explanation")
+        if self.verdict != "explained" and self.causes:
+            raise ValueError(f"verdict {self.verdict} goes without causes")
         return self
 
     @property

@@ -1,0 +1,56 @@
+"""A simple fault of a record, with which the model stands."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from ..calibrated import Calibration
+from ..evidence.evidence import Evidence
+from ..evidence.fit import Fit
+
+KindOfFault = Literal["sigma", "rows", "stretch", "break"]
+
+
+@dataclass(frozen=True, eq=False)
+class Simple:
+    """A fault of a record: with it, and with some effects if any, the model stands.
+
+    Attributes
+    ----------
+    kind : str
+    numbers : int
+        coefficients that it adds to the model, one more for each number that is searched for, those of effects counted
+    where : tuple of str
+        places at which it acts: "row-20", "accelerometer-3", "outer-axis"
+    sentence : str
+        what is wrong, in plain words
+    radius : float
+        the largest error over its bound that remains
+    evidence : Evidence
+        in which the model stands: the record without its wrong rows, with the wider bound, with one more bias
+    rows : tuple of int
+        numbers of wrong rows as in the file
+    change : mapping
+        what makes a row fit, or what changes at a break, by name with its unit: {"alpha_deg": -0.4002}
+    before_row, time_s : int, float
+        where a break lies
+    fit : Fit or None
+        effects beside the fault, fitted to its evidence
+    """
+
+    kind: KindOfFault
+    numbers: int
+    where: tuple[str, ...]
+    sentence: str
+    radius: float
+    evidence: Evidence
+    rows: tuple[int, ...] = ()
+    change: Mapping[str, Any] = field(default_factory=dict)
+    before_row: int | None = None
+    time_s: float | None = None
+    fit: Fit | None = None
+
+
+def calibration_of(simple: Simple) -> Calibration:
+    """The calibration of the model that stands."""
+    return simple.evidence.reader.calibration_of(simple.fit)
