@@ -54,7 +54,7 @@ from .bench_search import (
 )
 from .bench_visits import Circumstances, circumstances_of, left_open, signature_columns, untold_readings
 from .dependences import pairs_of_bench
-from .evidence import Effort, Evidence, Reader, Trial, own_with, parameters_with, stacked_sizes
+from .evidence import Effort, Evidence, Reader, Source, Trial, own_with, parameters_with, stacked_sizes
 from .extension import Extension, Sized, extension_of_bench
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
@@ -508,4 +508,4 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Evidence:
         if has_all and effect.within != options_given.baseline:
             places += effect.places
     model = Bench(names, tuple(places), nominal, linear, readings, record.position, options_given.bounds)
-    return Evidence.of(BenchReader(model))
+    return Evidence.of(BenchReader(model), Source(record, bench_evidence, options))

@@ -46,7 +46,7 @@ from .bench_visits import Circumstances, is_linear
 from .carried import SHOWN_BY
 from .cells_in_motion import SEARCHED
 from .dependences import pairs_of_whole
-from .evidence import Effort, Evidence, Trial, linear_fit
+from .evidence import Effort, Evidence, Source, Trial, linear_fit
 from .extension import Extension, Sized, Start, extension_of_bench
 from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, not_in_all, width_of
 from .observation import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
@@ -623,4 +623,4 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evid
     names = rests.names + tuple(gyro_names()) + (("accelerometer-lag", "s"),)
     point = np.append(with_readings.point, 0.0)
     model = BenchInMotion(names, point, places, calibration, rests, moving, with_readings, travel, raw)
-    return Evidence.of(WholeReader(model))
+    return Evidence.of(WholeReader(model), Source(record, whole_evidence, {"place": place, **options}))

@@ -24,7 +24,7 @@ from .carried import LATENCY, SCALE, CarriedReader, RecordReader
 from .carried_checks import check_record, check_reference_bound, missing_things, warnings_of
 from .carried_run import BIAS, LONG, Carried, is_of_gyros, with_parameters
 from .cells_in_motion import SEARCHED
-from .evidence import Evidence, Linear, ReadOff, linear_fit
+from .evidence import Evidence, Linear, ReadOff, Source, linear_fit
 from .fit import ARCMIN, are_possible, blocks_of, contains, width_of
 from .references import (
     Gravity,
@@ -100,7 +100,8 @@ def carried_evidence(
     reader = judged(CarriedReader(run, inspection, block, rates, warnings_of(inspection)))
     if reference_bound is not None:
         reader = as_stated(reader, ARCMIN * reference_bound)
-    return Evidence.of(with_limits(reader))
+    options = {"gravity": gravity, "baseline": baseline, "rates": rates, "reference_bound": reference_bound}
+    return Evidence.of(with_limits(reader), Source(record, carried_evidence, {**options, "further": further}))
 
 
 def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace]:

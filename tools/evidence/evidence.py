@@ -452,21 +452,36 @@ class Reader:
         return {}
 
 
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What evidence was made from: a record, a function that makes evidence of one, and its options."""
+
+    record: Any
+    make: Callable[..., "Evidence"]
+    options: Mapping[str, Any]
+
+    def again(self, record: Any = None, **changed: Any) -> "Evidence":
+        """The evidence of another record, or with changed options; errors as of what makes it."""
+        return self.make(self.record if record is None else record, **{**self.options, **changed})
+
+
 @final
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """What a record says against a model: its rows, the model that is fitted to them, the reader of both.
 
-    The engine asks the model what `Model` has; what else it is, its own kind of record knows.
+    The engine asks the model what `Model` has; what else it is, its own kind of record knows. `source`: what it was
+    made from; None of several records together.
     """
 
     model: Any
     reader: Reader
+    source: Source | None = None
 
     @staticmethod
-    def of(reader: Reader) -> "Evidence":
+    def of(reader: Reader, source: Source | None = None) -> "Evidence":
         """The evidence of a reader with its model."""
-        return Evidence(reader.model, reader)
+        return Evidence(reader.model, reader, source)
 
     @property
     def rows(self) -> Rows:
@@ -479,7 +494,7 @@ class Evidence:
         A ValueError for one that it cannot have.
         """
         model = self.model.including(places)
-        return self if model is self.model else Evidence(model, replace(self.reader, model=model))
+        return self if model is self.model else Evidence(model, replace(self.reader, model=model), self.source)
 
     def gain(self, fit: Fit) -> Gain | None:
         """What the extended components predict of what was not used; None where that is not possible."""
