@@ -22,6 +22,7 @@ from .options import (
     Gravity,
     Mounting,
     NoiseBound,
+    NoiseSd,
     Own,
     Progress,
     Rates,
@@ -174,6 +175,7 @@ def calibrate(
     record: "records.Source",
     *,
     noise_bound: NoiseBound = None,
+    noise_sd: NoiseSd = None,
     gravity: Gravity = 9.80665,
     convention: Convention = "A1",
     baseline: Baseline = "asymmetric",
@@ -218,6 +220,7 @@ def calibrate(
         rests,
         place,
         noise_bound=noise_bound,
+        noise_sd=noise_sd,
         gravity=gravity,
         convention=convention,
         baseline=baseline,
@@ -324,6 +327,7 @@ def diagnose(
     record: "records.Source",
     *,
     noise_bound: NoiseBound = None,
+    noise_sd: NoiseSd = None,
     gravity: Gravity = 9.80665,
     baseline: RecordBaseline = None,
     bounds: Bounds = (3e-3, 1e-2),
@@ -346,8 +350,8 @@ def diagnose(
     record : path, table in memory, record or Simulation
         Position record, raw record, bench record or strapdown record, CSV or Parquet.
     noise_bound : float, optional
-        σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell. The bounds of a
-        strapdown record come from the record.
+        σ: bound of one averaged reading's error, as a fraction of g: three standard deviations for 100 positions.
+        Without it, or --noise-sd, the record must tell. The bounds of a strapdown record come from the record.
     rates : str
         What a rate in a strapdown record or a bench record means.
     hypotheses : sequence of str
@@ -375,6 +379,7 @@ def diagnose(
         run,
         bench=place,
         noise_bound=noise_bound,
+        noise_sd=noise_sd,
         gravity=gravity,
         baseline=baseline,
         bounds=bounds,
@@ -395,6 +400,7 @@ def calibrate_together(
     /,
     *others: "records.Source",
     noise_bound: NoiseBound = None,
+    noise_sd: NoiseSd = None,
     gravity: Gravity = 9.80665,
     baseline: Baseline = "asymmetric",
     bounds: Bounds = (3e-3, 1e-2),
@@ -418,13 +424,13 @@ def calibrate_together(
     """
     runs = _several((first, *others), (records.PositionRecord,), channels, stamps)
     for run in runs.values():
-        if noise_bound is None and not records.tells_noise(run):
-            raise InputError(f"{run.path}: does not tell its noise bound: give --noise-bound")
+        if noise_bound is None and noise_sd is None and not records.tells_noise(run):
+            raise InputError(f"{run.path}: does not tell its noise bound; {calibrations.SAY_THE_NOISE}")
+    options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "baseline": baseline}
+    options |= {"bounds": bounds, "mounting": mounting}
     evidence, digests = {}, []
     for label, run in runs.items():
-        evidence[label] = diagnosis.evidence_of(
-            run, noise_bound=noise_bound, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting
-        )
+        evidence[label] = diagnosis.evidence_of(run, **diagnosis.evidence_options(run, among=runs, **options))
         digests.append(run.sha256)
     return diagnosis.calibrated_together(evidence, shared=shared, own=own, sha256=digests)
 
@@ -434,6 +440,7 @@ def diagnose_together(
     /,
     *others: "records.Source",
     noise_bound: NoiseBound = None,
+    noise_sd: NoiseSd = None,
     gravity: Gravity = 9.80665,
     baseline: RecordBaseline = None,
     bounds: Bounds = (3e-3, 1e-2),
@@ -475,8 +482,8 @@ def diagnose_together(
     for label, run in runs.items():
         is_table = isinstance(run, records.PositionRecord)
         runs[label] = motion.trusted(run, trust=trust or is_table, gravity=gravity)
-    options = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
-    options |= {"mounting": mounting, "rates": rates, "reference_bound": reference_bound}
+    options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "baseline": baseline}
+    options |= {"bounds": bounds, "mounting": mounting, "rates": rates, "reference_bound": reference_bound}
     with own_effects.with_effects_of(effects_from):
         single = {}
         for label, run in runs.items():
@@ -487,9 +494,10 @@ def diagnose_together(
             alone[label] = diagnosis.diagnose(run, evidence=evidence[label], extend=extend, progress=progress)
             digests[label] = run.sha256
             tells = not isinstance(run, records.PositionRecord) or records.tells_noise(run)
-            if noise_bound is None and not tells:
+            if noise_bound is None and noise_sd is None and not tells:
                 unsure[label] = (
-                    "its noise bound is the scatter within rests, which falsifies nothing: give --noise-bound"
+                    "its noise bound is the scatter within rests, which falsifies nothing: give --noise-sd, or "
+                    "--noise-bound"
                 )
         return diagnosis.diagnosed_together(
             alone, shared=shared, own=own, left_out=unsure, sha256=digests, progress=progress

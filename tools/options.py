@@ -38,7 +38,17 @@ class Option:
 
 NoiseBound = Annotated[
     float | None,
-    Option("σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell."),
+    Option(
+        "σ: bound of one averaged reading's error, as a fraction of g: three standard deviations for 100 positions. "
+        "Without it, or --noise-sd, the record must tell."
+    ),
+]
+NoiseSd = Annotated[
+    float | None,
+    Option(
+        "Standard deviation of one averaged reading's error, as a fraction of g, in the place of σ: σ is 2.5 times as "
+        "large for 24 positions, 2.7 for 48, 3 for 100, and estimated."
+    ),
 ]
 Gravity = Annotated[float, Option("Model value of gravity [m/s²].")]
 Convention = Annotated[Literal["A1", "A2"], Option("A1: Γ lower triangular; A2: symmetric.")]

@@ -1,3 +1,4 @@
+from .calibration import SAY_THE_NOISE as SAY_THE_NOISE
 from .calibration import Asked as Asked
 from .calibration import Calibration as Calibration
 from .calibration import calibrate as calibrate

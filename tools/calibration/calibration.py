@@ -37,7 +37,8 @@ from ..records.channels import (
     reading_of,
 )
 from ..records.columns import CORRECTED_BY, CORRECTED_WITHIN
-from ..records.noise import NoiseBound, noise_bound_from
+from ..records.noise import NoiseBound, noise_bound_from, noise_bound_of
+from ..records.sigma import Fitted
 from ..rounding import digits, exactly, residual, upwards
 from .estimates import Solution, fit, open_directions, solve_system
 from .model import (
@@ -67,6 +68,11 @@ DEAD = 0.01
 """The part of what the inputs span that an accelerometer's readings span at the least."""
 NOISE_BOUNDS = (1e-12, 1e-2)
 """Noise bounds that can be used: above rounding, and small enough that the model is smooth on their scale."""
+SAY_THE_NOISE = (
+    "give --noise-sd, the standard deviation of one averaged reading, which the averages of a static record show, or "
+    "--noise-bound, which none exceeds; both are fractions of g, as 3e-6 and 1e-5"
+)
+"""What to do where nothing tells σ."""
 ROUNDING = 2e-15
 """What the evaluation of readings and model may be wrong by, as a fraction of g."""
 NOTICEABLE = 0.1
@@ -91,12 +97,14 @@ PLACES = np.where(MATRICES.max(axis=2) > 0.0, MATRICES.argmax(axis=2), MATRICES.
 class Asked:
     """What is asked of a calibration: the options of `trihedron.calibrate`.
 
-    σ is a fraction of g, gravity in [m/s²]; the bounds are u^max [rad] and v^0max of (1.7); mountings are a preset, the
-    path of a TOML file, or Q (3, 3) by name; targets are linear combinations of X1..X18 beside those of the convention,
-    priors "X16=1e-3" for |X16| ≤ 1e-3 or "bounds" for all by (1.7): constraints like readings.
+    σ and `noise_sd` are fractions of g, gravity in [m/s²]; the bounds are u^max [rad] and v^0max of (1.7); mountings
+    are a preset, the path of a TOML file, or Q (3, 3) by name; targets are linear combinations of X1..X18 beside those
+    of the convention, priors "X16=1e-3" for |X16| ≤ 1e-3 or "bounds" for all by (1.7): constraints like readings.
+    `positions` are those of all records that are taken together, by default the record's own.
     """
 
     noise_bound: float | None = None
+    noise_sd: float | None = None
     gravity: float = 9.80665
     convention: Literal["A1", "A2"] = "A1"
     baseline: Literal["asymmetric", "symmetric"] = "asymmetric"
@@ -104,8 +112,11 @@ class Asked:
     mounting: Mapping[str, ArrayLike] | str = "identity"
     targets: Sequence[str] = ()
     priors: Sequence[str] = ()
+    positions: int | None = None
 
     def __post_init__(self) -> None:
+        if self.noise_bound is not None and self.noise_sd is not None:
+            raise InputError(f"--noise-sd {exactly(self.noise_sd)}: goes without --noise-bound; give one of them")
         choices = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}
         for name, choice in choices.items():
             if (value := getattr(self, name)) not in choice:
@@ -128,7 +139,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     angles measured, and least squares. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
     """
     request = Asked(**options)
-    noise = _noise_bound(record, request.noise_bound)
+    noise = noise_bound_for(record, request)
     sigma = noise.value
     linearised = fit_record(record, sigma, request)
     p = linearised.parametrisation
@@ -297,22 +308,40 @@ def checked_noise_bound(value: float) -> float:
     return float(value)
 
 
-def _noise_bound(record: PositionRecord, option: float | None) -> NoiseBound:
-    if option is not None:
-        return NoiseBound(checked_noise_bound(option), "given")
-    noise = noise_bound_from(record)
+def noise_bound_for(record: PositionRecord, request: Asked) -> NoiseBound:
+    """σ as it is asked for, or as the record tells it; an InputError where neither says it, or none can be used."""
+    if request.noise_bound is not None:
+        return NoiseBound(checked_noise_bound(request.noise_bound), "given")
+    positions = request.positions or len(record)
+    if request.noise_sd is not None:
+        return _of_deviation(request.noise_sd, positions)
+    p = parametrise(mountings_for(record, request.mounting), symmetric=request.baseline == "symmetric")
+    noise = noise_bound_from(record, Fitted(positions, len(p.symbols)))
     if noise is None:
         raise InputError(
             f"{record.path}: no position is repeated and no scatter is known, so the record does not say how large "
-            "the noise is; give --noise-bound, a fraction of g, as 1e-5"
+            f"the noise is; {SAY_THE_NOISE}"
         )
     least, most = NOISE_BOUNDS
     if not least <= noise.value <= most:
         raise InputError(
             f"{record.path}: the noise bound taken from the record is {upwards(noise.value, 3)} g ({noise.basis}), "
-            f"where {exactly(least)} to {exactly(most)} can be used; give --noise-bound, a fraction of g, as 1e-5"
+            f"where {exactly(least)} to {exactly(most)} can be used; {SAY_THE_NOISE}"
         )
     return noise
+
+
+def _of_deviation(deviation: float, positions: int) -> NoiseBound:
+    """σ by the standard deviation of one averaged reading; an InputError for one that readings cannot have."""
+    least, most = NOISE_BOUNDS
+    if least <= deviation <= most:
+        noise = noise_bound_of(deviation, positions)
+        if noise.value <= most:
+            return noise
+    raise InputError(
+        f"--noise-sd {deviation:g}: must be a fraction of g, as 3e-6, of which σ is two to four times, from "
+        f"{exactly(least)} to {exactly(most)}"
+    )
 
 
 def _check_scale_factors(record: PositionRecord, estimates: Sequence[Parameter]) -> None:
@@ -388,7 +417,7 @@ def _remarks(linearised: Linearisation, contradicts: bool, unbounded: bool) -> l
     if unbounded:
         remarks.append(
             "the readings differ from the model by more than their scatter within rests, which does not show errors "
-            "that hold over a rest: repeat positions, or give --noise-bound"
+            "that hold over a rest: repeat positions, or give --noise-sd or --noise-bound"
         )
     return remarks
 

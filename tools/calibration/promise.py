@@ -58,7 +58,7 @@ def broken_conditions(
     reasons = []
     if correction.sigma_kind != "bound":
         reasons.append(
-            "the noise bound of the calibration is not given but taken from its record; calibrate with --noise-bound"
+            "the noise bound of the calibration is estimated, or taken from its record; calibrate with --noise-bound"
         )
     if CORRECTED_BY in record.about:
         reasons.append(f"the record was corrected before ({record.about[CORRECTED_BY]})")

@@ -21,9 +21,13 @@ BOUNDS = (3e-3, 1e-2)
 
 @dataclass(frozen=True)
 class DiagnosisOptions:
-    """Options of a diagnosis as a person gives them, whatever the kind of record."""
+    """Options of a diagnosis as a person gives them, whatever the kind of record.
+
+    `positions` are those of all records that are taken together.
+    """
 
     noise_bound: float | None = None
+    noise_sd: float | None = None
     gravity: float = 9.80665
     baseline: str | None = None
     bounds: tuple[float, float] = BOUNDS
@@ -31,6 +35,7 @@ class DiagnosisOptions:
     rates: str = "instantaneous"
     reference_bound: float | None = None
     bench: Place | None = None
+    positions: int | None = None
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,9 @@ def evidence_options(record: Any, *, among: Mapping[str, Any] | None = None, **o
     kind, asking = kind_of(record), DiagnosisOptions(**options)
     if any(kind_of(further) is not kind for further in (among or {}).values()):
         asking = kind.shared_options(asking)
+    if among is not None:
+        positions = sum(len(further) for further in among.values() if isinstance(further, PositionRecord))
+        asking = replace(asking, positions=positions)
     return kind.options(record, asking)
 
 
@@ -135,14 +143,17 @@ def _options_at_table(record: PositionRecord, asking: DiagnosisOptions) -> dict[
         )
     options: dict[str, Any] = {"gravity": asking.gravity, "noise_bound": asking.noise_bound, "bounds": asking.bounds}
     options |= {"mounting": asking.mounting, "baseline": asking.baseline or "asymmetric"}
+    options |= {"noise_sd": asking.noise_sd, "positions": asking.positions}
     if asking.bench is not None:
         options["bench"] = replace(asking.bench, rates=asking.rates)
     return options
 
 
 def _options_carried(record: StrapdownRecord, asking: DiagnosisOptions) -> dict[str, Any]:
-    if (asking.noise_bound, asking.bounds, asking.mounting) != (None, BOUNDS, "identity"):
-        raise InputError(f"{record.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
+    if (asking.noise_bound, asking.noise_sd, asking.bounds, asking.mounting) != (None, None, BOUNDS, "identity"):
+        raise InputError(
+            f"{record.path}: of a strapdown record noise_bound, noise_sd, bounds and mounting have no meaning"
+        )
     if asking.bench is not None:
         raise InputError(f"--latitude-deg: is of a bench record; {record.path} is a strapdown record")
     return {name: getattr(asking, name) for name in ("gravity", "baseline", "rates", "reference_bound")}
@@ -152,7 +163,7 @@ KINDS: Mapping[type, Kind] = {
     PositionRecord: Kind(
         evidence=_evidence_at_table,
         options=_options_at_table,
-        own=("noise_bound", "bounds", "mounting"),
+        own=("noise_bound", "noise_sd", "bounds", "mounting"),
         baselines=("asymmetric", "symmetric"),
         at_table=True,
         runs_formulas=False,

@@ -8,19 +8,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from statistics import NormalDist
-from typing import Any
 
 import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..rounding import digits, upwards
 from .kinds import DwellNoise, PositionRecord, RawRecord
+from .sigma import CHANNELS, Fitted, pooled_deviation
 
 SAME_ANGLE = math.radians(1 / 60)
 """Positions whose angles agree so far are repeats of one [rad]."""
-
-CONFIDENCE = 0.95
-"""With which the bound taken from few repeats holds, for errors that are uniform within it."""
 
 SCATTER_FACTOR = 3.0
 """The bound on a mean's error over its standard error."""
@@ -51,16 +48,18 @@ class NoiseBound:
     complete: bool = True
 
 
-def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
-    """Take the bound on one averaged reading's error from the record.
+def noise_bound_from(record: PositionRecord, fitted: Fitted | None = None) -> NoiseBound | None:
+    """Take the bound on one averaged reading's error from the record: Gaussian errors exceed it in one of 100.
 
-    Repeats of a position show everything that changes from one visit to the next, the encoders' errors
-    included; half their range, widened for their number, is the bound. The scatter within rests does not show
-    an error that holds over a rest: where there are no repeats the basis says so. None when the record has neither
-    repeats nor a scatter (as one made from rests has), or shows no error at all.
+    Repeats of a position show everything that changes from one visit to the next, the encoders' errors included. The
+    scatter within rests does not show an error that holds over a rest: where there are no repeats the basis says so.
+    None when the record has neither repeats nor a scatter (as one made from rests has), or shows no error at all.
+
+    `fitted` is what is fitted to the readings, by default the model of one mounting to this record.
     """
-    repeats = _from_repeats(record)
-    scatter = _from_scatter(record)
+    fitted = fitted or Fitted(len(record))
+    repeats = _from_repeats(record, fitted)
+    scatter = _from_scatter(record, fitted)
     bound = scatter
     if repeats is not None:
         bound = repeats
@@ -77,69 +76,61 @@ def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
     return None
 
 
+def noise_bound_of(deviation: float, positions: int) -> NoiseBound:
+    """The bound on one averaged reading's error by its standard deviation, both fractions of g."""
+    factor = Fitted(positions).largest
+    basis = f"{digits(factor)} sd, sd = {digits(deviation)} g as given, for {positions} positions; estimated"
+    return NoiseBound(factor * deviation, basis)
+
+
 def tells_noise(record: PositionRecord) -> bool:
     """Whether the record bounds the noise so that errors that hold over a rest show in the bound."""
     bound = noise_bound_from(record)
     return bound is not None and bound.complete
 
 
-def uniform_range_quantile(counts: np.ndarray, probability: float) -> float:
-    """Quantile of the largest of several half ranges, each of `counts` errors uniform in [-1, 1].
-
-    The half range of n such errors, at least 2, is below t with the probability n tⁿ⁻¹ - (n - 1) tⁿ.
-    """
-
-    def excess(t: float) -> float:
-        logs = (counts - 1) * math.log(t) + np.log(counts - (counts - 1) * t)
-        return float(np.sum(logs)) - math.log(probability)
-
-    # late: a record is read without it
-    from scipy.optimize import brentq
-
-    root: Any = brentq(excess, 1e-12, 1.0)
-    return float(root)
-
-
-def _from_repeats(record: PositionRecord) -> NoiseBound | None:
+def _from_repeats(record: PositionRecord, fitted: Fitted) -> NoiseBound | None:
     labels = _same_positions(record)
     residual, slack = _without_angle_differences(record)
-    half_ranges, counts = [], []
-    for label in np.flatnonzero(np.bincount(labels) > 1):
+    repeated = np.flatnonzero(np.bincount(labels) > 1)
+    squares, visits, unlike = np.zeros(CHANNELS), 0, 0.0
+    for label in repeated:
         rows = labels == label
         spread = np.ptp(np.stack([record.alpha[rows], record.beta[rows]], axis=1) % (2.0 * math.pi), axis=0)
         spread = np.minimum(spread, 2.0 * math.pi - spread)
-        half_ranges.append(0.5 * np.ptp(residual[rows], axis=0) + slack * float(spread.sum()))
-        counts.append(int(np.count_nonzero(rows)))
-    if not counts:
+        unlike = max(unlike, slack * float(spread.sum()))
+        squares += np.sum((residual[rows] - mean_of(residual[rows])) ** 2, axis=0)
+        visits += int(np.count_nonzero(rows))
+    if not visits:
         return None
-    largest = float(np.max(half_ranges))
-    # three accelerometers for each group of repeats
-    widening = 1.0 / uniform_range_quantile(np.repeat(counts, 3), 1.0 - CONFIDENCE)
+    deviation, freedom = pooled_deviation(squares, visits - len(repeated))
+    factor = fitted.factor(freedom)
     plural = ""
-    if len(counts) > 1:
+    if len(repeated) > 1:
         plural = "s"
-    visits = f"{sum(counts)} visits to {len(counts)} repeated position{plural}"
     basis = (
-        f"{visits}: half range {upwards(largest, 3)} g, widened by {upwards(widening, 3)} for their number "
-        f"({digits(100 * CONFIDENCE)} % confidence)"
+        f"{digits(factor)} times the standard deviation {upwards(deviation)} g of {visits} visits to {len(repeated)} "
+        f"repeated position{plural}; estimated, for Gaussian errors"
     )
-    return NoiseBound(largest * widening, basis)
+    return NoiseBound(factor * deviation + unlike, basis)
 
 
-def _from_scatter(record: PositionRecord) -> NoiseBound | None:
+def _from_scatter(record: PositionRecord, fitted: Fitted) -> NoiseBound | None:
     if record.scatter is None:
         return None
-    unseen = "an error that holds over a rest does not show: repeat positions, or give --noise-bound"
+    unseen = "an error that holds over a rest does not show: repeat positions, or give --noise-sd"
+    # each rest tells about one difference of its halves
+    factor = fitted.factor(len(record))
     if record.dwell_noise is not None:
         pooled = max(record.dwell_noise.deviation) / STANDARD_GRAVITY
         basis = (
-            f"scatter within {len(record)} rests: {digits(SCATTER_FACTOR)} times the Allan deviation at their dwell of "
+            f"scatter within {len(record)} rests: {digits(factor)} times the Allan deviation at their dwell of "
             f"{digits(record.dwell_noise.dwell_s)} s, {upwards(pooled)} g; {unseen}"
         )
-        return NoiseBound(SCATTER_FACTOR * pooled, basis, complete=False)
+        return NoiseBound(factor * pooled, basis, complete=False)
     pooled = float(np.sqrt(np.max(np.mean(record.scatter**2, axis=0)))) / STANDARD_GRAVITY
-    basis = f"scatter within {len(record)} rests: {digits(SCATTER_FACTOR)} standard errors of a mean; {unseen}"
-    return NoiseBound(SCATTER_FACTOR * pooled, basis, complete=False)
+    basis = f"scatter within {len(record)} rests: {digits(factor)} standard errors of a mean; {unseen}"
+    return NoiseBound(factor * pooled, basis, complete=False)
 
 
 def _same_positions(record: PositionRecord) -> np.ndarray:
@@ -244,14 +235,6 @@ def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
         return None
     slope = np.divide(half, quarter, out=np.full_like(half, WHITE), where=quarter > 0.0)
     return half * np.clip(slope, WHITE, WANDERING)
-
-
-def deviation_widening(count: int) -> float:
-    """Return the factor by which a deviation with so many degrees of freedom may be too small, by `CONFIDENCE`."""
-    # late: a record is read without it
-    from scipy.special import chdtri
-
-    return math.sqrt(count / float(chdtri(count, CONFIDENCE)))
 
 
 def dwell_noise(raw: RawRecord, rests: Sequence[slice]) -> DwellNoise | None:

@@ -83,7 +83,7 @@ def verdict_sentence(result: Calibration) -> str:
         return (
             f"Noise bound unknown: the model explains every reading within {residual(result.radius)} times its scatter "
             "within rests, which does not show an error that holds over a rest, so that nothing is guaranteed. To find "
-            "the bound, measure some positions again, or give --noise-bound."
+            "the bound, measure some positions again, or give --noise-sd or --noise-bound."
         )
     bounds = [e.error_bound for e in result.targets if e.error_bound is not None]
     largest = ""

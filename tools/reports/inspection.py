@@ -16,10 +16,12 @@ from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, AtTable, GyrosAtRest, Inspection
 from ..motion.rests import rest_warnings
-from ..records.noise import deviation_widening
+from ..records.sigma import deviation_widening
 from ..rounding import Number, digits, downwards, exactly, outwards, residual, upwards
 from .pictures.records import allan_picture, attitude_picture
 
+BY_CHANCE = 0.05
+"""Chance that the bound of a mean at rest is not widened enough."""
 FEWEST_FOR_NOISE = 5
 """Fewer rests tell an Allan deviation at their length by chance."""
 DIGITS_OF_STAMPS = 1e-6
@@ -103,7 +105,7 @@ def rest_lines(inspection: Inspection) -> list[str]:
     if len(rests) < FEWEST_FOR_NOISE:
         lines.append(f"the noise of a mean at rest: not told by fewer than {FEWEST_FOR_NOISE} rests; measure more")
         return lines
-    widening = deviation_widening(len(rests))
+    widening = deviation_widening(len(rests), BY_CHANCE)
     force = widening * np.median(rests.force_bound, axis=0).max() / inspection.gravity
     rate = widening * math.degrees(np.median(rests.rate_bound, axis=0).max())
     lines.append(

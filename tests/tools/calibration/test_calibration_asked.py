@@ -203,7 +203,7 @@ def test_unreadable_files_are_refused(tmp_path):
         ({"bounds": (0.1, float("nan"))}, "--bounds"),
         ({"bounds": (-1e-3, 1e-2)}, "--bounds"),
         ({"mounting": "cyclik"}, "did you mean 'cyclic'"),
-        ({"noise_bound": None}, "give --noise-bound"),
+        ({"noise_bound": None}, "give --noise-sd"),
         ({"priors": ["X4"]}, "write a combination and its greatest size"),
         ({"priors": ["X4="]}, "is not a positive number"),
         ({"priors": ["X4=0"]}, "is not a positive number"),

@@ -10,7 +10,7 @@ import pytest
 
 import trihedron as th
 from generator.runs import PROGRAMME, Bench
-from trihedron.tools.records.noise import deviation_widening
+from trihedron.tools.records.sigma import deviation_widening
 
 FIELD = Path(os.environ.get("TRIHEDRON_DATA") or Path(th.__file__).parents[1] / "shared" / "data") / "field"
 
@@ -28,7 +28,7 @@ def test_scatter_within_rests_is_no_bound(white):
     assert "(guaranteed" not in str(result)
     if result.verdict == "consistent":
         assert str(result).startswith("Noise bound unknown: ")
-        assert "give --noise-bound" in str(result)
+        assert "give --noise-sd or --noise-bound" in str(result)
 
 
 def test_a_bound_that_is_given_is_one():
@@ -53,5 +53,5 @@ def test_a_series_from_the_field_without_a_bound_is_not_guaranteed(tmp_path):
 def test_a_deviation_by_few_rests_is_widened_until_it_covers(count):
     """Of drawn deviations nineteen in twenty are no smaller than the truth once they are widened."""
     drawn = np.random.default_rng(count).normal(size=(4000, count))
-    widened = deviation_widening(count) * np.sqrt(np.mean(drawn**2, axis=1))
+    widened = deviation_widening(count, 0.05) * np.sqrt(np.mean(drawn**2, axis=1))
     assert np.mean(widened >= 1.0) == pytest.approx(0.95, abs=0.015)
