@@ -1,4 +1,4 @@
-"""The orchestrator: couples FMUs as a scenario says, runs them, and writes the run with its provenance."""
+"""The orchestrator: it couples the FMUs of a scenario, runs them, and writes the run with its provenance."""
 
 import lazy_loader
 

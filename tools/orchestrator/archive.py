@@ -1,4 +1,4 @@
-"""An FMU's archive, checked before anything is unpacked; what is checked of it holds for an .ssp too."""
+"""Check an FMU's archive before unpacking it; an .ssp file passes the same checks."""
 
 import hashlib
 import io
@@ -24,12 +24,12 @@ from ..locks import own_folder
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
 MOST_DESCRIPTION_BYTES, MOST_ELEMENTS = 32 << 20, 300_000
-"""Of a file that describes a model or a system: some hundred thousand variables."""
+"""Limits for the XML file that describes a model or a system: enough for some hundred thousand variables."""
 DESCRIBING = (".ssd", ".ssv", ".ssm", ".ssb")
 MOST_TIMES, SMALL = 200, 64 << 20
-"""What unpacks to so many times its size and to more than so many bytes is made to fill a disk or a memory."""
+"""Largest expansion ratio, and the unpacked size [bytes] above which it applies (protects disk and memory)."""
 TOLERANCE = 1e-6
-"""Of a solver, relative, where nothing says another."""
+"""Relative tolerance of a solver if neither the user nor the FMU gives one."""
 LONGEST_SHOWN = 80
 DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
 _LOADED = 1
@@ -40,10 +40,10 @@ _LOADED = 1
 class UnpackedFmu:
     """An FMU on disk, ready to be loaded, with its shared library for this platform and FMPy's reading of it.
 
-    `label` is as the user wrote it, `sha256` is of the archive; where the FMU is one of PythonFMU's, its script is a
-    module of the name `python_module`. A `guest` runs in a process of its own, where no call may take longer than
-    `call_limit_s`; there an FMU of model exchange has a solver, whose `tolerance` may be another than it
-    says, and events are handled of one that is used in `event_mode`.
+    `label` is the name that the user wrote; `sha256` is the hash of the archive. The script of a PythonFMU is the
+    module `python_module`. A `guest` runs in a process of its own, where each call may take at most `call_limit_s`. A
+    guest of model exchange has a solver; `tolerance` replaces the tolerance of its description. With `event_mode` the
+    orchestrator handles the events of a co-simulation FMU.
     """
 
     label: str
@@ -59,9 +59,10 @@ class UnpackedFmu:
 
     @property
     def handled(self) -> tuple[()] | tuple[int, int, float] | None:
-        """What an FMU whose events we handle needs: of model exchange its states, event indicators, and a tolerance.
+        """Return the arguments for handling this FMU's events; None if the FMU handles them itself.
 
-        None where it handles them itself. An InputError where its description says no number for the tolerance.
+        For model exchange: the number of states, the number of event indicators, and a tolerance. Raises InputError if
+        the tolerance in its description is not a number.
         """
         if self.description.coSimulation is not None and not self.event_mode:
             return None
@@ -76,18 +77,18 @@ class UnpackedFmu:
 
     @property
     def version(self) -> int:
-        """Of FMI: 2 or 3."""
+        """FMI version: 2 or 3."""
         return fmi_version(self.description)
 
     @property
     def token(self) -> str:
-        """What its library is instantiated with."""
+        """Token with which the library is instantiated."""
         if self.version == 3:
             return str(self.description.instantiationToken)
         return str(self.description.guid)
 
     def says(self, *flags: str) -> bool:
-        """Whether its description claims a capability, by the name of FMI 2.0 or of 3.0."""
+        """Return True if the description claims one of these capabilities (names of FMI 2.0 or 3.0)."""
         for flag in flags:
             claim = getattr(self.description.coSimulation, flag, None)
             if str(claim).lower() in ("true", "1"):
@@ -96,12 +97,12 @@ class UnpackedFmu:
 
 
 def fmi_version(description: ModelDescription) -> int:
-    """Version of FMI: 2 or 3."""
+    """Return the FMI version: 2 or 3."""
     return int(str(description.fmiVersion).startswith("3")) + 2
 
 
 def member_label(name: str) -> str:
-    """A member's name for a message: shortened, without characters that would move a terminal's cursor."""
+    """Return a member's name for a message: shortened, without characters that move a terminal's cursor."""
     if len(name) > LONGEST_SHOWN:
         name = f"{name[:LONGEST_SHOWN]}..."
     return repr(name)
@@ -120,13 +121,13 @@ def refuse_outside(name: str, label: str, *, ssp: bool) -> None:
 
 
 def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -> None:
-    """Refuse an archive that is not safe to unpack, or has not what makes it an FMU (an .ssp: an .ssd)."""
+    """Refuse an archive that is unsafe to unpack or lacks the file `needed` (an FMU's description, an .ssp's .ssd)."""
     ssp = needed.endswith(".ssd")
     kind_of_file, standard, forbidden_kind = "an FMU", "FMI", "a link"
     if ssp:
         kind_of_file, standard, forbidden_kind = "an .ssp", "SSP", "a link or a device"
     for member in members:
-        # orig_filename still has the backslashes and what stands after a zero, which zipfile takes away.
+        # orig_filename keeps the backslashes and the text after a zero byte, which zipfile removes.
         for name in (member.orig_filename, member.filename):
             refuse_outside(name, label, ssp=ssp)
         where = f"{label}: member {member_label(member.filename)}"
@@ -145,10 +146,10 @@ def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -
             raise InputError(f"{label}: {member.filename} is larger than {MOST_DESCRIPTION_BYTES >> 20} MiB; not read")
     if sum(m.file_size for m in members) > max(SMALL, MOST_TIMES * sum(m.compress_size for m in members)):
         raise InputError(f"{label}: unpacks to more than {MOST_TIMES} times its size; not unpacked")
-    # What stands in it twice, the same to the bit, is there once.
+    # Identical members count once.
     members = list({(m.orig_filename, m.CRC, m.file_size): m for m in members}.values())
     names = [member.filename for member in members]
-    # Two names that differ in case only are one file on some systems.
+    # Some systems treat two names that differ only in case as one file.
     files = {name.rstrip("/").casefold() for name in names} if ssp else set(names)
     if len(files) != len(names):
         raise InputError(f"{label}: has two members of one name; corrupt archive")
@@ -157,9 +158,9 @@ def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -
 
 
 def refuse_damaged(content: bytes, label: str) -> None:
-    """Refuse an ELF library whose segments do not all lie within the file: the loader of Linux dies of one.
+    """Refuse an ELF library with a segment outside the file: the loader of Linux crashes on one.
 
-    Other formats are the loader's matter.
+    The loader itself checks other formats.
     """
     if not content.startswith(b"\x7fELF"):
         return
@@ -179,10 +180,10 @@ def refuse_damaged(content: bytes, label: str) -> None:
 
 
 def xml_root(xml: bytes, name: str, kind_of_file: str, deepest: int | None = None) -> tuple[str, dict[str, str]]:
-    """The tag of the root of an XML document, and its attributes.
+    """Return the tag and the attributes of the root of an XML document.
 
-    An InputError for a DOCTYPE or entities, which `whole` must not have, XML that is not well-formed, too deep, or of
-    too many elements.
+    Raises InputError for a DOCTYPE, for entities, and for XML that is not well-formed, too deep, or has too many
+    elements.
     """
     roots: list[tuple[str, dict[str, str]]] = []
     depth = count = 0
@@ -216,7 +217,7 @@ def xml_root(xml: bytes, name: str, kind_of_file: str, deepest: int | None = Non
 
 
 def _described(xml: bytes, label: str) -> ModelDescription:
-    """FMPy's reading of modelDescription.xml; what it cannot read is refused with its first complaint."""
+    """Return FMPy's reading of modelDescription.xml, or refuse the file with FMPy's first complaint."""
     name = f"{label}: modelDescription.xml"
     root, attributes = xml_root(xml, name, "an FMU")
     if root != "fmiModelDescription":
@@ -229,7 +230,7 @@ def _described(xml: bytes, label: str) -> ModelDescription:
         alone.writestr("modelDescription.xml", xml)
     try:
         description = fmpy.read_model_description(archive, validate=False)
-    except Exception as error:  # FMPy raises whatever its parsing meets
+    except Exception as error:  # FMPy lets any exception of its parsing through.
         reason = " ".join(str(error).split()) or type(error).__name__
         if isinstance(error, KeyError):
             reason = f"it refers to {error.args[0]!r}, which is not there"
@@ -249,7 +250,7 @@ def _described(xml: bytes, label: str) -> ModelDescription:
 
 
 def _library(names: set[str], description: ModelDescription, label: str) -> str:
-    """The member that holds the library for this platform."""
+    """Return the archive member that holds the library for this platform."""
     kind = description.coSimulation or description.modelExchange
     assert kind is not None
     # fmpy.platform says linux64 on every 64-bit processor; only the tuple tells ARM from Intel.
@@ -270,7 +271,7 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A folder for unpacked FMUs; what their scripts left of it in Python's search path and modules goes too."""
+    """Yield a folder for unpacked FMUs; afterwards remove their scripts' modules and search paths from Python."""
     before = set(sys.modules)
     with own_folder() as folder:
         name = str(folder)
@@ -284,10 +285,10 @@ def temporary_folder() -> Iterator[Path]:
 
 
 def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> UnpackedFmu:
-    """Check an FMU archive and unpack it into the folder for its SHA-256, which is made when all checks are passed.
+    """Check an FMU archive and unpack it into the folder for its SHA-256, which is made after all checks pass.
 
-    An InputError where it is missing, damaged, unsafe, neither co-simulation nor model exchange of FMI 2.0 or 3.0, or
-    not for this platform.
+    Raises InputError if it is missing, damaged, unsafe, not for this platform, or neither co-simulation nor model
+    exchange of FMI 2.0 or 3.0.
     """
     content = bytes_of(path, "give an .fmu file", label=label, archive=True)
     sha256 = hashlib.sha256(content).hexdigest()
@@ -300,7 +301,7 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
             library = _library({m.filename for m in members}, description, label)
             refuse_damaged(archive.read(library), label)
             folder = make_folder(sha256)
-            # Sources and documentation are nothing that an FMU may read when it runs.
+            # An FMU may not read its sources and documentation at run time.
             for member in members:
                 if not member.filename.startswith(("sources/", "documentation/")):
                     archive.extract(member, folder)

@@ -1,4 +1,4 @@
-"""An FMU's instance, in this process or as a guest in its own: what may be done to it, each call's status looked at."""
+"""An FMU's instance, in this process or as a guest in its own: its operations, with the status of each call checked."""
 
 import ctypes
 import math
@@ -24,10 +24,10 @@ FATAL = 4
 
 
 def forget_script(fmu: UnpackedFmu) -> None:
-    """Make Python forget a module of the name of a PythonFMU script.
+    """Make Python forget a module with the name of a PythonFMU script.
 
-    The FMU's library imports its script by name: a module that the process already has under this name (another
-    FMU's script, an older version) would be run instead of it, without a word.
+    The FMU's library imports its script by name. If the process already has a module of this name (another FMU's
+    script, or an older version), the library would silently run that one.
     """
     if fmu.python_module:
         sys.modules.pop(fmu.python_module, None)
@@ -42,7 +42,7 @@ _BINARY = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_size_t] * 5)
 
 
 def _binary(function: Any, *, setting: bool) -> Callable[..., int]:
-    """fmi3GetBinary or fmi3SetBinary on blocks of memory, as the loop has them, in place of sizes and addresses."""
+    """Wrap fmi3GetBinary or fmi3SetBinary for the loop's memory blocks in place of sizes and addresses."""
     alive: dict[int, list[Any]] = {}
 
     def called(instance: int, references: int, several: int, values: int, count: int) -> int:
@@ -79,7 +79,10 @@ class Library(Host):
             raise RuntimeError(NO_INSTANCE)
 
     def address(self, name: str) -> int:
-        """Where a C function of the library is, or one of ours that calls it; an AttributeError where there is none."""
+        """Return the address of a C function of the library, or of our wrapper that calls it.
+
+        Raises AttributeError if there is none.
+        """
         function = self.library[name]
         if name.endswith("Binary"):
             function = self._binaries[name] = _BINARY(_binary(function, setting="Set" in name))
@@ -94,13 +97,13 @@ class Library(Host):
         return status
 
     def close(self) -> None:
-        """Leave an instance that allows no further call as it is."""
+        """Do nothing: this instance allows no further call."""
 
     def _unload(self) -> None:
-        """Unload the library; PythonFMU's lets go of its interpreter first.
+        """Unload the library; a PythonFMU library releases its interpreter first.
 
-        At the end of the process it would do so in memory that it has freed, which corrupts the heap: that library of
-        C++ is not really unloaded before.
+        That C++ library stays loaded until the end of the process, where it would otherwise release the interpreter in
+        memory that is already freed, and corrupt the heap.
         """
         with suppress(AttributeError):
             self.library["finalizePythonInterpreter"]()
@@ -110,7 +113,7 @@ class Library(Host):
 class Slave:
     """An instance of an FMU of FMI 2.0, under its name in the scenario, in this process or as a guest in its own.
 
-    A failing call is an InputError with FMU, call, time and the FMU's own words.
+    A failing call raises InputError with the FMU, the call, the time and the FMU's own message.
     """
 
     prefix = "fmi2"
@@ -141,9 +144,9 @@ class Slave:
         self._log.append((status, message))
 
     def _said(self) -> str:
-        """What the FMU said of its failure."""
+        """Return the FMU's own message about its failure, as the end of a sentence."""
         serious = [text for status, text in self._log if status >= DISCARD and text]
-        # PythonFMU may lose the exception that it reports; what the script logged before says more.
+        # PythonFMU may lose the exception that it reports; the script's earlier log entry says more.
         telling = [text for text in serious if not text.endswith("PyObject_CallMethod unknown error")]
         messages = telling or serious or [text for _, text in self._log if text]
         if not messages:
@@ -172,7 +175,10 @@ class Slave:
         raise InputError(f"{self}: {infinite[0]} at {time:.9g} s")
 
     def call(self, name: str, *arguments: Any, time: float | None = None) -> None:
-        """Call an FMI function by name with this instance; a status above Warning is an InputError."""
+        """Call an FMI function of this instance by name.
+
+        Raises InputError for a status above Warning.
+        """
         try:
             status, _ = self._host.call(name, arguments)
         except AttributeError as error:
@@ -181,20 +187,20 @@ class Slave:
             self.fail(name, status, time)
 
     def address(self, name: str) -> int:
-        """Where a C function of the library is."""
+        """Return the address of a C function of the library."""
         try:
             return self._host.address(name)
         except AttributeError as error:
             raise InputError(f"{self}: its library has no function {name}") from error
 
     def accessor(self, verb: str, access: str) -> str:
-        """Name of the function that gets or sets values of a type."""
+        """Return the name of the function that gets or sets values of a type."""
         if access == "Boolean2":
             access = "Boolean"
         return f"{self.prefix}{verb}{access}"
 
     def set_values(self, values: Iterable[tuple[FmuVariable, Value]], _: Interface) -> None:
-        """Set variables one by one, as is done before the run."""
+        """Set variables one by one, before the run."""
         for variable, value in values:
             self._set(variable, [value], f"{variable.name} = {value!r}")
 
@@ -220,15 +226,15 @@ class Slave:
                 raise InputError(f"{error} [setting {setting}]") from error
 
     def begin(self, start: float, stop: float) -> None:
-        """Tell the times of the run and enter initialisation."""
+        """Set the times of the run and enter initialisation."""
         self.call("fmi2SetupExperiment", 0, 0.0, start, 1, stop)
         self.call("fmi2EnterInitializationMode")
 
     def ended_at(self, begin: float) -> float | None:
-        """Up to when the step was made that the FMU of FMI 2.0 discards, where it asks for the end of the run.
+        """Return the time that the step reached if an FMU of FMI 2.0 discards it and asks for the end of the run.
 
-        None where it has not come any further than where the step begins: it fails then, whatever it asks for, as
-        PythonFMU's does when a script's step fails.
+        Returns None if the step has not advanced: the FMU has then failed, even if it asks for the end. PythonFMU does
+        both when a script's step fails.
         """
         answers: list[bytes] = []
         for name, kind, size in (("Boolean", 3, 4), ("Real", 2, 8)):
@@ -247,12 +253,12 @@ class Slave:
         return None
 
     def free_state_at(self, place: int) -> None:
-        """Free a state that stands at an address."""
+        """Free the state at an address."""
         if not self._freed and not self._dead:
             self._host.call(self.free_state, [(ctypes.string_at(place, 8),)])
 
     def close(self, finished: float | None = None) -> None:
-        """Terminate (after a run that came to its end, at that time), free, unload; may be called twice."""
+        """Terminate (with the end time of a completed run), free and unload; may be called twice."""
         if self._freed:
             return
         self._freed = True
@@ -277,7 +283,7 @@ class Slave3(Slave):
     set_state, get_state, free_state = "fmi3SetFMUState", "fmi3GetFMUState", "fmi3FreeFMUState"
 
     def set_values(self, values: Iterable[tuple[FmuVariable, Value]], interface: Interface) -> None:
-        """Set variables, arrays as a whole: what is not given of an array keeps its start value."""
+        """Set variables, each array as a whole: elements that are not given keep their start values."""
         structural, remaining = [], []
         for variable, value in values:
             if variable.causality == "structuralParameter":
@@ -310,4 +316,4 @@ class Slave3(Slave):
 
 
 SLAVES = {2: Slave, 3: Slave3}
-"""Instances by the version of FMI."""
+"""Instance class for each version of FMI."""

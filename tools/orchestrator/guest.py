@@ -1,8 +1,8 @@
-"""A guest: an FMU of somebody else in a process of its own, so that what it does to its process it does not to ours.
+"""A guest: a foreign FMU in a process of its own, which protects our process from it.
 
-It has what an FMU's library has (`trihedron.tools.orchestrator.fmu.Library`): functions by their addresses, as the loop
-over the steps calls them. Behind an address is a function of ours, which asks the process (`guest_process.py`).
-Inputs go with the step that they are for, and what is read after a step comes with its answer: one question for each.
+A guest offers the interface of an FMU's library (`trihedron.tools.orchestrator.fmu.Library`): functions by address, as
+the loop over the steps calls them. Behind each address is a function of ours that asks the process
+(`guest_process.py`). Inputs travel with their step, and outputs return with its answer: one exchange a step.
 """
 
 import ctypes
@@ -33,33 +33,33 @@ from .interface import VALUE_TYPES, block_of, bytes_at
 
 NO_INSTANCE = "no instance"
 FAILED = 4
-"""What an address of a guest that is lost gives: Fatal, after which nothing may be called."""
+"""Status of every call to a lost guest: Fatal, after which no call is allowed."""
 PRINTED = 2048
 LONGEST_PRINTED = 200
 _LOOKS = 20
-"""How often within its limit of time it is looked whether a call takes longer."""
+"""Number of checks, within the time limit, for a call that takes longer."""
 LONGEST_REPLY = 1 << 28
-"""Bytes of the longest reply that is read."""
+"""Longest reply that is read [bytes]."""
 MEMORY_SHARE = 0.5
-"""The share of the machine's memory that a guest may have."""
+"""Largest share of the machine's memory for a guest."""
 _READ = 1 << 16
 _WAIT_MS = 200
-"""So long a reply is waited for before it is looked whether the process is still there."""
+"""Time to wait for a reply before checking that the process still runs [ms]."""
 _UNREADABLE = (ValueError, TypeError, OverflowError, RecursionError, MemoryError)
-"""What reading a reply raises that an FMU has written into."""
+"""Exceptions that reading a reply can raise if the FMU has corrupted it."""
 _WORD = ctypes.c_size_t
 _STEP_OUTPUTS = (1, 1, 1, 8)
-"""Bytes that fmi3DoStep writes: three flags and the last successful time."""
+"""Sizes of the outputs of fmi3DoStep: three flags and the last successful time [bytes]."""
 
 
 class LostError(Exception):
-    """The process is gone."""
+    """The guest's process has ended."""
 
 
 class Guest:
     """The process of one FMU, with its instance.
 
-    `lost` says how it ended, where it has ended by itself; `component` is its instance's address over there.
+    `lost` is the reason if the process has ended by itself; `component` is the address of its instance in that process.
     """
 
     def __init__(self, fmu: UnpackedFmu, name: str, hear: Callable[[int, str], None]) -> None:
@@ -77,7 +77,7 @@ class Guest:
         self._ended = threading.Event()
         self._folder = Path(tempfile.mkdtemp(prefix="guest-", dir=fmu.folder.parent))
         self._start_process()
-        # How long Python takes to start is not the FMU's affair.
+        # The start-up time of Python does not count against the FMU.
         self._ask("follow", [])
         if self._limit is not None:
             threading.Thread(target=self._watch, args=(self._limit,), daemon=True).start()
@@ -98,12 +98,12 @@ class Guest:
         work, progress = self._folder / "work", self._folder / "progress"
         work.mkdir()
         progress.write_bytes(bytes(PROGRESS.size))
-        # It is read, not mapped into memory: to read a mapped file that was cut short ends a process.
+        # Read the file, do not map it: reading a mapped file that was cut short kills the process.
         self._progress = progress.open("rb", buffering=0)
         host = Path(__file__).with_name("guest_process.py")
         program = [sys.executable, "-P", str(host), str(memory_limit())]
         pipe = subprocess.PIPE
-        # Ctrl-C is not meant for it: it ends with the run.
+        # The guest ignores Ctrl-C: it ends with the run.
         self._process = subprocess.Popen(
             program, stdin=pipe, stdout=pipe, stderr=pipe, cwd=work, start_new_session=True
         )
@@ -118,7 +118,7 @@ class Guest:
         self._reader.start()
 
     def _drain(self) -> None:
-        """Take what the FMU prints, and keep the end of it."""
+        """Read the FMU's printed output and keep the end of it."""
         assert self._process.stderr is not None
         while text := os.read(self._process.stderr.fileno(), 1 << 16):
             self._printed = (self._printed + text)[-PRINTED:]
@@ -133,13 +133,13 @@ class Guest:
                 return
 
     def _hear_printed(self) -> None:
-        """Take the last line that the FMU has printed for its message."""
+        """Take the last line that the FMU printed as its message."""
         lines = [" ".join(line.split()) for line in self._printed.decode("utf-8", "replace").split("\n")]
         printed = [line for line in lines if line]
         self._hear(0, "".join(printed[-1:])[:LONGEST_PRINTED])
 
     def _request(self, operations: list[tuple[Any, ...]]) -> list[tuple[int, Any]]:
-        """Status and values of each of the operations, and of what follows a step; fewer where one has failed."""
+        """Return status and values of each operation, and of the calls after a step; fewer if one has failed."""
         request = marshal.dumps(operations)
         try:
             self._began = time.monotonic()
@@ -156,14 +156,14 @@ class Guest:
                 self.lost = "sent a reply that cannot be read"
             follows = self._following(operations)[at - len(operations) :]
             if at >= len(operations) and follows:
-                # The step was made; the getter that follows is what fails.
+                # The step has succeeded; the getter after it fails.
                 self.blamed = follows[0][1]
                 return [(0, ())] * len(operations)
             failed = operations[min(at, len(operations) - 1)]
             self.blamed = self.blamed or str(failed[1])
             raise LostError from error
         except BaseException:
-            # Ctrl-C, a second time: what comes back now would be taken for the answer to another request.
+            # A second Ctrl-C: the answer to this request would be taken for the answer to the next.
             self._process.kill()
             self._bury()
             raise
@@ -176,18 +176,21 @@ class Guest:
         return answers
 
     def _following(self, operations: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """The calls that follow these operations: the getters after a step."""
+        """Return the calls that follow these operations: the getters after a step."""
         if not _is_step(operations[-1]):
             return []
         return [("call", *call) for call in self._follows]
 
     def _operation_at(self) -> int:
-        """Which operation the process was making; 0 where the FMU has damaged the file that says it."""
+        """Return the index of the operation in progress; 0 if the FMU has damaged the progress file."""
         content = os.pread(self._progress.fileno(), PROGRESS.size, 0) if hasattr(os, "pread") else self._progress.read()
         return PROGRESS.unpack(content)[0] if len(content) == PROGRESS.size else 0
 
     def _received(self) -> bytes:
-        """The bytes of a reply; an EOFError where the process is gone, a ValueError for what is no reply."""
+        """Return the bytes of a reply.
+
+        Raises EOFError if the process has ended, ValueError if the bytes are not a reply.
+        """
         content = self._read_some()
         while len(content) < HEAD.size:
             content += self._read_some()
@@ -201,7 +204,10 @@ class Guest:
         return bytes(content[HEAD.size :])
 
     def _read_some(self) -> bytearray:
-        """What has come of a reply: a process that has ended ends it, though another one may hold the pipe."""
+        """Return the next part of a reply.
+
+        Raises EOFError if the process has ended, even if another process still holds the pipe open.
+        """
         while self._replies is not None and not self._replies.poll(_WAIT_MS):
             if self._process.poll() is not None and not self._replies.poll(0):
                 raise EOFError
@@ -211,7 +217,7 @@ class Guest:
         return bytearray(part)
 
     def _ask(self, *operation: Any) -> tuple[int, Any]:
-        """Status and values of an operation; of one that waited before it, where that has failed."""
+        """Return status and values of an operation, or of a postponed operation before it if that has failed."""
         if self.lost:
             raise LostError
         operations, self._pending = self._pending, []
@@ -226,7 +232,7 @@ class Guest:
         return answers[count - 1]
 
     def _bury(self) -> None:
-        """Say how the process has ended."""
+        """Record the reason for which the process ended."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(5.0)
         code = self._process.poll()
@@ -244,7 +250,7 @@ class Guest:
             self.lost = f"ended its process (exit status {code})"
 
     def _end_group(self) -> None:
-        """End the process and those that it has begun, which are of its group."""
+        """End the process and the processes that it started (its process group)."""
         self._ended.set()
         if not hasattr(os, "killpg"):
             self._process.kill()
@@ -253,7 +259,7 @@ class Guest:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def call(self, name: str, arguments: Sequence[Any] = ()) -> tuple[int, Any]:
-        """Call a function; its status, and what it wrote (see `guest_process`)."""
+        """Call a function; return its status and its outputs (see `guest_process`)."""
         try:
             answer = self._ask("call", name, tuple(arguments))
         except LostError:
@@ -262,7 +268,10 @@ class Guest:
         return answer
 
     def address(self, name: str) -> int:
-        """Where a function of ours is that calls a C function over there; an AttributeError where there is none."""
+        """Return the address of our function that calls a C function in the guest.
+
+        Raises AttributeError if the guest has no such function.
+        """
         if name not in self._entries:
             _, exists = self._ask("has", name)
             if not exists:
@@ -274,7 +283,7 @@ class Guest:
         return address
 
     def _guarded(self, function: Callable[..., int]) -> Callable[..., int]:
-        """A function that C can call: what it raises is kept, and it gives a status."""
+        """Wrap a function for C: keep any exception and return a status."""
 
         def guarded(*words: Any) -> int:
             try:
@@ -288,7 +297,7 @@ class Guest:
         return guarded
 
     def _entry(self, name: str) -> tuple[Callable[..., int], Sequence[Any]]:
-        """The function behind an address, and the types of its arguments."""
+        """Return the function behind an address and the types of its arguments."""
         if name == "fmi2DoStep":
             return self._step(name), (_WORD, ctypes.c_double, ctypes.c_double, ctypes.c_int)
         if name == "fmi3DoStep":
@@ -305,7 +314,7 @@ class Guest:
         return self._getter(name), words
 
     def _call_into(self, name: str, arguments: tuple[Any, ...], places: Sequence[int]) -> int:
-        """Call a function and copy what it wrote to these addresses; its status."""
+        """Call a function, copy its results to these addresses, and return its status."""
         status, contents = self._ask("call", name, arguments)
         for place, content in zip(places, contents, strict=False):
             ctypes.memmove(place, content, len(content))
@@ -371,7 +380,7 @@ class Guest:
         calls: dict[int, tuple[str, tuple[Any, ...]]] = {}
 
         def call_of(references: int, several: int, counts: Sequence[int]) -> tuple[str, tuple[Any, ...]]:
-            """The call for a port, whose references stay where they are."""
+            """Return the call for a port, whose references never move."""
             count = _count_of(several, counts)
             output: tuple[Any, ...] = (bytes(VALUE_TYPES[kind].dtype().itemsize * count),)
             if kind == "String":
@@ -406,13 +415,13 @@ class Guest:
         return getter
 
     def free(self, name: str) -> int:
-        """Free the instance and end the process; the status of the call."""
+        """Free the instance, end the process, and return the status of the call."""
         status, _ = self.call(name)
         self.close()
         return status
 
     def close(self) -> None:
-        """End the process, whatever it is doing; may be called twice."""
+        """End the process even during a call; may be called twice."""
         if self.lost or self._process.poll() is not None or self._began is not None:
             self._process.kill()
         with suppress(OSError):
@@ -434,7 +443,7 @@ class Guest:
 
 @cache
 def memory_limit() -> int:
-    """Bytes of memory that a guest may have: a share of the machine's, or of what this container has."""
+    """Return the largest memory for a guest [bytes]: a share of the machine's or of the container's."""
     limits = []
     with suppress(AttributeError, ValueError, OSError):
         limits.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
@@ -444,7 +453,10 @@ def memory_limit() -> int:
 
 
 def _decoded(reply: bytes, operations: Sequence[tuple[Any, ...]]) -> tuple[list[Any], list[Any], str]:
-    """Answers, log and failure of a reply to these operations; a ValueError or TypeError for what is none."""
+    """Return answers, log and failure from a reply to these operations.
+
+    Raises ValueError or TypeError if the bytes are not a reply.
+    """
     entries, log, failure = json.loads(reply)
     if not isinstance(failure, str) or len(entries) > len(operations):
         raise ValueError("no reply")
@@ -465,7 +477,7 @@ def _whole(number: Any, low: int, high: int) -> int:
 
 
 def _value_of(operation: tuple[Any, ...], status: int, value: Any) -> Any:
-    """What an operation gave: bytes of the sizes that were asked for, as they are copied into memory of ours."""
+    """Return the values of an operation: bytes of the requested sizes, ready to be copied into our memory."""
     if operation[0] != "call":
         return None if value is None else _whole(value, 0, 1 << 64)
     wanted = [argument for argument in operation[2] if isinstance(argument, tuple)]
@@ -485,7 +497,7 @@ def _value_of(operation: tuple[Any, ...], status: int, value: Any) -> Any:
 
 
 def settings_of(fmu: UnpackedFmu, name: str, progress: str = "") -> dict[str, Any]:
-    """What a `Host` needs to make an instance of an FMU."""
+    """Return the settings from which a `Host` makes an instance of an FMU."""
     resources = fmu.folder / "resources"
     location = resources.as_uri()
     if fmu.version == 3:
@@ -507,14 +519,14 @@ def _is_step(operation: Sequence[Any]) -> bool:
 
 
 def _count_of(several: int, counts: Sequence[int]) -> int:
-    """The number of values: FMI 3.0 says it, in FMI 2.0 it is that of the references."""
+    """Return the number of values: given by FMI 3.0, equal to the number of references in FMI 2.0."""
     if counts:
         return counts[0]
     return several
 
 
 def _kind(name: str) -> str:
-    """The type of values that a getter or a setter takes, a key of `VALUE_TYPES`."""
+    """Return the value type of a getter or setter, a key of `VALUE_TYPES`."""
     kind = name[len("fmi2Get") :]
     if name.startswith("fmi2") and kind == "Boolean":
         return "Boolean2"
@@ -522,7 +534,7 @@ def _kind(name: str) -> str:
 
 
 def _logger() -> str:
-    """FMPy's library that writes out what an FMU of FMI 2.0 logs in the way of printf; empty where there is none."""
+    """Return the path of FMPy's library that formats the printf-style log of FMI 2.0; empty if there is none."""
     package = util.find_spec("fmpy.logging")
     assert package is not None
     path = Path(str(package.origin)).parent / fmpy.platform / f"logging{fmpy.sharedLibraryExtension}"

@@ -1,20 +1,21 @@
-"""A host of FMUs: it calls their functions as the orchestrator asks, in its process or in one of its own.
+"""A host of FMUs: it calls their functions for the orchestrator, in its process or in one of its own.
 
-As the process of a guest it runs as a file and imports only Python's own modules, so it starts quickly. A request is a
-list of operations; its reply has the status and the values of each operation until one failed, and what the FMU logged.
-A message has its length before it. A request is a Python value in marshal's form. A reply is JSON, bytes as hexadecimal
-digits: an FMU may write into it, and unlike marshal's its content cannot ask for memory that it does not fill.
+The process of a guest runs this file as a script and imports only the standard library, so it starts quickly. A
+request is a list of operations. Its reply has the status and the values of each operation up to the first failure, and
+the FMU's log. The length of a message precedes it. A request is a Python value in marshal's form. A reply is JSON with
+bytes as hexadecimal digits: an FMU may corrupt it, and unlike marshal, JSON cannot request memory that it does not
+fill.
 
 | operation | values |
 |---|---|
-| load, settings of the instance: see `Host.load` | address of the instance, 0 where there is none |
+| load, settings of the instance: see `Host.load` | address of the instance, 0 if there is none |
 | has, function | whether the library has it |
-| call, function, arguments | what the function wrote, for each argument that takes it |
+| call, function, arguments | outputs of the function, for each argument that receives one |
 | follow, calls: made after each step from now on | |
 
-An argument is a whole number, a real number, bytes (of which the function gets the address), or a list of bytes (an
-array of strings). What the function writes is asked for by a tuple: `(content,)`, memory with this content;
-`("texts", n)`, n strings; `("binaries", n)`, two arrays, of n sizes and of n addresses.
+An argument is a whole number, a real number, bytes (the function gets their address), or a list of bytes (an array of
+strings). A tuple asks for an output: `(content,)`, memory with this content; `("texts", n)`, n strings;
+`("binaries", n)`, two arrays, of n sizes and of n addresses.
 """
 
 import ctypes
@@ -35,18 +36,18 @@ from typing import Any
 from weakref import WeakValueDictionary
 
 Log = MutableSequence[tuple[int, str]]
-"""Statuses and messages."""
+"""Log entries: status and message."""
 HEAD = struct.Struct("<Q")
-"""Length of a message."""
+"""Format of a message's length."""
 PROGRESS = struct.Struct("<I")
-"""Which operation of a request is being made."""
+"""Format of the index of the operation in progress."""
 OK, WARNING, DISCARD, ERROR = range(4)
 MOST_EVENTS = 10_000
-"""In one step, and rounds of one event."""
+"""Largest number of events in one step, and of iterations in one event."""
 CLOSE = 1e-13
-"""Times that differ by less, relative to the step and the time, are one."""
+"""Times that differ by less, relative to the step and the time, are equal."""
 MOST_SOLVER_STEPS = 100_000
-"""From event to event."""
+"""Largest number of solver steps between two events."""
 _BOOLEAN, _INTEGER, _REAL = ctypes.c_bool, ctypes.c_int, ctypes.c_double
 _LOG_2 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_char_p, _INTEGER, ctypes.c_char_p, ctypes.c_char_p)
 _LOG_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, _INTEGER, ctypes.c_char_p, ctypes.c_char_p)
@@ -65,13 +66,13 @@ class _Callbacks(ctypes.Structure):
 
 
 class _EventInfo(ctypes.Structure):
-    """What fmi2NewDiscreteStates writes."""
+    """Output of fmi2NewDiscreteStates."""
 
     _fields_ = (("flags", _INTEGER * 5), ("next", _REAL))
 
 
 def _flags(count: int) -> tuple[Any, list[Any]]:
-    """Booleans of FMI 3.0 that a function writes, and the address of each."""
+    """Return booleans for outputs of FMI 3.0, and the address of each."""
     flags = (_BOOLEAN * count)()
     return flags, [ctypes.byref(flags, k) for k in range(count)]
 
@@ -81,10 +82,11 @@ class FailedError(Exception):
 
 
 class Events:
-    """The steps of an FMU whose events we handle, from event to event; `ended` is when it asked for the end of the run.
+    """Step an FMU from event to event and handle its events; `ended` is the time at which it asked for the end of the
+    run.
 
-    Between steps it is in event mode, where its inputs change and its events end. `call` takes a function's name and
-    values of C, `log` is what the FMU logs.
+    Between steps the FMU is in event mode: its inputs change and its events end. `call` takes a function's name and C
+    values; `log` is the FMU's log.
     """
 
     mode = "EnterStepMode"
@@ -96,7 +98,10 @@ class Events:
         self.time = 0.0
 
     def call(self, name: str, *arguments: Any) -> None:
-        """Call a function of the FMU; FailedError where it gives more than a warning."""
+        """Call a function of the FMU.
+
+        Raises FailedError for a status above Warning.
+        """
         logged = len(self._log)
         status = self.plain_call(f"fmi{self.version}{name}", *arguments)
         if status > WARNING:
@@ -105,12 +110,12 @@ class Events:
             raise FailedError(status, f"fmi{self.version}{name} ended with status {status}{reason}")
 
     def _logged(self, error: FailedError) -> int:
-        """The status of a failure, whose message goes to the log."""
+        """Log a failure's message and return its status."""
         self._log.append(error.args)
         return error.args[0]
 
     def enter(self, start: float) -> int:
-        """Make the event with which the initialisation ends; its status."""
+        """Handle the event that ends the initialisation; return its status."""
         self.time = start
         try:
             self._update()
@@ -139,7 +144,7 @@ class Events:
         raise FailedError(ERROR, f"an event at {self.time:.9g} s does not come to its end")
 
     def step(self, begin: float, length: float) -> tuple[int, float]:
-        """Make a step; its status, and up to when it was made."""
+        """Make a step; return its status and the time that it reached."""
         end, self.time = begin + length, begin
         close = CLOSE * (length + abs(end))
         try:
@@ -158,7 +163,7 @@ class Events:
             return self._logged(error), self.time
 
     def advance(self, end: float, close: float) -> None:
-        """Step to the next event, or to the end: the FMU returns before where it has one."""
+        """Step to the next event or to the end; the FMU returns early at an event."""
         flags, places = _flags(3)
         reached = _REAL(self.time)
         times = _REAL(self.time), _REAL(end - self.time)
@@ -168,7 +173,7 @@ class Events:
             self.ended = self.time
 
     def answer(self, name: str, arguments: Sequence[Any]) -> tuple[int, list[bytes]]:
-        """Stand in for a function of co-simulation: a step, or FMI 2.0's question about it."""
+        """Stand in for a function of co-simulation: a step, or the step query of FMI 2.0."""
         if name.endswith("DoStep"):
             begin, length = arguments[:2]
             status, reached = self.step(begin, length)
@@ -182,7 +187,7 @@ class Events:
 
 
 class ExchangeSolver(Events):
-    """The steps of an FMU of model exchange: SUNDIALS' CVODE integrates it, with a relative tolerance."""
+    """Step an FMU of model exchange: SUNDIALS' CVODE integrates it with a relative tolerance."""
 
     mode = "EnterContinuousTimeMode"
 
@@ -207,7 +212,7 @@ class ExchangeSolver(Events):
         self.call("SetTime", _REAL(instant))
 
     def step(self, begin: float, length: float) -> tuple[int, float]:
-        """Make a step; its status, and up to when it was made."""
+        """Make a step; return its status and the time that it reached."""
         status = self.plain_call(f"fmi{self.version}SetTime", _REAL(begin))
         if status > WARNING:
             return status, begin
@@ -235,7 +240,7 @@ class ExchangeSolver(Events):
         )
 
     def _integrate(self, goal: float) -> bool:
-        """Integrate towards a time; whether CVODE says where it has stopped, at a state event or there."""
+        """Integrate towards a time; return True if CVODE stopped at a state event or at that time."""
         try:
             met, _, self.time = self._cvode.step_until(self.time, goal)
         except RuntimeError as error:
@@ -260,14 +265,14 @@ class ExchangeSolver(Events):
 
 
 class _Inputs:
-    """Inputs as FMPy's solver asks for them: they hold over a step."""
+    """Inputs for FMPy's solver: constant over a step."""
 
     def apply(self, time: float) -> None:
         """Change nothing."""
 
 
 def cvode_class() -> type:
-    """FMPy's CVODE, made to stop where the FMU cannot give what it asks for; only FMUs of model exchange need FMPy."""
+    """Return FMPy's CVODE, changed to stop when the FMU cannot evaluate; only model exchange needs FMPy."""
     from fmpy.sundials import CVodeSolver
     from fmpy.sundials.libraries import sundials_cvode
 
@@ -275,7 +280,7 @@ def cvode_class() -> type:
     set_stop.argtypes, set_stop.restype = [ctypes.c_void_p, _REAL], _INTEGER
 
     class Cvode(CVodeSolver):
-        """The solver; `failed` is the first call of the FMU that has failed."""
+        """The solver; `failed` is the first failed call of the FMU."""
 
         failed: FailedError | None = None
 
@@ -298,13 +303,13 @@ def cvode_class() -> type:
             return self.step(begin, goal)
 
         def __del__(self) -> None:
-            """Leave its memory: it goes with the process."""
+            """Keep the memory: it is freed with the process."""
 
     return Cvode
 
 
 def _hear(environment: int | None, status: int, text: bytes | None, name: bytes | None = None) -> None:
-    """Give a message to the instance that it comes from: by its environment, else by its name, else to all."""
+    """Pass a message to its instance, found by environment, else by name; else pass it to all."""
     host = HOSTS.get(environment or 0)
     hosts = list(HOSTS.values())
     if host is not None:
@@ -314,13 +319,13 @@ def _hear(environment: int | None, status: int, text: bytes | None, name: bytes 
 
 
 HOSTS: "WeakValueDictionary[int, Host]" = WeakValueDictionary()
-# One logger for all instances, never freed: FMPy's proxy knows only the logger that it was given last.
+# One logger serves all instances and is never freed: FMPy's proxy keeps only the last logger.
 _LOGGER_2 = _LOG_2(lambda at, name, status, _, text: _hear(at, status, text, name))
 _LOGGER_3 = _LOG_3(lambda at, status, _, text: _hear(at, status, text))
 
 
 class Host:
-    """An FMU in this process, and the operations on it; `log` takes statuses and messages."""
+    """An FMU in this process and its operations; `log` collects statuses and messages."""
 
     name = b""
 
@@ -328,22 +333,22 @@ class Host:
         self.log = log
         HOSTS[id(self)] = self
         self.follows: list[tuple[str, Sequence[Any], list[Any]]] = []
-        """Name, arguments and memory of the calls that follow each step."""
+        """Name, arguments and memory of each call that follows a step."""
         self.progress: Any = bytearray(PROGRESS.size)
-        """Which operation of a request is being made."""
+        """Index of the operation in progress."""
         self._events: Events | None = None
-        """Makes the steps of an FMU whose events are handled here."""
+        """Steps an FMU if this process handles its events."""
         self._start = 0.0
         self._functions: dict[str, Any] = {}
         self._alive: list[Any] = []
-        """What the library has the addresses of."""
+        """Objects whose addresses the library holds; kept alive here."""
 
     def load(self, settings: Mapping[str, Any]) -> tuple[int, int]:
         """Load the library and make the instance.
 
-        `settings` has the library's file, version (of FMI), name, token, resources, logger (FMPy's library, or ""),
-        progress (a file, or ""), and `handled`: None where an FMU handles its events itself; of model exchange the
-        numbers of states and event indicators, and a tolerance; else empty.
+        Keys of `settings`: the library's file, version (of FMI), name, token, resources, logger (FMPy's library, or
+        ""), progress (a file, or ""), and `handled`. That is None if the FMU handles its events itself; for model
+        exchange, the numbers of states and event indicators and a tolerance; otherwise empty.
         """
         version, handled = settings["version"], settings["handled"]
         if handled:
@@ -354,7 +359,7 @@ class Host:
             with Path(settings["progress"]).open("r+b") as file:
                 self.progress = mmap.mmap(file.fileno(), PROGRESS.size)
         library, folder = settings["library"], Path.cwd()
-        # Libraries that lie beside it are found there.
+        # The loader finds libraries in the same folder.
         os.chdir(Path(library).parent)
         try:
             self.library = ctypes.CDLL(library)
@@ -381,7 +386,7 @@ class Host:
         return OK, self._instance.value or 0
 
     def _callbacks(self, logger: str) -> _Callbacks:
-        """What an FMU of FMI 2.0 is given: memory, and a logger that writes out what printf would."""
+        """Return the callbacks for an FMU of FMI 2.0: memory, and a logger that formats like printf."""
         memory = ctypes.CDLL("msvcrt" if os.name == "nt" else None)
         allocate, free = ctypes.cast(memory.calloc, ctypes.c_void_p), ctypes.cast(memory.free, ctypes.c_void_p)
         callbacks = _Callbacks(_LOGGER_2, allocate.value, free.value, None, id(self))
@@ -398,11 +403,11 @@ class Host:
         return self._functions[name]
 
     def _plain_call(self, name: str, *arguments: Any) -> int:
-        """Call a function with values of C."""
+        """Call a function with C values."""
         return self._function(name)(self._instance, *arguments)
 
     def has(self, name: str) -> tuple[int, bool]:
-        """Whether the library has a function, or something here stands in for it."""
+        """Return True if the library has a function, or this class stands in for it."""
         stands_in = self._events is not None and name.endswith(("DoStep", "Status"))
         return OK, stands_in or hasattr(self.library, name)
 
@@ -427,7 +432,8 @@ class Host:
         return OK, None
 
     def answer(self, request: Sequence[tuple[Any, ...]]) -> list[tuple[int, Any]]:
-        """Make the operations of a request, until one fails; what each gave, and what follows a step."""
+        """Run the operations of a request up to the first failure; return their values and those of the calls after a
+        step."""
         answers: list[tuple[int, Any]] = []
         for at, operation in enumerate(request):
             PROGRESS.pack_into(self.progress, 0, at)
@@ -444,7 +450,7 @@ class Host:
 
 
 def _memory(arguments: Sequence[Any]) -> list[Any]:
-    """Arguments as C takes them."""
+    """Convert arguments to C."""
     memory: list[Any] = []
     for argument in arguments:
         memory += _of_c(argument)
@@ -452,7 +458,7 @@ def _memory(arguments: Sequence[Any]) -> list[Any]:
 
 
 def _of_c(argument: Any) -> list[Any]:
-    """An argument as C takes it."""
+    """Convert one argument to C."""
     if isinstance(argument, bool):
         return [_BOOLEAN(argument)]
     if isinstance(argument, int):
@@ -471,7 +477,7 @@ def _of_c(argument: Any) -> list[Any]:
 
 
 def _written(arguments: Sequence[Any], memory: Sequence[Any], status: int) -> list[Any]:
-    """What a function wrote: bytes of memory, strings, or binaries."""
+    """Return the outputs of a function: bytes of memory, strings, or binaries."""
     contents: list[Any] = []
     for at, argument in enumerate(arguments):
         if not isinstance(argument, tuple):
@@ -489,7 +495,7 @@ def _written(arguments: Sequence[Any], memory: Sequence[Any], status: int) -> li
 
 
 def _end_with(parent: int) -> None:
-    """End this process, and those that the FMU has begun, when the one that began it is gone."""
+    """End this process, and the processes that the FMU started, when the parent process is gone."""
     while os.getppid() == parent:
         time.sleep(1.0)
     if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
@@ -498,7 +504,7 @@ def _end_with(parent: int) -> None:
 
 
 def _limit_memory(most: int) -> None:
-    """Give this process at most so many bytes of memory of its own, where the system knows such a limit."""
+    """Limit the memory of this process [bytes], if the system supports such a limit."""
     with suppress(ImportError, OSError, ValueError):
         import resource
 
@@ -509,7 +515,7 @@ def _limit_memory(most: int) -> None:
 
 
 def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush: Callable[[], object]) -> None:
-    """Answer requests until there are none any more."""
+    """Answer requests until the stream ends."""
     log: list[tuple[int, str]] = []
     host = Host(log)
     while head := read(HEAD.size):
@@ -525,7 +531,7 @@ def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush:
 
 
 def run_guest() -> None:
-    """Serve on standard input and output, which the FMU does not get to see; what it prints goes to standard error."""
+    """Serve on standard input and output, which are hidden from the FMU; its output goes to standard error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _limit_memory(int(sys.argv[1]))
     requests, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
@@ -534,7 +540,7 @@ def run_guest() -> None:
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     serve(requests.read, replies.write, replies.flush)
     sys.stdout.flush()
-    # Threads of the FMU are not waited for.
+    # Do not wait for the FMU's threads.
     os._exit(0)
 
 

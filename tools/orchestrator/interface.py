@@ -1,4 +1,4 @@
-"""What an FMU lets through: variables found by name, their types and units, arrays of `name[1]`, `name[2]`, ..."""
+"""An FMU's interface: variables by name, their types and units, arrays of `name[1]`, `name[2]`, ..."""
 
 import ctypes
 import math
@@ -19,9 +19,9 @@ from .archive import fmi_version
 Value = bool | int | float | str
 MOST_ELEMENTS = 1_000_000
 MANY_ITEMS = 6
-"""So many values of an enumeration can be listed in a line."""
+"""Largest number of an enumeration's values that a message lists."""
 SAME = 1e-6
-"""Factors of one unit that agree so far are the same: some tools write few digits."""
+"""Relative tolerance within which two factors of a unit are equal: some tools write few digits."""
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _NUMBERS: dict[str, Any] = {
     "Float64": np.float64,
@@ -35,14 +35,14 @@ _NUMBERS: dict[str, Any] = {
     "Int64": np.int64,
     "UInt64": np.uint64,
 }
-"""FMI 3.0's, in the order of their codes in a program."""
+"""Number types of FMI 3.0, in the order of their codes in a program."""
 
 
 class ValueType(NamedTuple):
-    """A type as `fmi2Get...` and `fmi3Get...` name it, and what it takes in memory.
+    """A type as `fmi2Get...` and `fmi3Get...` name it, with its form in memory.
 
-    Its kind is Real, Integer, Boolean, String or Binary. The value of a String is the address of its bytes, that of a
-    Binary the address of a `block_of` them.
+    Its kind is Real, Integer, Boolean, String or Binary. The value of a String is the address of its bytes; the value
+    of a Binary is the address of a `block_of` them.
     """
 
     kind: str
@@ -50,17 +50,17 @@ class ValueType(NamedTuple):
 
     @property
     def code(self) -> int:
-        """How a program's operations name it."""
+        """Code of the type in a program's operations."""
         return list(_NUMBERS.values()).index(self.dtype)
 
     @property
     def by_address(self) -> bool:
-        """Whether the value is an address."""
+        """True if the value is an address."""
         return self.kind in ("String", "Binary")
 
     @property
     def whole_span(self) -> tuple[int, int]:
-        """The least and the greatest whole number."""
+        """Least and greatest whole number of the type."""
         return int(np.iinfo(self.dtype).min), int(np.iinfo(self.dtype).max)
 
 
@@ -73,35 +73,35 @@ VALUE_TYPES = {
     "String": ValueType("String", np.uint64),
     "Binary": ValueType("Binary", np.uint64),
 }
-"""Every type by its name; FMI 2.0's Boolean, which is an int, is Boolean2."""
+"""All types by name; the Boolean of FMI 2.0, an int, is Boolean2."""
 
 
 def block_of(content: bytes) -> Any:
-    """The memory of a Binary: the number of its bytes, then they."""
+    """Return the memory of a Binary: the number of its bytes, then the bytes."""
     return ctypes.create_string_buffer(len(content).to_bytes(8, sys.byteorder) + content, 8 + len(content))
 
 
 def in_memory(kind: str, value: str) -> Any:
-    """The memory to whose address a String's or a Binary's value points."""
+    """Return the memory to which the value of a String or Binary points."""
     if kind == "Binary":
         return block_of(bytes.fromhex(value))
     return ctypes.create_string_buffer(value.encode())
 
 
 def bytes_at(address: int) -> bytes:
-    """The bytes of a Binary; none where it has no address yet."""
+    """Return the bytes of a Binary; none if it has no address yet."""
     if not address:
         return b""
     return ctypes.string_at(address + 8, ctypes.c_size_t.from_address(address).value)
 
 
 def scale_of(exponents: Mapping[str, int], factor: float = 1.0, offset: float = 0.0) -> Unit:
-    """How a unit that others define stands to SI, its exponents in a fixed order, zeros left out."""
+    """Return a foreign unit's relation to SI, its exponents in a fixed order without zeros."""
     return Unit("", "", dict(sorted((base, n) for base, n in exponents.items() if n)), factor, offset)
 
 
 def _scales() -> dict[str, Unit]:
-    """Our units, and those in which they are displayed."""
+    """Return our units and the units in which they are displayed."""
     scales: dict[str, Unit] = {}
     for unit in UNITS.values():
         for name, display in unit.display.items():
@@ -121,10 +121,10 @@ def between(
     *,
     relative: bool,
 ) -> tuple[float, float] | None:
-    """Factor and offset by which a value in one unit becomes a value in another; None for other dimensions.
+    """Return factor and offset that convert a value from one unit to another; None if the dimensions differ.
 
-    A variable without a unit goes with every unit. What the FMUs of the first and of the second do not define is as in
-    our table. A difference (`relative`) has no offset.
+    A variable without a unit fits every unit. Units that an FMU does not define come from our table. A difference
+    (`relative`) has no offset.
     """
     if first is None or second is None:
         return 1.0, 0.0
@@ -151,13 +151,13 @@ def between(
 
 
 def is_angle(unit: str | None, scales: Mapping[str, Unit]) -> bool:
-    """Whether a unit is one of angles (and not of rates)."""
+    """Return True for a unit of angle (not of angular rate)."""
     scale = {**scales, **_SCALES}.get(unit or "")
     return scale is not None and scale.exponents == {"rad": 1}
 
 
 def suffix_for(unit: str | None) -> str:
-    """The suffix that says a unit in a column's name, empty for a pure number."""
+    """Return the suffix for a unit in a column's name; empty for a pure number."""
     if unit is None or unit == "1":
         return ""
     exact = (suffix for suffix, (name, factor) in _SUFFIXES.items() if name == unit and factor == 1.0)
@@ -171,9 +171,9 @@ def suffix_for(unit: str | None) -> str:
 
 
 def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tuple[float, float]:
-    """Factor and offset by which the value of a variable becomes that of a column, whose name ends in a unit's suffix.
+    """Return factor and offset that convert a variable's value to its column, whose name ends in a unit's suffix.
 
-    Where the variable has no unit, the suffix is believed. An InputError where it is missing or says another dimension.
+    The suffix decides if the variable has no unit. Raises InputError if the suffix is missing or of another dimension.
     """
     suffix, expected = column.rpartition("_")[2], suffix_for(unit)
     if "_" not in column or suffix not in _SUFFIXES:
@@ -200,12 +200,12 @@ def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tup
 class FmuVariable:
     """One scalar variable, or one element of an array of FMI 3.0.
 
-    Name, causality, variability, start, and minimum and maximum in its `unit` are as the description has them; the
-    name of an array's element ends with its number. `kind` is Real, Integer, Boolean, String, Binary (written in
-    hexadecimal digits) or Enumeration, or Clock, which the orchestrator does not pass on; `access`, a key of
-    `VALUE_TYPES`, says which of FMI's getters and setters serves it by its value `reference`. `items` are the values of
-    an enumeration with their names; `place` says which of the `size` elements of its array it is; `relative`: a
-    difference, to which the offset of its unit does not apply.
+    Name, causality, variability, start, minimum and maximum (in its `unit`) are those of the description; the name of
+    an array's element ends with its number. `kind` is Real, Integer, Boolean, String, Binary (written in hexadecimal
+    digits), Enumeration or Clock, which the orchestrator does not pass on. `access`, a key of `VALUE_TYPES`, selects
+    the getter and setter, which take its value `reference`. `items` are the values of an enumeration with their names;
+    `place` is its index among the `size` elements of its array. `relative` marks a difference: its unit's offset does
+    not apply.
     """
 
     name: str
@@ -225,7 +225,10 @@ class FmuVariable:
 
     @property
     def value_type(self) -> ValueType:
-        """How its value is kept in memory; an InputError for a type whose values the orchestrator does not pass on."""
+        """Return the form of its value in memory.
+
+        Raises InputError for a type that the orchestrator does not pass on.
+        """
         if self.access not in VALUE_TYPES:
             raise InputError(f"{self.name} is of type {self.kind}, which the orchestrator does not pass on")
         return VALUE_TYPES[self.access]
@@ -243,7 +246,7 @@ class Interface:
 
     @cached_property
     def arrays(self) -> dict[str, tuple[FmuVariable, ...]]:
-        """The arrays: base name to its elements 1 to n."""
+        """Arrays: base name to its elements 1 to n."""
         arrays: dict[str, list[FmuVariable]] = {}
         for name, variable in self.variables.items():
             base = name.partition("[")[0]
@@ -252,13 +255,13 @@ class Interface:
         return {base: tuple(elements) for base, elements in arrays.items()}
 
     def named(self, causality: str) -> list[str]:
-        """Names of the inputs, outputs, ..."""
+        """Return the names of the variables of a causality."""
         return [v.name for v in self.variables.values() if v.causality == causality]
 
     def find(self, name: str, causalities: tuple[str, ...] | None = None) -> tuple[FmuVariable, ...]:
-        """The variable of this name (without the FMU's), or the elements of the array of this name.
+        """Return the variable of this name (without the FMU's), or the elements of the array of this name.
 
-        An InputError where there is none names the nearest, of these causalities first.
+        Raises InputError if there is none, with the nearest name, of these causalities first.
         """
         if name in self.variables:
             return (self.variables[name],)
@@ -297,7 +300,7 @@ def _start(kind: str, text: object) -> Value | None:
 
 
 def _starts(kind: str, entry: ModelVariable, size: int, *, resized: bool) -> Sequence[Value | None]:
-    """Start values of all elements; one value stands for all. An array of another size than described has none."""
+    """Return the start values of all elements; one value serves all, and an array of changed size has none."""
     if not size or kind not in ("Real", "Integer", "Enumeration", "Boolean"):
         return [_start(kind, entry.start)] * max(size, 1)
     if entry.start is None:
@@ -313,7 +316,7 @@ def _starts(kind: str, entry: ModelVariable, size: int, *, resized: bool) -> Seq
 
 
 def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) -> list[FmuVariable]:
-    """The scalars of one entry of the model description, arrays with the lengths that structural parameters give."""
+    """Return the scalars of one entry of the model description, with array lengths from structural parameters."""
     if not 0 <= int(entry.valueReference) < 1 << 32:
         raise ValueError(f"its value reference {entry.valueReference} does not fit 32 bits")
     declared = entry.declaredType
@@ -369,10 +372,10 @@ def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) ->
 def interface_of(
     name: str, label: str, description: ModelDescription, lengths: Mapping[str, int] | None = None
 ) -> Interface:
-    """The interface of an FMU as its model description gives it; arrays of FMI 3.0 become their elements, row by row.
+    """Return an FMU's interface from its model description; arrays of FMI 3.0 become their elements, row by row.
 
-    `lengths` are the values of structural parameters that are not as described. An InputError for two variables of one
-    name, or a number in the description that is none.
+    `lengths` are values of structural parameters that differ from the description. Raises InputError if two variables
+    share a name, or if the description has text in place of a number.
     """
     version = fmi_version(description)
     variables: dict[str, FmuVariable] = {}
@@ -406,7 +409,10 @@ def interface_of(
 def refer(
     text: str, interfaces: Mapping[str, Interface], causalities: tuple[str, ...] | None = None
 ) -> tuple[Interface, tuple[FmuVariable, ...]]:
-    """What `fmu.variable`, `fmu.variable[2]` or `fmu.array` stands for; an InputError names the nearest."""
+    """Return the FMU and the variables that `fmu.variable`, `fmu.variable[2]` or `fmu.array` names.
+
+    Raises InputError with the nearest name if there is none.
+    """
     fmu, dot, name = text.partition(".")
     if not dot or not name:
         raise InputError(f"'{text}' must name an FMU and a variable: fmu.variable")
@@ -418,7 +424,7 @@ def refer(
 def refer_to(
     causality: str, text: str, interfaces: Mapping[str, Interface]
 ) -> tuple[Interface, tuple[FmuVariable, ...]]:
-    """As `refer`, but anything else than an "input" (or "output") is refused."""
+    """Like `refer`, but accept only inputs (or outputs)."""
     interface, variables = refer(text, interfaces, (causality,))
     for variable in variables:
         if variable.causality != causality:
@@ -428,7 +434,10 @@ def refer_to(
 
 
 def checked(value: Value, variable: FmuVariable) -> Value:
-    """A value as the variable's type takes it; an InputError for another type, not finite, outside its limits."""
+    """Return a value in its variable's type.
+
+    Raises InputError for a value of another type, not finite, or outside the variable's limits.
+    """
     kind, value_type = variable.kind, variable.value_type
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if kind == "Real" and number:
@@ -469,7 +478,10 @@ def checked(value: Value, variable: FmuVariable) -> Value:
 def spread(
     value: Value | list[Value], variables: tuple[FmuVariable, ...], name: str
 ) -> list[tuple[FmuVariable, Value]]:
-    """One checked value for each variable of a scalar or an array; an InputError where the lengths differ."""
+    """Return one checked value for each variable of a scalar or array.
+
+    Raises InputError if the lengths differ.
+    """
     values: list[Value] = []
     count = "one value is given"
     if not isinstance(value, list):

@@ -1,7 +1,7 @@
-"""The FMUs of a scenario: built or found, unpacked, their parameters resolved.
+"""Build or find the FMUs of a scenario, unpack them, and resolve their parameters.
 
-A component is native where something compiles here, else PythonFMU's: both give the same bits, the native one is a
-hundred times faster. What is built is kept by content.
+A component is native if a compiler works here, otherwise a PythonFMU. Both give the same bits; the native one is a
+hundred times faster. The cache of built FMUs is keyed by content.
 """
 
 import hashlib
@@ -50,11 +50,14 @@ class Sources:
     hashes: dict[str, str] = field(default_factory=dict)
 
     def note(self, label: str, content: bytes) -> None:
-        """Keep the hash of what a file holds."""
+        """Keep the hash of a file's content."""
         self.hashes[label] = hashlib.sha256(content).hexdigest()
 
     def read(self, label: str) -> bytes:
-        """The bytes of a result's file, noted; an InputError where it cannot be read."""
+        """Return the bytes of a result's file and keep their hash.
+
+        Raises InputError if the file cannot be read.
+        """
         content = bytes_of(self.base / label, label=label, most=LARGEST_RESULT)
         self.note(label, content)
         return content
@@ -62,9 +65,9 @@ class Sources:
 
 @dataclass(frozen=True)
 class Loaded:
-    """An FMU of the scenario, unpacked, with the values to set before it is initialised.
+    """An FMU of the scenario, unpacked, with the values to set before initialisation.
 
-    `read` are inputs that effects composed into it read, each with such an effect in words.
+    `read` are inputs that its composed effects read, each with the name of such an effect.
     """
 
     fmu: UnpackedFmu
@@ -73,27 +76,27 @@ class Loaded:
     read: Mapping[str, str] = field(default_factory=dict)
 
     def start_value(self, variable: FmuVariable) -> Value | None:
-        """What a variable starts with: the scenario's value, else the start value of its model description."""
+        """Return a variable's start value: the scenario's, otherwise the model description's."""
         if variable.name in self.values:
             return self.values[variable.name][1]
         return variable.start
 
 
 def interfaces_of(loaded: Mapping[str, Loaded]) -> dict[str, Interface]:
-    """The interfaces by the FMUs' names."""
+    """Return the interfaces by FMU name."""
     return {name: entry.interface for name, entry in loaded.items()}
 
 
 @cache
 def usual_flavour() -> Literal["native", "python"]:
-    """What a component runs as where the scenario does not say."""
+    """Return the flavour of a component for which the scenario names none."""
     can = host_name() in PLATFORMS and (compiles(host_name()) or has_prebuilt())
     return "native" if can else "python"
 
 
 @cache
 def _sources() -> str:
-    """Hash of everything that components are made from."""
+    """Return the hash of all files from which components are made."""
     versions = [platform.python_version(), host_name()]
     versions += map(fmus.version, ("trihedron", "fmpy", "pythonfmu"))
     digest = hashlib.sha256(repr(versions).encode())
@@ -105,10 +108,10 @@ def _sources() -> str:
 
 
 def component_fmu(name: str, places: "tuple[EffectPlace, ...]", flavour: str | None, folder: Path) -> Path:
-    """The FMU of a component, extended by effects, from the cache where it has been built before.
+    """Return the FMU of a component with effects, from the cache if it was built before.
 
-    Without a flavour it is that of `usual_flavour`. A KeyError where there is no such component, a ValueError for an
-    effect of another one, a BuildError where "native" was asked for and nothing here compiles.
+    The default flavour is that of `usual_flavour`. Raises KeyError for an unknown component, ValueError for an effect
+    of another component, and BuildError if "native" is requested and no compiler works here.
     """
     if flavour is None and usual_flavour() == "native":
         with suppress(BuildError):
@@ -118,7 +121,7 @@ def component_fmu(name: str, places: "tuple[EffectPlace, ...]", flavour: str | N
     made_from = [_sources(), name, repr(list(places)), flavour, compiler, str(zig_version())]
     made_from.append(os.environ.get("SOURCE_DATE_EPOCH", ""))
     if places:
-        # An effect may stand in a file of the user's own.
+        # An effect may be defined in the user's own file.
         from ...fmus.component import extend
         from ...fmus.source import flat_source
 
@@ -132,7 +135,10 @@ def component_fmu(name: str, places: "tuple[EffectPlace, ...]", flavour: str | N
 
 
 def load_fmus(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded]:
-    """Build or find, check and unpack every FMU; resolve its parameters; an InputError for what cannot be had."""
+    """Build or find, check and unpack every FMU, and resolve its parameters.
+
+    Raises InputError for an FMU or a parameter that cannot be had.
+    """
     built: dict[object, Path] = {}
     loaded: dict[str, Loaded] = {}
     single: dict[str, str] = {}
@@ -149,13 +155,13 @@ def load_fmus(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, L
                 built[key] = _component(name, setting, places, target)
             path = built[key]
         fmu = unpack(path, label, lambda sha256: folder / f"{sha256}-{len(loaded)}")
-        # What this run has not built itself may do what it likes to its process.
+        # An FMU that this run did not build itself may damage its process.
         exchange = fmu.description.coSimulation is None
         if setting.tolerance is not None and not exchange:
             raise InputError(f"fmus.{name}.tolerance: is for FMUs of model exchange; {label} makes its steps itself")
         if setting.event_mode and (exchange or not fmu.says("hasEventMode")):
             raise InputError(f"fmus.{name}.event_mode: {label} does not say hasEventMode for co-simulation (FMI 3.0)")
-        # What handles its events stands beside the FMU.
+        # The process that handles its events has the FMU in it.
         guest = setting.fmu is not None and (not scenario.run.in_process or exchange or bool(setting.event_mode))
         fmu = replace(fmu, guest=guest, call_limit_s=scenario.run.call_limit_s, tolerance=setting.tolerance)
         fmu = replace(fmu, event_mode=bool(setting.event_mode))
@@ -184,7 +190,7 @@ def _read_by_effects(component: str, places: "tuple[EffectPlace, ...]") -> dict[
 def _structural(
     interface: Interface, parameters: Mapping[str, Any]
 ) -> tuple[dict[str, tuple[FmuVariable, Value]], dict[str, Any]]:
-    """The structural parameters among a setting's, which say how long arrays are, and the others."""
+    """Split a setting into structural parameters, which give array lengths, and the others."""
     structural: dict[str, tuple[FmuVariable, Value]] = {}
     names = []
     for name in parameters:
@@ -198,9 +204,9 @@ def _structural(
 
 
 def alone(path: Path, options: RunOptions) -> Scenario:
-    """The scenario in which an FMU runs by itself, with the times of its default experiment where none are asked for.
+    """Return the scenario in which an FMU runs alone, by default with the times of its default experiment.
 
-    What that leaves open is as FMPy has it: a second, in steps of about a thousandth.
+    Times that are still missing are FMPy's defaults: one second, in steps of about a thousandth.
     """
     with own_folder() as folder:
         fmu = unpack(path, str(path), lambda sha256: folder / sha256)
@@ -257,10 +263,10 @@ def _component(name: str, setting: FmuSetting, places: "tuple[EffectPlace, ...]"
 
 
 def _effects(name: str, setting: FmuSetting) -> "tuple[tuple[EffectPlace, ...], dict[str, float]]":
-    """The places of an FMU's effects and the values of the parameters that they bring."""
+    """Return the places of an FMU's effects and the values of their parameters."""
     if not setting.effects:
         return (), {}
-    # Most scenarios have none, and the catalogue takes time to read.
+    # Most scenarios have no effects, and the catalogue is slow to import.
     from ...models import effects
 
     extending = {}
@@ -285,7 +291,7 @@ def _effects(name: str, setting: FmuSetting) -> "tuple[tuple[EffectPlace, ...], 
 
 
 def _check_names(entry: Mapping[str, Any], extending: "Mapping[str, Effect]") -> None:
-    """Refuse a misspelt effect, place or parameter by the name that is nearest to it."""
+    """Refuse a misspelt effect, place or parameter, with the nearest name."""
     name, where = entry.get("effect"), entry.get("where")
     if not isinstance(name, str) or name not in extending:
         raise InputError(f"effect {name!r} is not one that extends a component; {nearest(str(name), list(extending))}")
@@ -304,9 +310,9 @@ def _check_names(entry: Mapping[str, Any], extending: "Mapping[str, Effect]") ->
 
 
 def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, sources: Sources) -> Mapping[str, Any]:
-    """What the calibration result that a setting names says of the component's parameters; nothing where it names none.
+    """Return the component's parameters from the calibration result that a setting names; empty if it names none.
 
-    An InputError where it is no such file, has no estimate, or says nothing about this component.
+    Raises InputError if the file is not such a result, has no estimate, or has nothing about this component.
     """
     if setting.parameters_from is None:
         return {}
@@ -336,11 +342,11 @@ def resolve_parameters(
     calibrated: Mapping[str, Any] | None = None,
     of_effects: Mapping[str, float] | None = None,
 ) -> dict[str, tuple[FmuVariable, Value]]:
-    """The values to set before initialisation, one for each variable by its name.
+    """Return the values to set before initialisation, one for each variable by its name.
 
-    Each mapping has the values of variables, or lists for arrays: what a calibration says, over it the parameters that
-    effects bring, over both the scenario's own. An InputError for an unknown variable, one that is neither parameter
-    nor input, or a value that it does not take.
+    Each mapping has values of variables, or lists for arrays. The scenario's own values (`explicit`) override the
+    parameters of effects, which override the calibration. Raises InputError for an unknown variable, for one that is
+    neither parameter nor input, and for a value that the variable does not accept.
     """
     resolved: dict[str, tuple[FmuVariable, Value]] = {}
     origins = {"parameters_from": calibrated, "effects": of_effects, "parameters": explicit}

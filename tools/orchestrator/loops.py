@@ -1,10 +1,10 @@
-"""The loop over the steps: FMUs initialised, stepped in order, their outputs passed on and recorded, until all is done.
+"""The loop over the steps: initialise FMUs, step them in order, pass their outputs on and record them.
 
-Inputs that are set before doStep(t, h) hold over (t, t + h]. What an FMU puts out after its step goes at once to
-those that step after it (Gauss-Seidel), so an increment over a step is there when its consumer makes the same step.
+Inputs that are set before doStep(t, h) hold over (t, t + h]. The outputs of an FMU go at once to the FMUs that step
+after it (Gauss-Seidel), so its consumer gets an increment within the same step.
 
-A program is run by machine code (kept as an object file, loaded without numba) or by plain Python: before the first
-step, where strings are recorded, and where nothing compiles.
+Machine code runs a program (kept as an object file, loaded without numba). Plain Python runs it before the first step,
+if strings are recorded, and if no compiler works.
 """
 
 import ctypes
@@ -33,14 +33,15 @@ from .stimuli import StepGrid
 from .wiring import Pace, StepGroup
 
 CALL_SECONDS = 0.05
-"""About this long the compiled loop runs before Python looks at Ctrl-C and shows progress."""
+"""Approximate time for which the compiled loop runs before Python checks for Ctrl-C and shows progress [s]."""
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """What runs together: FMUs in the order in which they step, and what is recorded.
+    """The parts of a run: FMUs in stepping order, and the recorded variables.
 
-    By its name each is loaded, with what to set before initialisation, and has ports: the memory it reads and writes.
+    For each name: the loaded FMU, the values to set before initialisation, and its ports (the memory it reads and
+    writes).
     """
 
     groups: Sequence[StepGroup]
@@ -52,7 +53,7 @@ class Assembly:
 
     @property
     def order(self) -> list[str]:
-        """The FMUs in the order in which they step."""
+        """FMU names in stepping order."""
         return order_of(self.groups)
 
 
@@ -64,14 +65,14 @@ def run_fmus(
     flush: Callable[[], bool] = lambda: False,
     compiled: bool = True,
 ) -> str:
-    """Run FMUs together from the grid's start to its end; `keep_rows` takes what is recorded, block by block.
+    """Run FMUs together from the grid's start to its end; `keep_rows` receives the recorded rows, block by block.
 
-    It returns which FMU has asked for the end of the run before, and when, as an FMU may; else nothing.
+    Returns the FMU that asked for an earlier end of the run, with the time; otherwise an empty string.
 
-    `progress` takes the number of further steps that are made, `flush` says whether a block is handed on before it is
-    full. Where it is not `compiled`, or strings are recorded, plain Python gives the same results. An InputError for a
-    call that does not end with OK or Warning, an output that is not finite, a cycle that does not settle; a
-    KeyboardInterrupt after Ctrl-C, once what was recorded is kept and the FMUs are closed.
+    `progress` receives the number of further steps; `flush` returns True to hand a block on before it is full. Plain
+    Python gives the same results if `compiled` is False or strings are recorded. Raises InputError for a call that ends
+    with neither OK nor Warning, for an output that is not finite, and for a cycle that does not settle. Raises
+    KeyboardInterrupt after Ctrl-C, once the recorded rows are kept and the FMUs are closed.
     """
     with held_interrupt() as pressed, ExitStack() as stack:
         slaves: dict[str, Slave] = {}
@@ -96,7 +97,7 @@ def run_fmus(
                     blocks.flush()
                 progress(loop.step - first)
         except BaseException:
-            # What was recorded until then is not lost.
+            # Keep the rows that were recorded so far.
             blocks.flush()
             raise
         finally:
@@ -109,15 +110,15 @@ def run_fmus(
 
 @contextmanager
 def held_interrupt() -> Iterator[Callable[[], bool]]:
-    """Hold the first Ctrl-C back until the block looks at it or ends; the second one acts at once.
+    """Hold the first Ctrl-C back until the block checks for it or ends; the second one acts at once.
 
-    An FMU that runs Python in this process would be struck by the exception itself, and report it as its own failure.
-    The block is told whether Ctrl-C was pressed: it should then end, and KeyboardInterrupt follows.
+    Otherwise the exception would strike an FMU that runs Python in this process, which would report it as its own
+    failure. The block can ask whether Ctrl-C was pressed. It should then end, and KeyboardInterrupt follows.
     """
     pressed = threading.Event()
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or before is not signal.default_int_handler:
-        # Handlers belong to the main thread; and what a host program does about Ctrl-C is its own affair.
+        # Only the main thread may have handlers, and a host program may handle Ctrl-C itself.
         yield pressed.is_set
         return
 
@@ -135,9 +136,9 @@ def held_interrupt() -> Iterator[Callable[[], bool]]:
 
 
 class _Loop:
-    """A program on its way, by machine code or by plain Python, up to the step `goal`.
+    """A running program, in machine code or plain Python, up to the step `goal`.
 
-    `ended` says which FMU has asked for the end of the run.
+    `ended` names the FMU that asked for the end of the run.
     """
 
     def __init__(
@@ -166,23 +167,23 @@ class _Loop:
         self._addresses += [self.state.ctypes.data, self.clock.ctypes.data]
         self._compiled = None
         if compiled and blocks is not None and not blocks.has_text:
-            # Where nothing can be compiled plain Python does the same.
+            # Plain Python does the same if no compiler works.
             with suppress(ImportError, RuntimeError):
                 self._compiled = compiled_march()
 
     @property
     def step(self) -> int:
-        """The step that is made next."""
+        """Index of the next step."""
         return int(self.state[op.STEP])
 
     def march(self, last: int) -> int:
-        """Make the steps up to the last one; the status of the call that failed, 0 where none has."""
+        """Run the steps up to the last one; return the status of the call that failed, 0 if none has."""
         self.state[op.LAST_STEP] = last
         self.state[op.ROW] = self.blocks.row if self.blocks else 0
         if self._compiled is not None:
             return self._compiled(*self._addresses)
         state, clock, every, status = self.state.tolist(), self.clock.tolist(), int(self.state[op.EVERY]), 0
-        # What Python keeps itself, a string, it keeps after each step that is recorded.
+        # Python keeps strings itself, after each recorded step.
         while state[op.STEP] < last and not status:
             state[op.LAST_STEP] = min(last, (state[op.STEP] // every + 1) * every)
             status = plain_march(*self._lists, state, clock)
@@ -192,12 +193,12 @@ class _Loop:
         return status
 
     def go_on(self, count: int) -> None:
-        """Make at most this many steps, none after the step in which an FMU asks for the end of the run."""
+        """Run at most this many steps, none after the step in which an FMU asks for the end of the run."""
         assert self.blocks is not None
         last = min(self.goal, self.step + count)
         status = self.march(last)
         while status and self._asks_to_end(status):
-            # Nobody is left behind: the others make this step too.
+            # All other FMUs make this step too.
             self.blocks.advance(int(self.state[op.ROW]))
             self.goal = self.step
             if self.state[op.NEXT]:
@@ -210,18 +211,18 @@ class _Loop:
 
     @property
     def _pace(self) -> Pace:
-        """Of the FMU whose call has failed."""
+        """Pace of the FMU whose call failed."""
         return self.program.pace_of(self.program.places[int(self.state[op.AT])].fmu)
 
     def _span(self) -> tuple[float, float]:
-        """When the step of the FMU whose call has failed begins and ends."""
+        """Begin and end of the step of the FMU whose call failed."""
         begin = self.grid.time(self.step - self._pace.back)
         return begin, begin + self._pace.length
 
     def _asks_to_end(self, status: int) -> bool:
-        """Whether the status means that an FMU asks for the end of the run, which `ended` then says.
+        """Return True if the status means that an FMU asks for the end of the run; set `ended`.
 
-        The loop then goes on behind that FMU's step, if it was made to its end.
+        The loop then continues behind that FMU's step, if the step was completed.
         """
         at, (begin, end) = int(self.state[op.AT]), self._span()
         operation, place = self.program.operations[at], self.program.places[at]
@@ -242,7 +243,7 @@ class _Loop:
         return True
 
     def refuse(self, status: int, *, started: bool = True) -> NoReturn:
-        """Say which FMU failed, when (before the first step where the run has not started) and why."""
+        """Refuse the run: name the FMU that failed, the time (or "before the first step") and the reason."""
         at = int(self.state[op.AT])
         place, (begin, end) = self.program.places[at], self._span()
         slave = self.slaves[place.fmu]
@@ -259,7 +260,7 @@ class _Loop:
         slave.fail(place.call, status, begin)
 
     def refuse_unsettled(self, group: StepGroup, when: str) -> NoReturn:
-        """Name the value of a cycle that changes most."""
+        """Refuse the run: name the value of a cycle that changes most."""
         place = self.program.places[int(self.state[op.CHANGING])]
         assert place.variable is not None
         raise InputError(
@@ -268,18 +269,18 @@ class _Loop:
         )
 
     def free_states(self) -> None:
-        """Free the states that a step which failed has left."""
+        """Free the states of a failed step."""
         for operation, place in zip(self.program.operations, self.program.places, strict=True):
             if operation.code == op.RESTORE and ctypes.c_size_t.from_address(operation.words[2]).value:
                 self.slaves[place.fmu].free_state_at(operation.words[2])
 
 
 def initialise_fmus(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
-    """Bring all FMUs through initialisation; outputs are passed on in it and after it."""
+    """Initialise all FMUs; pass outputs on during and after initialisation."""
     grid, order = assembly.grid, assembly.order
     for name in order:
         slaves[name].set_values(assembly.loaded[name].values.values(), assembly.loaded[name].interface)
-    # Within a cycle nobody has the outputs of those that come later: inputs keep their start values.
+    # Within a cycle no FMU has the outputs of later ones yet: inputs keep their start values.
     entered: list[str] = []
     for group in assembly.groups:
         for name in group.members:
@@ -296,7 +297,7 @@ def initialise_fmus(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
 
 
 def _exchange(name: str, slaves: Mapping[str, Slave], assembly: Assembly, sources: Collection[str]) -> None:
-    """Set every input of an FMU (stimuli as in the first step) and get every output."""
+    """Set every input of an FMU (stimuli of the first step) and get every output."""
     for feed in assembly.ports[name].feeds:
         _, _, rows, width, target = feed.words
         ctypes.memmove(target, rows, width)

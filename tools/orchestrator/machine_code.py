@@ -1,6 +1,6 @@
-"""The orchestrator's loop as machine code made by numba, kept as an object file: nothing of Python is in it.
+"""Compile the orchestrator's loop with numba into an object file that needs no Python.
 
-To load it neither this module nor numba is needed.
+Loading the object file needs neither this module nor numba.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 
 from ..compiled import compile_callee
 
-# Its calls have other arguments than its definition: the first one is numba's own.
+# Its calls have other arguments than its definition: numba's own comes first.
 _intrinsic: Any = intrinsic
 _BYTE, _WORD = ir.IntType(8), ir.IntType(64)
 _KINDS = (
@@ -29,12 +29,12 @@ _KINDS = (
     types.int64,
     types.uint64,
 )
-"""By the codes of the orchestrator's `ValueType`."""
+"""Number types, indexed by the codes of the orchestrator's `ValueType`."""
 
 
 @_intrinsic
 def call(_context: Any, _function: Any, arguments: Any) -> Any:
-    """A call of int f(arguments) at an address; a boolean is passed as an int, of which its lowest byte is taken."""
+    """Call int f(arguments) at an address; a boolean is passed as an int, whose lowest byte is used."""
 
     def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         machine = ir.FunctionType(ir.IntType(32), [context.get_value_type(kind) for kind in arguments])
@@ -46,7 +46,7 @@ def call(_context: Any, _function: Any, arguments: Any) -> Any:
 
 @_intrinsic
 def load_number(_context: Any, _address: Any, kind: Any) -> Any:
-    """The number of a kind at an address."""
+    """Return the number of a kind at an address."""
     number = kind.instance_type
 
     def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
@@ -68,7 +68,7 @@ def store(_context: Any, _address: Any, number: Any) -> Any:
 
 @_intrinsic
 def copy_bytes(_context: Any, _target: Any, _source: Any, _size: Any) -> Any:
-    """memcpy."""
+    """Copy bytes, as memcpy does."""
 
     def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         pointer = _BYTE.as_pointer()
@@ -81,7 +81,7 @@ def copy_bytes(_context: Any, _target: Any, _source: Any, _size: Any) -> Any:
 
 
 def _real_reader() -> Any:
-    """What reads a number as a real one, by the code of its kind."""
+    """Return a function that reads a number as a real one, by the code of its kind."""
 
     def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
         return compile_callee(
@@ -95,7 +95,7 @@ def _real_reader() -> Any:
 
 
 def _real_writer() -> Any:
-    """What writes a real number as one of a kind, by its code."""
+    """Return a function that writes a real number as a number of a kind, by its code."""
 
     def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
         return compile_callee(
@@ -129,10 +129,10 @@ class _Machine:
 
 
 def object_code(loop_of: Callable[[Any], Any], machine: Any, name: str) -> bytes:
-    """The orchestrator's loop as an object file in which it has this name, without anything that belongs to Python.
+    """Return the orchestrator's loop as an object file that exports this name and contains nothing of Python.
 
-    Everything is an address or a number that is known only when it runs, so one compilation serves all FMUs and
-    wirings; it calls the FMUs' C functions by their addresses. A RuntimeError where something of Python remains.
+    All addresses and numbers are arguments, so one compilation serves all FMUs and wirings; the loop calls the FMUs' C
+    functions by address. Raises RuntimeError if a reference to Python remains.
     """
     pointers = [types.CPointer(kind) for kind in (types.int64, types.float64, types.int64, types.int64, types.float64)]
     options: dict[str, Any] = {"nopython": True, "error_model": "numpy"}

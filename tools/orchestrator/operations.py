@@ -1,8 +1,8 @@
-"""What a step consists of: one flat table of operations on addresses, and the loop that runs it.
+"""A step as one flat table of operations on addresses, and the loop that runs it.
 
-The loop stands here once: on memory and functions by their addresses it runs as machine code and as plain Python.
-A row is an operation's code and seven whole numbers, with two real numbers beside it. The rows of a step are run from
-the first to the last, for every step; what is recorded has a table of its own.
+The loop is defined once. It works on memory and functions by their addresses, as machine code and as plain Python. A
+row has an operation's code, seven whole numbers and two real numbers. Every step runs the rows from first to last; a
+second table lists the recorded values.
 
 | operation | whole numbers | real numbers |
 |---|---|---|
@@ -10,18 +10,18 @@ the first to the last, for every step; what is recorded has a table of its own.
 | MOVE | target, source, bytes | |
 | MOVE8 | target, source: eight bytes | |
 | CONVERT | target, source, type of the target, of the source | factor, offset |
-| CALL4 | function, instance, references, their number, values: FMI 2.0's get and set | |
-| CALL5 | function, instance, references, their number, values, their number: FMI 3.0's | |
+| CALL4 | function, instance, references, their number, values: get and set of FMI 2.0 | |
+| CALL5 | function, instance, references, their number, values, their number: FMI 3.0 | |
 | STEP2, STEP3 | fmi2DoStep or fmi3DoStep, instance, final, place of returns, steps since its begin, in all | length |
-| FINITE | first of so many real numbers, their number | |
+| FINITE | first of several real numbers, their number | |
 | STATE | function of a state (get or free), instance, place of the state | |
 | BEGIN | a new loop of connections: the first iteration | |
 | RESTORE | function that sets a state, instance, place of the state: in all iterations but the first | |
-| COMPARE | value, place of its value in the iteration before, its type | tolerance |
+| COMPARE | value, place of its value in the previous iteration, its type | tolerance |
 | REPEAT | row to go back to while a value changes, most iterations | |
 | SKIP | stride, the step within it that is made, row to go on with in the others | |
 | BLEND | target, value before a stride, after it, its type, the stride, steps that are added | |
-| SLOPE | real number: it becomes what it was before, place of that, place of its derivative | length |
+| SLOPE | real number: it becomes its previous value, place of that, place of its derivative | length |
 | SUM | target, source, type of the source: a real number is added | |
 """
 
@@ -44,39 +44,39 @@ WIDTH = 8
 FEED, MOVE, MOVE8, CONVERT, CALL4, CALL5, STEP2, STEP3, FINITE, STATE, BEGIN, RESTORE, COMPARE, REPEAT = range(14)
 SKIP, BLEND, SUM, SLOPE = range(14, 18)
 
-# What both loops keep in whole numbers.
+# Whole numbers that both loops keep.
 STEP, LAST_STEP, ROW, EVERY, ROWS, RECORDS, ITERATION, CHANGING, AT, NEXT, CURSORS = range(11)
-"""Step to make, step to stop before, row to record, every which step, rows of both tables, iteration, the row of the
-value that changed most, row of the call that failed (-1: none), row to begin a step with, first cursor of a feed."""
+"""Indices: step to make, step to stop before, row to record, recording interval, rows of both tables, iteration, row of
+the value that changed most, row of the failed call (-1: none), row to begin a step with, first cursor of a feed."""
 
-# What both loops keep in real numbers.
+# Real numbers that both loops keep.
 START, CHANGE = range(2)
-"""Start [s], the largest change of a value in the last iteration, against what is allowed."""
+"""Indices: start [s], largest change of a value in the last iteration relative to the allowed change."""
 
 NOT_FINITE, NOT_SETTLED, ENDED, EARLY = 100, 101, 102, 103
-"""Statuses beside FMI's: a value that is not finite, a loop that does not settle, an FMU that asks for the end of the
-simulation, or that has returned before the end of the step."""
+"""Statuses beyond FMI's: a value that is not finite, a loop that does not settle, an FMU that asks for the end of the
+simulation, an FMU that returned before the end of the step."""
 WARNING = 1
-"""The worst status of FMI with which a run goes on."""
+"""Worst status of FMI with which a run continues."""
 
 
 def loop_of(on: Any) -> Callable[..., int]:
-    """The loop over the steps, in restricted Python: numba compiles it.
+    """Return the loop over the steps, in restricted Python that numba can compile.
 
     Parameters
     ----------
     on : class
-        what the loop needs of memory and of C functions, all by their addresses: copy(target, source, bytes),
-        load_byte, load_word, load_real(address), store_word, store_real(address, value), real_of(type, address),
-        store_as(type, address, real number), and calls of functions: call2, call4, call5 of words, step2 and step3 as
-        FMI has doStep
+        the loop's access to memory and C functions, all by address: copy(target, source, bytes), load_byte, load_word,
+        load_real(address), store_word, store_real(address, value), real_of(type, address),
+        store_as(type, address, real number), and calls of functions: call2, call4, call5 of words, step2 and step3 with
+        the arguments of FMI's doStep
 
     Returns
     -------
     callable
-        takes the rows of a step, their real numbers, what is recorded ((target of row 0, source, bytes) each), and the
-        whole and real numbers that are kept, laid out as above; makes the steps from state[STEP] to state[LAST_STEP],
-        or to the first call that fails, and returns its status, else 0
+        takes the rows of a step, their real numbers, the recorded values ((target of row 0, source, bytes) each), and
+        the whole and real numbers of the state, laid out as above; makes the steps from state[STEP] to
+        state[LAST_STEP], or to the first call that fails; returns the status of that call, otherwise 0
     """
     copy, load_word, load_byte, load_real = on.copy, on.load_word, on.load_byte, on.load_real
     store_real, store_word, real_of, store_as = on.store_real, on.store_word, on.real_of, on.store_as
@@ -129,7 +129,7 @@ def loop_of(on: Any) -> Callable[..., int]:
                         state[place] = cursor
                         copy(e, c + cursor * d, d)
                 elif code == CONVERT:
-                    # Whole numbers that change their type have at most 32 bits: a real number holds them.
+                    # Whole numbers that change their type have at most 32 bits, so a real number can hold them.
                     store_as(c, a, numbers[2 * pc] * real_of(d, b) + numbers[2 * pc + 1])
                 elif code == SKIP:
                     if step % a != b:
@@ -187,7 +187,7 @@ def loop_of(on: Any) -> Callable[..., int]:
 
 @cache
 def compiled_march() -> Callable[..., int]:
-    """The compiled loop, of addresses, as ctypes calls it: it lets other threads of Python run."""
+    """Return the compiled loop for ctypes; it takes addresses and lets other Python threads run."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -211,7 +211,7 @@ def compiled_march() -> Callable[..., int]:
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    # numba's functions give their value through a pointer, the second is for exceptions, of which there are none.
+    # numba's functions return their value through a pointer; the second pointer is for exceptions, which never occur.
     function = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 7)(engine.get_function_address(name))
 
     def march(*arguments: int, _engine: Any = engine) -> int:
@@ -223,7 +223,7 @@ def compiled_march() -> Callable[..., int]:
 
 
 def _c_types() -> dict[int, Any]:
-    """The types of C by the codes of `ValueType`."""
+    """Return the C types by the codes of `ValueType`."""
     types = {}
     for value_type in VALUE_TYPES.values():
         if not value_type.by_address:
@@ -235,18 +235,18 @@ _C_TYPES = _c_types()
 
 
 def _function(types: Sequence[Any]) -> Callable[..., int]:
-    """A call of int f(types) at an address; plain integers are what ctypes passes fastest."""
+    """Return a call of int f(types) at an address; ctypes passes plain integers fastest."""
     prototype = cache(ctypes.CFUNCTYPE(ctypes.c_int, *types))
     return lambda function, *arguments: prototype(function)(*arguments)
 
 
 def _loader(c_type: Any) -> Callable[[int], Any]:
-    """A function that gives the number at an address."""
+    """Return a function that reads the number at an address."""
     return lambda at: c_type.from_address(at).value
 
 
 def _storer(c_type: Any) -> Callable[[int, Any], None]:
-    """A function that writes a number to an address."""
+    """Return a function that writes a number to an address."""
 
     def store(at: int, value: Any) -> None:
         c_type.from_address(at).value = value

@@ -1,7 +1,7 @@
-"""What a step consists of: the memory of each FMU's inputs and outputs, and the operations on it in their order.
+"""The memory of each FMU's inputs and outputs, and the operations of a step in their order.
 
-Three kinds of operations make a step: values move from stimuli and outputs to inputs, FMUs step, and cycles of
-connections repeat until their values settle. `operations.py` says what each operation does.
+A step has three kinds of operations: values move from stimuli and outputs to inputs, FMUs step, and cycles of
+connections repeat until their values settle. `operations.py` defines each operation.
 """
 
 import ctypes
@@ -31,11 +31,11 @@ class Operation(NamedTuple):
 
 @dataclass
 class Port:
-    """Some variables of one FMU and one type (`access`, a key of `VALUE_TYPES`), read or written in one call.
+    """Variables of one FMU and one type (`access`, a key of `VALUE_TYPES`) that are read or written in one call.
 
-    They stand in the order of `values`, an array of FMI 3.0 with all its elements; the first `changing` ones change
-    during the run. Each value reference stands once. `shown` is what others see and what is recorded: the values, but
-    of an FMU that is ahead those of its step before.
+    Their order is that of `values`, an array of FMI 3.0 with all its elements; the first `changing` ones change during
+    the run. Each value reference occurs once. `shown` are the values for other FMUs and for the record: for an FMU that
+    steps ahead, the values of its previous step.
     """
 
     access: str
@@ -51,23 +51,23 @@ class Port:
 
     @property
     def address(self) -> int:
-        """Where the values are."""
+        """Address of the values."""
         return self.values.ctypes.data
 
     def address_of(self, variable: FmuVariable, *, shown: bool = False) -> int:
-        """Where one variable's value is, or what is shown of it."""
+        """Return the address of one variable's value, or of its shown value."""
         first = self.shown if shown else self.values
         return first.ctypes.data + self.values.itemsize * self.variables.index(variable)
 
 
 class Ports:
-    """What goes into and out of one FMU at each step, from all wires of the run and the FMU's own stimuli.
+    """Inputs and outputs of one FMU at each step, from all wires of the run and the FMU's own stimuli.
 
-    An input holds its `start_value` before anything is passed on. `inputs` and `outputs` are the ports of each type:
-    inputs that change come first, constants last; outputs that are recorded come first, `recorded` is their number.
-    `feeds` copy stimuli into the inputs, `transfers` pass on the outputs of each FMU, `sums` add its outputs when it
-    has stepped; `slopes` are inputs whose derivatives the FMU is told. An InputError for a variable of a type that the
-    orchestrator does not pass on, or a String or Binary of an FMU that steps ahead.
+    An input holds its `start_value` until a value is passed on. `inputs` and `outputs` are the ports of each type.
+    Changing inputs come first, constants last; recorded outputs come first, `recorded` is their number. `feeds` copy
+    stimuli into the inputs, `transfers` pass on the outputs of each FMU, `sums` add its outputs after its step.
+    `slopes` are inputs whose derivatives the FMU receives. Raises InputError for a variable of a type that the
+    orchestrator does not pass on, and for a String or Binary of an FMU that steps ahead.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Ports:
         self.sums: dict[str, list[Operation]] = {}
         self.slopes: list[FmuVariable] = []
         self._memory: list[Any] = []
-        """What addresses point to."""
+        """Objects to which addresses point; kept alive here."""
         changing = [w.input for w in wires if w.target == interface.name]
         constant: list[FmuVariable] = []
         for drive in drives:
@@ -128,7 +128,7 @@ class Ports:
             self.recorded[access] = len(_by_access(recorded).get(access, ()))
 
     def _feed(self, drive: Drive) -> None:
-        """Lay a stimulus on the inputs: for ever, or row by row."""
+        """Lay a stimulus on the inputs: permanently, or row by row."""
         for access, port in self.inputs.items():
             columns = [i for i, v in enumerate(drive.variables) if v.access == access]
             if not columns:
@@ -141,7 +141,7 @@ class Ports:
             begins = np.ascontiguousarray(drive.begins, dtype=np.int64) * self.pace.stride
             first = 0
             for end in range(1, len(places) + 1):
-                # Columns whose places follow each other are copied together.
+                # Columns with consecutive places are copied together.
                 if end < len(places) and places[end] == places[end - 1] + 1:
                     continue
                 part = np.ascontiguousarray(values[:, first:end])
@@ -152,7 +152,7 @@ class Ports:
                 first = end
 
     def _encoded(self, port: Port, rows: Any, columns: Sequence[int]) -> np.ndarray:
-        """Columns of rows of values as a port holds them."""
+        """Return columns of rows of values in the form of a port."""
         if isinstance(rows, np.ndarray):
             every_column = len(columns) == rows.shape[1]
             return np.ascontiguousarray(rows if every_column else rows[:, columns], dtype=port.values.dtype)
@@ -170,7 +170,7 @@ class Ports:
         return addresses
 
     def _reserve(self) -> int:
-        """Address of a real number that is zero."""
+        """Return the address of a real number that is zero."""
         self._memory.append(np.zeros(1))
         return self._memory[-1].ctypes.data
 
@@ -180,7 +180,7 @@ class Ports:
         for wire in wires:
             source = ports_of[wire.source]
             target, output = self.inputs[wire.input.access], source.outputs[wire.output.access]
-            # Those that are ahead together hear each other's newest values.
+            # FMUs that step ahead together exchange their newest values.
             together = self.pace.ahead and self.pace.stride == source.pace.stride
             at, before = target.address_of(wire.input), output.address_of(wire.output, shown=not together)
             code, own_code = wire.output.value_type.code, wire.input.value_type.code
@@ -207,7 +207,7 @@ class Ports:
 
 
 def _by_access(variables: Iterable[FmuVariable]) -> dict[str, list[FmuVariable]]:
-    """Variables by their types; an FMU may reuse the memory of its strings at the next call, so they are read last."""
+    """Group variables by type, strings last: an FMU may reuse the memory of its strings at the next call."""
     groups: dict[str, list[FmuVariable]] = {}
     for variable in variables:
         _ = variable.value_type
@@ -217,7 +217,7 @@ def _by_access(variables: Iterable[FmuVariable]) -> dict[str, list[FmuVariable]]
 
 
 def _merged(moves: Iterable[Operation]) -> list[Operation]:
-    """Neighbouring moves made into one; of eight bytes there is a faster operation."""
+    """Merge neighbouring moves; a move of eight bytes has a faster operation."""
     merged: list[tuple[int, int, int]] = []
     for target, source, size in sorted(move.words for move in moves):
         if merged:
@@ -230,7 +230,7 @@ def _merged(moves: Iterable[Operation]) -> list[Operation]:
 
 
 def _whole(interface: Interface, variables: Iterable[FmuVariable]) -> list[FmuVariable]:
-    """The variables, each once; where one is an element of an array of FMI 3.0, the whole array."""
+    """Return the variables, each once; an element of an array of FMI 3.0 brings the whole array."""
     variables_of_arrays: dict[FmuVariable, None] = {}
     for variable in variables:
         elements = (variable,)
@@ -242,7 +242,7 @@ def _whole(interface: Interface, variables: Iterable[FmuVariable]) -> list[FmuVa
 
 @dataclass(frozen=True)
 class Place:
-    """Whose operation a row is: the FMU, the function that it calls, the port or the value that it looks at."""
+    """The owner of a row: the FMU, the function that it calls, the port or the value that it reads."""
 
     fmu: str
     call: str = ""
@@ -252,7 +252,7 @@ class Place:
 
 
 class Program:
-    """Operations on running FMUs and what goes into and out of each, with what a message needs of each operation.
+    """Operations on running FMUs and their ports, with the text that a message needs for each operation.
 
     `cursors` is the number of feeds.
     """
@@ -268,7 +268,7 @@ class Program:
         return len(self.operations)
 
     def tables(self) -> tuple[np.ndarray, np.ndarray]:
-        """The whole numbers of all operations, a row each, and their real numbers."""
+        """Return the whole numbers of all operations, a row each, and their real numbers."""
         rows = np.zeros((len(self), op.WIDTH), dtype=np.int64)
         numbers = np.zeros((len(self), 2))
         for k, operation in enumerate(self.operations):
@@ -278,7 +278,7 @@ class Program:
         return rows.ravel(), numbers.ravel()
 
     def pace_of(self, name: str) -> Pace:
-        """How an FMU steps."""
+        """Return the pace of an FMU."""
         return self._ports[name].pace
 
     def _add(self, place: Place, code: int, *words: int, number: float = 0.0) -> None:
@@ -294,12 +294,12 @@ class Program:
         self._add(place, code, slave.address(place.call), slave.component, *words, number=number)
 
     def _reserve(self, words: int) -> int:
-        """Address of this many words of memory, zero."""
+        """Return the address of this many words of memory, zero."""
         self._memory.append(np.zeros(words, dtype=np.int64))
         return self._memory[-1].ctypes.data
 
     def add_transfers(self, name: str, sources: Collection[str], later: int = 0) -> None:
-        """Pass the outputs of some FMUs on to the inputs of one, as they are this many steps of the run later."""
+        """Pass outputs of some FMUs on to the inputs of one, as they are this many steps of the run later."""
         for source in sources:
             for operation in self._ports[name].transfers.get(source, ()):
                 if operation.code == op.BLEND:
@@ -316,7 +316,7 @@ class Program:
             self._add_call(place, op.CALL5, *words, values)
 
     def add_sets(self, name: str, *, constants: bool) -> None:
-        """Set the inputs that change, or all of them."""
+        """Set the changing inputs, or all inputs."""
         for port in self._ports[name].inputs.values():
             values = len(port.variables) if constants else port.changing
             references = sum(v.place == 0 for v in port.variables[:values])
@@ -325,7 +325,7 @@ class Program:
 
     @contextmanager
     def every(self, name: str, phase: int) -> Iterator[None]:
-        """What is added is done in this step of the run within each step of an FMU."""
+        """Restrict the operations added in the block to one step of the run within each step of an FMU."""
         stride, at = self.pace_of(name).stride, len(self)
         if stride == 1:
             yield
@@ -335,7 +335,7 @@ class Program:
         self.operations[at] = Operation(op.SKIP, (stride, phase, len(self)))
 
     def add_shows(self, names: Iterable[str]) -> None:
-        """Show what those have put out that were ahead, and add their outputs to sums."""
+        """Show the new outputs of FMUs that step ahead, and add their outputs to sums."""
         for name in names:
             operations: list[Operation] = []
             if self.pace_of(name).ahead:
@@ -349,7 +349,7 @@ class Program:
                     self._insert(Place(name), operations)
 
     def add_gets(self, name: str) -> None:
-        """Get the outputs and look whether they are finite."""
+        """Get the outputs and check that they are finite."""
         ports = self._ports[name].outputs.values()
         for port in ports:
             self._add_access(name, "Get", port, len(port.references), len(port.variables))
@@ -358,13 +358,13 @@ class Program:
                 self._add(Place(name, port=port), op.FINITE, port.address, len(port.variables))
 
     def _add_derivatives(self, name: str) -> None:
-        """Begin inputs that are interpolated with what they were, and tell their derivatives."""
+        """Begin interpolated inputs at their previous values, and set their derivatives."""
         ports = self._ports[name]
         count = len(ports.slopes)
         derivatives = self._reserve(count)
         for k, variable in enumerate(ports.slopes):
             at, before = ports.inputs[variable.access].address_of(variable), self._reserve(1)
-            # As it is when the initialisation has ended.
+            # The value at the end of the initialisation.
             ctypes.memmove(before, at, 8)
             self._add(Place(name), op.SLOPE, at, before, derivatives + 8 * k, number=ports.pace.length)
         self.add_sets(name, constants=False)
@@ -375,7 +375,7 @@ class Program:
         self._add_call(Place(name, "fmi2SetRealInputDerivatives"), op.CALL5, *words)
 
     def add_member(self, name: str, sources: Collection[str], *, final: bool) -> None:
-        """Stimuli and outputs of others in, step, outputs out; `final`: no state from before will be set again."""
+        """Pass stimuli and others' outputs in, step, get outputs; `final`: no earlier state will be restored."""
         ports, slave = self._ports[name], self._slaves[name]
         pace = ports.pace
         for feed in ports.feeds:
@@ -394,7 +394,7 @@ class Program:
         self.add_gets(name)
 
     def add_iteration(self, group: StepGroup, sources: Collection[str], run: RunSetting) -> None:
-        """Make the step of a cycle again from the same state until the values that go around no longer change."""
+        """Repeat a step of a cycle from the same state until the values that go around no longer change."""
         states = {name: self._reserve(1) for name in group.members}
         for name, state in states.items():
             self._add_call(Place(name, self._slaves[name].get_state), op.STATE, state)
@@ -409,11 +409,11 @@ class Program:
         nothing = self._reserve(1)
         for name, state in states.items():
             self._add_call(Place(name, self._slaves[name].free_state), op.STATE, state)
-            # FMI wants it to be NULL then; PythonFMU leaves it.
+            # FMI requires NULL then; PythonFMU leaves it unchanged.
             self._add(Place(name), op.MOVE8, state, nothing)
 
     def add_comparisons(self, group: StepGroup, run: RunSetting) -> None:
-        """Compare each value that goes around with what it was before."""
+        """Compare each value that goes around with its previous value."""
         for fmu, variable in group.around:
             address = self._ports[fmu].outputs[variable.access].address_of(variable)
             words = (address, self._reserve(1), variable.value_type.code)
@@ -421,7 +421,7 @@ class Program:
 
 
 def order_of(groups: Iterable[StepGroup]) -> list[str]:
-    """The FMUs in the order in which they step."""
+    """Return the FMU names in stepping order."""
     names: list[str] = []
     for group in groups:
         names += group.members
@@ -431,7 +431,7 @@ def order_of(groups: Iterable[StepGroup]) -> list[str]:
 def step_program(
     groups: Sequence[StepGroup], run: RunSetting, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]
 ) -> Program:
-    """The operations of one step of all FMUs, in the order of the groups."""
+    """Return the operations of one step of all FMUs, in the order of the groups."""
     program = Program(slaves, ports)
     order = order_of(groups)
     for group in groups:
@@ -444,7 +444,7 @@ def step_program(
                 with program.every(name, ports[name].pace.back):
                     program.add_member(name, sources, final=True)
         else:
-            # Those of a cycle that is iterated step alike.
+            # FMUs of an iterated cycle have the same pace.
             first = group.members[0]
             with program.every(first, ports[first].pace.back):
                 if group.cyclic:

@@ -1,4 +1,4 @@
-"""What is recorded of a run: the columns, and their rows while it goes on."""
+"""The columns of a run's record, and their rows during the run."""
 
 import ctypes
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ from .stimuli import StepGrid
 
 BLOCK_BYTES = 16 << 20
 Keep = Callable[[pl.DataFrame, int], None]
-"""(rows, communication point of the last one): called for each block."""
+"""Called for each block with its rows and the communication point of the last one."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class RecordColumn:
     offset: float = 0.0
 
     def series(self, values: Any) -> pl.Series:
-        """The column from the recorded values of its variable, in the variable's own unit."""
+        """Return the column from the recorded values of its variable, in the variable's own unit."""
         if self.variable.value_type.by_address:
             return pl.Series(self.name, values, dtype=pl.String)
         if self.variable.kind == "Boolean":
@@ -43,9 +43,9 @@ class RecordColumn:
 
 
 def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[RecordColumn]:
-    """The columns of the record; every output of every FMU where none are named.
+    """Return the columns of the record; by default every output of every FMU.
 
-    An InputError for an unknown variable, an array, or a suffix that does not fit the variable's unit.
+    Raises InputError for an unknown variable, an array, or a suffix that does not fit the variable's unit.
     """
     resolved = []
     if columns is None:
@@ -70,15 +70,15 @@ def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, 
 
 
 def recorded_variables(columns: Iterable[RecordColumn], fmu: str) -> list[FmuVariable]:
-    """The variables of one FMU that are recorded, each once."""
+    """Return the recorded variables of one FMU, each once."""
     return list(dict.fromkeys(column.variable for column in columns if column.fmu == fmu))
 
 
 class Blocks:
-    """Rows of recorded values, of every communication point or every n-th, handed on when a block is full.
+    """Rows of recorded values, of every communication point or every n-th; a full block is handed on.
 
-    The loops copy `records` (N, 3) for each row: target of row 0, source, bytes; text (`has_text`) only Python keeps.
-    A block has `rows` rows; `row` is the next one to be recorded.
+    The loops copy `records` (N, 3), for each row: target of row 0, source, bytes. Only Python keeps text (`has_text`).
+    A block has `rows` rows; `row` is the next one.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class Blocks:
         self.has_text = bool(self._texts)
 
     def room(self, step: int) -> int:
-        """How many steps of the run from this one on the block has room for."""
+        """Return the number of steps, from this one on, for which the block has room."""
         return (self.rows - self.row) * self.every - step % self.every
 
     def record(self) -> None:
@@ -133,13 +133,13 @@ class Blocks:
                 texts.append(content.decode("utf-8", "replace"))
 
     def advance(self, row: int) -> None:
-        """Note that this many rows of the block are recorded; hand a full block on."""
+        """Note that this many rows of the block are recorded; hand on a full block."""
         self.row = row
         if row == self.rows:
             self.flush()
 
     def flush(self) -> None:
-        """Hand on what is recorded."""
+        """Hand on the recorded rows."""
         if not self.row:
             return
         end = self._tick + self.row * self.every

@@ -1,8 +1,8 @@
 """A scenario from its FMUs to its record: run once and written, or prepared once and run many times.
 
-While a run goes on, what is recorded stands in `run.incomplete/` in the run's folder: Parquet files, each whole, and a
-run.json that says `"complete": false`. A run that is killed leaves them; every other run takes them away. A long run
-needs no more memory than a short one.
+During a run `run.incomplete/` in the run's folder holds the recorded rows: Parquet files, each whole, and a run.json
+with `"complete": false`. A killed run leaves them; the next run removes them. A long run needs no more memory than a
+short one.
 """
 
 import ctypes
@@ -42,39 +42,40 @@ from .wiring import check_states, paces_of, resolve_connections, stepping_groups
 SCHEMA = "trihedron.run/1"
 RAW_COLUMNS = {"time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"}
 MOST_ROWS = 20_000_000
-"""A raw record of more rows is not averaged: it is read whole."""
+"""Largest raw record that is averaged [rows]: it is read whole."""
 INCOMPLETE, POSITIONS = "run.incomplete", "positions.csv"
 FLUSH_SECONDS = 5.0
 WHOLE_BYTES = 256 << 20
-"""A record of at most so many bytes is written in one go."""
+"""Largest record that is written in one piece [bytes]."""
 ROW_GROUP = 1 << 18
 _PACKAGES = ("trihedron", "fmpy", "pythonfmu", "polars")
 
 
 class Simulation(Result):
-    """A scenario that was run, and its rests averaged where it is a raw record of a table.
+    """A completed run of a scenario; its rests are averaged if it is a raw record of a table.
 
     Attributes
     ----------
     title : str
-        of the scenario
+        title of the scenario
     rows : int
-        recorded
+        number of recorded rows
     columns : list of str
         names of the recorded columns, `time_s` first
     final_time_s : float
+        time of the last communication point [s]
     rests : int or None
-        how many were averaged; None where the run is no raw record of a table, or where `no_positions` says why
+        number of averaged rests; None if the run is not a raw record of a table, or if `no_positions` gives a reason
     ended : str
-        which FMU has asked for the end of the run before its stop time, and when; else empty
+        the FMU that asked for the end of the run before its stop time, with the time; otherwise empty
     files : tuple of Path
-        everything that was written
+        all written files
     ignored_parameters : tuple of str
-        parameters of an .ssp that name nothing in it
+        parameters of an .ssp file that match nothing in it
     scenario : Scenario
-        as it was run
+        the scenario that was run
     provenance : dict
-        what run.json holds: the scenario, versions, content hashes
+        content of run.json: the scenario, versions, content hashes
     averages : PositionRecord or None
         the averaged rests
     """
@@ -93,11 +94,11 @@ class Simulation(Result):
     provenance: dict[str, Any] = Field(default=ABSENT, exclude=True, repr=False)
     averages: PositionRecord | None = Field(default=None, exclude=True, repr=False)
     held: pl.DataFrame | None = Field(default=None, exclude=True, repr=False)
-    """The record; None where it is too long for memory and only in the file."""
+    """The record; None if it is too long for memory and only in the file."""
     units: dict[str, str] = Field(default={}, exclude=True, repr=False)
-    """Column -> unit of its variable, where that is recorded as it is."""
+    """Column -> unit of its variable, if the variable is recorded unchanged."""
     beside: Path | None = Field(default=None, exclude=True, repr=False)
-    """Folder where the files are until they appear."""
+    """Folder of the files until they are moved into place."""
 
     @cached_property
     def table(self) -> pl.DataFrame:
@@ -105,7 +106,7 @@ class Simulation(Result):
         return self.rows_of_file().collect()
 
     def rows_of_file(self) -> pl.LazyFrame:
-        """The same, read as far as it is needed."""
+        """The same table, read lazily."""
         if self.held is not None:
             return self.held.lazy()
         path = self.files[0]
@@ -117,16 +118,19 @@ class Simulation(Result):
 
     @property
     def positions(self) -> PositionRecord | None:
-        """The averaged rests, where the run is a raw record of a table."""
+        """The averaged rests if the run is a raw record of a table, otherwise None."""
         return self.averages
 
     @property
     def height(self) -> int:
-        """Recorded rows."""
+        """Number of recorded rows."""
         return self.rows
 
     def position_record(self) -> PositionRecord:
-        """The averaged rests; an InputError where the run is no raw record of a table."""
+        """Return the averaged rests.
+
+        Raises InputError if the run is not a raw record of a table.
+        """
         if self.averages is None:
             raise InputError(self.no_positions or "the simulation has recorded no position record of a table")
         return self.averages
@@ -138,21 +142,21 @@ class Simulation(Result):
         return self.table[column]
 
     def to_polars(self) -> pl.DataFrame:
-        """The run: row k is the k-th recorded communication point."""
+        """Return the run: row k is the k-th recorded communication point."""
         return self.table
 
 
 class PreparedScenario:
-    """A scenario whose FMUs are unpacked, checked and loaded once, ready to be run again and again.
+    """A scenario whose FMUs are unpacked, checked and loaded once, ready for many runs.
 
-    Each run has new instances of the FMUs, so no run knows of another one, and gives the bits that `simulate` gives.
-    An InputError for whatever the scenario asks for and cannot be done.
+    Each run has new instances of the FMUs, so it is independent of all others and gives the bits of `simulate`. Raises
+    InputError for any part of the scenario that cannot be done.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario, self._held = scenario, []
         self._closing = ExitStack()
-        # Also at the end of a process of multiprocessing, which forgets what atexit was told.
+        # Also at the end of a process of multiprocessing, which does not run atexit functions.
         Finalize(self, self._closing.close, exitpriority=10)
         with ExitStack() as opened:
             folder = opened.enter_context(temporary_folder())
@@ -166,16 +170,16 @@ class PreparedScenario:
             self._closing.push(opened.pop_all())
 
     def close(self) -> None:
-        """Take away the unpacked FMUs."""
+        """Remove the unpacked FMUs."""
         self._closing.close()
 
     @cached_property
     def columns(self) -> list[RecordColumn]:
-        """The record's columns, without `time_s`."""
+        """Columns of the record, without `time_s`."""
         return resolve_columns(self.scenario.record.columns, self.interfaces)
 
     def assemble(self, parameters: Mapping[str, Mapping[str, Any]]) -> Assembly:
-        """What runs together, with some parameters in place of the scenario's own."""
+        """Return the parts of a run, with some parameters in place of the scenario's own."""
         loaded = dict(self.loaded)
         for name, settings in parameters.items():
             entry = loaded[name]
@@ -197,7 +201,7 @@ class PreparedScenario:
     def run(self, parameters: Mapping[str, Mapping[str, Any]]) -> pl.DataFrame:
         """Run the scenario with some parameters in place of its own: FMU -> variable, array or element -> value."""
         if not self._held:
-            # While somebody has it open, a library is not loaded again for each instance.
+            # While a library stays open, it is not loaded again for each instance.
             with suppress(OSError):
                 ours = [entry.fmu for entry in self.loaded.values() if not entry.fmu.guest]
                 self._held = [ctypes.CDLL(str(fmu.library)) for fmu in ours]
@@ -208,7 +212,7 @@ class PreparedScenario:
 
 
 def run_folder(scenario: Scenario) -> Path:
-    """Where a run is written when nothing else is asked for: `<scenario>-run` in the current folder."""
+    """Return the default folder of a run: `<scenario>-run` in the current folder."""
     if scenario.source is None:
         return Path("scenario-run")
     return Path(f"{scenario.source.stem}-run")
@@ -227,22 +231,28 @@ def run_scenario(
     Parameters
     ----------
     scenario : Scenario
+        the scenario to run
     out : Path or None
-        folder for run.parquet or run.csv and run.json; None: nothing is written
+        folder for run.parquet or run.csv and run.json; None writes nothing
     marks : sequence of expressions
-        further columns of the record, of what the same row has recorded
+        further columns of the record, computed from the same row
     progress : bool
-        show a bar on standard error, where that is a terminal
+        show a bar on standard error if that is a terminal
     compiled : bool
-        the loop over the steps as machine code; False: as plain Python, with the same results
+        True: run the loop over the steps as machine code; False: as plain Python, with the same results
+
+    Returns
+    -------
+    Simulation
+        the run, with the files that were written
 
     Raises
     ------
     InputError
-        whatever the scenario asks for and cannot be done, in one line; what an FMU that fails has given until then is
-        written, and run.json says why it is not complete
+        for any part of the scenario that cannot be done, in one line; the rows up to the failure of an FMU are written,
+        and run.json has the reason why they are not complete
     KeyboardInterrupt
-        Ctrl-C; what was recorded until then is written, and run.json says that it is not complete
+        after Ctrl-C; the recorded rows are written, and run.json marks them as not complete
     """
     with _prepared(scenario) as prepared:
         return _recorded(prepared, Journal(out), lambda run: run, marks, progress=progress, compiled=compiled)
@@ -250,7 +260,7 @@ def run_scenario(
 
 @contextmanager
 def _prepared(scenario: Scenario) -> Iterator[PreparedScenario]:
-    """A scenario that is run once; what goes wrong is said of it."""
+    """Yield a scenario prepared for one run; prefix errors with its name."""
     try:
         prepared = PreparedScenario(scenario)
         try:
@@ -273,7 +283,7 @@ def _recorded(
     progress: bool,
     compiled: bool = True,
 ) -> Simulation:
-    """The run, its rows in the journal block by block; `also` adds to it, and to the folder beside the run's own."""
+    """Run the scenario with its rows in the journal, block by block; `also` adds to the result and to its folder."""
     assembly, scenario = prepared.assemble({}), prepared.scenario
     grid, every, form = assembly.grid, scenario.record.every, scenario.record.format
     journal.provenance = _provenance(prepared, assembly)
@@ -285,12 +295,12 @@ def _recorded(
         journal.add(rows.with_columns(*marks), follows=reached < last)
 
     def kept_so_far(**entries: Any) -> str:
-        """What is said of the rows that a run has left which does not come to its end."""
+        """Write the rows of an interrupted run; return the end of the message about them."""
         if journal.empty:
             journal.drop()
             return ""
         so_far = {"complete": reached == last, "steps": reached, "final_time_s": grid.time(reached), **entries}
-        # A command that ends so leaves nothing else.
+        # The command writes nothing else after an interruption.
         with at_once(), journal.finished(form, so_far) as (_, files, _):
             return f"; {files[0]} has the run up to {grid.time(reached):.9g} s" if files else ""
 
@@ -348,7 +358,7 @@ def _provenance(prepared: PreparedScenario, assembly: Assembly) -> dict[str, Any
 def simulate_table(
     scenario: Scenario, out: Path | None = None, *, ignored: tuple[str, ...] = (), progress: bool = False
 ) -> Simulation:
-    """Run a scenario; where its run is a raw record of a table, average its rests into a position record.
+    """Run a scenario and average its rests into a position record if its run is a raw record of a table.
 
     Parameters are those of `simulate`; `ignored` goes into the result.
     """
@@ -373,7 +383,7 @@ def simulate_table(
 
 
 def _averages(run: Simulation) -> PositionRecord:
-    """The averaged rests of a run, whose file stands beside its place where it has one."""
+    """Return the averaged rests of a run, read from its file if it has one."""
     if run.rows > MOST_ROWS:
         raise InputError(f"{run.rows} rows are too many to average here; raise record.every")
     if run.beside is None:
@@ -388,7 +398,7 @@ def _averages(run: Simulation) -> PositionRecord:
 
 
 class Journal:
-    """The rows of a run: in its folder with a run.json that says its provenance, without a folder in memory."""
+    """The rows of a run: in its folder with the provenance in run.json, or in memory without a folder."""
 
     provenance: Mapping[str, Any] = MappingProxyType({})
 
@@ -403,29 +413,29 @@ class Journal:
 
     @property
     def due(self) -> bool:
-        """Whether rows have been waiting in memory for long."""
+        """True if rows have waited in memory for too long."""
         return self._out is not None and time.monotonic() - self._flushed > FLUSH_SECONDS
 
     @property
     def empty(self) -> bool:
-        """Whether there are no rows yet."""
+        """True if there are no rows yet."""
         return not self._tables and not self._parts
 
     @property
     def folder(self) -> Path:
-        """Where the rows are while the run goes on."""
+        """Folder of the rows during the run."""
         assert self._out is not None
         return self._out / INCOMPLETE
 
     def add(self, table: pl.DataFrame, *, follows: bool) -> None:
-        """Take rows; `more`: others will follow."""
+        """Take rows; `follows`: the caller will add more."""
         self._bytes += int(table.estimated_size())
         self._tables.append(table)
         if self._out is not None and (self._parts or follows):
             self._spill()
 
     def _spill(self) -> None:
-        """Write what waits in memory as a part, beside the run."""
+        """Write the waiting rows as a part, beside the run."""
         if not self._parts:
             self._begin()
         part = self.folder / f"{self._parts:08d}.parquet"
@@ -448,14 +458,14 @@ class Journal:
             (folder / "run.json").write_text(json_text({**self.provenance, "complete": False}), encoding="utf-8")
 
     def _wait(self) -> None:
-        """Wait for the part that is being written."""
+        """Wait until the current part is written."""
         if self._writing is not None:
             writing, self._writing = self._writing, None
             with said_writable(self.folder, pl.exceptions.PolarsError):
                 writing.result()
 
     def drop(self) -> None:
-        """Forget the run: nothing of it is left on disk."""
+        """Delete everything that the run wrote."""
         self._writer.shutdown(wait=True)
         self._tables.clear()
         if self._parts:
@@ -469,10 +479,10 @@ class Journal:
     def finished(
         self, form: str, entries: Mapping[str, Any]
     ) -> Iterator[tuple[pl.DataFrame | None, tuple[Path, ...], Path | None]]:
-        """Write the run whole, as "parquet" or "csv", with run.json, which says `more` too; it appears after the block.
+        """Write the whole run, as "parquet" or "csv", with `entries` in its run.json; it appears after the block.
 
-        Gives the rows, unless they are too many to be in memory, the files, and the folder beside their own where they
-        are until then. A block that is interrupted leaves the rows to the journal.
+        Yields the rows (None if they do not fit in memory), the files, and the temporary folder of the files. If the
+        block is interrupted, the rows stay in the journal.
         """
         interrupted = False
         try:
@@ -481,7 +491,7 @@ class Journal:
                 return
             path = self._out / f"run.{form}"
             self._wait()
-            # Those of an earlier run would not be of the one that run.json describes.
+            # The files of an earlier run would contradict the new run.json.
             with (
                 said_writable(self._out, pl.exceptions.PolarsError),
                 whole_folder(self._out, obsolete=(INCOMPLETE, "run.csv", "run.parquet", POSITIONS)) as folder,
@@ -515,7 +525,7 @@ class Journal:
 
 
 def _write_part(rows: pl.DataFrame, part: Path) -> None:
-    """A part appears whole or not at all."""
+    """Write a part whole or not at all."""
     incomplete = part.with_suffix(".writing")
     rows.write_parquet(incomplete, compression="uncompressed", statistics=False)
     incomplete.replace(part)

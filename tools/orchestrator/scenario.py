@@ -1,4 +1,4 @@
-"""Scenario files: what is simulated, with which parameters, connections and stimuli, and what is recorded."""
+"""Scenario files: FMUs with parameters, connections and stimuli, and the recorded columns."""
 
 import hashlib
 import json
@@ -24,7 +24,7 @@ _ROWS_OF_TEXT = 50_000
 
 
 def _plain(value: Any) -> Any:
-    """A scalar or a flat list of scalars, all finite; numpy's own kinds become Python's."""
+    """Return a scalar or a flat list of scalars, all finite; convert numpy scalars to Python's."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, tuple):
@@ -40,7 +40,7 @@ def _plain(value: Any) -> Any:
 
 
 def _frame(value: Any) -> Any:
-    """A table in memory as a polars DataFrame."""
+    """Convert a table in memory to a polars DataFrame."""
     if isinstance(value, pl.DataFrame):
         return value
     if not isinstance(value, Mapping):
@@ -60,15 +60,18 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class RunSetting(Section):
-    """Time of the run [s], ended by the position programme without `stop_s`; how cycles of connections are taken.
+    """Time of the run [s] and the treatment of cycles; without `stop_s` the position programme ends the run.
 
-    `coupling` is None where they are refused; "jacobi": within a cycle every input is what the output was at the
-    beginning of the step; "iterate": the step is made again from the same state until the values that go around no
-    longer change; "delayed": every connection, of a cycle or not, passes on what the output was at the beginning of the
-    step, as masters do that pass outputs on when all FMUs have stepped.
+    `coupling` selects the treatment of cycles of connections:
 
-    An FMU from a file runs in a process of its own, unless `in_process`; where a call takes it longer than
-    `call_limit_s` [s], the run ends.
+    - None: refuse them.
+    - "jacobi": within a cycle every input is the output at the beginning of the step.
+    - "iterate": repeat the step from the same state until the values that go around no longer change.
+    - "delayed": every connection, in a cycle or not, passes on the output at the beginning of the step, like a master
+      that passes outputs on after all FMUs have stepped.
+
+    An FMU from a file runs in a process of its own, unless `in_process`. A call longer than `call_limit_s` [s] ends the
+    run.
     """
 
     start_s: Finite = 0.0
@@ -87,7 +90,7 @@ class RunSetting(Section):
 
     @property
     def most_iterations(self) -> int:
-        """So many iterations of a cycle at most."""
+        """Largest number of iterations of a cycle."""
         return self.iterations or 50
 
     @model_validator(mode="after")
@@ -102,9 +105,9 @@ class RunSetting(Section):
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What is asked of a run beside its file: times [s], how cycles are taken, where foreign FMUs run.
+    """Options of a run beside its file: times [s], treatment of cycles, place of foreign FMUs.
 
-    A scenario says times and cycles itself, an .ssp its start and its stop.
+    A scenario has its own times and cycles; an .ssp file has its own start and stop.
     """
 
     start: float | None = None
@@ -123,13 +126,13 @@ class RunOptions:
             raise InputError(f"--step {self.step:g}: must be greater than 0 s")
 
     def refuse(self, belongs: str, **keys: str) -> None:
-        """Refuse each option that a file says itself, by the key under which it does."""
+        """Refuse each option that the file sets itself, with the key in the file."""
         for option, key in keys.items():
             if getattr(self, option) is not None:
                 raise InputError(f"--{option}: belongs to {belongs}; {key}")
 
     def over(self, scenario: "Scenario") -> "Scenario":
-        """The scenario with what it leaves to the command."""
+        """Return the scenario with the options that it leaves to the command."""
         if not self.in_process and self.call_limit is None:
             return scenario
         options = {"in_process": self.in_process or None, "call_limit_s": self.call_limit}
@@ -142,7 +145,7 @@ class RunOptions:
 class FmuSetting(Section):
     """One FMU of the scenario: a component of ours or a file, its effects and its parameters, its own step [s].
 
-    `tolerance` is of the solver that an FMU of model exchange is given, relative. In `event_mode` (of FMI 3.0) an FMU
+    `tolerance` is the relative tolerance of the solver for an FMU of model exchange. With `event_mode` (FMI 3.0) an FMU
     returns at its events, which are handled, and takes its inputs as at an event.
     """
 
@@ -172,8 +175,8 @@ class FmuSetting(Section):
 class Connection(Section):
     """An output that feeds an input: whole arrays (`fmu.name`) or single elements (`fmu.name[2]`).
 
-    `between` FMUs of different steps: "hold", the last value; "interpolate", of a slower FMU, linearly between its
-    values; "sum", of a faster FMU, all its values since the reader's step before.
+    `between` applies if the two FMUs have different steps: "hold", the last value; "interpolate", linearly between the
+    values of a slower FMU; "sum", the sum of a faster FMU's values since the reader's previous step.
     """
 
     source: str = Field(alias="from")
@@ -182,7 +185,7 @@ class Connection(Section):
 
 
 class Stimulus(Section):
-    """What drives an input: a constant, timed rows (`csv`, `table` with `columns`) or a position programme."""
+    """Source of an input: a constant, timed rows (`csv`, `table` with `columns`) or a position programme."""
 
     to: str | None = None
     constant: Plain | None = None
@@ -195,7 +198,7 @@ class Stimulus(Section):
 
     @property
     def kind(self) -> Literal["constant", "rows", "programme"]:
-        """Which of the three kinds it is."""
+        """Kind of the stimulus."""
         if self.constant is not None:
             return "constant"
         if self.columns is not None:
@@ -236,14 +239,14 @@ class Stimulus(Section):
         if table is None:
             return None
         digest = hashlib.sha256()
-        # Part by part: as one text, an hour at 1 kHz is larger than everything else of its run.
+        # Part by part: as one text, an hour at 1 kHz is larger than the rest of its run.
         for first in range(0, max(1, table.height), _ROWS_OF_TEXT):
             digest.update(table[first : first + _ROWS_OF_TEXT].write_csv(include_header=first == 0).encode())
         return {"columns": table.columns, "rows": table.height, "sha256_of_csv": digest.hexdigest()}
 
 
 class RecordSetting(Section):
-    """What is written of the run: every n-th step, in which form, which columns."""
+    """Settings of the record: interval in steps, file format, columns."""
 
     every: int = Field(default=1, ge=1, le=MOST_STEPS)
     format: Literal["parquet", "csv"] = "parquet"
@@ -258,7 +261,7 @@ class RecordSetting(Section):
 
 
 class Scenario(Section):
-    """A scenario; its relative paths begin at `base_folder`, and `source` is the file that it was read from."""
+    """A scenario; its relative paths begin at `base_folder`, and `source` is its file."""
 
     schema_: Literal["trihedron.scenario/1"] = Field(default=SCHEMA, alias="schema")
     title: str = ""
@@ -279,7 +282,10 @@ class Scenario(Section):
         return fmus
 
     def stride(self, name: str) -> int:
-        """With every so manyth step of the run an FMU steps; an InputError where its step is no whole multiple."""
+        """Return the number of run steps in one step of an FMU.
+
+        Raises InputError if the FMU's step is not a whole multiple.
+        """
         step, base = self.fmus[name].step_s, self.run.step_s
         if step is None:
             return 1
@@ -291,12 +297,12 @@ class Scenario(Section):
 
 
 def read_scenario(path: Path | str) -> Scenario:
-    """Read a scenario file (TOML) and check it down to each field; its `base_folder` is that of the file.
+    """Read a scenario file (TOML) and check every field; its `base_folder` is the folder of the file.
 
     Raises
     ------
     InputError
-        not a file, not UTF-8, not TOML (with the line), or a field that is missing, unknown or wrong
+        if the file is not UTF-8 or not TOML (with the line), or if a field is missing, unknown or wrong
     """
     path = Path(path)
     content = bytes_of(path, "the file of a scenario is needed", most=LARGEST_TEXT)
@@ -304,9 +310,10 @@ def read_scenario(path: Path | str) -> Scenario:
 
 
 def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
-    """Write a scenario as a TOML file, its tables in memory as CSV files beside it; all files, the scenario first.
+    """Write a scenario as a TOML file, its tables in memory as CSV files beside it; return all files, the scenario
+    first.
 
-    An InputError where it cannot be written.
+    Raises InputError if it cannot be written.
     """
     written, files = scenario.as_written(), [path]
     for number, stimulus in enumerate(scenario.stimuli, start=1):
@@ -321,14 +328,14 @@ def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
 
 
 def _toml_lines(table: Mapping[str, Any], name: str) -> Iterator[str]:
-    """The lines of a TOML table; what is empty is left out."""
+    """Yield the lines of a TOML table without its empty entries."""
     filled = {key: value for key, value in table.items() if value not in ({}, [])}
 
     def is_table(value: Any) -> bool:
         return isinstance(value, dict) or (isinstance(value, list) and isinstance(value[0], dict))
 
     def said(key: str) -> str:
-        # JSON's texts, numbers, truth values and flat lists are TOML's.
+        # JSON's strings, numbers, booleans and flat lists are valid TOML.
         if re.fullmatch(r"[A-Za-z0-9_-]+", key):
             return key
         return json.dumps(key, ensure_ascii=False)
@@ -340,7 +347,7 @@ def _toml_lines(table: Mapping[str, Any], name: str) -> Iterator[str]:
         if is_table(value):
             inner = f"{name}.{said(key)}" if name else said(key)
             for entry in value if isinstance(value, list) else [value]:
-                # A table of tables alone needs no head.
+                # A table that has only tables needs no heading.
                 if isinstance(value, list) or not all(map(is_table, entry.values())):
                     yield from ("", f"[[{inner}]]" if isinstance(value, list) else f"[{inner}]")
                 yield from _toml_lines(entry, inner)

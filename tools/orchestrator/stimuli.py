@@ -1,6 +1,6 @@
-"""Stimuli: which value drives which input over which step; the steps counted, tables of numbers read strictly.
+"""Stimuli: the value of each driven input over each step; steps are counted, and tables of numbers read strictly.
 
-Time is counted in whole steps, never accumulated. A position programme commands a table; it may say when a run ends.
+Time is counted in whole steps, never accumulated. A position programme commands a table and may set the end of a run.
 """
 
 import csv
@@ -23,9 +23,9 @@ from .scenario import MOST_STEPS, Scenario, Stimulus
 from .wiring import Wire
 
 ROW_TOLERANCE = 1e-3
-"""How far (in steps) a row's time may be off a tick that it is meant for: digits that a file leaves off."""
+"""Largest distance [steps] of a row's time from its tick: files drop digits."""
 GIVEN_BY_TABLE = {"rate": "block_rate", "angle": "angle", "specific_force": "specific_force"}
-"""Outputs of a table that feed inputs which effects read."""
+"""Outputs of a table that feed the inputs of effects."""
 PROGRAMME_COLUMNS = ["alpha_deg", "beta_deg", "dwell_s"]
 
 
@@ -42,13 +42,13 @@ class StepGrid:
         return self.start + tick * self.step
 
     def of_every(self, stride: int, step: float | None) -> "StepGrid":
-        """The points of an FMU that makes a step, of that length [s], with so many of these."""
+        """Return the points of an FMU whose step of this length [s] has this many steps of the run."""
         return StepGrid(self.start, step or self.step, self.steps // stride)
 
 
 @dataclass(frozen=True)
 class Drive:
-    """Values for some inputs of one FMU: from its step `begins[i]` on row i of `values`; without `begins` for ever."""
+    """Values for some inputs of one FMU: row i of `values` from its step `begins[i]` on; without `begins`, always."""
 
     fmu: str
     variables: tuple[FmuVariable, ...]
@@ -58,9 +58,9 @@ class Drive:
 
 @dataclass(frozen=True)
 class NumberTable:
-    """Columns (N,) of finite numbers by their names, under the label that the user wrote.
+    """Columns (N,) of finite numbers by name, under the label that the user wrote.
 
-    `lines` (N,) is where each row stands, as an editor counts lines.
+    `lines` (N,) are the line numbers of the rows, as an editor counts them.
     """
 
     label: str
@@ -68,14 +68,14 @@ class NumberTable:
     lines: np.ndarray
 
     def row(self, index: int) -> str:
-        """The file and the row, for a message."""
+        """Return the file and the row, for a message."""
         return f"{self.label}, row {int(self.lines[index])}"
 
 
 def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> StepGrid:
-    """Count the run's steps; without a stop time the longest programme says when it ends.
+    """Count the run's steps; without a stop time the longest programme ends the run.
 
-    An InputError where a step does not divide the run, or nothing says when it ends.
+    Raises InputError if a step does not divide the run, or if nothing sets its end.
     """
     run, strides = scenario.run, {name: scenario.stride(name) for name in scenario.fmus}
     if run.stop_s is None and not programme_ends:
@@ -105,10 +105,10 @@ def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> StepGrid:
 
 
 def read_number_table(path: Path, label: str, names: Sequence[str] | None) -> tuple[NumberTable, bytes]:
-    """Columns of numbers (None: all) of a CSV file, or of a Parquet file (by its name's ending), and the file's bytes.
+    """Return columns of numbers (None: all) of a CSV or Parquet file (by the ending of its name), and the file's bytes.
 
-    An InputError where it is not a file, not UTF-8, lacks a column, or for a field that is empty or no finite number
-    (row and column named).
+    Raises InputError if the file is missing, not UTF-8, or lacks a column, and for a field that is empty or not a
+    finite number (with row and column).
     """
     content = bytes_of(path, label=label)
     advice = advice_on(label, content, "record")
@@ -127,14 +127,14 @@ def read_number_table(path: Path, label: str, names: Sequence[str] | None) -> tu
 
 
 def _table_from(frame: pl.DataFrame, label: str, names: Sequence[str] | None) -> NumberTable:
-    """Columns of numbers from a table in memory; rows count from 1."""
+    """Return columns of numbers from a table in memory; rows count from 1."""
     return _numbers(label, frame.select(_chosen(label, frame.columns, names)), np.arange(1, frame.height + 1))
 
 
 def stimulus_table(
     stimulus: Stimulus, name: str, folder: Path, names: Sequence[str] | None = None
 ) -> tuple[NumberTable, bytes | None]:
-    """Columns of a stimulus' table, and the bytes of its file; none where it is in memory."""
+    """Return columns of a stimulus' table, and the bytes of its file; None if it is in memory."""
     label = stimulus.csv or stimulus.programme
     if label is None:
         return _table_from(stimulus.table, f"{name}.table", names), None
@@ -142,7 +142,7 @@ def stimulus_table(
 
 
 def _chosen(label: str, header: Sequence[str], required: Sequence[str] | None) -> list[str]:
-    """The columns that are wanted (all of them where none are named), each there exactly once."""
+    """Return the required columns (by default all); each must occur exactly once."""
     names = list(dict.fromkeys(header if required is None else required))
     for name in names:
         if name not in header:
@@ -215,7 +215,7 @@ def _numbers(label: str, frame: pl.DataFrame, lines: np.ndarray) -> NumberTable:
 
 
 def resolve_constant(stimulus: Stimulus, interfaces: Mapping[str, Interface]) -> Drive:
-    """A constant for an input or for each element of an array."""
+    """Return a constant for an input or for each element of an array."""
     assert stimulus.to is not None
     assert stimulus.constant is not None
     interface, variables = refer_to("input", stimulus.to, interfaces)
@@ -229,11 +229,10 @@ def resolve_rows(
     grids: Mapping[str, StepGrid],
     interfaces: Mapping[str, Interface],
 ) -> list[Drive]:
-    """Timed rows for inputs, one drive for each FMU and type; `read` gives the table of some columns.
+    """Return timed rows for inputs, one drive for each FMU and type; `table_with` returns the table of some columns.
 
-    `grids` are the steps of each FMU.
-
-    An InputError for a column that is missing, of another dimension than its variable, rows that do not cover the run.
+    `grids` are the steps of each FMU. Raises InputError for a column that is missing or differs in dimension from its
+    variable, and for rows that do not cover the run.
     """
     assert stimulus.columns is not None
     ends: list[tuple[Interface, FmuVariable, str, tuple[float, float]]] = []
@@ -267,7 +266,7 @@ def resolve_rows(
     for (fmu, _), group in groups.items():
         rows, begins = held(grids[fmu])
         values = np.column_stack([values for _, values in group])
-        # Where all rows hold over some step, no copy: runs of an hour at 1 kHz are large.
+        # No copy if every row holds over some step: runs of an hour at 1 kHz are large.
         if len(rows) != len(values):
             values = values[rows]
         drives.append(Drive(fmu, tuple(variable for variable, _ in group), values, begins))
@@ -275,7 +274,7 @@ def resolve_rows(
 
 
 def _ticks(table: NumberTable, grid: StepGrid) -> np.ndarray:
-    """Times of the rows in steps, whole where a step is meant."""
+    """Return the times of the rows in steps, rounded where they are near a step."""
     times = table.columns["time_s"]
     back = np.flatnonzero(np.diff(times) <= 0.0)
     if back.size:
@@ -286,14 +285,14 @@ def _ticks(table: NumberTable, grid: StepGrid) -> np.ndarray:
 
 
 def _held(begins: np.ndarray, grid: StepGrid) -> tuple[np.ndarray, np.ndarray]:
-    """Of rows that hold from fractional steps on, those that hold over a step, and their first steps."""
+    """Return the rows that hold over a step, and their first steps, from rows that begin at fractional steps."""
     first = np.clip(begins, 0.0, grid.steps).astype(np.int64)
     rows = np.flatnonzero(np.diff(np.append(first, grid.steps)) > 0)
     return rows, first[rows]
 
 
 def _rows_that_begin(table: NumberTable, grid: StepGrid) -> tuple[np.ndarray, np.ndarray]:
-    """The rows that hold over some step from their time on, and the step from which each holds."""
+    """Return the rows that hold from their time on over some step, and the first step of each."""
     ticks = _ticks(table, grid)
     if ticks[0] > 0.0:
         raise InputError(
@@ -304,7 +303,7 @@ def _rows_that_begin(table: NumberTable, grid: StepGrid) -> tuple[np.ndarray, np
 
 
 def _rows_that_end(table: NumberTable, grid: StepGrid, *, increments: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The rows that hold over some step up to their time, and the step from which each holds."""
+    """Return the rows that hold up to their time over some step, and the first step of each."""
     times, ticks = table.columns["time_s"], _ticks(table, grid)
     if ticks[-1] < grid.steps:
         raise InputError(
@@ -312,7 +311,7 @@ def _rows_that_end(table: NumberTable, grid: StepGrid, *, increments: bool) -> t
             f"before the run's end {grid.time(grid.steps):.9g} s"
         )
     width = np.append(np.diff(ticks[:2]), 1.0)[0]
-    # Row i holds over the steps that end after the row before and not after it.
+    # Row i holds over the steps that end after the previous row's time and not after its own.
     rows, begins = _held(np.concatenate([[-math.inf], np.floor(ticks[:-1])]), grid)
     if rows[0] == 0 and ticks[0] - width > ROW_TOLERANCE:
         raise InputError(
@@ -337,10 +336,10 @@ def _rows_that_end(table: NumberTable, grid: StepGrid, *, increments: bool) -> t
 
 
 def _check_column(table: NumberTable, column: str, variable: FmuVariable, values: np.ndarray) -> None:
-    """Refuse a value that the variable's type or limits do not take."""
+    """Refuse a value that the variable's type or limits do not allow."""
     suspects = np.arange(len(values))
     if variable.kind == "Real":
-        # A bound that is missing is NaN, which no value is beyond.
+        # A missing bound is NaN, which no value exceeds.
         low, high = np.array([variable.minimum, variable.maximum], dtype=float)
         suspects = np.flatnonzero((values < low) | (values > high))
     for index in suspects.tolist():
@@ -358,9 +357,10 @@ def resolve_programme(
 ) -> tuple[Drive, int]:
     """Lay a position programme out in whole steps of the FMU that it commands.
 
-    Each position's slot is the move from the position before (the slower axis, limited rate and acceleration)
-    and the dwell, rounded up to whole steps. Gives the commands of the two angles [rad], and the run's step of the end.
-    An InputError for a column that a programme does not have, no dwell, or a target that is not a two-axis command.
+    Each position takes the move from the previous position (of the slower axis, with limited rate and acceleration) and
+    the dwell, rounded up to whole steps. Returns the commands of the two angles [rad], and the step of the run at which
+    it ends. Raises InputError for a column that a programme does not have, for a missing dwell, and for a target that
+    is not a two-axis command.
     """
     for name in table.columns:
         if name not in PROGRAMME_COLUMNS:
@@ -403,7 +403,7 @@ def resolve_programme(
 
 
 def _limits(table: Loaded) -> list[list[float]]:
-    """Rates, accelerations and initial angles of a table's two axes."""
+    """Return rates, accelerations and initial angles of a table's two axes."""
     limits, interface = [], table.interface
     for name in ("max_rate", "max_acceleration", "initial_angle"):
         try:
@@ -422,7 +422,7 @@ def _limits(table: Loaded) -> list[list[float]]:
 def resolve_stimuli(
     scenario: Scenario, sources: Sources, loaded: Mapping[str, Loaded]
 ) -> tuple[StepGrid, list[tuple[str, Drive]]]:
-    """The run's grid, and the drives by their names in messages; programmes first, for they may end the run."""
+    """Return the run's grid, and the drives with their names; programmes come first because they may end the run."""
 
     def table(stimulus: Stimulus, name: str, columns: list[str] | None) -> NumberTable:
         read_columns, content = stimulus_table(stimulus, name, scenario.base_folder, columns)
@@ -466,9 +466,9 @@ def resolve_stimuli(
 
 
 def check_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]], loaded: Mapping[str, Loaded]) -> None:
-    """Refuse an input that two sources feed, and one that an effect reads and nothing feeds: it would do nothing.
+    """Refuse an input with two sources, and an input that an effect reads and nothing feeds.
 
-    A drive comes with what the user called its stimulus.
+    Each drive comes with the user's name of its stimulus.
     """
     source_of: dict[tuple[str, str], str] = {}
     sources = [(w.target, w.input, f"'{w.source}.{w.output.name}'") for w in wires]

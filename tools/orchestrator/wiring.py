@@ -1,8 +1,8 @@
-"""Who feeds whom, in which order FMUs step and how often.
+"""Connections between FMUs, and the order and the pace of their steps.
 
-An FMU steps with each step of the run, or with every so manyth. A slow one makes its step when the last step of the run
-within it is made: it hears what faster ones have put out until then, and they have its old outputs up to there. One
-whose outputs are interpolated makes its step ahead, at the beginning.
+An FMU steps with each step of the run, or with every n-th. A slow FMU steps at the last step of the run within its own
+step: it gets the newest outputs of faster FMUs, and they use its old outputs until then. An FMU whose outputs are
+interpolated steps ahead, at the beginning.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,7 +19,7 @@ from .scenario import Connection, Scenario
 class Wire:
     """One scalar output that feeds one scalar input: input = factor * output + offset.
 
-    `between` says how, where one of the two steps less often.
+    `between` selects the transfer if one of the two steps less often.
     """
 
     source: str
@@ -33,9 +33,9 @@ class Wire:
 
 @dataclass(frozen=True)
 class Pace:
-    """How an FMU steps: with every `stride`-th step of the run, each `length` [s] long, and `ahead` or not.
+    """Pace of an FMU: with every `stride`-th step of the run, each `length` [s] long, and `ahead` or not.
 
-    One that is `linear` is told the derivatives of its inputs that are interpolated.
+    A `linear` FMU receives the derivatives of its interpolated inputs.
     """
 
     length: float
@@ -45,7 +45,7 @@ class Pace:
 
     @property
     def back(self) -> int:
-        """So many steps of the run before the one with which it steps its own step begins."""
+        """Steps of the run between the beginning of its own step and the step with which it steps."""
         if self.ahead:
             return 0
         return self.stride - 1
@@ -53,7 +53,7 @@ class Pace:
 
 @dataclass(frozen=True)
 class StepGroup:
-    """FMUs that step together: one by itself, or those of a cycle, with the outputs that go around in it."""
+    """FMUs that step together: one alone, or the members of a cycle with the outputs that go around in it."""
 
     members: tuple[str, ...]
     cyclic: bool = False
@@ -64,9 +64,9 @@ class StepGroup:
 
 
 def resolve_connections(connections: Sequence[Connection], interfaces: Mapping[str, Interface]) -> list[Wire]:
-    """The connections, element by element.
+    """Return the connections, element by element.
 
-    An InputError for an unknown end, a wrong direction, or ends whose length, type or unit differ.
+    Raises InputError for an unknown end, a wrong direction, or ends whose length, type or unit differ.
     """
     wires: list[Wire] = []
     for number, connection in enumerate(connections, start=1):
@@ -99,17 +99,17 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
 
 
 def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[StepGroup]:
-    """The FMUs so that each steps after those that feed it, cycles in one group; ties as in the file.
+    """Order the FMUs so that each steps after its sources, cycles in one group; ties keep the order of the file.
 
-    Where every connection is delayed, all are one group.
-    An InputError names a cycle where the scenario does not say how to take it.
+    If every connection is delayed, all FMUs are one group. Raises InputError with the cycle if the scenario does not
+    select a treatment.
     """
     if coupling is None:
         _refuse_cycle(names, wires)
     following: dict[str, set[str]] = {name: set() for name in names}
     for wire in wires:
         following[wire.source].add(wire.target)
-    # Whom each reaches, directly or through others.
+    # FMUs that each FMU reaches, directly or through others.
     for through in names:
         for name in names:
             if through in following[name]:
@@ -140,7 +140,7 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str |
 
 
 def check_states(groups: Sequence[StepGroup], loaded: Mapping[str, Loaded], coupling: str | None) -> None:
-    """Refuse to iterate over an FMU whose state cannot be set back."""
+    """Refuse to iterate over an FMU whose state cannot be restored."""
     if coupling != "iterate":
         return
     for group in groups:
@@ -171,10 +171,13 @@ def _refuse_cycle(names: Sequence[str], wires: Iterable[Wire]) -> None:
 def paces_of(
     scenario: Scenario, loaded: Mapping[str, Loaded], wires: Sequence[Wire], groups: Sequence[StepGroup]
 ) -> dict[str, Pace]:
-    """How each FMU steps.
+    """Return the pace of each FMU.
 
-    An InputError where a connection between different steps does not say how, or says what cannot be; where FMUs of a
-    cycle that is iterated step differently; for a step that is no multiple of the one which an FMU makes inside.
+    Raises InputError in these cases:
+
+    - A connection between different steps selects no transfer, or an impossible one.
+    - FMUs of an iterated cycle have different steps.
+    - A step is not a multiple of the FMU's internal step.
     """
     strides = {name: scenario.stride(name) for name in loaded}
     for wire in wires:
@@ -183,7 +186,7 @@ def paces_of(
     for group in groups:
         if iterated and len({strides[name] for name in group.members}) > 1:
             raise InputError(f"the cycle {group} is iterated, so its FMUs step together; give them one step_s")
-    # Within a cycle whose connections are delayed nobody waits for anybody.
+    # Within a cycle of delayed connections no FMU waits for another.
     prompt = []
     for wire in wires:
         (group,) = [group for group in groups if wire.target in group.members]
@@ -222,7 +225,7 @@ def _check_between(wire: Wire, source: int, target: int) -> None:
 
 
 def _check_inside(name: str, entry: Loaded, step: float, scenario: Scenario) -> None:
-    """Refuse a step that is no multiple of the one which an FMU of FMI 3.0 says that it makes inside."""
+    """Refuse a step that is not a multiple of the internal step that an FMU of FMI 3.0 declares."""
     length_text = getattr(entry.fmu.description.coSimulation, "fixedInternalStepSize", None)
     try:
         inside = 0.0 if length_text is None else float(length_text)
