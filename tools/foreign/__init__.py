@@ -1,4 +1,4 @@
-"""Measured files from elsewhere: read as laboratories write them, asked about where they do not say what they mean."""
+"""Import measured files as laboratories write them, with questions about everything that they leave open."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Rows of texts as the columns of a record: numbers in its units, times from the first row, readings averaged."""
+"""Convert rows of texts to the columns of a record: its units, times from the first row, averaged readings."""
 
 import re
 from collections import Counter
@@ -54,27 +54,27 @@ from .numbers import (
 from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, UnderstoodTable, ask_of_senses
 
 DIGITS_OF = 2000
-"""Rows from which it is seen how finely numbers are written."""
+"""Number of rows that decide how finely numbers are written."""
 MOST_LEFT_OUT = 0.2
-"""Part of the rows that may lack a number before it is asked what to do with them."""
+"""Share of the rows that may lack a number before the user is asked about them."""
 DAY, HOUR = 86400.0, 3600.0
 ZONE = re.compile(r"(Z|[+-]\d\d:?\d\d)$")
-"""What a time ends with that is no local time."""
+"""Endings of times that are not local times."""
 COUNTERS = (2.0**16, 2.0**24, 2.0**31, 2.0**32)
-"""Values at which a counter of whole numbers begins again."""
+"""Values at which counters of whole numbers wrap to zero."""
 WRITTEN = (2.0**32 * 1e-9, 2.0**32 * 1e-6, 604800.0, 2.0**32 * 1e-3, 604800e3)
-"""Values at which others do: 32 bits in a smaller unit, and the seconds and milliseconds of a GPS week."""
+"""Values at which other times wrap: 32 bits in a smaller unit, and the seconds and milliseconds of a GPS week."""
 WRAPPED = 20.0
-"""A counter that wraps goes on by at most this many usual steps."""
+"""Largest step of a counter that wraps [usual steps]."""
 EPOCH = 1e8
-"""Times above that many seconds count from long ago: the first row is taken off, whose digits doubles would lose."""
+"""Time above which times count from an epoch [s]: the first row is subtracted, since doubles would lose digits."""
 RESOLUTIONS = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
-"""LaboratoryUnit in the names of columns -> the columns whose last digit is looked at."""
+"""LaboratoryUnit in the names of columns -> columns whose last digit is examined."""
 
 
 @dataclass
 class Conversion:
-    """Columns of the record, the lines they are from, and what was done on the way.
+    """Columns of the record, their lines in the file, and notes on the conversion.
 
     Attributes
     ----------
@@ -83,9 +83,9 @@ class Conversion:
     names : list of str
         mountings
     row : ndarray of int, shape (N,)
-        lines of the file; of averaged rows the first
+        lines of the file; the first line of averaged rows
     left_out : dict
-        why -> lines of the rows left out
+        reason -> lines of the rows left out
     resolution : dict
         column group ("mps2", "deg", "degC") -> half a last digit as written, in the record's unit
     readings : ndarray of int, shape (N,), or None
@@ -105,9 +105,9 @@ class Conversion:
 
 
 def converted(table: UnderstoodTable) -> Conversion:
-    """The rows of a sheet that is understood as columns, nothing where they bring up another question.
+    """Convert the rows of an understood sheet to columns; return no columns if they raise another question.
 
-    An InputError names the row and column that cannot be.
+    Raises InputError with the row and column that cannot be converted.
     """
     texts, lines, left_out = _texts(table)
     if table.questions:
@@ -124,7 +124,7 @@ def converted(table: UnderstoodTable) -> Conversion:
         elif column not in (MOUNTING, DATE):
             values = _counts(table, column, _values(table, column, texts[column], lines))
             values = (values - origin.offset) * origin.sign
-            # Units of angles give degrees; of all columns those of increments alone are in radians.
+            # Units of angle give degrees; only the columns of increments are in radians.
             size = DEGREE if column in INCREMENT else 1.0
             if origin.unit is not None:
                 values = values * (origin.unit.factor * size) + origin.unit.offset
@@ -145,9 +145,9 @@ def converted(table: UnderstoodTable) -> Conversion:
 
 
 def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dict[str, list[int]]]:
-    """The texts of the columns, row by row, and their lines; rows without a number are left out, by reason."""
+    """Return the texts of the columns, row by row, and their lines; leave out rows without a number, by reason."""
     missing, marked, origins = table.mapping.missing, table.is_marked, table.origins
-    # readings side by side are rows of their own, with all else alike
+    # readings side by side become rows that are otherwise alike
     turns: list[dict[str, int]] = []
     for k in range(max((1 + len(origin.beside) for origin in origins.values()), default=1)):
         turn = {}
@@ -170,7 +170,7 @@ def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dic
             count += 1
             cells = {column: row[place] if place < len(row) else "" for column, place in turn.items()}
             lacking, why = [], "comments" if is_comment else ""
-            # what ends with a digit is not missing
+            # a text that ends with a digit is not missing
             if not why and (missing or not all(text[-1:].isdigit() for text in cells.values())):
                 lacking = [c for c, text in cells.items() if c not in QUATERNION and is_missing(text, missing)]
                 if lacking:
@@ -191,7 +191,7 @@ def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dic
 
 
 def _ask_of_gaps(table: UnderstoodTable, empty: Counter[str], count: int) -> None:
-    """Ask what to do with many rows without a number, by the column that lacks most of them."""
+    """Ask about rows without a number if they are many, by the column that lacks most of them."""
     worst, lacking = empty.most_common(1)[0]
     why = f"{lacking} of {count} rows have no number in {table.origins[worst].name!r}"
     if worst in (*table.kind.optional, DATE):
@@ -201,7 +201,10 @@ def _ask_of_gaps(table: UnderstoodTable, empty: Counter[str], count: int) -> Non
 
 
 def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequence[int]) -> NDArray[np.float64]:
-    """The numbers of a column's cells (N,), in the file's unit; an InputError where one is none, or in another unit."""
+    """Return the numbers of a column's cells (N,), in the file's unit.
+
+    Raises InputError if a cell is not a number or has another unit.
+    """
     origin, at = table.origins[column], f"{table.sheet.path}: row"
     first = origin.field.unit
     for text, line in zip(texts, lines, strict=True):
@@ -236,7 +239,10 @@ def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequen
 
 
 def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Sequence[int]) -> NDArray[np.float64]:
-    """+1 or -1 for each cell (N,) by the mark behind its number: CW or CCW; an InputError where some have no mark."""
+    """Return +1 or -1 for each cell (N,) from the mark behind its number, CW or CCW.
+
+    Raises InputError if some cells have no mark.
+    """
     quantity, origin = QUANTITY_OF.get(column, ""), table.origins[column]
     senses = [sense_behind(text, quantity) for text in texts]
     signs = np.ones(len(texts))
@@ -257,7 +263,7 @@ def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Seq
 
 
 def _counts(table: UnderstoodTable, column: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Counts of a channel (N,): those of two's complement, written without a sign, get it back."""
+    """Return the counts of a channel (N,); restore the sign of two's complement counts written without one."""
     kind = table.mapping.integers
     if column not in FORCE + RATE:
         return values
@@ -276,7 +282,7 @@ def _counts(table: UnderstoodTable, column: str, values: NDArray[np.float64]) ->
 
 
 def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
-    """Times [s]: as written where they are numbers, else from the first row on."""
+    """Return times [s]: unchanged if they are numbers, otherwise from the first row on."""
     origin = table.origins[TIMES]
     if origin.form == NUMBER:
         assert origin.unit is not None
@@ -314,7 +320,7 @@ def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[
 def _without_clock_changes(
     table: UnderstoodTable, seconds: NDArray[np.float64], texts: Sequence[str], lines: Sequence[int]
 ) -> NDArray[np.float64]:
-    """Local times (N,) [s] without the hours by which clocks are changed: asked where one jumps at a full hour."""
+    """Remove the hours of clock changes from local times (N,) [s]; ask if one jumps at a full hour."""
     steps = np.diff(seconds)
     answer = table.mapping.clock_changes
     if not steps.size or answer == "none" or ZONE.search(texts[0].strip()):
@@ -322,7 +328,7 @@ def _without_clock_changes(
     period = float(np.median(np.abs(steps)))
     near = max(3.0 * period, 2.0)
     is_change = np.abs(np.abs(steps - period) - HOUR) <= near
-    # before the change and after it the clock is near a full hour
+    # the clock is near a full hour before and after the change
     for moments in (seconds[:-1], seconds[1:]):
         is_change &= np.abs((moments + 0.5 * HOUR) % HOUR - 0.5 * HOUR) <= near
     changes = np.flatnonzero(is_change)
@@ -339,7 +345,7 @@ def _without_clock_changes(
 
 
 def _since_first(texts: list[str], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times since the first row, exact where they are plain numbers: doubles hold 16 digits, epochs in ns have 19."""
+    """Return times since the first row, exact for plain numbers: doubles hold 16 digits, epochs in ns have 19."""
     try:
         exact = [Decimal(text.strip()) for text in texts]
         return np.array([float(time - exact[0]) for time in exact])
@@ -348,7 +354,8 @@ def _since_first(texts: list[str], values: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
-    """Times (N,) of a counter that begins again at zero, and how often it does so; as they are where it does not."""
+    """Return times (N,) of a counter without its wraps to zero, and the number of wraps; unchanged if there are
+    none."""
     step = np.diff(counts)
     wraps = step < 0.0
     if not wraps.any() or wraps.all() or counts.min() < 0.0:
@@ -366,7 +373,7 @@ def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
 
 
 def _resolutions(table: UnderstoodTable, texts: dict[str, list[str]]) -> dict[str, float]:
-    """Half a last digit of what was written, in the record's units, by the unit in their names."""
+    """Return half a last digit as written, in the record's units, by the unit in the columns' names."""
     resolutions = {}
     for unit, columns in RESOLUTIONS.items():
         largest = 0.0
@@ -384,7 +391,7 @@ def _resolution(table: UnderstoodTable, column: str, texts: Sequence[str]) -> fl
     for text in islice(texts, DIGITS_OF):
         first.append(bare(text).replace("−", "-"))
     if any(table.value(text) is None for text in first):
-        # seconds of an arc, or minutes where there are none
+        # seconds of an arc, or minutes if there are none
         decimals = parts = 0
         for text in first:
             decimals = max(decimals, len(text.rstrip("\"″”s'′ ").replace(",", ".").partition(".")[2]))
@@ -397,14 +404,14 @@ def _resolution(table: UnderstoodTable, column: str, texts: Sequence[str]) -> fl
 
 
 def sexagesimal_parts(text: str) -> list[str]:
-    """Degrees, minutes and seconds of an angle, as texts."""
+    """Return degrees, minutes and seconds of an angle, as texts."""
     if sexagesimal(text) is None:
         return [text]
     return "".join(c if c.isdigit() or c in ".," else " " for c in text).split()
 
 
 def _average(table: UnderstoodTable, conversion: Conversion) -> None:
-    """One row for each rest: rows that follow one another with the same number, or at the same angles, are averaged."""
+    """Average to one row for each rest: consecutive rows with the same number, or at the same angles."""
     numbers = conversion.numbers
     numbered, readings = "position" in numbers, table.mapping.readings
     if numbered and readings != "each":
@@ -434,7 +441,7 @@ def _average(table: UnderstoodTable, conversion: Conversion) -> None:
 
 
 def _moved(numbers: dict[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """Rows (N,) whose angles are others than those of the row before."""
+    """Return a mask of the rows (N,) whose angles differ from the previous row's."""
     moved = np.zeros(len(numbers[ANGLES[0]]), dtype=bool)
     moved[0] = True
     for name in ANGLES:
@@ -446,7 +453,7 @@ def _moved(numbers: dict[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
 def _means(
     name: str, values: NDArray[np.float64], begins: NDArray[np.int_], sizes: NDArray[np.int_]
 ) -> NDArray[np.float64]:
-    """Means over the rests; angles about that of the first reading, where they pass 0 or ±180."""
+    """Return means over the rests; an angle's mean is taken about its first reading, in case it passes 0 or ±180."""
     first = values[begins]
     if sizes.max() == 1 or name == "position":
         return first
@@ -459,7 +466,7 @@ def _means(
 def _scatter(
     numbers: dict[str, NDArray[np.float64]], means: dict[str, NDArray[np.float64]], sizes: NDArray[np.int_]
 ) -> NDArray[np.float64]:
-    """Standard error of a rest's mean for each accelerometer (3,) [m/s²]: scatter pooled over all rests."""
+    """Return the standard error of a rest's mean for each accelerometer (3,) [m/s²]: scatter pooled over all rests."""
     squares = []
     for name in FORCE:
         squares.append(np.sum((numbers[name] - np.repeat(means[name], sizes)) ** 2))
@@ -467,7 +474,7 @@ def _scatter(
 
 
 def record_columns(table: UnderstoodTable, conversion: Conversion) -> FileColumns:
-    """The columns as a record's; the first that no record of its kind could have is refused, with the file's row."""
+    """Return the columns as a record's; refuse the first that no record of its kind can have, with the file's row."""
     numbers, kind, sizes = conversion.numbers, table.kind, conversion.resolution
     present = []
     for name in kind.known:
@@ -495,7 +502,7 @@ def record_columns(table: UnderstoodTable, conversion: Conversion) -> FileColumn
 
 
 def _hint(table: UnderstoodTable, fault: RecordError) -> str:
-    """What helps against a fault of a column: another unit, or times that are not taken from their column."""
+    """Return advice on a fault of a column: another unit, or times from another source."""
     if fault.column == TIMES:
         origin = table.origins.get(TIMES)
         if origin is not None and origin.field.head.column == SAMPLE:

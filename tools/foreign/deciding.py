@@ -1,4 +1,4 @@
-"""What a sheet means, as far as it can be known: decided by what proves it, else asked, all at once."""
+"""Decide the meaning of a sheet where its content proves it, and ask all other questions at once."""
 
 import re
 from collections.abc import Sequence
@@ -61,21 +61,21 @@ PARTS_OF_ANGLES = ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin
 NO_READING = frozenset(
     ["std", "sigma", "noise", "bias", "error", "offset", "var", "rms", "max", "min", "cov", "gravity"]
 )
-"""Words in names of three columns that are no readings, whatever their unit."""
+"""Words in the names of three columns that are not readings in any unit."""
 MOST_WORDS = 6
-"""Different words in a column of numbers that a question names, at most."""
+"""Largest number of different words in a column of numbers that a question names."""
 MOST_ODD, NOTATION = 2, re.compile(r"\d[.,]\d|^0x|^[\da-fA-F]{4,}$")
-"""More numbers in another notation, (1.5) or 1.5- or 0x1F, are refused."""
+"""Largest number of texts in another notation, such as (1.5), 1.5- or 0x1F; more are refused."""
 OTHER_MARK = {".": ",", ",": "."}
-"""Decimal mark -> the mark that stands between thousands beside it."""
+"""Decimal mark -> mark between thousands beside it."""
 COLUMNS = QUANTITY_OF.keys() | {"position", DATE, MOUNTING} | set(QUATERNION + APPROACH)
 """Columns of a record that a mapping may name."""
 
 
 def understood(sheet: Sheet, mapping: Mapping) -> UnderstoodTable:
-    """Decide what a sheet means with what is given; what is not known is asked, all at once."""
+    """Decide the meaning of a sheet with the given mapping; ask all open questions at once."""
     table = UnderstoodTable(sheet, layout_of(sheet, mapping), mapping)
-    # lines are looked for in each file: the next may have more of them
+    # each file is searched for its lines: the next may have more of them
     table.settled = {"encoding": sheet.encoding, "separator": sheet.separator}
     fields = _fields_of_columns(table)
     _decide_kind(table, fields)
@@ -102,7 +102,7 @@ def understood(sheet: Sheet, mapping: Mapping) -> UnderstoodTable:
 
 
 def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
-    """Column of the record -> field of the row, as the mapping says, else by names."""
+    """Return column of the record -> field of the row, from the mapping, otherwise by names."""
     mapping, fields = table.mapping, dict[str, Field]()
     for column in mapping.columns:
         if column not in COLUMNS:
@@ -141,7 +141,7 @@ def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
 
 
 def _by_unit(filled: list[Field], columns: tuple[str, ...]) -> dict[str, list[Field]]:
-    """The only three columns in a unit of these, whose names differ by x, y, z at the end: w_RS_S_x [rad s^-1]."""
+    """Return the only three columns in one of these units whose names end in x, y, z: w_RS_S_x [rad s^-1]."""
     triads: dict[str, dict[str, Field]] = {}
     for field in filled:
         if field.quantity == QUANTITY_OF[columns[0]]:
@@ -161,7 +161,7 @@ def _by_unit(filled: list[Field], columns: tuple[str, ...]) -> dict[str, list[Fi
 
 
 def _refuse_parts(table: UnderstoodTable, filled: list[Field], candidates: dict[str, list[Field]]) -> None:
-    """Refuse an angle whose minutes or seconds stand in a column of their own."""
+    """Refuse an angle whose minutes or seconds have a column of their own."""
     for column in ANGLES:
         if column not in candidates:
             continue
@@ -175,9 +175,9 @@ def _refuse_parts(table: UnderstoodTable, filled: list[Field], candidates: dict[
 
 
 def _readings_beside(table: UnderstoodTable, filled: list[Field], columns: set[str]) -> dict[str, Field]:
-    """Fields of the first of several readings of each accelerometer, side by side; the others become `beside`.
+    """Return the first field of several side-by-side readings of each accelerometer; the others become `beside`.
 
-    Whether columns with numbers are readings or sensors is asked where their names do not say it.
+    If the names do not tell, ask whether numbered columns are readings or sensors.
     """
     groups: dict[str, dict[int, Field]] = {column: {} for column in FORCE}
     units, texts, are_readings = set[str](), list[str](), True
@@ -204,7 +204,7 @@ def _readings_beside(table: UnderstoodTable, filled: list[Field], columns: set[s
 
 
 def _field_named(table: UnderstoodTable, column: str, name: str) -> Field:
-    """The field with a name, or with a number from 1."""
+    """Return the field with a name, or with a number from 1."""
     fields, spelled = table.fields, " ".join(name.split())
     for names in ([field.head.text for field in fields], [field.head.name for field in fields]):
         if name and names.count(spelled) == 1:
@@ -219,7 +219,7 @@ def _field_named(table: UnderstoodTable, column: str, name: str) -> Field:
 
 
 def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
-    """Decide the kind of record, and ask for those of its columns that are missing."""
+    """Decide the kind of record, and ask for its missing columns."""
     of_table = not fields.keys().isdisjoint(ANGLES)
     of_block = not fields.keys().isdisjoint(RATE + INCREMENT)
     columns = list(fields.values())
@@ -231,7 +231,7 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
             free.append(field.label)
     name = table.mapping.kind.replace(OPEN, "")
     if not name and not of_table and not of_block:
-        # two unknown columns can be angles alone, three gyros: which they are is asked below
+        # two unknown columns can be angles alone, three can be gyros: the question below decides
         angles = sum(field.quantity == ANGLE for field in table.fields)
         if "position" in fields or len(free) == 2 or angles == 2:
             name = POSITION.name
@@ -262,7 +262,7 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
 
 
 def _decide_marks(table: UnderstoodTable, fields: dict[str, Field]) -> None:
-    """Decide the decimal mark and that between thousands, from what the numbers prove."""
+    """Decide the decimal mark and the mark between thousands from numbers that prove them."""
     marks = Marks()
     for column, field in fields.items():
         if column not in (MOUNTING, DATE):
@@ -286,7 +286,7 @@ def _decide_marks(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     grouped = (marks.thousands | marks.doubtful).get(second)
     table.thousands = table.mapping.thousands
     if not table.thousands and grouped:
-        # who says what the decimal mark is was told what the other would be
+        # the question about the decimal mark also named the other mark
         if second not in marks.thousands and not answer and not table.is_asked("decimal"):
             decimal = next(iter(marks.decimal.values()), "others")
             table.ask("thousands", (second,), f"{grouped!r} beside {decimal!r}: are those thousands?")
@@ -297,7 +297,7 @@ def _decide_marks(table: UnderstoodTable, fields: dict[str, Field]) -> None:
 
 
 def _decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
-    """Decide what times come from: numbers, times of day, dates, sample numbers, or the order of the rows."""
+    """Decide the source of times: numbers, times of day, dates, sample numbers, or the order of the rows."""
     time, date = fields.get(TIMES), fields.get(DATE)
     if time is None and SAMPLE in fields and table.kind is not POSITION:
         _refuse_period(table, f"{fields[SAMPLE].label!r} counts samples")
@@ -324,7 +324,7 @@ def _decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
 
 
 def _ask_for_time(table: UnderstoodTable) -> None:
-    """Ask where times come from in a table without a column that is known to hold them."""
+    """Ask for the source of times in a table without a known column of times."""
     if table.mapping.time == "order" or table.is_asked("kind"):
         return
     _refuse_period(table, "no column is known as a time")
@@ -347,7 +347,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
 
 
 def _refuse_period(table: UnderstoodTable, where: str) -> None:
-    """Refuse a unit of time where there are no times: rows that count need their rate."""
+    """Refuse a unit of time if there are no times: counted rows need their rate."""
     answer = table.mapping.units.get(TIME, OPEN)
     if answer != OPEN and not is_rate(answer):
         advice = "give the rate, as '100 Hz', or the column of the time by columns.time_s=NAME"
@@ -355,7 +355,7 @@ def _refuse_period(table: UnderstoodTable, where: str) -> None:
 
 
 def _ask_of_integers(table: UnderstoodTable) -> None:
-    """Ask of counts near 0 and near 65535, and none between, whether they are signed."""
+    """Ask whether counts are signed if they are all near 0 or near 65535."""
     if table.mapping.integers not in ("", OPEN):
         return
     for column, origin in table.origins.items():
@@ -371,7 +371,7 @@ def _ask_of_integers(table: UnderstoodTable) -> None:
 
 
 def _decide_dates(table: UnderstoodTable, field: Field) -> None:
-    """Decide in which order day, month and year stand: asked where it matters for the times."""
+    """Decide the order of day, month and year; ask if it matters for the times."""
     texts: dict[str, None] = {}
     for _, row in table.sheet.rows(table.layout.first, table.layout.last or None):
         text = cell(row, field.place)
@@ -391,12 +391,12 @@ def _decide_dates(table: UnderstoodTable, field: Field) -> None:
         table.ask("dates", orders, f"what {differing[0]!r} is")
     table.settled["dates"] = answer or (orders[0] if orders else "")
     if not answer and len(orders) > 1 and not differing:
-        # all the same day: which it is does not matter
+        # all on the same day: the order does not matter
         table.notes.append("the order of day and month does not matter: all rows are of one day")
 
 
 def _origin(table: UnderstoodTable, column: str, field: Field) -> Origin:
-    """A column as far as its own head and the mapping say it."""
+    """Return a column's origin as far as its own head and the mapping define it."""
     is_name = column == MOUNTING or (column == "position" and _are_labels(field))
     source = table.mapping.of(column)
     beside = table.beside.get(column, ())
@@ -404,7 +404,7 @@ def _origin(table: UnderstoodTable, column: str, field: Field) -> Origin:
 
 
 def _are_labels(field: Field) -> bool:
-    """Whether positions are named and not numbered: P1, P2, ..., all alike but for their numbers."""
+    """Return True if positions have names instead of numbers: P1, P2, ..., alike except for their numbers."""
     patterns = set()
     for text in field.texts:
         patterns.add(re.sub(r"\d+", "0", text))
@@ -412,7 +412,7 @@ def _are_labels(field: Field) -> bool:
 
 
 def _decide_attitude(table: UnderstoodTable) -> None:
-    """Decide what a quaternion turns: asked for, but of a record's own columns."""
+    """Decide the direction of a quaternion; ask unless the columns are a record's own."""
     present = []
     for column in QUATERNION:
         if column in table.origins:
@@ -432,9 +432,9 @@ def _decide_attitude(table: UnderstoodTable) -> None:
 
 
 def _ask_of_words(table: UnderstoodTable) -> None:
-    """Ask of words in columns of numbers that are no usual words for a missing number, of all at once.
+    """Ask at once about all words in columns of numbers that are not usual words for a missing number.
 
-    Several that are numbers in another notation are refused: who left them out would lose those readings.
+    Refuses several numbers in another notation: leaving them out would lose readings.
     """
     if table.is_asked("decimal", "thousands"):
         return
@@ -461,7 +461,7 @@ def _ask_of_words(table: UnderstoodTable) -> None:
             if text in line_of and text not in words and _is_reading(table, line, places):
                 words[text] = f"row {line}, {origin.name!r}: {quoted(text)} is no number{_beside(table, text)}"
     if words:
-        # a comma stands between answers
+        # a comma separates answers
         answers = [text[:40] for text in words if "," not in text][:MOST_WORDS] or [next(iter(words))[:40]]
         rows = "such rows"
         if len(words) == 1:
@@ -470,7 +470,7 @@ def _ask_of_words(table: UnderstoodTable) -> None:
 
 
 def _refuse_notation(table: UnderstoodTable, origin: Origin, line_of: dict[str, int]) -> None:
-    """Refuse numbers of a column in another notation; `line_of` has its texts that are no numbers, the first last."""
+    """Refuse numbers of a column in another notation; `line_of` has its texts that are not numbers, the first last."""
     written = []
     for text in line_of:
         if NOTATION.search(text) and not text.startswith(COMMENT):
@@ -483,7 +483,7 @@ def _refuse_notation(table: UnderstoodTable, origin: Origin, line_of: dict[str, 
 
 
 def _is_reading(table: UnderstoodTable, line: int, places: list[int]) -> bool:
-    """Whether a row has a number in one of these fields, and is no comment."""
+    """Return True if a row has a number in one of these fields and is not a comment."""
     texts = next(texts for row, texts in table.rows if row == line)
     if texts[0].strip().startswith(COMMENT) and not table.is_marked:
         return False
@@ -497,7 +497,7 @@ def _beside(table: UnderstoodTable, text: str) -> str:
 
 
 def _decide_readings(table: UnderstoodTable) -> None:
-    """Decide whether rows at one position are readings of one rest: by their numbers, else asked where rows stand."""
+    """Decide whether rows at one position are readings of one rest, by their numbers; ask if rows are stationary."""
     mapping = table.mapping
     table.settled["readings"] = mapping.readings.replace(OPEN, "")
     if table.kind not in (POSITION, RAW) or mapping.kind == RAW.name or not table.origins.keys() >= set(ANGLES):

@@ -1,4 +1,4 @@
-"""A measured file from elsewhere made a record: read, understood, asked about, written with its mapping."""
+"""Import a measured file from elsewhere: read it, ask about it, write the record with its mapping."""
 
 from collections.abc import Mapping as AnyMapping
 from dataclasses import replace
@@ -49,13 +49,13 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 SHOWN = 3
-"""First rows that are shown as understood."""
+"""Number of first rows that are shown as understood."""
 LISTED = 8
-"""Lines of rows left out that are named."""
+"""Largest number of left-out lines that are listed."""
 
 
 class ImportedColumn(Result):
-    """A column of the record: its name, what it was called, the unit there, and its sign."""
+    """A column of the record: its name, its name and unit in the file, and its sign."""
 
     column: str
     source: str
@@ -64,31 +64,32 @@ class ImportedColumn(Result):
 
 
 class Imported(Result):
-    """A record made of a file from elsewhere: schema trihedron.import/1.
+    """A record made from a file from elsewhere: schema trihedron.import/1.
 
     Attributes
     ----------
     file, kind : str
-        the file, and the kind of record made of it
+        the file, and the kind of record made from it
     record_file, mapping_file : str or None
-        what was written
+        the written files
     rows, readings : int
         rows of the record, and rows of the file that they hold
     written_as : str
-        how the file is written: encoding, separator, decimal mark, lines of names and data
+        form of the file: encoding, separator, decimal mark, lines of names and data
     columns : tuple of ImportedColumn
+        the columns of the record
     left_out : tuple of str
-        columns that are not taken, and rows with why and their lines
+        unused columns, and left-out rows with reason and lines
     notes : tuple of str
-        what else was found
+        further remarks
     about : dict
-        what the lines around the table say, key -> text
+        the lines around the table, key -> text
     scatter_mps2 : tuple of float, or None
-        standard error of a mean of several readings, for each accelerometer
+        standard error of a mean of several readings, for each accelerometer [m/s²]
     first_rows : tuple of dict
-        as understood, in the record's units
+        the first rows as understood, in the record's units
     record : record
-        for the program alone
+        the record itself, in Python only
     """
 
     schema_: Literal["trihedron.import/1"] = Field(default="trihedron.import/1", alias="schema")
@@ -108,7 +109,7 @@ class Imported(Result):
     record: Any = Field(default=ABSENT, exclude=True)
 
     def to_polars(self) -> "DataFrame":
-        """The record as a table; an empty one where the result came back from its JSON."""
+        """Return the record as a table; an empty table if the result was read from its JSON."""
         import polars as pl
 
         if self.record is None:
@@ -119,10 +120,10 @@ class Imported(Result):
 def make_record(
     file: Path, *, out: Path | None = None, mapping: Path | None = None, answers: AnyMapping[str, str] | None = None
 ) -> Imported:
-    """Make a record of a measured file from elsewhere; `trihedron.import_record` says more.
+    """Make a record of a measured file from elsewhere; see `trihedron.import_record`.
 
-    An InputError where something has to be said first: it names every option that would, and the mapping beside `out`
-    is written with a line to fill in for each.
+    Raises InputError if something is unclear. The message lists all options that answer it, and the mapping beside
+    `out` is written with a line to fill in for each.
     """
     mapping_file = None
     if out is not None:
@@ -157,14 +158,14 @@ def make_record(
 
 
 def mapping_beside(out: Path) -> Path:
-    """The path of the mapping of a record."""
+    """Return the path of a record's mapping."""
     if out.suffix.lower() != ".csv":
         raise InputError(f"--out {out}: records are written as CSV; give a name that ends with .csv")
     return out.with_name(f"{out.stem}.import.toml")
 
 
 def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
-    """The sheets of a file that may be meant: a text is one, of a workbook that which is given or all with a table."""
+    """Return the candidate sheets of a file: one for a text; for a workbook the given one, or all with a table."""
     content = bytes_of(file, "a measured file is needed", most=LARGEST)
     if not content:
         raise InputError(f"{file}: is empty; a table of measured data is needed")
@@ -189,7 +190,7 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
 
 
 def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *, is_own: bool) -> InputError:
-    """The questions of a table in one line; the mapping to fill in is written, unless a person gave that file."""
+    """Return the questions about a table in one line; write the mapping to fill in unless the user gave that file."""
     count = len(table.questions)
     unknown = "one thing is"
     if count != 1:
@@ -205,7 +206,7 @@ def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *,
 
 
 def _first_rows_as_written(table: UnderstoodTable) -> list[str]:
-    """The names and the first rows of the file, for the end of a mapping."""
+    """Return the names and the first rows of the file, for the end of a mapping."""
     names = [head.text for head in table.layout.headings]
     lines = [f"{table.sheet.path.name}, {table.sheet.about}; its first rows:", " | ".join(names)]
     for _, texts in table.rows[:SHOWN]:
@@ -214,7 +215,7 @@ def _first_rows_as_written(table: UnderstoodTable) -> list[str]:
 
 
 def _about(table: UnderstoodTable, conversion: Conversion, file: Path) -> dict[str, str]:
-    """The comment lines of the record: the file's remarks, and what its numbers cannot say any more."""
+    """Return the comment lines of the record: the file's remarks, and facts that its numbers no longer show."""
     about = {"imported from": file.name, **table.layout.remarks}
     for unit, size in conversion.resolution.items():
         about[f"resolution_{unit}"] = upwards(size, 3)
@@ -227,7 +228,7 @@ def _about(table: UnderstoodTable, conversion: Conversion, file: Path) -> dict[s
 
 
 def _range_of_readings(conversion: Conversion) -> str:
-    """The fewest and the most readings of a rest."""
+    """Return the smallest and the largest number of readings of a rest."""
     assert conversion.readings is not None
     low, high = int(conversion.readings.min()), int(conversion.readings.max())
     if low == high:
@@ -293,7 +294,7 @@ def _imported(
 
 
 def _imported_column(table: UnderstoodTable, column: str) -> ImportedColumn:
-    """A column of the record as the file has it; the unit is the column's own, that of its quantity, or its head's."""
+    """Return a column of the record with its form in the file; the unit is its own, its quantity's, or its head's."""
     origin, source = table.origins[column], table.mapping.of(column)
     quantity = ""
     if origin.unit is not None:

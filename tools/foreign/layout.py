@@ -1,6 +1,6 @@
-"""Where the table stands in a sheet: lines of names and units, first and last row of data, lines around it.
+"""Find the table in a sheet: lines of names and units, first and last row of data, lines around it.
 
-Tables of two other shapes are made upright first: a column for each position, and a block with a heading for each rest.
+Two other shapes are made upright first: a column for each position, and a block with a heading for each rest.
 """
 
 import re
@@ -17,17 +17,17 @@ from .numbers import bare, has_degree_mark, is_missing, known_unit, parsed_numbe
 from .sheet import LOOKED_AT, Row, Sheet, cell, has_text, is_data, is_value, is_word
 
 TAIL = 300
-"""Lines at the end of a file among which the last row of data is looked for."""
+"""Number of lines at the end of a file that are searched for the last row of data."""
 COMMENT = ("#", "%", "//")
-"""Marks before a comment, or a line of names, that are no name."""
+"""Marks before a comment or a line of names that are not part of it."""
 MOST_REMARKS = 60
-"""Lines around the table that are kept."""
+"""Largest number of lines around the table that are kept."""
 LONGEST_REMARK = 300
-"""Characters of such a line that are kept."""
+"""Largest number of characters that are kept of such a line."""
 OF_A_REST = (POSITION, *ANGLES, TEMPERATURE, TIMES, DATE)
-"""Columns that the heading of a block may state for a rest."""
+"""Columns that the heading of a block may give for a rest."""
 LEAST_BLOCKS = 2
-"""Fewer headings with angles are lines around a table."""
+"""Smallest number of headings with angles that make blocks; fewer are lines around a table."""
 _PAIR = re.compile(
     r"(?P<name>[^\W\d_][^=:,;\d]*?)\s*[=:]?\s*(?P<value>[+-]?\d+(?:[.,]\d+)?)"
     r"(?:\s*(?P<unit>°C?|(?:deg|degC|rad|mrad|gon|arcmin|arcsec|C|K|s|ms|min|h)\b))?(?![\w.,°'′:]*\s?[\d'′\"])"
@@ -36,9 +36,9 @@ _PAIR = re.compile(
 
 @dataclass(frozen=True)
 class SheetLayout:
-    """Lines of a table, as an editor counts; `names` and `units` are 0 where there are none, `last` 0 for the end.
+    """Lines of a table, as an editor counts; `names` and `units` are 0 if there are none, `last` is 0 for the end.
 
-    `headings` are those of its fields, in their order, `looked_at` its first rows, `remarks` key -> text of the lines
+    `headings` are those of its fields in their order, `looked_at` its first rows, `remarks` key -> text of the lines
     around it; a line without a key is "remark", "remark 2".
     """
 
@@ -52,7 +52,10 @@ class SheetLayout:
 
 
 def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
-    """Find the table of a sheet; an InputError where there is none."""
+    """Find the table of a sheet.
+
+    Raises InputError if there is none.
+    """
     head = list(islice(sheet.rows(), LOOKED_AT))
     first = _first_data(sheet, head, mapping)
     above = []
@@ -79,7 +82,7 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
             _refuse_fields(sheet, (names, len(cells)), (first, fields))
         cells = cells[1:]
     if mapping.names < 0 and sheet.separator == "blanks" and len(cells) > width:
-        # words of a sentence: which stands over which field cannot be known
+        # words of a sentence do not show which field they belong to
         names, cells = 0, []
     if names and len(cells) < width:
         _refuse_fields(sheet, (names, len(cells)), (first, width))
@@ -109,7 +112,7 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
 
 
 def has_table(sheet: Sheet, mapping: Mapping) -> bool:
-    """Whether a sheet has rows of data."""
+    """Return True if a sheet has rows of data."""
     try:
         _first_data(sheet, list(islice(sheet.rows(), LOOKED_AT)), mapping)
     except InputError:
@@ -118,12 +121,12 @@ def has_table(sheet: Sheet, mapping: Mapping) -> bool:
 
 
 def _width(texts: Sequence[str]) -> int:
-    """Fields up to the last that is not empty."""
+    """Return the number of fields up to the last non-empty one."""
     return max((k for k, text in enumerate(texts, 1) if text.strip()), default=0)
 
 
 def _first_data(sheet: Sheet, head: Sequence[Row], mapping: Mapping) -> int:
-    """The first row of the longest stretch of data."""
+    """Return the first row of the longest stretch of data."""
     if mapping.first > 0:
         stated = mapping.first
     else:
@@ -154,14 +157,14 @@ def _first_data(sheet: Sheet, head: Sequence[Row], mapping: Mapping) -> int:
 
 
 def _names_row(above: Sequence[Row], units: int, width: int) -> int:
-    """The nearest row above the data that has names: two thirds as many words as there are fields; 0 without one."""
+    """Return the nearest row of names above the data (words in two thirds of its fields); 0 if there is none."""
     lines = dict(above)
     line = next((line for line in reversed(lines) if line != units), 0)
     over = lines.get(line - 1, [])
     words = names = 0
     for place, text in enumerate(lines.get(line, [])):
         words += is_word(text)
-        # names may stand in two lines, each of which is short
+        # names may take two lines, each of which is short
         names += is_word(text) or not is_missing(cell(over, place))
     if words >= 3 and names >= width // 2:
         return line
@@ -169,9 +172,9 @@ def _names_row(above: Sequence[Row], units: int, width: int) -> int:
 
 
 def _groups(above: Sequence[str], count: int) -> list[str]:
-    """Texts of the line above the names over each field, to the right as far as that line is empty.
+    """Return the texts of the line above the names for each field; each extends to the right over empty fields.
 
-    A single text at the left is a title, and no name of columns.
+    A single text at the left is a title, not a name of columns.
     """
     texts = [text.strip() for text in above]
     if sum(map(bool, texts)) < 2 and not any(texts[1:]):
@@ -183,7 +186,7 @@ def _groups(above: Sequence[str], count: int) -> list[str]:
 
 
 def _heading(group: str, text: str, unit: str) -> Heading:
-    """The head of a column, with the text above it, and the unit from the row of units."""
+    """Return the head of a column, with the text above it, and the unit from the row of units."""
     alone = _with_unit(heading(text), unit)
     if not group:
         return alone
@@ -194,7 +197,7 @@ def _heading(group: str, text: str, unit: str) -> Heading:
 
 
 def _with_unit(head: Heading, unit: str) -> Heading:
-    """A head with the text below it: its unit, or the second line of its name ("x [g]" below "Acc")."""
+    """Return a head with the text below it: its unit, or the second line of its name ("x [g]" below "Acc")."""
     unit = unit.strip()
     if not unit or unit in NOTHING or head.unit:
         return head
@@ -209,7 +212,7 @@ def _with_unit(head: Heading, unit: str) -> Heading:
 
 
 def _unit_in(rows: Sequence[Row], place: int) -> str:
-    """The unit behind the first number of a column; "" where there is none."""
+    """Return the unit behind the first number of a column; "" if there is none."""
     text = next((cell(texts, place) for _, texts in rows if not is_missing(cell(texts, place))), "")
     if has_degree_mark(text) or (parsed_number(bare(text), ".") is None and parsed_number(bare(text), ",") is None):
         return ""
@@ -220,7 +223,7 @@ def _unit_in(rows: Sequence[Row], place: int) -> str:
 
 
 def _refuse_fields(sheet: Sheet, names: tuple[int, int], readings: tuple[int, int]) -> None:
-    """Refuse a table whose names may stand over other fields, by the lines and counts of both."""
+    """Refuse a table whose names may belong to other fields, with the lines and counts of both."""
     what = f"{sheet.path}: row {readings[0]} has {readings[1]} fields where row {names[0]} has {names[1]} names"
     if sheet.separator == "," and names[1] < readings[1]:
         what += ": decimal commas between commas cannot be told apart; save it with semicolons between the fields"
@@ -229,7 +232,7 @@ def _refuse_fields(sheet: Sheet, names: tuple[int, int], readings: tuple[int, in
 
 
 def _last_data(sheet: Sheet, first: int) -> int:
-    """The last row of data where words stand below it, else 0."""
+    """Return the last row of data if words follow it, else 0."""
     count = len(sheet.cells if sheet.cells is not None else sheet.lines)
     tail = list(sheet.rows(max(first, count - TAIL)))
     lines = []
@@ -242,7 +245,7 @@ def _last_data(sheet: Sheet, first: int) -> int:
 
 
 def _remarks(rows: Sequence[Row]) -> dict[str, str]:
-    """The lines around a table as key and text: "Serial number: A-17", "Operator;Meier"; others are remarks."""
+    """Return the lines around a table as key and text: "Serial number: A-17", "Operator;Meier"; others are remarks."""
     remarks: dict[str, str] = {}
     for _, texts in rows[:MOST_REMARKS]:
         parts = []
@@ -272,9 +275,9 @@ def _printable(text: str) -> str:
 
 
 def upright(sheet: Sheet) -> Sheet:
-    """A sheet with a row for each reading, whatever its shape; one that has such rows as it is.
+    """Return a sheet with a row for each reading, unchanged if it has this shape already.
 
-    In one with a block for each rest rows keep their lines; one that lies on its side has its columns as rows.
+    Rows of a sheet with a block for each rest keep their lines; columns of a table on its side become rows.
     """
     head = list(islice(sheet.rows(), LOOKED_AT))
     if len(head) < LOOKED_AT:
@@ -283,7 +286,7 @@ def upright(sheet: Sheet) -> Sheet:
 
 
 def _turned(sheet: Sheet, rows: list[Row]) -> Sheet | None:
-    """A table with names at the left and a column for each position, turned; None where it is none."""
+    """Turn a table with names at the left and a column for each position; return None for any other table."""
     row_of: dict[str, int] = {}
     for k, (_, texts) in enumerate(rows):
         filled = []
@@ -317,9 +320,9 @@ def _turned(sheet: Sheet, rows: list[Row]) -> Sheet | None:
 
 
 def _flat(sheet: Sheet, rows: list[Row]) -> Sheet | None:
-    """A table in blocks, each with a heading that says the angles, as one; None where it is none.
+    """Join blocks, each with a heading that gives the angles, to one table; return None for any other table.
 
-    An InputError where a block has no heading: nothing says to which rest its readings belong.
+    Raises InputError if a block has no heading: its readings belong to an unknown rest.
     """
     readings: list[tuple[int, dict[str, tuple[str, str]], list[str]]] = []
     rest: dict[str, tuple[str, str]] = {}
@@ -330,7 +333,7 @@ def _flat(sheet: Sheet, rows: list[Row]) -> Sheet | None:
         if not measured:
             pairs = _pairs(texts)
         if is_inside and (not measured or line > before + 1):
-            # a block ends, and its heading does not hold below
+            # a block ends, and its heading does not apply below it
             rest, is_inside = {}, False
         if pairs:
             rest |= pairs
@@ -371,7 +374,7 @@ def _names_of(rest: dict[str, tuple[str, str]]) -> dict[str, str]:
 
 
 def _pairs(texts: list[str]) -> dict[str, tuple[str, str]]:
-    """Column of the record -> name, with its unit, and value: of "alpha = 20 deg" or "alpha [°];20"."""
+    """Return column of the record -> name, with its unit, and value: of "alpha = 20 deg" or "alpha [°];20"."""
     column_of: dict[str, tuple[str, str]] = {}
     cells = []
     for text in texts:

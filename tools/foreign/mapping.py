@@ -1,4 +1,4 @@
-"""What a file from elsewhere means, as a file that a person can fill in and use again: `RECORD.import.toml`."""
+"""The meaning of a file from elsewhere, as a file to fill in and reuse: `RECORD.import.toml`."""
 
 import json
 import tomllib
@@ -17,29 +17,29 @@ from ..result import Section, checked_sections, read_sections
 
 SCHEMA = "trihedron.mapping/1"
 OPEN = "?"
-"""What stands for an answer in a mapping until a person gives it."""
+"""Placeholder for an open answer in a mapping."""
 LARGEST = 1_000_000
-"""Bytes of a mapping that is read."""
+"""Largest mapping that is read [bytes]."""
 _MARK = "# as proposed: "
 _USUAL = (("unit", ""), ("sign", 1), ("offset", 0.0), ("positive", ""), ("beside", []))
-"""What a source has where nothing is said."""
+"""Defaults of a source."""
 
 
 class ColumnSource(Section):
-    """Where a column of the record is taken from.
+    """Source of a column of the record.
 
     Attributes
     ----------
     source : str
-        name of the column in the file, or its number from 1 ("from" in a file); "" where its name is understood
+        name of the column in the file, or its number from 1 ("from" in a file); "" if its name is understood
     unit : str
-        where it has another than the other columns of its quantity
+        its unit, if it differs from the other columns of its quantity
     sign : int
-        -1 turns it round
+        -1 reverses the sign
     offset : float
-        taken off first, in the file's unit
+        subtracted first, in the file's unit
     positive : str
-        CW or CCW, E or W, N or S, L or R: which of the marks behind numbers counts as positive
+        CW or CCW, E or W, N or S, L or R: the mark behind numbers that counts as positive
     beside : list of str
         columns with further readings of the same rest
     """
@@ -55,36 +55,36 @@ class ColumnSource(Section):
 
 
 class Mapping(Section):
-    """How a file is written and what its columns are; what is "?" is not known yet, and "" needs no answer.
+    """The format of a file and the meaning of its columns; "?" is still open, and "" needs no answer.
 
     Attributes
     ----------
     kind : str
         position record, raw record or strapdown record
     sheet, encoding, separator : str
-        which table of a workbook; how a text is written
+        sheet of a workbook; encoding and separator of a text
     decimal, thousands : str
         marks in numbers
     names, units_row, first, last : int
         lines, as an editor counts: of the names, of the units (0: none), of the first and last data (last 0: the end)
     dates, clock : str
-        day-first, month-first or year-first; what a time of two parts is, h:m or m:s
+        day-first, month-first or year-first; meaning of a time of two parts, h:m or m:s
     readings : str
         several rows at one position: "average" them, or "each" is a rest
     beside : str
-        columns that are alike but for a number: "average" readings of one rest, or "none": they are other sensors
+        columns that differ only by a number: "average" readings of one rest, or "none": they are other sensors
     incomplete : str
-        "leave out" rows with an empty cell, where they are many
+        "leave out" rows with an empty cell, if they are many
     attitude : str
-        body to reference, reference to body, or none: what a quaternion turns
+        direction of a quaternion: body to reference, reference to body, or none
     time : str
-        "order": no time was written, rows count as 1 s apart
+        "order": no times were written, rows count as 1 s apart
     integers : str
-        what large counts are: "signed 16" (two's complement of 16 bits), 24, 32, or "unsigned"
+        meaning of large counts: "signed 16" (two's complement of 16 bits), 24, 32, or "unsigned"
     clock_changes : str
-        hours by which local times jump are "corrected", or "none" of them is a change of the clock
+        jumps of local times by an hour: "corrected", or "none" is a change of the clock
     missing : tuple of str
-        texts that say that nothing was measured, beside the usual
+        further texts for a missing measurement
     units : dict
         quantity (force, rate, angle, time, temperature) -> unit, or a sensitivity as "16384 LSB/g"
     columns : dict
@@ -116,7 +116,7 @@ class Mapping(Section):
     columns: dict[str, ColumnSource | str] = Field(default_factory=dict)
 
     def of(self, column: str) -> ColumnSource:
-        """The source of a column; one without a name where a person gave none."""
+        """Return the source of a column; one without a name if the user gave none."""
         source = self.columns.get(column, OPEN)
         if isinstance(source, str):
             return ColumnSource.model_validate({"from": "" if source == OPEN else source})
@@ -125,7 +125,7 @@ class Mapping(Section):
 
 @dataclass(frozen=True)
 class Question:
-    """What a file does not say: the key of the mapping, answers that can be given, and why it is asked."""
+    """A fact that a file leaves open: the key of the mapping, possible answers, and the reason for the question."""
 
     key: str
     answers: tuple[str, ...]
@@ -137,12 +137,12 @@ class Question:
 
 
 def plural(count: int, noun: str) -> str:
-    """A number and its noun: "1 row", "2 rows"."""
+    """Return a number and its noun: "1 row", "2 rows"."""
     return f"{count} {noun}{'s' * (count > 1)}"
 
 
 def printable(text: str) -> str:
-    """A text in one line, whatever names and cells of others have."""
+    """Return a text in one line without control characters, for foreign names and cells."""
     characters = []
     for character in text:
         if not character.isprintable():
@@ -152,7 +152,7 @@ def printable(text: str) -> str:
 
 
 def shell_word(text: str) -> str:
-    """A word as it can be typed at a shell."""
+    """Return a word quoted for a shell."""
     plain = all(c.isalnum() or c in "=.,/+-_:%@" for c in text)
     if plain:
         return text
@@ -160,7 +160,10 @@ def shell_word(text: str) -> str:
 
 
 def read_mapping(path: Path) -> dict[str, Any]:
-    """What a mapping file says, checked field by field; an InputError names the field, or the line that is no TOML."""
+    """Return the content of a mapping file, checked field by field.
+
+    Raises InputError with the field, or with the line that is not TOML.
+    """
     content = bytes_of(path, "a mapping (.toml) is needed")
     if len(content) > LARGEST:
         raise InputError(f"{path}: is larger than {LARGEST} bytes; a mapping is needed")
@@ -169,7 +172,10 @@ def read_mapping(path: Path) -> dict[str, Any]:
 
 
 def with_answers(content: AnyMapping[str, Any], answers: AnyMapping[str, str]) -> Mapping:
-    """A mapping with answers put in: dotted key -> text; an InputError names the answer that cannot be."""
+    """Return a mapping with answers (dotted key -> text) filled in.
+
+    Raises InputError with the answer that is impossible.
+    """
     filled = json.loads(json.dumps(dict(content)))
     for key, text in answers.items():
         option = f"--set {key}={text}"
@@ -216,7 +222,7 @@ def _put_inside(section: dict[str, Any], name: str, inner: str, value: Any, opti
 
 
 def mapping_text(mapping: Mapping, questions: Sequence[Question], notes: Sequence[str]) -> str:
-    """A mapping as the text of its file: open keys with their answers, `notes` as comments at the end."""
+    """Return the text of a mapping's file: open keys with their answers, `notes` as comments at the end."""
     open_keys = {question.key: question for question in questions}
     lines = ["# What a file means to Trihedron: edit what is wrong, and use it again with --mapping."]
     if questions:
@@ -249,7 +255,7 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
-    """A value as TOML has it."""
+    """Return a value in TOML."""
     if isinstance(value, AnyMapping):
         fields = {}
         for key, inner in value.items():
@@ -263,12 +269,12 @@ def _value(value: Any) -> str:
         return "{ " + ", ".join(pairs) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_value, value)) + "]"
-    # TOML and JSON write strings and numbers alike, but for one character
+    # TOML and JSON write strings and numbers alike, except for one character
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def refuse_edited(path: Path) -> None:
-    """Refuse to write over a mapping that a person has edited: it is to be used, or to be removed."""
+    """Refuse to overwrite a mapping that a person has edited: use it, or remove it."""
     try:
         if not path.exists():
             return

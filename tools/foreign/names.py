@@ -1,6 +1,6 @@
-"""Heads of columns: name and unit apart, and the column of a record that a name means.
+"""Heads of columns: name and unit apart, and the record's column that a name means.
 
-A name that could mean two columns means none: the person who knows is asked.
+A name with two possible meanings has none: the user is asked.
 """
 
 import re
@@ -28,9 +28,9 @@ from .numbers import (
 
 POSITION, TIMES, DATE, SAMPLE = "position", "time_s", "date", "sample"
 QUANTITY_OF: dict[str, str] = {}
-"""Column of a record -> quantity of its unit; columns without a unit are left out."""
+"""Column of a record -> quantity of its unit, without columns that have no unit."""
 OWN_UNIT: dict[str, str] = {}
-"""Column of a record -> unit that its name states."""
+"""Column of a record -> unit in its name."""
 for _columns, _quantity, _unit in (
     ((TIMES,), TIME, "s"),
     ((SAMPLE,), TIME, ""),
@@ -45,13 +45,13 @@ for _columns, _quantity, _unit in (
     OWN_UNIT |= dict.fromkeys(_columns, _unit)
 
 NOTHING = ("-", "--", "#")
-"""Texts in a row of units that name no unit."""
+"""Texts in a row of units that are not units."""
 _FILLERS = (
     "angle winkel axis achse encoder enc drehtisch table tisch reading readings actual ist istwert raw roh rohwert "
     "measured gemessen mean mittel mittelwert avg average sensor signal output ausgang imu value wert угол ось axe "
     "field"
 )
-"""Words of heads that say nothing of the column."""
+"""Words of heads that carry no meaning for the column."""
 _AXES = {
     ANGLES[0]: "alpha α outer aussen aussenachse aussenwinkel aussere ausserer exterieur externe внешнии внешняя альфа",
     ANGLES[1]: "beta β inner innen innenachse innenwinkel innere innerer interieur interne внутреннии внутренняя бета",
@@ -92,7 +92,7 @@ _PATTERNS = (
     ),
     (DATE, ("",), r"date|datum|дата"),
 )
-"""Columns, the quantities that the unit of a head may have ("": none is known), and their names, in order."""
+"""Columns, the quantities that the unit of a head may have ("": unknown), and their names, in order."""
 _NAMED_BY_UNIT: dict[str, str] = dict.fromkeys(("seconds", "sec", "secs"), "s")
 """Names of times that are their units."""
 for _unit, _names in (("ms", "ms msec millis milliseconds"), ("us", "us μs usec micros microseconds")):
@@ -110,10 +110,10 @@ _BESIDE = re.compile(r"^(?P<name>.*?)(?:\s+/\s*|\s+in\s+|\s*,\s*|\s*/\s*(?=\S+$)
 
 @dataclass(frozen=True)
 class Heading:
-    """A column's head as it is written, name and unit apart, and the record's column that it means ("" for none).
+    """A column's head as written, name and unit apart, and the record's column that it means ("" for none).
 
-    Of several columns that mean one, with numbers, `numbered` is the record's column, `number` that of this one, and
-    `reading` whether the name says that readings are counted, and not sensors.
+    If several numbered columns mean one, `numbered` is the record's column and `number` is this column's number.
+    `reading` is True if the name counts readings instead of sensors.
     """
 
     text: str
@@ -126,7 +126,7 @@ class Heading:
 
     @property
     def means_column(self) -> bool:
-        """Whether the head means a column of a record, alone or as one of several."""
+        """True if the head means a column of a record, alone or as one of several."""
         return bool(self.column or self.numbered)
 
 
@@ -137,7 +137,7 @@ def heading(text: str) -> Heading:
         return Heading(text, text, OWN_UNIT.get(text, ""), text)
     if text.casefold() in _NAMED_BY_UNIT:
         return Heading(text, text, _NAMED_BY_UNIT[text.casefold()], TIMES)
-    # gyro[0] is numbered, and has no unit 0
+    # gyro[0] has a number, not the unit 0
     plain = re.sub(r"\[(\d)\]", r" \1", text)
     for name, unit in _splits(plain):
         head = of_name(text, name, unit)
@@ -147,7 +147,7 @@ def heading(text: str) -> Heading:
 
 
 def from_one(headings: Sequence[Heading]) -> tuple[Heading, ...]:
-    """Count channels from 1 where they are counted from 0: gyro0, gyro1, gyro2 as channels 1 to 3."""
+    """Renumber channels that are counted from 0: gyro0, gyro1, gyro2 become channels 1 to 3."""
     counted: dict[tuple[str, str], dict[int, int]] = {}
     for place, head in enumerate(headings):
         stem = re.fullmatch(r"(.*?[^\d.,]) ?([0-9])", normal(head.name))
@@ -159,7 +159,7 @@ def from_one(headings: Sequence[Heading]) -> tuple[Heading, ...]:
             continue
         for number, place in places.items():
             head = headings[place]
-            # four and more that are counted from 0 are not three channels
+            # four or more that are counted from 0 are not three channels
             name = ""
             if places.keys() == {0, 1, 2}:
                 name = f"{stem} {number + 1}"
@@ -168,7 +168,7 @@ def from_one(headings: Sequence[Heading]) -> tuple[Heading, ...]:
 
 
 def of_name(text: str, name: str, unit: str) -> Heading:
-    """The head of a column whose name and unit are known apart."""
+    """Return the head of a column whose name and unit are known apart."""
     stated = None
     if unit:
         stated = known_unit(unit)
@@ -187,7 +187,7 @@ def of_name(text: str, name: str, unit: str) -> Heading:
 
 
 def joined_head(above: str, below: str) -> str:
-    """A head in two lines as one: "Acc [g]" above "x" is "Acc x [g]", "Time" above "s" is "Time [s]"."""
+    """Join a head of two lines: "Acc [g]" above "x" is "Acc x [g]", "Time" above "s" is "Time [s]"."""
     above, below = above.strip(), below.strip()
     if not above or not below:
         return above or below
@@ -203,7 +203,7 @@ def joined_head(above: str, below: str) -> str:
 
 
 def _splits(text: str) -> list[tuple[str, str]]:
-    """Ways to split a head into name and unit, in the order in which they are tried; brackets hold a unit always."""
+    """Return the ways to split a head into name and unit, in order of trial; brackets always hold a unit."""
     bracket = _BRACKET.match(text)
     if bracket and bracket["name"]:
         return [(bracket["name"], bracket["unit"])]
@@ -228,7 +228,7 @@ def _splits(text: str) -> list[tuple[str, str]]:
 
 
 def gyro_of(head: Heading) -> str:
-    """The gyro that "gx" means beside accelerometers; "" where it means none."""
+    """Return the gyro that "gx" means beside accelerometers; "" if it means none."""
     axis = re.fullmatch(r"g ?([xyz])", normal(head.name))
     unit = known_unit(head.unit)
     if axis is None or (unit is not None and not unit.raw):
@@ -237,14 +237,14 @@ def gyro_of(head: Heading) -> str:
 
 
 def normal(text: str) -> str:
-    """A name in small letters without accents, with blanks between its words."""
+    """Return a name in lower case without accents, with blanks between its words."""
     text = unicodedata.normalize("NFKD", text.replace("°", "\0")).casefold().replace("ß", "ss").replace("\0", "°")
     text = "".join(c for c in text if not unicodedata.combining(c))
     return " ".join(re.sub(r"[_.\-/:\s#%]+", " ", text).split())
 
 
 def column_of(name: str, unit: LaboratoryUnit | None) -> str:
-    """The record's column that a name means, with its unit where that is known; "" where it is not clear."""
+    """Return the record's column that a name means, with its unit if that is known; "" if it is not clear."""
     if unit is None or unit.raw:
         quantity = ""
     else:
@@ -272,7 +272,7 @@ def column_of(name: str, unit: LaboratoryUnit | None) -> str:
 
 
 def _triad(words: list[str], quantity: str) -> str:
-    """The channel of three that words name: "acc x", "ax", "gyro 2", "x" with a unit of specific force."""
+    """Return the channel of three that words name: "acc x", "ax", "gyro 2", "x" with a unit of specific force."""
     if len(words) == 1:
         channel = re.fullmatch(rf"(?P<stem>{_STEMS}|g)?(?P<axis>[xyz123])", words[0])
         if channel is None:
@@ -290,7 +290,7 @@ def _triad(words: list[str], quantity: str) -> str:
         stem = " ".join(words)
     place = "xyz123".index(axis) % 3
     if stem in ("", "g", "channel", "kanal", "ch"):
-        # the unit alone says what such a name means
+        # only the unit gives such a name a meaning
         if quantity in (FORCE, RATE):
             return {FORCE: FORCES, RATE: RATES}[quantity][place]
         return ""
@@ -303,7 +303,7 @@ def _triad(words: list[str], quantity: str) -> str:
 
 
 def is_unit_row(texts: list[str]) -> bool:
-    """Whether a row holds the units of the columns."""
+    """Return True if a row holds the units of the columns."""
     filled = units = 0
     for text in texts:
         if text.strip() and text.strip() not in NOTHING:

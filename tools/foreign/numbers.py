@@ -1,10 +1,10 @@
-"""Numbers, angles, dates, times of day and units as laboratories write them, and what their marks prove.
+"""Numbers, angles, dates, times of day and units as laboratories write them, and the marks that they prove.
 
-"1,234" may be one and a bit or a thousand and a bit, "01.02.2026" February or January: each text counts for what it
-proves, and never for what is likelier.
+"1,234" may be about one or about a thousand, "01.02.2026" February or January. Each text counts only as proof, never as
+a probability.
 
-A unit is a quantity and a line: what a record has is factor × number + offset. What a converter gave (volts, counts)
-needs a sensitivity beside it, as "16384 LSB/g" or "0.5 g/V".
+A unit is a quantity and a linear conversion: value in the record = factor × number + offset. Output of a converter
+(volts, counts) needs a sensitivity, such as "16384 LSB/g" or "0.5 g/V".
 """
 
 import math
@@ -19,9 +19,9 @@ from ...fmus.units import STANDARD_GRAVITY
 MISSING = frozenset(
     ("", "n/a", "#n/a", "n.a.", "na", "nan", "#nv", "#na", "k.a.", "null", "none", "-", "--", "---", "–", "—", "...")
 )
-"""Texts of a cell where nothing was measured, in small letters."""
+"""Texts of a cell without a measurement, in lower case."""
 BLANKS = "\u00a0\u2009\u202f '’"
-"""Marks between groups of three digits that can be nothing else."""
+"""Marks that can only separate groups of three digits."""
 
 _NUMERIC = re.compile(rf"[+-]?[\d.,{BLANKS}]*\d[\d.,{BLANKS}]*(?:[eE][+-]?\d+)?")
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,2})?", re.ASCII)
@@ -40,15 +40,15 @@ _YEAR_LAST = re.compile(r"([^\W\d_]{3,9}) +(\d{1,2}) +(\S+:\S+) +(\d{4})")
 _BEFORE_CLOCK = re.compile(r"(?<=\d)[T\s,;]+(?=\d+:)")
 MONTHS = ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
 ORDERS = {"day-first": (2, 1, 0), "month-first": (2, 0, 1), "year-first": (0, 1, 2)}
-"""Places of year, month and day in a date of three numbers."""
+"""Indices of year, month and day in a date of three numbers."""
 
 
 class Typed(str):
-    """The text of a number from a cell of a workbook that holds a number: its marks are beyond doubt."""
+    """The text of a number from a numeric cell of a workbook: its marks are certain."""
 
 
 def is_missing(text: str, also: Iterable[str] = ()) -> bool:
-    """Whether a cell says that nothing was measured; `also`: further texts that say so."""
+    """Return True if a cell marks a missing measurement; `also`: further texts with this meaning."""
     if text[:1].isdigit() and not also:
         return False
     return text.strip().casefold() in MISSING or text.strip() in also
@@ -56,7 +56,7 @@ def is_missing(text: str, also: Iterable[str] = ()) -> bool:
 
 @dataclass
 class Marks:
-    """Decimal marks and marks between thousands that the numbers of a file prove, each with a cell that does."""
+    """Decimal marks and marks between thousands that the numbers of a file prove, each with a cell as proof."""
 
     decimal: dict[str, str] = field(default_factory=dict)
     thousands: dict[str, str] = field(default_factory=dict)
@@ -88,9 +88,9 @@ class Marks:
 
 
 def parsed_number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
-    """A finite number; None where the text is none.
+    """Return a finite number; None if the text is not a number.
 
-    Blanks and apostrophes between groups of three digits are passed over, and `thousands` where it is given.
+    Ignores blanks, apostrophes and `thousands` between groups of three digits.
     """
     if isinstance(text, Typed):
         return float(text)
@@ -98,7 +98,7 @@ def parsed_number(text: str, decimal: str = ".", thousands: str = "") -> float |
     if _PLAIN.fullmatch(plain):
         return float(plain)
     text = re.sub(r"^([+-]) (?=[\d.,])", r"\1", text.strip().replace("−", "-"))
-    # as Fortran writes exponents
+    # Fortran's exponents
     text = re.sub(r"(?<=[\d.,])[dD](?=[+-]?\d{1,3}$)", "e", text)
     between = BLANKS + thousands
     if any(mark in text for mark in between):
@@ -116,7 +116,7 @@ def parsed_number(text: str, decimal: str = ".", thousands: str = "") -> float |
 
 
 def _with_point(text: str, decimal: str) -> str:
-    """A number with a decimal point; "" where it has a point that is no decimal mark."""
+    """Return a number with a decimal point; "" if it has a point that is not a decimal mark."""
     if decimal == ".":
         return text
     if "." in text:
@@ -125,7 +125,7 @@ def _with_point(text: str, decimal: str) -> str:
 
 
 def numbers_of(texts: list[str], decimal: str) -> list[float] | None:
-    """Convert texts that are all written plainly; None where one may not be, or may be none."""
+    """Convert texts that are all plain numbers; return None if any may not be."""
     if not set("".join(texts)) <= set("0123456789+-eE " + decimal):
         return None
     try:
@@ -138,7 +138,7 @@ def numbers_of(texts: list[str], decimal: str) -> list[float] | None:
 
 
 def sexagesimal(text: str) -> float | None:
-    """Degrees of 12°34'56", 12:34:56, 12 34.5; None for what is no such angle."""
+    """Return the degrees of 12°34'56", 12:34:56 or 12 34.5; None for any other text."""
     angle = _DEGREES.fullmatch(text.strip().replace("−", "-"))
     if angle is None:
         return None
@@ -152,26 +152,26 @@ def sexagesimal(text: str) -> float | None:
 
 
 def bare(text: str) -> str:
-    """A cell without the unit behind its number: "9,81" of "9,81 m/s²"."""
+    """Return a cell without the unit behind its number: "9,81" of "9,81 m/s²"."""
     if isinstance(text, Typed):
         return text
     return _UNIT_BEHIND.sub("", text.strip())
 
 
 def unit_behind(text: str) -> str:
-    """The unit behind a cell's number; "" where there is none."""
+    """Return the unit behind a cell's number; "" if there is none."""
     if isinstance(text, Typed):
         return ""
     return text.strip().removeprefix(bare(text)).strip()
 
 
 SENSES = {"CW": "CCW", "E": "W", "N": "S", "L": "R"}
-"""Marks behind numbers that say which way they count, each with its opposite."""
+"""Marks behind numbers for the sense in which they count, each with its opposite."""
 OPPOSITE = SENSES | {second: first for first, second in SENSES.items()}
 
 
 def sense_behind(text: str, quantity: str = "") -> str:
-    """The sense behind a cell's number, as CW or W; "" where there is none, or it is a unit of the quantity."""
+    """Return the sense behind a cell's number, CW or W; "" if there is none, or if it is a unit of the quantity."""
     mark = unit_behind(text)
     unit = known_unit(mark)
     if unit is not None and unit.quantity == quantity:
@@ -183,7 +183,7 @@ def sense_behind(text: str, quantity: str = "") -> str:
 
 
 def is_unknown_behind(text: str) -> bool:
-    """Whether what stands behind a cell's number is neither a unit nor a sense."""
+    """Return True if the text behind a cell's number is neither a unit nor a sense."""
     mark = unit_behind(text)
     if not mark or mark.upper() in OPPOSITE or spelled_unit(mark).lower() in DOUBTFUL:
         return False
@@ -191,7 +191,7 @@ def is_unknown_behind(text: str) -> bool:
 
 
 def is_rate(text: str) -> bool:
-    """Whether a text is a rate, as 100 Hz or 2 kHz."""
+    """Return True if a text is a rate, such as 100 Hz or 2 kHz."""
     return re.fullmatch(r"\d[\d.]*(e[+-]?\d+)?[km]?hz", spelled_unit(text), re.IGNORECASE) is not None
 
 
@@ -199,7 +199,7 @@ BITS = (16, 24, 32)
 
 
 def bits_of_signed(values: Iterable[float]) -> int:
-    """The bits of signed counts that were written as unsigned: near 0 and near 2^bits, none between; else 0."""
+    """Return the bits of signed counts written as unsigned: all near 0 or near 2^bits; 0 otherwise."""
     counts = list(values)
     if not counts or min(counts) < 0.0 or not all(value.is_integer() for value in counts):
         return 0
@@ -214,12 +214,12 @@ def bits_of_signed(values: Iterable[float]) -> int:
 
 
 def has_degree_mark(text: str) -> bool:
-    """Whether an angle is written with degrees and minutes beyond doubt."""
+    """Return True if an angle certainly has degrees and minutes."""
     return ("°" in text or "º" in text) and sexagesimal(text) is not None
 
 
 def clock(text: str, form: str = "") -> float | None:
-    """Seconds of a time of day, "10:15:30,5 pm"; of two parts only where `form`, h:m or m:s, says what they are."""
+    """Return the seconds of a time of day, "10:15:30,5 pm"; `form`, h:m or m:s, defines a time of two parts."""
     text = text.strip()
     short, time = _MINUTES.fullmatch(text), _CLOCK.fullmatch(text)
     if short:
@@ -241,7 +241,7 @@ def clock(text: str, form: str = "") -> float | None:
 
 
 def _seconds(hours: str, minutes: str, seconds: str, most: int) -> float | None:
-    """Seconds of hours, minutes below `most`, and seconds below 60; None where these are more."""
+    """Return the seconds of hours, minutes below `most`, and seconds below 60; None if these are more."""
     last = float(seconds.replace(",", ".").replace(":", "."))
     if int(minutes) >= most or last >= 60.0:
         return None
@@ -249,18 +249,18 @@ def _seconds(hours: str, minutes: str, seconds: str, most: int) -> float | None:
 
 
 def is_clock(text: str) -> bool:
-    """Whether a text has the form of a time of day."""
+    """Return True if a text has the form of a time of day."""
     return _CLOCK.fullmatch(text.strip()) is not None or _MINUTES.fullmatch(text.strip()) is not None
 
 
 def two_parts(text: str) -> bool:
-    """Whether a time of day has two parts, of which nothing says whether they are h:m or m:s."""
+    """Return True if a time of day has two parts that may be h:m or m:s."""
     time = _CLOCK.fullmatch(text.strip())
     return time is not None and time[3] is None and not time[4]
 
 
 def day(text: str, order: str) -> date | None:
-    """The day of a date; one of three numbers in the order given, where nothing in it says otherwise."""
+    """Return the day of a date; one of three numbers has the given order unless its numbers prove another."""
     text = text.strip()
     with_month = _NAMED.fullmatch(text)
     if with_month:
@@ -280,7 +280,7 @@ def day(text: str, order: str) -> date | None:
 
 
 def _date(year: str, month: int, on: str) -> date | None:
-    """A day, with two digits of the year or four; None where there is no such day."""
+    """Return a day from a year of two or four digits; None if there is no such day."""
     century = 0
     if len(year) <= 2:
         century = 2000
@@ -291,7 +291,7 @@ def _date(year: str, month: int, on: str) -> date | None:
 
 
 def date_orders(texts: Iterable[str]) -> list[str]:
-    """The orders of day, month and year in which all texts are dates."""
+    """Return the orders of day, month and year in which all texts are dates."""
     orders = list(ORDERS)
     for text in texts:
         orders = [order for order in orders if day(text, order) is not None]
@@ -299,14 +299,15 @@ def date_orders(texts: Iterable[str]) -> list[str]:
 
 
 def _spelled(text: str) -> str:
-    """A date and time without a weekday, the date before the time, with marks between their parts."""
+    """Return a date and time without a weekday, the date first, with marks between their parts."""
     text = _WEEKDAY.sub("", text.strip(), count=1)
     text = _YEAR_LAST.sub(r"\2 \1 \4 \3", text)
     return _COMPACT.sub(r"\1-\2-\3 \4:\5:\6", text)
 
 
 def parsed_moment(text: str, order: str, form: str = "") -> float | None:
-    """Seconds since the year 2020 began of a date, or of a date and time in one cell; None where it is neither."""
+    """Return the seconds since the start of 2020 for a date, or a date and time in one cell; None for any other
+    text."""
     text = _spelled(text)
     on, seconds = day(text, order), 0.0
     if on is None and ("T" in text or " " in text):
@@ -327,7 +328,7 @@ def parsed_moment(text: str, order: str, form: str = "") -> float | None:
 
 
 def date_of(text: str) -> str | None:
-    """The part of a cell that is a date of three numbers or with a month's name; None where there is none."""
+    """Return the part of a cell that is a date of three numbers or with a month's name; None if there is none."""
     first = _BEFORE_CLOCK.split(_spelled(text), maxsplit=1)[0]
     if any(day(first, order) is not None for order in ORDERS):
         return first
@@ -337,15 +338,15 @@ def date_of(text: str) -> str | None:
 FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE = "force", "rate", "angle", "velocity", "time", "temperature"
 VOLTAGE, COUNTS = "voltage", "counts"
 QUANTITIES = (FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE)
-"""Quantities that a mapping has units of."""
+"""Quantities for which a mapping has units."""
 DEGREE = math.pi / 180.0
 
 
 @dataclass(frozen=True)
 class LaboratoryUnit:
-    """What a number in a file is in a record: force m/s², rate rad/s, angle degrees, velocity m/s, time s, °C.
+    """Conversion of a number in a file to a record: force m/s², rate rad/s, angle degrees, velocity m/s, time s, °C.
 
-    `per` is what a sensitivity counts in, volts or counts, with the size of its unit.
+    `per` is the unit in which a sensitivity counts, volts or counts, with its size.
     """
 
     quantity: str
@@ -355,7 +356,7 @@ class LaboratoryUnit:
 
     @property
     def raw(self) -> bool:
-        """Whether a converter's output is meant, which says nothing by itself."""
+        """True for the output of a converter, which needs a sensitivity."""
         return self.quantity in (VOLTAGE, COUNTS)
 
 
@@ -406,7 +407,7 @@ KNOWN: dict[str, LaboratoryUnit] = {}
 for _unit, _names in _NAMES.items():
     KNOWN |= dict.fromkeys(_names.split(), _unit)
 DOUBTFUL = {"grad": ("deg", "gon"), "grad/s": ("deg/s",)}
-"""Words that differ in meaning between languages, and the units that they may mean."""
+"""Words with different meanings in different languages, and the units that they may mean."""
 EXAMPLES = {
     FORCE: ("g", "m/s2", "mg", "ug"),
     RATE: ("deg/s", "rad/s", "deg/h"),
@@ -420,7 +421,7 @@ _SPLIT = re.compile(r"^(?P<number>[+]?\d[\d.]*(?:e[+-]?\d+)?(?:/\d[\d.]*)?)?[*x]
 
 
 def spelled_unit(text: str) -> str:
-    """A unit's text in one spelling: µ as u, ° as deg, no blanks, brackets or signs of powers."""
+    """Return a unit's text in one spelling: µ as u, ° as deg, no blanks, brackets or signs of powers."""
     text = unicodedata.normalize("NFKC", text.strip())
     for old, new in (("μ", "u"), ("°", "deg"), ("º", "deg"), ("−", "-"), ("·", ""), ("⋅", ""), ("^", ""), ("*", "")):
         text = text.replace(old, new)
@@ -431,13 +432,14 @@ def spelled_unit(text: str) -> str:
 
 
 def known_unit(text: str) -> LaboratoryUnit | None:
-    """The unit that a text names, None where it names none."""
+    """Return the unit that a text names, None if it names none."""
     name = spelled_unit(text)
     return KNOWN.get(name) or KNOWN.get(_FOLDED.get(name.lower(), ""))
 
 
 def scaled_unit(text: str) -> LaboratoryUnit | None:
-    """The unit of a text that may have a number: "g", "2 mg", "1/16384 g", "0.5 g/V", "131 LSB/(deg/s)", "100 Hz"."""
+    """Return the unit of a text that may have a number: "g", "2 mg", "1/16384 g", "0.5 g/V", "131 LSB/(deg/s)", "100
+    Hz"."""
     simple = known_unit(text)
     if simple is not None:
         return simple
@@ -467,7 +469,7 @@ def scaled_unit(text: str) -> LaboratoryUnit | None:
 
 
 def _fraction(text: str | None) -> float | None:
-    """A positive number or quotient of two; 1 where there is none."""
+    """Return a positive number or a quotient of two; 1 if there is none."""
     if not text:
         return 1.0
     above, _, below = text.partition("/")
@@ -481,7 +483,7 @@ def _fraction(text: str | None) -> float | None:
 
 
 def of_converter(scale: LaboratoryUnit, stated: LaboratoryUnit | None) -> LaboratoryUnit | None:
-    """A sensitivity for numbers in a stated unit of a converter (mV, LSB); None where it counts in something else."""
+    """Return a sensitivity for numbers in a given unit of a converter (mV, LSB); None if it counts in another unit."""
     if scale.per is None:
         return None
     if stated is None:

@@ -1,8 +1,8 @@
-"""Files from elsewhere as rows of texts: text with separators, LabVIEW measurement files, workbooks.
+"""Read files from elsewhere as rows of texts: text with separators, LabVIEW measurement files, workbooks.
 
-A sheet knows how it was written as far as the file says so itself (a marker of its encoding, a header of LabVIEW).
-Calamine (in Rust) reads workbooks in another process. It is not trusted to end well with a corrupt or a malicious one:
-it gets a ZIP archive of nothing but the parts that a table needs, and no more memory than tables take.
+A sheet knows its format if the file states it (a marker of its encoding, a header of LabVIEW). Calamine (in Rust) reads
+workbooks in another process, because a corrupt or malicious workbook may crash it. It gets a ZIP archive with only the
+parts that a table needs, and no more memory than tables take.
 """
 
 import csv
@@ -24,19 +24,19 @@ from ..records.read import PACKED
 from .numbers import Typed, bare, date_of, has_degree_mark, is_clock, is_missing, parsed_number
 
 LARGEST = 400_000_000
-"""Bytes of a file that is read."""
+"""Largest file that is read [bytes]."""
 MOST_ROWS = 2_000_000
-"""Rows of a file that are read."""
+"""Largest number of rows that are read."""
 LONGEST_LINE = 100_000
-"""Characters of a line."""
+"""Largest length of a line [characters]."""
 LOOKED_AT = 3000
-"""Rows from which it is understood how a file is written."""
+"""Number of rows that decide the format of a file."""
 TRIED = 400
-"""Lines that separators are tried on first."""
+"""Number of lines on which separators are tried first."""
 FEWEST_NUMBERS = 3
-"""Numbers in a row of measured data, at least."""
+"""Smallest number of numbers in a row of measured data."""
 SEPARATORS = {"tab": "\t", ";": ";", "|": "|", ",": ",", "blanks": " "}
-"""What may stand between fields, the least likely to stand inside them first."""
+"""Separators of fields, the least likely to occur inside fields first."""
 ENCODINGS = ("utf-8", "utf-16", "cp1252", "cp1251", "cp1250", "latin-1", "cp437", "cp850", "mac-roman", "shift-jis")
 OTHERS = {
     r"PK": "is a ZIP archive; unpack it and give the file in it",
@@ -46,27 +46,28 @@ OTHERS = {
     r"(?i)<(\?xml|!doctype|html|table)\b": "is HTML or XML, whatever its name; save it from a spreadsheet as CSV",
     r'\{\s*["}]|\[\s*[{[]': "is JSON; save its table as CSV",
 }
-"""How files begin that are no text with a table (bytes as Latin-1), what they are and what would be right."""
+"""First bytes (as Latin-1) of files that are not text with a table, with advice."""
 MARKERS = {
     b"\xef\xbb\xbf": "utf-8-sig",
     b"\xff\xfe\0\0": "utf-32",
     b"\xff\xfe": "utf-16",
     b"\xfe\xff": "utf-16",
 }
-"""What a text may begin with, and its encoding."""
+"""Byte-order mark of a text -> its encoding."""
 LABVIEW = "LabVIEW Measurement"
-"""How a measurement file of LabVIEW (.lvm) begins, whose header says separator, marks, units and period."""
+"""First words of a LabVIEW measurement file (.lvm); its header has separator, marks, units and period."""
 END_OF_HEADER = "***End_of_Header***"
 KEPT_OF_HEADER = ("Operator", "Project", "Description", "Date", "Time", "Notes")
-"""What of a header of LabVIEW is about the measurement; the rest is about the file."""
+"""Entries of a LabVIEW header about the measurement; the others are about the file."""
 MOST_MEMBERS = 5000
-"""Parts of a workbook."""
+"""Largest number of parts of a workbook."""
 MOST_BYTES = 400_000_000
-"""Bytes of the parts of a workbook that a table needs, unpacked."""
+"""Largest unpacked size of the needed parts of a workbook [bytes]."""
 MOST_CELLS = 8_000_000
-"""Cells of a sheet: rows times columns up to its last. All rows that a sheet can have, of seven columns, are fewer."""
+"""Largest number of cells of a sheet (rows times columns up to its last): enough for a full sheet of seven columns."""
 MEMORY = 5 << 29
-"""Bytes that the process that reads a workbook may take, where the system can limit it: so many cells take half."""
+"""Memory limit of the process that reads a workbook [bytes], if the system supports one: twice the need of such a
+sheet."""
 NEEDED = re.compile(
     r"\[Content_Types\]\.xml|_rels/.*|xl/(workbook|styles|sharedStrings)\.(xml|bin)|xl/(_rels|worksheets)/.*"
     r"|mimetype|content\.xml|styles\.xml|META-INF/manifest\.xml"
@@ -125,7 +126,7 @@ Row = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class HeaderFacts:
-    """What a file says of itself: decimal mark, line of names, unit of each field, column and period of time."""
+    """Facts that a file states: decimal mark, line of names, unit of each field, column and period of time."""
 
     decimal: str = ""
     header_row: int = 0
@@ -141,16 +142,17 @@ class Sheet:
     Attributes
     ----------
     path : Path
+        the file
     lines : sequence of str
-        of a text file
+        lines of a text file
     cells : sequence of list of str, or None
-        of a table that has cells; numbers have decimal points there
+        cells of a table that has cells; their numbers have decimal points
     encoding, separator, name : str
-        of a text file; of a table in a file of several
+        encoding and separator of a text file; name of a table in a file of several
     stated : HeaderFacts
-        what the file says of itself
+        facts that the file states
     shape : str
-        what shape the table had that was made an upright one
+        original shape of a table that was made upright
     """
 
     path: Path
@@ -163,7 +165,7 @@ class Sheet:
     shape: str = ""
 
     def rows(self, first: int = 1, last: int | None = None) -> Iterator[Row]:
-        """The rows from line `first` on; what is empty is passed over."""
+        """Yield the non-empty rows from line `first` on."""
         if self.cells is not None:
             for line, texts in enumerate(self.cells[first - 1 : last], first):
                 if has_text(texts):
@@ -189,7 +191,7 @@ class Sheet:
 
     @property
     def about(self) -> str:
-        """How it is written, for a person."""
+        """Return the format in words."""
         shape = ""
         if self.shape:
             shape = f", {self.shape}"
@@ -203,19 +205,19 @@ class Sheet:
 
 
 def has_text(texts: Sequence[str]) -> bool:
-    """Whether some cell of a row is not empty."""
+    """Return True if some cell of a row is not empty."""
     return bool("".join(texts).strip())
 
 
 def cell(texts: Sequence[str], place: int) -> str:
-    """The text of a field of a row; "" where the row is shorter."""
+    """Return the text of a field of a row; "" if the row is shorter."""
     if place < len(texts):
         return texts[place]
     return ""
 
 
 def is_value(text: str) -> bool:
-    """Whether a text is a number with either decimal mark, an angle, a time or a date."""
+    """Return True if a text is a number with either decimal mark, an angle, a time or a date."""
     if not any(map(str.isdigit, text)):
         return False
     if parsed_number(text, ".", ",") is not None or parsed_number(text, ",", ".") is not None:
@@ -224,19 +226,22 @@ def is_value(text: str) -> bool:
 
 
 def is_word(text: str) -> bool:
-    """Whether a text is neither a value nor a sign that nothing was measured."""
+    """Return True if a text is neither a value nor a mark of a missing measurement."""
     return not is_missing(text) and not is_value(text)
 
 
 def is_data(texts: Sequence[str]) -> bool:
-    """Whether a row holds measured numbers: three at least, and more of them than of words."""
+    """Return True if a row holds measured numbers: at least three, and more numbers than words."""
     values = sum(is_value(text) or is_value(bare(text)) for text in texts)
     words = sum(not is_missing(text) for text in texts) - values
     return values >= FEWEST_NUMBERS and values > words
 
 
 def unpacked(path: Path, content: bytes) -> bytes:
-    """The bytes of a file that gzip packed; others as they are. An InputError where they are too many, or corrupt."""
+    """Return the bytes of a file, unpacked if gzip packed it.
+
+    Raises InputError if they are too many, or corrupt.
+    """
     if not content.startswith(PACKED):
         return content
     parts, length = list[bytes](), 0
@@ -256,7 +261,7 @@ def unpacked(path: Path, content: bytes) -> bytes:
 
 
 def refuse_other(path: Path, content: bytes) -> None:
-    """Refuse a file that is no text with a table, by what it begins with, and say what would be right."""
+    """Refuse a file that is not text with a table, by its first bytes, with advice."""
     advice = advice_on(path, content, "record", "workbook")
     if advice:
         raise InputError(f"{path}: is no table of measured data{advice}")
@@ -267,7 +272,7 @@ def refuse_other(path: Path, content: bytes) -> None:
 
 
 def decoded(path: Path, content: bytes, encoding: str = "") -> tuple[str, str]:
-    """Text and encoding of a file: by its marker, as UTF-8 where it is that, as Windows writes it where it is not."""
+    """Return text and encoding of a file: by its marker, otherwise as UTF-8, otherwise in the encoding of Windows."""
     for mark, name in MARKERS.items():
         if content.startswith(mark):
             encoding = encoding or name
@@ -298,7 +303,10 @@ def _decoded(path: Path, content: bytes, encoding: str) -> str:
 
 
 def lines_of(path: Path, text: str) -> list[str]:
-    """The lines of a text, as an editor counts them; an InputError where there are too many, or they are too long."""
+    """Return the lines of a text, as an editor counts them.
+
+    Raises InputError if there are too many, or if they are too long.
+    """
     if "\0" in text:
         raise InputError(f"{path}: is a binary file; text (CSV, LabVIEW) or a workbook is needed")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -311,7 +319,7 @@ def lines_of(path: Path, text: str) -> list[str]:
 
 
 def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "") -> Sheet:
-    """A text file as a sheet; without a separator the one that makes most values of its rows."""
+    """Return a text file as a sheet; the default separator is the one that gives most values."""
     sheet = Sheet(path, lines, encoding=encoding)
     if separator:
         if separator not in SEPARATORS:
@@ -322,7 +330,7 @@ def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "")
         hint = hint.strip()
     for name, mark in SEPARATORS.items():
         if hint == f"sep={mark}":
-            # the line is Excel's alone
+            # only Excel writes this line
             return replace(sheet, lines=["", *lines[1:]], separator=name)
     best = (0, 0)
     for count in (TRIED, LOOKED_AT):
@@ -336,7 +344,7 @@ def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "")
 
 
 def _worth(sheet: Sheet) -> tuple[int, int]:
-    """Rows of data that a separator makes, all of the width that most have; the fewer words in them the better."""
+    """Return a separator's score: data rows of the most frequent width; then few words in them."""
     words: dict[int, list[int]] = {}
     try:
         for _, texts in sheet.rows():
@@ -349,7 +357,10 @@ def _worth(sheet: Sheet) -> tuple[int, int]:
 
 
 def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
-    """A measurement file as a sheet that knows what its header says; an InputError where that says no table."""
+    """Return a LabVIEW measurement file as a sheet with the facts of its header.
+
+    Raises InputError if the header describes no table.
+    """
     ends = []
     for line, text in enumerate(lines, 1):
         if text.strip().startswith(END_OF_HEADER):
@@ -396,7 +407,10 @@ def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
 
 
 def workbook_sheets(path: Path, content: bytes) -> list[Sheet]:
-    """The sheets of a workbook, in their order, those of charts left out; an InputError where it cannot be read."""
+    """Return the sheets of a workbook in order, without charts.
+
+    Raises InputError if it cannot be read.
+    """
     if content.startswith(b"PK"):
         content = _repacked(path, content)
     reader = subprocess.run([sys.executable, "-I", "-c", _READ], input=content, capture_output=True, check=False)
@@ -410,12 +424,15 @@ def workbook_sheets(path: Path, content: bytes) -> list[Sheet]:
 
 
 def names_of(sheets: list[Sheet]) -> list[str]:
-    """The names of a workbook's sheets."""
+    """Return the names of a workbook's sheets."""
     return [sheet.name for sheet in sheets]
 
 
 def sheet_of_workbook(sheets: list[Sheet], path: Path, name: str) -> Sheet:
-    """The sheet of a name; an InputError where there is none."""
+    """Return the sheet of a name.
+
+    Raises InputError if there is none.
+    """
     names = names_of(sheets)
     if name not in names:
         raise InputError(f"{path}: sheet {name!r} is not there; {nearest(name, names)}")
@@ -423,7 +440,7 @@ def sheet_of_workbook(sheets: list[Sheet], path: Path, name: str) -> Sheet:
 
 
 def _cells(rows: list[list[str | float]]) -> list[list[str]]:
-    """Texts of cells; numbers remember that they were such."""
+    """Return the texts of cells; numbers remain marked as numbers."""
     cells: list[list[str]] = []
     for row in rows:
         cells.append([value if isinstance(value, str) else Typed(repr(value)) for value in row])
@@ -431,7 +448,7 @@ def _cells(rows: list[list[str | float]]) -> list[list[str]]:
 
 
 def _repacked(path: Path, archive_bytes: bytes) -> bytes:
-    """An archive of the parts that a table needs, none of which is larger than it says, or declares entities."""
+    """Return an archive of the parts that a table needs; refuse parts of a false size or with entities."""
     packed = io.BytesIO()
     try:
         with zipfile.ZipFile(io.BytesIO(archive_bytes)) as archive, zipfile.ZipFile(packed, "w") as alone:
@@ -458,9 +475,9 @@ def _repacked(path: Path, archive_bytes: bytes) -> bytes:
 
 
 def _refuse_content(path: Path, name: str, content: bytes) -> None:
-    """Refuse XML that declares a document type, and a sheet that has cells far away: it would be held whole."""
+    """Refuse XML that declares a document type, and a sheet with remote cells: it would be held whole."""
     if name.endswith(".bin"):
-        # cells far away in these meet the limit of memory
+        # for these, remote cells meet the limit of memory
         return
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError(f"{path}: {name} declares a DOCTYPE, or is not UTF-8; not read")

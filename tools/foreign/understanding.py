@@ -1,4 +1,4 @@
-"""A sheet as far as it is understood: each column's place, unit and form; and the questions to a person."""
+"""The understanding of a sheet: each column's place, unit and form, and the questions to the user."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,7 +32,7 @@ from .numbers import (
 from .sheet import Row, Sheet, cell
 
 STANDING_DEG = 0.5
-"""Rows whose angles differ by no more may have been taken at one rest [deg]."""
+"""Largest difference of angles within one rest [deg]."""
 CLOCK, MOMENT, NUMBER, NAME = "clock", "moment", "number", "name"
 """Forms of a column: times of day, dates, numbers and angles, names."""
 SENSITIVITIES = {
@@ -43,14 +43,14 @@ SENSITIVITIES = {
     "time": ("0.001 s", ""),
     "temperature": ("0.01 degC", ""),
 }
-"""Quantity -> an example of one volt or count, and a sensitivity as data sheets say it."""
+"""Quantity -> an example of one volt or count, and a sensitivity as data sheets write it."""
 DAYS = (30_000.0, 80_000.0)
-"""Times between these may be dates as a workbook counts them: days since 1900."""
+"""Range of times that may be dates as a workbook counts them: days since 1900."""
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """A field of the rows: its place from 0, its head, and its rows that were looked at."""
+    """A field of the rows: its place from 0, its head, and its examined rows."""
 
     place: int
     head: Heading
@@ -59,12 +59,12 @@ class Field:
 
     @property
     def label(self) -> str:
-        """The head, or the number from 1 where it has none."""
+        """The head, or the number from 1 if it has none."""
         return self.head.text or str(self.place + 1)
 
     @cached_property
     def cells(self) -> list[tuple[int, str]]:
-        """Line and text of each cell; missing ones are left out."""
+        """Line and text of each cell that is not missing."""
         filled = []
         for line, texts in self.rows:
             text = cell(texts, self.place).strip()
@@ -74,17 +74,17 @@ class Field:
 
     @cached_property
     def texts(self) -> list[str]:
-        """The texts of the cells."""
+        """Texts of the cells."""
         return [text for _, text in self.cells]
 
     @cached_property
     def unit(self) -> LaboratoryUnit | None:
-        """The unit that the head states."""
+        """Unit in the head."""
         return known_unit(self.head.unit)
 
     @property
     def quantity(self) -> str:
-        """The quantity of that unit; "" where there is none."""
+        """Quantity of that unit; "" if there is none."""
         if self.unit:
             return self.unit.quantity
         return ""
@@ -92,7 +92,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Origin:
-    """How a column of the record comes from a field of a row: sign × (number - offset), in a unit.
+    """Conversion of a field of a row to a column of the record: sign × (number - offset), in a unit.
 
     `beside` are the fields of further readings of the same rest.
     """
@@ -106,15 +106,15 @@ class Origin:
 
     @property
     def name(self) -> str:
-        """The column's head in words for a person."""
+        """The column's head in words."""
         return self.field.head.text or f"field {self.field.place + 1}"
 
 
 @dataclass
 class UnderstoodTable:
-    """A sheet, its layout, the mapping as far as a person gave it, and all that is settled or asked beyond that.
+    """A sheet, its layout, the user's mapping, and all further answers and questions.
 
-    `origins` is by column of the record, and so is `beside`: fields of further readings of a rest.
+    The keys of `origins` and `beside` are columns of the record; `beside` has the fields of further readings of a rest.
     """
 
     sheet: Sheet
@@ -131,7 +131,7 @@ class UnderstoodTable:
 
     @cached_property
     def rows(self) -> list[Row]:
-        """The first rows of data."""
+        """First rows of data."""
         last = self.layout.last
         rows = []
         for row in self.layout.looked_at:
@@ -141,29 +141,29 @@ class UnderstoodTable:
 
     @cached_property
     def fields(self) -> list[Field]:
-        """The fields of the rows, in their order."""
+        """Fields of the rows, in order."""
         missing = self.mapping.missing
         return [Field(place, head, self.rows, missing) for place, head in enumerate(self.layout.headings)]
 
     @cached_property
     def filled(self) -> list[Field]:
-        """The fields that hold something: a column with a name and nothing in it, as templates have, is not there."""
+        """Fields with content: a named but empty column of a template does not count."""
         return [field for field in self.fields if field.cells]
 
     @cached_property
     def is_marked(self) -> bool:
-        """Whether most rows begin with the mark of a comment: then it is none."""
+        """True if most rows begin with the mark of a comment: then it does not mark one."""
         marked = sum(bool(texts) and texts[0].lstrip().startswith(COMMENT) for _, texts in self.rows)
         return 2 * marked > len(self.rows)
 
     @property
     def whole_mapping(self) -> Mapping:
-        """The mapping with all that is settled filled in."""
+        """Return the mapping with all answers filled in."""
         return Mapping.model_validate({**self.mapping.model_dump(by_alias=True), **self.settled})
 
     @property
     def free_fields(self) -> list[Field]:
-        """Fields that no column of the record comes from."""
+        """Return the fields that no column of the record uses."""
         origins = set[Field]()
         for origin in self.origins.values():
             origins |= {origin.field, *origin.beside}
@@ -175,22 +175,22 @@ class UnderstoodTable:
             self.questions.append(Question(key, tuple(answers), why))
 
     def is_asked(self, *keys: str) -> bool:
-        """Whether one of these keys is asked for."""
+        """Return True if one of these keys is an open question."""
         return any(question.key in keys for question in self.questions)
 
     def value(self, text: str) -> float | None:
-        """A number as this file writes it."""
+        """Return a number as this file writes it."""
         value = parsed_number(text, self.decimal, self.thousands)
         if value is None:
             return parsed_number(bare(text), self.decimal, self.thousands)
         return value
 
     def values(self, texts: Iterable[str]) -> list[float]:
-        """The numbers among some texts."""
+        """Return the numbers among some texts."""
         return [value for value in map(self.value, texts) if value is not None]
 
     def reading(self, column: str, text: str) -> float | None:
-        """The number of a cell in the file's unit, of an angle also from degrees and minutes; None where it is none."""
+        """Return the number of a cell in the file's unit, also from degrees and minutes; None if it is not a number."""
         value = self.value(text)
         if value is not None or column not in ANGLES:
             return value
@@ -202,7 +202,7 @@ class UnderstoodTable:
 
 
 def ask_of_senses(table: UnderstoodTable, column: str, texts: Sequence[str]) -> None:
-    """Ask which sense counts as positive where numbers have marks as CW and CCW behind them."""
+    """Ask for the positive sense if numbers have marks such as CW and CCW behind them."""
     if table.mapping.of(column).positive not in ("", OPEN):
         return
     quantity = QUANTITY_OF.get(column, "")
@@ -217,7 +217,7 @@ def ask_of_senses(table: UnderstoodTable, column: str, texts: Sequence[str]) -> 
 
 
 def decide_units(table: UnderstoodTable) -> None:
-    """The unit of each column: as given for it, as given for its quantity, as its head says, or asked."""
+    """Decide the unit of each column: given for it, given for its quantity, in its head, or asked for."""
     units = table.mapping.units
     agreed: dict[str, set[str]] = {}
     for key in units:
@@ -228,7 +228,7 @@ def decide_units(table: UnderstoodTable) -> None:
         if quantity is None or origin.form in (CLOCK, MOMENT):
             continue
         if all(table.reading(column, text) is None for text in origin.field.texts):
-            # it is asked which column is meant
+            # another question asks for the column
             continue
         counts_samples = column == TIMES and origin.field.head.column == SAMPLE
         unit, text = _unit(table, SAMPLE if counts_samples else column, origin)
@@ -245,7 +245,7 @@ def decide_units(table: UnderstoodTable) -> None:
 
 
 def _ask_for_unit(table: UnderstoodTable, quantity: str) -> None:
-    """Ask for the unit of a quantity whose columns are not known; a free field may hold a converter's output."""
+    """Ask for the unit of a quantity whose columns are unknown; a free field may hold a converter's output."""
     sources = {origin.field for origin in table.origins.values()}
     for free in table.fields:
         if free not in sources and free.unit and free.unit.raw:
@@ -256,7 +256,7 @@ def _ask_for_unit(table: UnderstoodTable, quantity: str) -> None:
 
 
 def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[LaboratoryUnit | None, str]:
-    """The unit of a column and its text; None where it has to be asked for."""
+    """Return the unit of a column and its text; None if the user must be asked for it."""
     quantity, head, texts = QUANTITY_OF[column], origin.field.head, origin.field.texts
     source = table.mapping.of(column)
     if source.unit:
@@ -311,7 +311,7 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
 
 
 def example_sensitivity(quantity: str, text: str) -> str:
-    """An example of one volt or count of a quantity; `text` is the converter's unit."""
+    """Return an example of one volt or count of a quantity; `text` is the converter's unit."""
     volt, count = SENSITIVITIES[quantity]
     unit = known_unit(text)
     if count and unit is not None and unit.quantity == COUNTS:
@@ -320,7 +320,7 @@ def example_sensitivity(quantity: str, text: str) -> str:
 
 
 def _size(table: UnderstoodTable) -> str:
-    """The median size of the specific forces, by which a person knows their unit."""
+    """Return the median size of the specific forces, which shows their unit to a person."""
     fields = []
     for column in FORCE:
         if column in table.origins:
