@@ -1,4 +1,4 @@
-"""Which table positions to measure at, with what weights, and the proof that nothing better exists."""
+"""Choose the table positions and weights of a measurement, with a proof that none are better."""
 
 import lazy_loader
 

@@ -1,12 +1,13 @@
-"""Proven lower bounds of what a common set of so many positions can reach.
+"""Proven lower bounds of the worst ratio that a common set of a given number of positions can reach.
 
 Lower bounds come from an implicit hitting set on a pool of table positions. A set reaches the ratio r only if, for
 every target k and every y with a'y = c_k, one of its positions has |F'y| ≥ 1/r: at least one position of that region
-must be in the set. A linear programme over such cuts bounds the number of positions from below. Cuts are found where
-the programme's present answer violates them: positions are gathered, the heaviest first, while they cannot reach r
-together; the dual that proves that is the cut. It holds for all images under the symmetries of the problem: the
-programme has one variable for each group of images. The bound is proven for positions of a stated pool alone. Regions
-that hold a measured position prove nothing.
+must be in the set. A linear programme over such cuts bounds the number of positions from below.
+
+The search looks for cuts that the programme's present answer violates. It gathers positions, the heaviest first, while
+they cannot reach r together; the dual that proves this is the cut. The cut holds for all images under the symmetries of
+the problem, so the programme has one variable for each group of images. The bound is proven only for the positions of a
+given pool. Regions that hold a measured position prove nothing.
 """
 
 from dataclasses import dataclass
@@ -23,25 +24,25 @@ from .forms import harmonics
 from .task import TURN, CertainReadings, Places, Task, allowed, clearances, on_all_mountings, readings
 
 SAMPLES = 40
-"""Positions, drawn at random, at which a symmetry is checked: forms of nine terms are the same if they agree there."""
+"""Number of random positions at which a symmetry is checked: forms of nine terms that agree there are equal."""
 EQUAL = 1e-11
 OFFSETS_DEG = (0.0, 1.4, 2.5, 5.0, 10.0, 20.0, 30.0, 45.0)
 """Distances of the pool's lines from the multiples of 90° of both axes."""
 SAFE = 1e-9
-"""A position this little below 1/r is counted into a region."""
+"""Margin below 1/r within which a position still counts into a region."""
 COVERED = 1e-6
 BATCH = 24
-"""Columns that are added to a programme at once."""
+"""Number of columns that are added to a programme at once."""
 COARSE, FINE = 16, 1
-"""Least size of the groups of positions without and with weight in the present answer that are tried together."""
+"""Smallest group of positions, without and with weight in the present answer, that is tried together."""
 MISSES = 10
-"""A cut is complete where so many groups in a row cannot be taken in."""
+"""A cut is complete after this number of consecutive groups that cannot be taken in."""
 NOISE = 0.3
 RATIO_STEPS = 24
 NEAREST = 0.1
-"""Least part of what is open between bound and set that is aimed at, and the first."""
+"""First and smallest fraction of the gap between bound and set at which the search aims."""
 PATIENCE = 10
-"""The search for cuts ends where all that are left, worth what so many last ones were, would not prove it."""
+"""Number of recent cuts whose mean gain decides whether the remaining cuts can still prove the bound."""
 
 
 @dataclass(frozen=True)
@@ -52,16 +53,15 @@ class Symmetry:
     shift: NDArray
 
     def of(self, angle: NDArray) -> NDArray:
-        """Images (N, 2) of positions (N, 2) [rad]."""
+        """Return the images (N, 2) of positions (N, 2) [rad]."""
         return np.mod(self.sense * angle + self.shift, TURN)
 
 
 def symmetries(task: Task) -> list[Symmetry]:
-    """The sixteen candidates that map readings to readings and targets to targets, up to signs.
+    """Return those of the sixteen candidates that map readings to readings and targets to targets, up to signs.
 
-    The cost of every target on a set of positions and on its image under one of these is then that of a target with
-    the same optimum: what is proven of a set holds for its images. Measured positions must be their own image;
-    keep-outs are not looked at.
+    The cost of every target on a set of positions equals the cost of a target with the same optimum on the set's image.
+    A proof for a set therefore holds for its images. Measured positions must be their own image; keep-outs are ignored.
     """
     angle = np.random.default_rng(1).uniform(0.0, TURN, (SAMPLES, 2))
     regressor, clear = _best_sheets(task, angle)
@@ -76,7 +76,7 @@ def symmetries(task: Task) -> list[Symmetry]:
 
 
 def _best_sheets(task: Task, angle: NDArray) -> tuple[NDArray, NDArray]:
-    """F (N, 3, P) of the sheets with the larger clearance, and that clearance (N, 3), with every mounting."""
+    """Return F (N, 3, P) of the sheets with the larger clearance, and that clearance (N, 3), with every mounting."""
     places = on_all_mountings(angle, len(task.parametrisation.mountings))
     clear = clearances(task, places)
     a, b = harmonics(places.angle[:, 0]), harmonics(places.angle[:, 1])
@@ -87,7 +87,7 @@ def _best_sheets(task: Task, angle: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def _stays(task: Task, symmetry: Symmetry) -> bool:
-    """Whether the image of the measured positions is the same positions."""
+    """Return True if the image of the measured positions is the same positions."""
     at = task.measured
     apart = np.sin(0.5 * (symmetry.of(at.angle)[:, None] - at.angle[None])) ** 2
     same = (apart.sum(axis=2) < EQUAL**2) & (at.mounting[:, None] == at.mounting[None])
@@ -95,9 +95,9 @@ def _stays(task: Task, symmetry: Symmetry) -> bool:
 
 
 def _maps(task: Task, regressor: NDArray, image: NDArray) -> bool:
-    """Whether F at the images, times a sign for each accelerometer, is F with its parameters in another order.
+    """Return True if F at the images, times a sign for each accelerometer, is F with its parameters permuted.
 
-    Groups of targets must be groups then, too.
+    The permutation must also map groups of targets to groups.
     """
     groups = {frozenset(group) for group in task.groups}
     size = regressor.shape[2]
@@ -116,7 +116,7 @@ def _maps(task: Task, regressor: NDArray, image: NDArray) -> bool:
 
 
 def _permutation(regressor: NDArray, image: NDArray) -> NDArray | None:
-    """D (P, P), a permutation with signs, with image = regressor D; None where there is none."""
+    """Return D (P, P), a permutation with signs, with image = regressor D; None if there is none."""
     size = regressor.shape[1]
     mixed = np.zeros((size, size))
     for column in range(size):
@@ -137,15 +137,16 @@ class PositionPool:
     readings: CertainReadings
 
     def heights(self, duals: NDArray) -> NDArray:
-        """The greatest |F'y| (n,) over the readings of each position and the duals (D, P)."""
+        """Return the greatest |F'y| (n,) over the readings of each position and the duals (D, P)."""
         first = np.searchsorted(self.readings.position, np.arange(len(self.places)))
         return np.maximum.reduceat(np.abs(self.readings.regressor @ duals.T).max(axis=1), first)
 
 
 def pool_of(task: Task, known: Places) -> PositionPool:
-    """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, known positions; all images too.
+    """Return crossings of lines at fixed distances from multiples of 90°, optimal plans, known positions, and all
+    images.
 
-    Positions in a keep-out, and those where no reading counts, are left out.
+    Positions in a keep-out and positions without a reading that counts are left out.
     """
     offsets = np.unique(np.concatenate([np.array(OFFSETS_DEG), -np.array(OFFSETS_DEG)]))
     lines = np.unique(np.mod((90.0 * np.arange(4)[:, None] + offsets).ravel(), 360.0))
@@ -169,9 +170,9 @@ def pool_of(task: Task, known: Places) -> PositionPool:
 
 @dataclass(frozen=True)
 class Bound:
-    """What is proven: no set of `count` positions of a pool (in words) has a worst ratio below `ratio`.
+    """A proof: no set of `count` positions of a pool (in words) has a worst ratio below `ratio`.
 
-    `cuts` is how many prove it, images not counted.
+    `cuts` is the number of cuts in the proof, without images.
     """
 
     ratio: float
@@ -181,7 +182,7 @@ class Bound:
 
 
 class HittingSet:
-    """The cuts found so far on a pool, for any ratio and any number of positions."""
+    """The cuts on a pool so far, for any ratio and any number of positions."""
 
     def __init__(self, task: Task, pool: PositionPool):
         self._task, self._pool = task, pool
@@ -202,7 +203,8 @@ class HittingSet:
         return self._height.shape[1]
 
     def least_count(self, ratio: float) -> tuple[float, NDArray]:
-        """A proven lower bound of how many positions reach the ratio, and the programme's answer (n,) by position."""
+        """Return a proven lower bound of the number of positions that reach the ratio, and the programme's answer
+        (n,)."""
         count = len(self._pool.places)
         if self._least_ratio > ratio:
             return np.inf, np.zeros(count)
@@ -220,7 +222,7 @@ class HittingSet:
         return proven * (1.0 - SAFE), (solved.x / self._size)[self._pool.orbit]
 
     def prove(self, count: int, ratio: float, most: int) -> bool:
-        """Look for cuts that prove that `count` positions cannot reach the ratio; at most `most` new ones."""
+        """Search for at most `most` new cuts that prove that `count` positions cannot reach the ratio."""
         failures, reached = 0, []
         for turn in range(4 * most):
             least, answer = self.least_count(ratio)
@@ -246,7 +248,7 @@ class HittingSet:
         return False
 
     def bound(self, count: int, ceiling: float) -> Bound:
-        """The greatest ratio below `ceiling` that the cuts exclude for this number of positions."""
+        """Return the greatest ratio below `ceiling` that the cuts exclude for this number of positions."""
         low, high = 1.0, ceiling
         for _ in range(RATIO_STEPS):
             middle = 0.5 * (low + high)
@@ -257,7 +259,8 @@ class HittingSet:
         return Bound(low, count, f"pool of {len(self._pool.places)} positions", len(self))
 
     def _cut(self, k: int, ratio: float, answer: NDArray) -> NDArray | None:
-        """Duals y (D, P) whose region the answer covers by less than one; None when the greedy search finds none."""
+        """Return duals y (D, P) whose region the answer covers by less than one; None if the greedy search finds
+        none."""
         noisy = answer * np.exp(NOISE * self._rng.normal(size=len(answer)))
         order = np.argsort(-noisy, kind="stable")
         heavy = order[answer[order] > 0.0]
@@ -277,9 +280,10 @@ class HittingSet:
 
 
 class _Gathering:
-    """Positions that with the measured ones cannot reach the ratio for a group of targets, and the duals that prove it.
+    """Positions that, with the measured ones, cannot reach the ratio for a group of targets, and the duals that prove
+    it.
 
-    Where |F'y| of no dual exceeds one, the targets cost a'y at least, the group the root of the sum of their squares.
+    If |F'y| of no dual exceeds one, the targets cost at least a'y, and the group the root of the sum of their squares.
     """
 
     def __init__(self, task: Task, pool: PositionPool, k: int, ratio: float):
@@ -287,7 +291,7 @@ class _Gathering:
         self._targets = task.weights[list(task.groups[k])]
         measured = readings(task, task.measured).regressor
         self._first = len(measured)
-        # One programme for each target: for another aim the last solution is of no use.
+        # One programme for each target: the last solution is no use for another aim.
         self._programmes = []
         for target in self._targets:
             programme = ColumnProgramme(self._targets.shape[1])
@@ -303,18 +307,19 @@ class _Gathering:
 
     @property
     def cost(self) -> float:
-        """The least cost of the group with these positions [σ]."""
+        """Return the least cost of the group with these positions [σ]."""
         return self._together(self._duals)
 
     def cut(self) -> NDArray | None:
-        """The duals y (D, P), scaled to the group's optimum; None where measured positions reach the ratio alone."""
+        """Return the duals y (D, P), scaled to the group's optimum; None if the measured positions alone reach the
+        ratio."""
         return self._duals * (self._least / self.cost) if self.cost > self._limit else None
 
     def _together(self, duals: NDArray) -> float:
         return hypot(*(duals * self._targets).sum(axis=1))
 
     def gather(self, chunk: NDArray, least: int, answer: NDArray, room: float) -> float:
-        """Take in as many of these positions as the set can hold; returns the weight of those that it cannot."""
+        """Add these positions as long as the set can hold them; return the weight of the others."""
         if self.takes(chunk):
             return 0.0
         if len(chunk) <= least:
@@ -326,7 +331,7 @@ class _Gathering:
         return lost + self.gather(chunk[half:], least, answer, room - lost)
 
     def takes(self, chunk: NDArray) -> bool:
-        """Try the set with these positions, which stay when it still cannot reach the ratio."""
+        """Try the set with these positions, and keep them if it still cannot reach the ratio."""
         self._inside[chunk] = True
         self._close(chunk, closed=False)
         regressor, position = self._pool.readings.regressor, self._pool.readings.position
@@ -345,7 +350,7 @@ class _Gathering:
             self._added[new] = True
             self._rows = np.append(self._rows, new)
             candidates = self._inside[position] & ~self._added
-            # The value of the duals whose columns were not broken has not changed.
+            # Duals whose columns were not broken keep their value.
             for k in np.flatnonzero(broken).tolist():
                 duals[k] = self._programmes[k].solve()[1]
         self._inside[chunk] = False
@@ -360,9 +365,9 @@ class _Gathering:
 
 
 def bound_positions(task: Task, pool: PositionPool, count: int, reached: float) -> Bound:
-    """The best bound for so many positions that the request's cuts give, aimed ever nearer to what was reached.
+    """Return the best bound for this number of positions from the request's number of cuts.
 
-    That is the worst ratio of the best set known.
+    The search aims ever nearer to `reached`, the worst ratio of the best known set.
     """
     hitting, share = HittingSet(task, pool), NEAREST
     known = hitting.bound(count, reached).ratio

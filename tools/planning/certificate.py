@@ -1,13 +1,13 @@
 """Programme and proof of an optimal plan: columns of readings, a dual vector, a bound of |F'y| over all positions.
 
-A dual y with |F'y| ≤ 1 on all readings proves that every estimator costs a'y at least. Of all duals that satisfy what
-is asked, the quietest has the least |F'y| in the mean square: a vertex of the dual programme touches ±1 at as many
-positions as it can and exceeds it beside them; the quietest dual touches where it must.
+A dual y with |F'y| ≤ 1 on all readings proves that every estimator costs at least a'y. The quietest of the suitable
+duals has the least mean square of |F'y|. A vertex of the dual programme touches ±1 at as many positions as possible and
+exceeds it beside them; the quietest dual touches only where it must.
 
-The bound is branch and bound over boxes in (α, β). On a box, with f = ±F'y and the set {c ≥ 0}: freezing the signs of
-the absolute values in c gives functions c_i ≥ c, so that f ≤ h = f + λ₁c₁ + λ₂c₂ on the set for any λ ≥ 0. With λ that
+The bound is branch and bound over boxes in (α, β). On a box, let f = ±F'y and the set be {c ≥ 0}. Freezing the signs of
+the absolute values in c gives functions c_i ≥ c, so f ≤ h = f + λ₁c₁ + λ₂c₂ on the set for any λ ≥ 0. With λ that
 cancel the gradient, h is bounded by its quadratic expansion about the centre plus a bound of the third-order remainder.
-Every bound is raised by more than the rounding errors of its evaluation can amount to: it is proven, not estimated.
+Every bound is raised by more than the largest rounding error of its evaluation: it is proven, not estimated.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,12 +23,12 @@ from ..bounded.programmes import OTHER_STRATEGIES, solved, solver
 from .forms import MOST_TERMS, ROUNDING, SignSheet, dual_forms, padded_terms
 
 ARTIFICIAL_COST = 1e4
-"""Cost of an artificial column, in units of σ: a plan that costs more is of no use."""
+"""Cost of an artificial column [σ]: a plan that costs more is of no use."""
 NO_WEIGHT = 1e-9
-"""A weight so small is the solver's tolerance."""
+"""Largest weight that counts as zero: the solver's tolerance."""
 RANK = 1e-9
 DEAF = 1e-6
-"""An inequality that the equations leave so little freedom is not asked for, unless it is broken by as much."""
+"""Smallest freedom for which an inequality is kept beside the equations, unless it is violated by as much."""
 FIRST_BOXES = 16
 MAX_BOXES = 400_000
 
@@ -43,15 +43,15 @@ def _flips() -> NDArray:
 
 
 FLIPS = _flips()
-"""Of which absolute values the sign is turned in c_1 and in c_2 (25, 2, 5), relative to the box's centre."""
+"""Absolute values whose sign is reversed in c_1 and in c_2 (25, 2, 5), relative to the box's centre."""
 FEW_BOXES = 200
-"""So many are divided twice before they are looked at: a look takes most of its time once, however many there are."""
+"""Number of boxes below which each is divided twice before evaluation, whose cost hardly depends on the number."""
 SMALLEST = 1e-9
 """Half-width [rad] below which a box is not divided."""
 
 
 class UndeterminedError(ArithmeticError):
-    """The positions that are allowed cannot determine the target."""
+    """The allowed positions cannot determine the target."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,15 @@ class Optimum:
     Attributes
     ----------
     accelerometer : (n,) array of int
-        from 0
+        accelerometer, from 0
     alpha, beta : (n,) array
-        [rad]
+        angles [rad]
     weights : (n,) array
         Φ
     dual : (P,) array
         y
     lower_bound : float
-        proven: no plan costs less, in units of σ
+        proven: no plan costs less [σ]
     alpha_deg, beta_deg : (n,) array
         the same angles in degrees, as the grid has them
     """
@@ -85,21 +85,21 @@ class Optimum:
 
     @property
     def cost(self) -> float:
-        """Σ|Φ|: the guaranteed error in units of σ."""
+        """Guaranteed error Σ|Φ| [σ]."""
         return float(np.abs(self.weights).sum())
 
     @property
     def gap(self) -> float:
-        """(cost − lower bound) / cost: what another plan could gain at most."""
+        """Return (cost − lower bound) / cost: the largest possible gain of another plan."""
         return max(self.cost - self.lower_bound, 0.0) / self.cost
 
     def times(self, factor: float) -> "Optimum":
-        """The optimum of the target times a positive factor."""
+        """Return the optimum of the target times a positive factor."""
         return replace(self, weights=factor * self.weights, lower_bound=factor * self.lower_bound * (1.0 - 1e-15))
 
 
 def scaled_optimum(optimum: Callable[[NDArray], Optimum], target: NDArray) -> Optimum:
-    """The optimum for a target a (P,) of any size, by what finds it for one of size 1."""
+    """Return the optimum for a target a (P,) of any size; `optimum` solves the target of size 1."""
     size = float(np.abs(target).max())
     return optimum(target / size).times(size)
 
@@ -107,18 +107,18 @@ def scaled_optimum(optimum: Callable[[NDArray], Optimum], target: NDArray) -> Op
 def settled_optimum(
     target: NDArray, dual: NDArray, ceiling: float, regressors: NDArray, near: NDArray, places: tuple[NDArray, ...]
 ) -> Optimum:
-    """An optimum from a solver's weights: made unbiased to rounding, readings without weight left out.
+    """Return an optimum from a solver's weights, made unbiased to rounding and without readings of zero weight.
 
     Parameters
     ----------
     target, dual : (P,) array
         a, y
     ceiling : float
-        what |F'y| is proven not to exceed
+        proven bound of |F'y|
     regressors, near : (n, P), (n,) array
-        F of the readings, independent, and their weights, nearly right
+        F of the readings, independent, and their approximate weights
     places : accelerometer, alpha, beta, alpha_deg, beta_deg
-        of the readings, (n,) each
+        places of the readings, (n,) each
     """
     used = np.abs(near) > NO_WEIGHT
     if used.any() and np.linalg.lstsq(regressors[used].T, target, rcond=1e-12)[1].sum() > NO_WEIGHT**2:
@@ -142,16 +142,16 @@ def settled_optimum(
 
 
 def lower_bound(target: NDArray, dual: NDArray, ceiling: float) -> float:
-    """What every plan costs at least, from a dual y with |F'y| ≤ ceiling: a'y / ceiling, rounded down."""
+    """Return the least cost of any plan from a dual y with |F'y| ≤ ceiling: a'y / ceiling, rounded down."""
     rounding = 4 * len(dual) * np.finfo(float).eps * float(np.abs(target) @ np.abs(dual))
     return (float(target @ dual) - rounding) / (max(ceiling, 1.0) * (1.0 + 1e-15))
 
 
 def quietest(metric: NDArray, rows: NDArray, values: NDArray, slopes: NDArray, most: NDArray) -> NDArray | None:
-    """y (P,) of least |L'y| with rows (K, P)·y = values and slopes (M, P)·y ≤ most; None when there is none.
+    """Return y (P,) of least |L'y| with rows (K, P)·y = values and slopes (M, P)·y ≤ most; None if there is none.
 
-    Least distance programming in the null space of the equations (Lawson and Hanson 1974, chapter 23); the metric L
-    (P, P) is lower triangular.
+    Least distance programming in the null space of the equations (Lawson and Hanson 1974, chapter 23); the metric L (P,
+    P) is lower triangular.
     """
     inverse = np.linalg.inv(metric)
     base, free = np.zeros(len(metric)), np.eye(len(metric))
@@ -184,14 +184,14 @@ def quietest(metric: NDArray, rows: NDArray, values: NDArray, slopes: NDArray, m
 
 @dataclass(frozen=True)
 class Ceiling:
-    """What is known of max |F'y| over the admissible set.
+    """A proven bound of |F'y| over the admissible set.
 
     Attributes
     ----------
     bound : float
         proven: |F'y| is nowhere greater
     violations : (K, 4) array
-        where |F'y| exceeds what was to be proven: sheet, sense (±1), α, β [rad], worst first; empty where it is proven
+        places where |F'y| exceeds the limit: sheet, sense (±1), α, β [rad], worst first; empty if the limit is proven
     """
 
     bound: float
@@ -201,8 +201,8 @@ class Ceiling:
 def ceiling(sheets: Sequence[SignSheet], dual: NDArray, limit: float, *, max_boxes: int = MAX_BOXES) -> Ceiling:
     """Bound |F'y| on the admissible set for a dual y (P,), if possible by `limit`.
 
-    The search ends where that is proven, where a position violates it, or with the bound that it has when it has looked
-    at so many boxes.
+    The search ends when the limit is proven, when a position violates it, or after `max_boxes` boxes with the bound so
+    far.
     """
     forms, third, size = _forms(sheets, dual)
     width = float(np.pi) / FIRST_BOXES
@@ -245,7 +245,7 @@ def ceiling(sheets: Sequence[SignSheet], dual: NDArray, limit: float, *, max_box
 
 
 def _forms(sheets: Sequence[SignSheet], dual: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Forms (2S, 7, 3, 3): ±F'y, base and terms; bounds (2S, 7, 3) of their third derivatives, sizes (2S, 7)."""
+    """Return forms (2S, 7, 3, 3): ±F'y, base and terms; bounds (2S, 7, 3) of their third derivatives, sizes (2S, 7)."""
     forms = np.zeros((2 * len(sheets), 2 + MOST_TERMS, 3, 3))
     forms[::2, 0] = dual_forms(sheets, dual)
     forms[::2, 1] = [sheet.base for sheet in sheets]
@@ -259,7 +259,7 @@ def _forms(sheets: Sequence[SignSheet], dual: NDArray) -> tuple[NDArray, NDArray
 
 
 def _expand(forms: NDArray, case: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
-    """Values and derivatives (N, 6, 7) of the forms at centres: 1, α, β, αα, αβ, ββ."""
+    """Return values and derivatives (N, 6, 7) of the forms at centres: 1, α, β, αα, αβ, ββ."""
     a, b = _jets(alpha)[:, [0, 1, 0, 2, 1, 0]], _jets(beta)[:, [0, 0, 1, 0, 1, 2]]
     monomials = (a[..., :, None] * b[..., None, :]).reshape(len(alpha), 6, 9)
     values = np.empty((len(alpha), 6, forms.shape[1]))
@@ -270,7 +270,7 @@ def _expand(forms: NDArray, case: NDArray, alpha: NDArray, beta: NDArray) -> NDA
 
 
 def _jets(angle: NDArray) -> NDArray:
-    """(cos, sin, 1) of angles (N,) and its first two derivatives (N, 3, 3)."""
+    """Return (cos, sin, 1) of angles (N,) and its first two derivatives (N, 3, 3)."""
     jets = np.zeros((len(angle), 3, 3))
     c, s = np.cos(angle), np.sin(angle)
     jets[:, 0, 0], jets[:, 0, 1], jets[:, 0, 2] = c, s, 1.0
@@ -280,7 +280,7 @@ def _jets(angle: NDArray) -> NDArray:
 
 
 def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limit: float) -> tuple[NDArray, NDArray]:
-    """Upper bounds (N,) of f on the boxes, -inf where a box lies outside the set; and each direction's share (2, N)."""
+    """Return upper bounds (N,) of f on the boxes, -inf for a box outside the set; and each direction's share (2, N)."""
     cubic = np.stack([radius[0] ** 3, 3 * radius[0] * radius[1] * radius.sum(axis=0), radius[1] ** 3]) / 6.0
     remainder = np.einsum("nft,tn->nf", third, cubic)
     f = values[:, :, 0]
@@ -329,7 +329,8 @@ def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limi
 
 
 def _quadratic_maximum(h: NDArray, radius: NDArray) -> NDArray:
-    """An upper bound (N,) of the quadratic with values and derivatives h (N, 6) over boxes of half-widths (2, N)."""
+    """Return an upper bound (N,) of the quadratic with values and derivatives h (N, 6) over boxes of half-widths (2,
+    N)."""
     a, b = radius
     separate = h[:, 0] + np.abs(h[:, 4]) * a * b
     for gradient, curvature, r in ((h[:, 1], h[:, 3], a), (h[:, 2], h[:, 5], b)):
@@ -341,7 +342,7 @@ def _quadratic_maximum(h: NDArray, radius: NDArray) -> NDArray:
     product = h[:, 3] * h[:, 5]
     determinant = product - h[:, 4] ** 2
     concave = (h[:, 3] < 0.0) & (determinant > 1e-3 * np.abs(product) + 1e-300)
-    # Only where the top is not far away, so that rounding errors of the gradient stay below what is allowed for.
+    # Only if the top is near, so that rounding errors of the gradient stay below their allowance.
     concave &= np.abs(h[:, 1:3]).sum(axis=1) * np.abs(h[:, [3, 5]]).sum(axis=1) < 4.0 * determinant
     safe = np.where(concave, determinant, 1.0)
     square = h[:, 1] ** 2 * h[:, 5] - 2.0 * h[:, 1] * h[:, 2] * h[:, 4] + h[:, 2] ** 2 * h[:, 3]
@@ -350,10 +351,10 @@ def _quadratic_maximum(h: NDArray, radius: NDArray) -> NDArray:
 
 
 class ColumnProgramme:
-    """The restricted programme of column generation: min Σ|Φ| with Σ Φ F = a, over the columns found so far.
+    """The restricted programme of column generation: min Σ|Φ| with Σ Φ F = a, over the columns so far.
 
-    One warm HiGHS model to which columns are added; a new target only changes the right-hand side. `regressors` (K, P)
-    are F of the columns in the order in which they were added, for P parameters.
+    It is one warm HiGHS model to which columns are added; a new target changes only the right-hand side. `regressors`
+    (K, P) are F of the columns in the order of addition, for P parameters.
     """
 
     def __init__(self, size: int):
@@ -387,7 +388,7 @@ class ColumnProgramme:
         )
 
     def close(self, columns: NDArray, *, closed: bool = True) -> None:
-        """Keep columns (n,) out of every plan, or let them in again."""
+        """Exclude columns (n,) from every plan, or allow them again."""
         pairs = (2 * (self._size + np.asarray(columns))[:, None] + np.arange(2)).ravel().astype(np.int32)
         upper = np.full(len(pairs), 0.0 if closed else highspy.kHighsInf)
         self._highs.changeColsBounds(len(pairs), pairs, np.zeros(len(pairs)), upper)  # pyright: ignore
@@ -398,9 +399,9 @@ class ColumnProgramme:
         self._highs.changeRowsBounds(self._size, rows, target, target)  # pyright: ignore
 
     def solve(self) -> tuple[NDArray, NDArray, bool]:
-        """Φ (K,) of each column, at most P of them not zero; y (P,) with |F'y| ≤ 1 on the columns and a'y the cost.
+        """Return Φ (K,) of each column, at most P of them nonzero; y (P,) with |F'y| ≤ 1 on the columns and cost a'y.
 
-        Last, whether the columns can determine the target.
+        The last value is True if the columns can determine the target.
         """
         solution = solved(self._highs, usual=0, others=OTHER_STRATEGIES[1:])
         values = np.array(solution.col_value)

@@ -1,15 +1,14 @@
-"""What a plan is worth where the bench is not as planned: angles set with errors, and effects that no model holds.
+"""The value of a plan on the real bench: angles with setting errors, and effects that no model contains.
 
-Errors of setting (section 4 of Golovan, Matasov, Tarygin 2022), before anything is measured: the plan's weights Φ, used
-at the angles where the table really stood, estimate with the bias Σ b X, b = Σ Φ F − a. It is tolerable where
-Σ|b| X^max is small beside σ Σ|Φ|; else the weights are compensated by (4.2), l̃ = A L⁻¹ (Φ z) with L = Σ Φ Fᵀ at the
-actual angles; or the programme is solved again on the actual angles, which nothing betters. At the actual angles a
-reading counts where (1.7) as printed says so: what a plan keeps beyond that, the bias rows or a reserve, is there to be
-used up.
+Errors of setting (section 4 of Golovan, Matasov, Tarygin 2022), before the measurement. At the actual angles the plan's
+weights Φ estimate with the bias Σ b X, b = Σ Φ F − a. The bias is tolerable if Σ|b| X^max is small beside σ Σ|Φ|.
+Otherwise the weights are compensated by (4.2), l̃ = A L⁻¹ (Φ z) with L = Σ Φ Fᵀ at the actual angles; or the programme
+is solved again on the actual angles, which is optimal. At the actual angles a reading counts by (1.7) as printed. The
+plan's further margins, the bias rows or a reserve, may be used up.
 
-Effects: a unit effect changes the readings by d. No parameters imitate it better than to dist = min over X of
-max |d − F'X|; noise within σ cannot hide an effect larger than 2 σ / dist. Near the optimal positions some effects are
-nearly parameters; extra positions show them.
+Effects: a unit effect changes the readings by d. Parameters imitate it to within dist = min over X of max |d − F'X| at
+best, so noise within σ cannot hide an effect larger than 2 σ / dist. Near the optimal positions some effects are nearly
+parameters; extra positions separate them.
 """
 
 from collections.abc import Sequence
@@ -37,40 +36,41 @@ from .request import parsed_keep_out
 from .task import NOT_DETERMINED, Costs, Places, Task, allowed, clearances, costs, on_all_mountings, readings, task_of
 
 TOLERABLE = 0.1
-"""A bias that may add a tenth of the guaranteed error is tolerable."""
+"""Largest tolerable bias, as a fraction of the guaranteed error."""
 AS_GOOD = 1.01
-"""Compensated weights that cost one per cent more than new ones are good enough."""
+"""Largest cost of compensated weights, relative to new ones, at which they are good enough."""
 UNBIASED = 1e-9
 DECIMALS_DEG = 9
-"""Errors of setting have no more decimals [deg]: the rest is rounding of sines and cosines."""
+"""Decimals of setting errors [deg]: the rest is rounding of sines and cosines."""
 ADVICE = ("tolerable", "compensate", "re-solve", "measure again")
-"""From the least trouble to the most."""
+"""Advice in order of increasing effort."""
 EDGE_DEG = 1e-8
-"""Angles so near the end of a keep-out are outside it."""
+"""Angles within this distance of the end of a keep-out are outside it [deg]."""
 LATTICE_DEG = 15.0
 PHASES = 8
-"""An effect with two coefficients is judged by the least distance over so many phases."""
+"""Number of phases over which an effect with two coefficients is judged by its least distance."""
 SHORTLIST = 10
-"""So many positions, those where the effects show most, are judged by the distance itself."""
+"""Number of most promising positions that are judged by the distance itself."""
 NOTHING = 1e-9
 
 
 class TargetCheck(Result):
-    """What the actual angles mean for one target; all in units of σ.
+    """Consequence of the actual angles for one target; all in units of σ.
 
     Attributes
     ----------
     target : str
+        symbol of the target
     planned : float
         Σ|Φ| of the plan
     bias : float
         Σ|b| X^max / σ with the plan's weights at the actual angles
     compensated : float or None
-        Σ|Φ| by (4.2); None where that is not possible
+        Σ|Φ| by (4.2); None if that is impossible
     solved : float or None
-        Σ|Φ| of the programme on the actual angles; None where they do not determine the target
+        Σ|Φ| of the programme on the actual angles; None if they do not determine the target
     advice : str
-        of `ADVICE`
+        one of `ADVICE`
     """
 
     target: Annotated[str, Quantity("target")]
@@ -82,12 +82,12 @@ class TargetCheck(Result):
 
 
 class SettingCheck(Result):
-    """What errors of setting do to a plan.
+    """Consequence of setting errors for a plan.
 
     Attributes
     ----------
     advice : str
-        what the worst target needs
+        advice for the worst target
     lost_readings : int
         readings with weight whose sign is no longer certain
     largest_error_deg : float
@@ -95,6 +95,7 @@ class SettingCheck(Result):
     noise_bound : float
         σ
     targets : tuple of TargetCheck
+        consequence for each target
     """
 
     schema_: Literal["trihedron.setting-check/1"] = Field(default="trihedron.setting-check/1", alias="schema")
@@ -106,9 +107,10 @@ class SettingCheck(Result):
 
 
 def read_settings(path: Path, keep_out: Sequence[str] = ()) -> tuple[Places, Places]:
-    """Planned and actual positions of an `angles.csv`.
+    """Return planned and actual positions of an `angles.csv`.
 
-    An InputError for another file, for angles that no table has, and for a position inside a keep-out, with its row.
+    Raises InputError for another file, for angles that no table has, and for a position inside a keep-out, with its
+    row.
     """
     names = ("planned_alpha_deg", "planned_beta_deg", "alpha_deg", "beta_deg")
     table, _ = read_number_table(path, str(path), names)
@@ -132,10 +134,10 @@ def read_settings(path: Path, keep_out: Sequence[str] = ()) -> tuple[Places, Pla
 
 
 def check_settings(task: Task, planned: Places, actual: Places, noise_bound: float) -> SettingCheck:
-    """Compare bias and noise σ of a plan's estimators at the angles where the table stood, position by position.
+    """Compare bias and noise σ of a plan's estimators at the actual angles of the table, position by position.
 
-    An InputError when the planned positions do not determine every target, for a noise bound that none has, a symmetric
-    baseline or more than one mounting.
+    Raises InputError if the planned positions do not determine every target, for an impossible noise bound, for a
+    symmetric baseline, and for more than one mounting.
     """
     p, noise_bound = task.parametrisation, checked_noise_bound(noise_bound)
     if p.symmetric or len(p.mountings) != 1:
@@ -180,8 +182,8 @@ def check_settings(task: Task, planned: Places, actual: Places, noise_bound: flo
 class _Estimators:
     """A plan's estimators at the actual angles.
 
-    Which readings (K, M) have weight, which (M,) are certain, the weights (K, M) of these, the parameters (K, 18) that
-    they reach and those that they aim at.
+    Readings (K, M) with weight, certain readings (M,), their weights (K, M), the parameters (K, 18) that these
+    estimate, and the parameters that they should estimate.
     """
 
     used: NDArray
@@ -191,7 +193,7 @@ class _Estimators:
     aimed: NDArray
 
     def compensated(self) -> NDArray | None:
-        """Weights (K, M) of (4.2), unbiased at the actual angles; None where L cannot be solved."""
+        """Return the weights (K, M) of (4.2), unbiased at the actual angles; None if L is singular."""
         reached, aimed = self.reached, self.aimed
         if reached.shape[0] != reached.shape[1] or np.linalg.cond(reached) > 1e9:
             return None
@@ -212,7 +214,7 @@ def _actual_estimators(task: Task, exact: Task, plan: Costs, actual: Places) -> 
 
 
 def _advice(*, unchanged: bool, compensated: float | None, solved: float | None) -> str:
-    """The least trouble that is enough, from Σ|Φ| of (4.2) and of the programme solved again."""
+    """Return the easiest sufficient advice from Σ|Φ| of (4.2) and of the programme solved again."""
     if solved is None:
         return "measure again"
     if unchanged:
@@ -223,11 +225,12 @@ def _advice(*, unchanged: bool, compensated: float | None, solved: float | None)
 
 
 class EffectDistance(Result):
-    """How well an effect shows: the distance of the unit effect from the model's range.
+    """Visibility of an effect: the distance of the unit effect from the model's range.
 
     Attributes
     ----------
     effect : str
+        title of the effect
     distance_before, distance_after, distance_at_most : float
         with the plan, with the extra positions, and with every position of the lattice
     """
@@ -239,9 +242,9 @@ class EffectDistance(Result):
 
 
 def named_effects(names: Sequence[str]) -> list[EffectPlace]:
-    """The effects that a person names: "quadratic accelerometer-3", or "quadratic" for all its places.
+    """Return the effects of names: "quadratic accelerometer-3", or "quadratic" for all its places.
 
-    An InputError for a name that is not in the catalogue.
+    Raises InputError for a name that is not in the catalogue.
     """
     places: list[EffectPlace] = []
     for effect in POSITION_EFFECTS.values():
@@ -262,10 +265,10 @@ def named_effects(names: Sequence[str]) -> list[EffectPlace]:
 
 
 def detecting(task: Task, places: Places, effects: Sequence[EffectPlace]) -> tuple[Places, tuple[EffectDistance, ...]]:
-    """The plan with extra positions at its end: they raise the least distance relative to what a whole lattice gives.
+    """Append extra positions to a plan that raise the least distance, relative to the distance on a whole lattice.
 
-    The request says how many are added, at most; none that help nothing. An InputError for an effect that does not
-    depend on the positions.
+    The request sets the largest number of extra positions; positions without a gain are not added. Raises InputError
+    for an effect that does not depend on the positions.
     """
     lattice = _lattice(task)
     most, before = _distances(task, effects, places.joined(lattice)), _distances(task, effects, places)
@@ -300,7 +303,7 @@ def detecting(task: Task, places: Places, effects: Sequence[EffectPlace]) -> tup
 
 
 def _lattice(task: Task) -> Places:
-    """The lattice's positions outside the keep-outs at which a reading counts."""
+    """Return the lattice's positions outside the keep-outs at which a reading counts."""
     degrees = np.arange(0.0, 360.0, LATTICE_DEG)
     angle = np.radians(np.stack(np.meshgrid(degrees, degrees, indexing="ij"), axis=-1).reshape(-1, 2))
     lattice = on_all_mountings(angle[allowed(task, angle)], len(task.parametrisation.mountings))
@@ -312,12 +315,13 @@ def _distances(task: Task, effects: Sequence[EffectPlace], places: Places) -> ND
 
 
 def distance(task: Task, effect: EffectPlace, places: Places) -> float:
-    """Chebyshev distance of the unit effect from the range of the model on the readings of these positions."""
+    """Return the Chebyshev distance of the unit effect from the range of the model on the readings of these
+    positions."""
     return _imitated(task, effect, places)[0]
 
 
 def _imitated(task: Task, effect: EffectPlace, places: Places) -> tuple[float, NDArray, NDArray]:
-    """The least distance over the effect's phases, the phase, and the parameters that imitate it best."""
+    """Return the least distance over the effect's phases, the phase, and the parameters that imitate it best."""
     regressor, columns = readings(task, places).regressor, _columns(task, effect, places)
     units = np.eye(columns.shape[1])
     if len(units) == 2:
@@ -337,7 +341,7 @@ def _imitated(task: Task, effect: EffectPlace, places: Places) -> tuple[float, N
 
 
 def _columns(task: Task, effect: EffectPlace, places: Places) -> NDArray:
-    """What the unit effect adds to the readings that count (M, K)."""
+    """Return the change of the counting readings by the unit effect (M, K)."""
     columns = np.zeros((3 * len(places), 1))
     if is_linear(effect):
         still, p = np.zeros(len(places)), task.parametrisation
@@ -353,7 +357,7 @@ def _columns(task: Task, effect: EffectPlace, places: Places) -> NDArray:
 
 
 def _promising(task: Task, effect: EffectPlace, present: Places, lattice: Places) -> NDArray:
-    """Positions of the lattice where the parameters that imitate the effect best on the plan fail most."""
+    """Return positions of the lattice at which the parameters that imitate the effect best on the plan fail most."""
     _, unit, x = _imitated(task, effect, present)
     counted = readings(task, lattice)
     missed = np.abs(_columns(task, effect, lattice) @ unit - counted.regressor @ x)

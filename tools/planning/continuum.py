@@ -1,9 +1,9 @@
 """Optimal plans over all angles: exchange of columns, then Newton's method on the support, then the proof.
 
-In Newton's method unknown are the positions (α_i, β_i) that carry weight, their weights Φ_i and the dual y. They obey
-Σ Φ_i F_i = a; s_i F_i'y = 1; and, at each position, F'y is stationary (inside the admissible set), or stationary along
-the boundary and on it, or it is a corner of the boundary. The system is square but, where optima are not unique,
-singular: steps are the shortest.
+Newton's method solves for the positions (α_i, β_i) with weight, their weights Φ_i and the dual y. They obey Σ Φ_i F_i =
+a and s_i F_i'y = 1. At each position, F'y is stationary (inside the admissible set), or stationary along the boundary
+and on it, or the position is a corner of the boundary. The system is square but singular where optima are not unique:
+steps are the shortest.
 """
 
 from collections.abc import Sequence
@@ -19,36 +19,37 @@ from .forms import INSIDE, Ridges, SignSheet, WholeGrid, clearance, dual_forms, 
 FIRST_STEP_DEG = 3.0
 SCAN_STEP_DEG = 4.0
 CLIMB_ROUNDS, FINE_ROUNDS = 6, 13
-"""Peaks are followed to about 2e-5 degrees, those that become columns to rounding."""
+"""Rounds of climbing: to about 2e-5 degrees for peaks, to rounding for peaks that become columns."""
 REFINED = 4.0 * 8.0**-CLIMB_ROUNDS
 TO_PROVE = (2e-11, 2e-11, 5e-11, 1e-10, 2e-10, 4e-10)
-"""By how much |F'y| is proven not to exceed one: tried in turn, while violations are found and mended."""
+"""Limits of |F'y| − 1 to prove, tried in turn while violations are found and mended."""
 SLIGHT = 1e-11
 EXCHANGES = 60
 LEVEL = 0.3
-"""How much of the gap the quietest dual may give away while columns are exchanged."""
+"""Fraction of the gap that the quietest dual may give away while columns are exchanged."""
 GOOD_GAP = 1e-9
 PLANS = 4
-"""Plans of a larger gap are kept, and other duals tried, so many times."""
+"""Number of plans of a larger gap after which the best of them is returned."""
 CLOSE = 1e-3
-"""How near the optimum a dual must be for the search of all positions that the scan may have missed."""
+"""Relative distance of a dual from the optimum below which the search covers positions that the scan may have
+missed."""
 NEAR = np.radians(8.0)
 QUIET = ((0.05, SLIGHT), (1e-3, SLIGHT), (0.0, SLIGHT), (0.0, 1e-10), (0.0, 3e-10))
-"""How far below one a dual is asked to stay, far from the support, and how far above it may rise; tried in turn."""
+"""Margins below one far from the support, and allowed excess above one, of a dual; tried in turn."""
 BOXES = 100_000
 ATTEMPTS = 24
 ON_BOUNDARY = 1e-5
-"""Clearance [g] below which a peak is taken to lie on the boundary."""
+"""Clearance [g] below which a peak counts as lying on the boundary."""
 AT_KINK = 3e-4
-"""|term| over its greatest coefficient below which it is taken to lie on a corner too."""
+"""|term| over its greatest coefficient below which the peak also counts as a corner."""
 STEPS = 12
 CONVERGED = 1e-12
 NO_WEIGHT = 1e-8
-"""A position with so little weight does not belong to the support."""
+"""Weight below which a position does not belong to the support."""
 
 
 class Continuum:
-    """The continuous admissible set and the columns found on it so far, shared by all targets."""
+    """The continuous admissible set and its columns so far, shared by all targets."""
 
     def __init__(self, sheets: Sequence[SignSheet]):
         self._sheets = sheets
@@ -73,9 +74,9 @@ class Continuum:
         self._sense = np.repeat(1.0 - 2.0 * (cases % 2), len(lines))
 
     def optimum(self, target: NDArray) -> Optimum:
-        """The plan of least cost for a target a (P,), with the dual that proves it.
+        """Return the plan of least cost for a target a (P,), with the dual that proves it.
 
-        An UndeterminedError when no positions can determine the target.
+        Raises UndeterminedError if no positions can determine the target.
         """
         self._columns.aim(target)
         weights, cost = self._start()
@@ -88,7 +89,7 @@ class Continuum:
             new = _above(peaks, 1.0 + SLIGHT)
             reached = float(target @ dual) / max(1.0, float(peaks[:, 4].max(initial=1.0)))
             if not len(new) and (reached > (1.0 - CLOSE) * cost or cost == before):
-                # in a narrow tip of the set the scan may miss a position
+                # the scan may miss a position in a narrow tip of the set
                 limit = 1.0 + max(GOOD_GAP, 0.1 * (1.0 - reached / cost))
                 new = self._tops(dual, ceiling(self._sheets, dual, limit, max_boxes=BOXES).violations)
                 bound, reached = (0.0, 0.0) if len(new) else (bound, reached)
@@ -111,7 +112,7 @@ class Continuum:
         return min([*plans, self._unfinished(target, weights, proof)], key=lambda plan: plan.gap)
 
     def _tops(self, dual: NDArray, violations: NDArray) -> NDArray:
-        """The local maxima (K, 3) to which violations (K, 4) belong."""
+        """Return the local maxima (K, 3) to which violations (K, 4) belong."""
         sheet, sense, alpha = violations[:, 0].astype(int), violations[:, 1], violations[:, 2]
         if not len(sheet):
             return np.zeros((0, 3))
@@ -120,7 +121,7 @@ class Continuum:
         return np.column_stack([sheet, alpha, beta])
 
     def _unfinished(self, target: NDArray, weights: NDArray, dual: NDArray) -> Optimum:
-        """The plan that the columns give, with the gap that can be proven."""
+        """Return the plan of the columns, with the gap that can be proven."""
         used = np.flatnonzero(weights)
         sheet, alpha, beta = self._place[used].T
         inside, sense = np.full(len(used), -2), np.sign(weights[used])
@@ -128,7 +129,7 @@ class Continuum:
         return self._optimum(plan, target, dual, self._provable(dual))
 
     def _provable(self, dual: NDArray) -> float:
-        """What |F'y| is proven not to exceed, by limits that rise until none is violated."""
+        """Return a proven bound of |F'y|, from limits that rise until none is violated."""
         excess = 5e-10
         while len((bounded := ceiling(self._sheets, dual, 1.0 + excess, max_boxes=BOXES)).violations):
             excess *= 1.9
@@ -154,7 +155,7 @@ class Continuum:
         return regressors_at(self._sheets, *places.T)
 
     def _level_dual(self, target: NDArray, cost: float, bound: float) -> NDArray:
-        """The quietest dual of the columns that gives away part of what is still open."""
+        """Return the quietest dual of the columns that gives away a part of the gap."""
         columns = self._columns.regressors
         slopes = np.vstack([columns, -columns, -target])
         most = np.append(np.ones(2 * len(columns)), -(cost - LEVEL * (cost - bound)))
@@ -162,7 +163,7 @@ class Continuum:
         return self._columns.solve()[1] if dual is None else dual
 
     def _peaks(self, dual: NDArray) -> NDArray:
-        """Local maxima (n, 5) of |F'y|: sheet, sense, α, β [rad] and value."""
+        """Return local maxima (n, 5) of |F'y|: sheet, sense, α, β [rad] and value."""
         forms = dual_forms(self._sheets, dual)
         lines = self._ridges.heights(self._scan, forms, self._sense)[0].reshape(2 * len(self._sheets), -1)
         higher = (lines >= np.roll(lines, 1, axis=1)) & (lines >= np.roll(lines, -1, axis=1))
@@ -177,7 +178,7 @@ class Continuum:
         return np.column_stack([sheet, sense, alpha, beta, height])
 
     def _guess(self, weights: NDArray, dual: NDArray, peaks: NDArray) -> "Support":
-        """The support: the columns that carry weight, each at the nearest peak."""
+        """Return the support: the columns that carry weight, each at the nearest peak."""
         spots, total = peaks[:, :4], {}
         for column in np.flatnonzero(np.abs(weights) > 1e-7):
             (sheet, alpha, beta), weight = self._place[column], weights[column]
@@ -196,9 +197,9 @@ class Continuum:
         return Support(self._sheets, sheet, sense, alpha, beta, corner, weight, dual)
 
     def _prove(self, support: "Support") -> tuple[NDArray, float] | NDArray:
-        """A dual that touches ±1 on the support and exceeds it nowhere, with what is proven of its |F'y|.
+        """Return a dual that touches ±1 on the support and exceeds it nowhere, with a proven bound of its |F'y|.
 
-        Without one, the positions (K, 3) at which the duals that were tried exceed one.
+        If there is none, return the positions (K, 3) at which the tried duals exceed one.
         """
         rows, values = support.touching()
         places = self._place
@@ -240,17 +241,17 @@ class Continuum:
 
 
 def _above(peaks: NDArray, limit: float) -> NDArray:
-    """SignSheet, α, β (K, 3) of the peaks that exceed the limit."""
+    """Return sheet, α, β (K, 3) of the peaks that exceed the limit."""
     return peaks[peaks[:, 4] > limit][:, [0, 2, 3]]
 
 
 def _apart(angle: NDArray, center: float | NDArray) -> NDArray:
-    """Distance of angles [rad], round the circle."""
+    """Return the distance of angles round the circle [rad]."""
     return np.abs(np.angle(np.exp(1j * (angle - center))))
 
 
 def _distance(places: NDArray, support: "Support") -> NDArray:
-    """0 at the support, 1 far from it, square in between; (M,) for places (M, 3)."""
+    """Return 0 at the support, 1 far from it, square in between; (M,) for places (M, 3)."""
     away = np.maximum(_apart(places[:, 1:2], support.alpha[None]), _apart(places[:, 2:3], support.beta[None]))
     away = np.where(places[:, :1] == support.sheet[None], away, np.inf).min(axis=1)
     return np.minimum(1.0, (away / 0.3) ** 2)
@@ -263,16 +264,19 @@ class Support:
     Attributes
     ----------
     sheets : sequence of SignSheet
+        the sheets of the block
     sheet : (n,) array of int
-        which of them
+        index of each position's sheet
     sense : (n,) array
         sign s_i of the weight
     alpha, beta : (n,) array
-        [rad]
+        angles [rad]
     corner : (n,) array of int
         -2 inside, -1 on the boundary, else the term that vanishes too
     weights : (n,) array
+        Φ
     dual : (P,) array
+        y
     """
 
     sheets: Sequence[SignSheet]
@@ -286,12 +290,12 @@ class Support:
 
     @property
     def places(self) -> NDArray:
-        """SignSheet, α, β as (n, 3)."""
+        """Sheet, α, β as (n, 3)."""
         return np.column_stack([self.sheet, self.alpha, self.beta])
 
     @property
     def at(self) -> list[tuple[SignSheet, float, float]]:
-        """The sheet, α and β of each position."""
+        """Sheet, α and β of each position."""
         return [(self.sheets[k], a, b) for k, a, b in zip(self.sheet, self.alpha, self.beta, strict=True)]
 
     @property
@@ -301,16 +305,16 @@ class Support:
 
     @property
     def term_signs(self) -> list[NDArray]:
-        """Signs of each position's terms."""
+        """Return the signs of each position's terms."""
         return [np.sign(value(sheet.terms, a, b)) for sheet, a, b in self.at]
 
     def chosen(self, rows: NDArray) -> "Support":
-        """Some of the positions."""
+        """Return the support of the chosen positions."""
         names = ("sheet", "sense", "alpha", "beta", "corner", "weights")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def touching(self) -> tuple[NDArray, NDArray]:
-        """What every dual of the optimum obeys: rows (K, P), values (K,) of touching ±1 and of being stationary."""
+        """Return the equations of every optimal dual: rows (K, P), values (K,) for touching ±1 and being stationary."""
         rows, values = [], []
         for i, (signs, (sheet, alpha, beta)) in enumerate(zip(self.term_signs, self.at, strict=True)):
             jet = _jet(sheet.regressor, alpha, beta)
@@ -324,7 +328,7 @@ class Support:
 
 
 def _kind_of_place(sheet: SignSheet, alpha: float, beta: float) -> int:
-    """-2 inside the set, -1 on its boundary, else the index of the term whose kink makes a corner of the boundary."""
+    """Return -2 inside the set, -1 on its boundary, else the index of the term whose kink makes a corner there."""
     if float(clearance(sheet, alpha, beta)) > ON_BOUNDARY:
         return -2
     terms = np.abs(value(sheet.terms, alpha, beta)) / np.abs(sheet.terms).max(axis=(1, 2))
@@ -332,10 +336,10 @@ def _kind_of_place(sheet: SignSheet, alpha: float, beta: float) -> int:
 
 
 def polish(start: Support, target: NDArray, metric: NDArray) -> Support | None:
-    """The optimum near a support that is nearly right; None when Newton's method does not lead to one.
+    """Return the optimum near an approximate support; None if Newton's method does not converge to one.
 
-    Positions whose weight turns out to have the wrong sign, or none, are dropped. The size of a dual is |L'y| with the
-    metric L (P, P).
+    Positions whose weight turns out zero or of the wrong sign are dropped. The size of a dual is |L'y| with the metric
+    L (P, P).
     """
     before = start
     for _ in range(2 * len(start.sheet) + 2):
@@ -361,7 +365,7 @@ def polish(start: Support, target: NDArray, metric: NDArray) -> Support | None:
 
 
 def _crossed(before: Support, after: Support) -> NDArray:
-    """Kinds of place, with a corner where Newton's method left a smooth boundary across a kink."""
+    """Return the kinds of place, with a corner wherever Newton's method left a smooth boundary across a kink."""
     corner = before.corner.copy()
     for i in np.flatnonzero(corner == -1):
         terms = (value(before.sheets[s.sheet[i]].terms, s.alpha[i], s.beta[i]) for s in (before, after))
@@ -406,7 +410,7 @@ def _newton(start: Support, target: NDArray, metric: NDArray) -> Support | None:
 
 
 def _jet(forms: NDArray, alpha: float, beta: float) -> NDArray:
-    """Values and derivatives (6, K) of forms (K, 3, 3): 1, α, β, αα, αβ, ββ."""
+    """Return values and derivatives (6, K) of forms (K, 3, 3): 1, α, β, αα, αβ, ββ."""
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     a = np.array([[ca, sa, 1.0], [-sa, ca, 0.0], [-ca, -sa, 0.0]])
     b = np.array([[cb, sb, 1.0], [-sb, cb, 0.0], [-cb, -sb, 0.0]])
@@ -417,7 +421,7 @@ def _jet(forms: NDArray, alpha: float, beta: float) -> NDArray:
 def _conditions(
     sheet: SignSheet, corner: int, signs: NDArray, place: tuple[float, float], jet: NDArray, dual: NDArray
 ) -> tuple[tuple[float, NDArray, NDArray], ...]:
-    """Two conditions on a position, each (amount, derivative by y (P,), derivatives by α and β (2,))."""
+    """Return two conditions on a position, each (amount, derivative by y (P,), derivatives by α and β (2,))."""
     f = jet @ dual
     nothing = np.zeros(len(dual))
     if corner == -2:

@@ -26,19 +26,19 @@ from ..errors import InputError
 DEFAULT_BOUNDS = (3e-3, 1e-2)
 """u^max [rad] and v^0max of section 3 of the paper."""
 MOST_TERMS = 5
-"""Absolute values in s_p^max: three of the stand, two of the other accelerometers' inputs."""
+"""Absolute values in s_p^max: three of the bench, two of the other accelerometers' inputs."""
 RULES = ("paper", "tables")
 """(1.7) as printed; with the bias rows too, as the published tables were computed."""
 INSIDE = 1e-13
-"""Margin [g] for positions that are to be admissible in spite of rounding."""
+"""Margin [g] for positions that must be admissible in spite of rounding."""
 OUTSIDE = -1e-12
-"""Margin [g] for bounds that are to hold on the admissible set in spite of rounding."""
+"""Margin [g] for bounds that must hold on the admissible set in spite of rounding."""
 FAN = 17
 TOLERANCE = 1e-10
-"""|F'y| may exceed one by this on the grid: the cost is then optimal to this."""
+"""Largest excess of |F'y| over one on the grid: the cost is optimal to this."""
 ROWS_AT_ONCE = 64
 ROUNDING = 64 * np.finfo(float).eps
-"""A form of nine terms, sines and cosines included, is evaluated to within this times the sum of its coefficients."""
+"""Relative rounding error of a form of nine terms, with sines and cosines, in units of the sum of its coefficients."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +70,10 @@ class SignSheet:
 
 
 def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, rule: str = "paper") -> list[SignSheet]:
-    """The sheets of a block, one mounting after the other: six for each, or three of a symmetric block.
+    """Return the sheets of a block, one mounting after the other: six for each, or three of a symmetric block.
 
-    The bounds are u^max [rad] and v^0max of (1.7), the rule "paper" or "tables" as of `models.bench.sign_margin`.
-    An InputError for another rule, or bounds that are negative, not finite, or leave no position.
+    The bounds are u^max [rad] and v^0max of (1.7); the rule is "paper" or "tables" of `models.bench.sign_margin`.
+    Raises InputError for another rule, and for bounds that are negative, not finite, or leave no position.
     """
     if rule not in RULES:
         raise InputError(f"--admissible {rule}: must be one of {', '.join(RULES)}")
@@ -112,7 +112,7 @@ def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, 
 
 
 def _stand_forms(row: NDArray) -> NDArray:
-    """The forms (3, 3, 3) of (Q B)_p, the derivatives by κ, Δα + α*, ε, for row p of Q (3,)."""
+    """Return the forms (3, 3, 3) of (Q B)_p, the derivatives by κ, Δα + α*, ε, for row p of Q (3,)."""
     first, second, third = row
     forms = np.zeros((3, 3, 3))
     forms[0, 2, 0], forms[0, 2, 1] = -first, second
@@ -122,7 +122,7 @@ def _stand_forms(row: NDArray) -> NDArray:
 
 
 def x_from_targets() -> NDArray:
-    """X (18) of the paper as a function of the targets (18), as a matrix (18, 18)."""
+    """Return X (18) of the paper as a function of the targets (18), as a matrix (18, 18)."""
     matrix = np.zeros((18, 18))
     for k in range(18):
         symbol = f"X{k + 1}"
@@ -132,7 +132,7 @@ def x_from_targets() -> NDArray:
 
 
 def padded_terms(block: Sequence[SignSheet]) -> NDArray:
-    """The terms of all sheets (S, `MOST_TERMS`, 3, 3), zero where a sheet has fewer."""
+    """Return the terms of all sheets (S, `MOST_TERMS`, 3, 3), zero for the missing terms of a sheet."""
     terms = np.zeros((len(block), MOST_TERMS, 3, 3))
     for k, sheet in enumerate(block):
         terms[k, : len(sheet.terms)] = sheet.terms
@@ -140,7 +140,7 @@ def padded_terms(block: Sequence[SignSheet]) -> NDArray:
 
 
 def harmonics(angle: ArrayLike) -> NDArray:
-    """(cos, sin, 1) of angles (...) [rad], as (..., 3)."""
+    """Return (cos, sin, 1) of angles (...) [rad], as (..., 3)."""
     angle = np.asarray(angle, dtype=float)
     values = np.ones((*angle.shape, 3))
     values[..., 0], values[..., 1] = np.cos(angle), np.sin(angle)
@@ -148,17 +148,17 @@ def harmonics(angle: ArrayLike) -> NDArray:
 
 
 def slopes(angle: NDArray) -> NDArray:
-    """Derivative (..., 3) of `harmonics`."""
+    """Return the derivative (..., 3) of `harmonics`."""
     return np.stack([-np.sin(angle), np.cos(angle), np.zeros_like(angle)], axis=-1)
 
 
 def dual_forms(block: Sequence[SignSheet], dual: NDArray) -> NDArray:
-    """F'y (S, 3, 3) of each sheet for a dual y (P,)."""
+    """Return F'y (S, 3, 3) of each sheet for a dual y (P,)."""
     return np.array([np.tensordot(dual, sheet.regressor, axes=(0, 0)) for sheet in block])
 
 
 def value(form: NDArray, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
-    """Values (..., K) of forms (K, 3, 3), or (...) of one form (3, 3), at angles (...) that broadcast [rad]."""
+    """Return values (..., K) of forms (K, 3, 3), or (...) of one form (3, 3), at angles (...) that broadcast [rad]."""
     a, b = harmonics(alpha), harmonics(beta)
     if form.ndim == 2:
         rows = a @ form
@@ -167,7 +167,7 @@ def value(form: NDArray, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
 
 
 def regressors_at(block: Sequence[SignSheet], sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
-    """F (K, P) of each of the places: its sheet's index (K,), α and β (K,) [rad]."""
+    """Return F (K, P) of each of the places: its sheet's index (K,), α and β (K,) [rad]."""
     regressors, a, b = np.empty((len(sheet), len(block[0].regressor))), harmonics(alpha), harmonics(beta)
     for k in range(len(block)):
         places = np.flatnonzero(sheet == k)
@@ -178,7 +178,8 @@ def regressors_at(block: Sequence[SignSheet], sheet: NDArray, alpha: NDArray, be
 
 
 def clearance(sheet: SignSheet, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
-    """c (...): |m_p| − s_p^max for the sheet's sign, positive where (1.9) holds; 1 everywhere for a symmetric block."""
+    """Return c (...): |m_p| − s_p^max for the sheet's sign, positive if (1.9) holds; 1 everywhere for a symmetric
+    block."""
     if sheet.sign == 0:
         return np.ones(np.broadcast_shapes(np.shape(alpha), np.shape(beta)))
     c = value(sheet.base, alpha, beta)
@@ -191,7 +192,7 @@ def clearance(sheet: SignSheet, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
 class Arcs:
     """Sheets and α (N,) [rad] and the ends β (N, K) of the arcs there, NaN beyond the last.
 
-    That is all that pricing needs and that does not depend on y.
+    They are the part of pricing that does not depend on y.
     """
 
     sheet: NDArray
@@ -200,12 +201,12 @@ class Arcs:
 
 
 def _by_alpha(forms: NDArray) -> NDArray:
-    """Forms (K, 3, 3) as a matrix (3, 3 K) from the basis of α to their factors of cos β, of sin β and of 1."""
+    """Return forms (K, 3, 3) as a matrix (3, 3 K) from the basis of α to their factors of cos β, of sin β and of 1."""
     return forms.transpose(1, 2, 0).reshape(3, -1)
 
 
 def _in_beta(forms: Sequence[NDArray], sheet: NDArray, alpha: NDArray) -> NDArray:
-    """Factors (3, N, K) of cos β, of sin β and of 1 of each sheet's forms, as of `_by_alpha`, at α (N,)."""
+    """Return factors (3, N, K) of cos β, of sin β and of 1 of each sheet's forms, as of `_by_alpha`, at α (N,)."""
     a, factors = harmonics(alpha), np.empty((len(sheet), forms[0].shape[1]))
     for k, form in enumerate(forms):
         rows = np.flatnonzero(sheet == k)
@@ -219,7 +220,7 @@ class Ridges:
     def __init__(self, block: Sequence[SignSheet], margin: float):
         self._margin, self._free = margin, block[0].sign == 0
         signs = np.array(list(product((-1.0, 1.0), repeat=MOST_TERMS)))
-        # c with the signs of its absolute values frozen, every way: an arc ends where one of these is zero.
+        # c with every choice of frozen signs of its absolute values: an arc ends at a zero of one of these.
         frozen, self._clearances = [], []
         for sheet, terms in zip(block, padded_terms(block), strict=True):
             frozen.append(np.unique(sheet.base - np.einsum("et,tij->eij", signs, terms), axis=0))
@@ -229,7 +230,7 @@ class Ridges:
         self._edges = [_by_alpha(forms) for forms in self._frozen]
 
     def arcs(self, sheet: NDArray, alpha: NDArray) -> Arcs:
-        """The arcs of sheets (N,) at angles α (N,)."""
+        """Return the arcs of sheets (N,) at angles α (N,)."""
         if self._free:
             return Arcs(sheet, alpha, np.zeros((len(alpha), 0)))
         margin = self._margin
@@ -248,9 +249,9 @@ class Ridges:
         return Arcs(sheet, alpha, ends)
 
     def _crossings(self, sheet: NDArray, alpha: NDArray) -> NDArray:
-        """Cosines and sines (2, N, 2 E) of the β at which each of the frozen c is the margin; NaN where it never is.
+        """Return cosines and sines (2, N, 2 E) of the β at which each of the frozen c equals the margin; NaN if never.
 
-        Most of them are no ends of arcs: they come without the angles.
+        Most of them are not ends of arcs, so the angles themselves are not computed.
         """
         factors = _in_beta(self._edges, sheet, alpha)
         crossings = np.empty((2, len(sheet), 2, factors.shape[2]))
@@ -270,7 +271,7 @@ class Ridges:
         return crossings.reshape(2, len(sheet), 2 * factors.shape[2])
 
     def _clearance(self, sheet: NDArray, alpha: NDArray, cos: NDArray, sin: NDArray) -> NDArray:
-        """c (N, K) of sheets (N,) at α (N,) and the cosines and sines of β (N, K)."""
+        """Return c (N, K) of sheets (N,) at α (N,) and the cosines and sines of β (N, K)."""
         rows = _in_beta(self._clearances, sheet, alpha)
         value, term = np.empty(cos.shape), np.empty(cos.shape)
         c = np.empty(cos.shape)
@@ -286,7 +287,7 @@ class Ridges:
         return c
 
     def heights(self, arcs: Arcs, forms: NDArray, sense: NDArray) -> tuple[NDArray, NDArray]:
-        """The greatest sense·F'y over the admissible β of each row, and that β; -inf where no β is admissible.
+        """Return the greatest sense·F'y over the admissible β of each row, and that β; -inf if no β is admissible.
 
         The forms (S, 3, 3) are F'y of each sheet, the senses (N,) ±1.
         """
@@ -341,7 +342,8 @@ class WholeGrid:
         self._values = np.empty((len(lines), len(lines)))
 
     def price(self, forms: NDArray) -> tuple[float, NDArray]:
-        """The greatest |F'y|, rounding included, and the worst positions (K, 3) (sheet, row, column) above one."""
+        """Return the greatest |F'y|, rounding included, and the worst positions (K, 3) (sheet, row, column) above
+        one."""
         slack = _rounding(forms)
         above, ceiling = [], 0.0
         for k, (form, inside) in enumerate(zip(forms, self._inside, strict=True)):
@@ -356,7 +358,7 @@ class WholeGrid:
 
 
 class FineGrid:
-    """A grid of angles (n,) [rad] that is priced row by row, and only where a row may hold a position above one."""
+    """A grid of angles (n,) [rad] that is priced row by row, and only in rows that may hold a position above one."""
 
     def __init__(self, sheets: Sequence[SignSheet], angle: NDArray):
         self._sheets, self._angle, self._basis = sheets, angle, harmonics(angle)
@@ -364,7 +366,7 @@ class FineGrid:
         self._arcs = [self._ridges.arcs(np.full(len(angle), k), angle) for k in range(len(sheets))]
 
     def price(self, forms: NDArray, most: int | None) -> tuple[float, NDArray]:
-        """As `WholeGrid.price`; of each sheet and sense at most `most` rows, the most promising, are looked at."""
+        """Price like `WholeGrid.price`, but only at most `most` rows of each sheet and sense, the most promising."""
         limit, slack = 1.0 + TOLERANCE, _rounding(forms)
         above, ceiling = [], limit
         for k in range(len(self._sheets)):
@@ -380,7 +382,8 @@ class FineGrid:
         return ceiling + slack, np.array(above, dtype=int).reshape(-1, 3)
 
     def _highest(self, k: int, form: NDArray, rows: NDArray, slack: float) -> tuple[float, tuple[int, int, int]]:
-        """The greatest value of a form above one on a sheet's admissible positions of some rows, and where it is."""
+        """Return the greatest value of a form above one on a sheet's admissible positions of some rows, and its
+        place."""
         best, where = 1.0 + TOLERANCE, (k, 0, 0)
         for chunk in np.array_split(rows, len(rows) // ROWS_AT_ONCE + 1):
             values = self._basis[chunk] @ form @ self._basis.T

@@ -1,12 +1,12 @@
-"""The programme of rests and turns that determines a whole IMU in given time on the table, and what it promises.
+"""Plan the rests and turns that determine a whole IMU in a given time on the table, with guaranteed errors.
 
-A programme is evaluated as its record would be: exact angles and readings of a faultless bench go the way of
-`trihedron calibrate`, so that every bound of a turn is that of the evidence.
+A programme is evaluated like its record: exact angles and readings of a faultless bench pass through
+`trihedron calibrate`, so every bound of a turn is that of the evidence.
 
-The pool is a programme of all rests and turns that may be chosen. What all together guarantee no choice can better, for
-with bounded errors to measure the same again tells nothing new. Stops are chosen by the programmes of the guaranteed
-errors: the worst error's vertex, two benches that the chosen stops do not tell apart, says which stop tells them apart
-best. Beside the plan stand that bound and what usual practice gives in the same time.
+The pool is a programme of all rests and turns that may be chosen. No choice can beat the guarantee of the whole pool:
+with bounded errors a repeated measurement tells nothing new. The programmes of the guaranteed errors choose the stops.
+The worst error's vertex is a pair of benches that the chosen stops do not tell apart; it shows which stop separates
+them best. The result also has that bound and the guarantee of usual practice in the same time.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -45,29 +45,31 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 STEP_S = 0.01
-"""Between rows of the records that are planned; finer rows bound what both axes do between them better."""
+"""Time between rows of the planned records [s]; finer rows bound the motion between them better."""
 LATTICE_DEG, AWAY_DEG = 30.0, 7.5
-"""The pool's places: a lattice that lies so far from the multiples of 90°, where inputs are of no certain sign."""
+"""Step of the pool's lattice, and its distance from the multiples of 90° at which the signs of inputs are uncertain."""
 WHOLE_TURNS = (1, 4)
 LONG = (1.0, 2.0, 3.75)
-"""Rests of the pool last so many dwells: long ones tell biases and sensitivities. One that is four times shorter than
-most is taken for none."""
+"""Lengths of the pool's rests [dwells]: long rests determine biases and sensitivities.
+
+A rest four times shorter than most does not count as one.
+"""
 POOL_DWELL_S = 5.0
-"""How long the rests of the pool's own record last: its rows say what longer ones give."""
+"""Length of the rests in the pool's own record [s]: its rows give those of longer rests."""
 WAY_S = 3.0
-"""About how long the way from one stop to the next takes [s]."""
+"""Approximate time of the way from one stop to the next [s]."""
 PATIENCE = 0.25
-"""The gain of a stop is divided by this power of its time: what takes long tells what nothing else does."""
+"""Power of a stop's time that divides its gain: slow stops tell more than fast ones."""
 SHARP = 4
-"""The power to which ratios are raised before use is summed: the worst ones count."""
+"""Power to which ratios are raised before their use is summed: the worst ones dominate."""
 SAME = 1e-6
-"""A ratio that differs by less is the same."""
+"""Ratios that differ by less are equal."""
 LARGEST = 1e-2
-"""What no parameter of bench and accelerometers exceeds."""
+"""Bound of every parameter of bench and accelerometers."""
 
 
 class TableVisit(NamedTuple):
-    """A position of a programme [deg], how long the table rests there [s], and how fast it comes [deg/s]."""
+    """A position of a programme [deg], the table's rest there [s], and its rate of approach [deg/s]."""
 
     alpha_deg: float
     beta_deg: float
@@ -80,17 +82,17 @@ class TableVisit(NamedTuple):
         return self.alpha_deg, self.beta_deg
 
     def way(self, before: "TableVisit") -> float:
-        """The larger of both axes' moves from the visit before [deg]."""
+        """Return the larger of both axes' moves from the previous visit [deg]."""
         return max(abs(self.alpha_deg - before.alpha_deg), abs(self.beta_deg - before.beta_deg))
 
 
 def seconds_of(programme: Sequence[TableVisit]) -> float:
-    """How long a programme takes from its first position on [s], every slot in whole steps."""
+    """Return the duration of a programme from its first position on [s], every slot in whole steps."""
     return sum(_steps_of(programme)) * STEP_S
 
 
 def _steps_of(programme: Sequence[TableVisit]) -> list[int]:
-    """How many steps each move with the rest behind it takes."""
+    """Return the number of steps of each move with the rest behind it."""
     steps, before = [], programme[0]
     for visit in programme:
         move = move_duration(radians(visit.way(before)), radians(visit.rate_dps), TABLE_ACCELERATION)
@@ -100,7 +102,7 @@ def _steps_of(programme: Sequence[TableVisit]) -> list[int]:
 
 
 def _covered(way: float, rate: float, time: NDArray) -> NDArray[np.float64]:
-    """Angle [rad] that a move over `way` from rest to rest has covered at times after its beginning."""
+    """Return the angle [rad] that a move over `way` from rest to rest has covered at times after its beginning."""
     acceleration, length = TABLE_ACCELERATION, abs(way)
     if length == 0.0:
         return np.zeros(len(time))
@@ -114,7 +116,7 @@ def _covered(way: float, rate: float, time: NDArray) -> NDArray[np.float64]:
 
 
 def programme_record(programme: Sequence[TableVisit], earth: NDArray) -> BenchRecord:
-    """What a bench without any fault records of a programme; `earth` (3,) is Earth's rotation in its base [rad/s]."""
+    """Return a faultless bench's record of a programme; `earth` (3,) is Earth's rotation in its base [rad/s]."""
     start = np.radians(programme[0].place)
     angles = [start[None]]
     for visit, steps in zip(programme, _steps_of(programme), strict=True):
@@ -141,7 +143,7 @@ class Planned:
     noise_bound: float
 
     def linearised(self, programme: Sequence[TableVisit]) -> WithTurns:
-        """The rows that a record of the programme gives, as `trihedron calibrate` takes them."""
+        """Return the rows of the programme's record, as `trihedron calibrate` takes them."""
         earth = earth_in_base(radians(self.bench.latitude_deg), radians(self.bench.azimuth_deg))
         record = position_record_of(programme_record(programme, earth))
         if len(record.position) != len(programme):
@@ -151,13 +153,13 @@ class Planned:
 
     @cached_property
     def targets(self) -> list[Target]:
-        """The 18 targets and the gyros' parameters."""
+        """Return the 18 targets and the gyros' parameters."""
         bench = wanted_targets(parametrise(mountings_of("identity")), Asked(noise_bound=self.noise_bound))
         size = len(bench) + len(GYRO_PARAMETERS)
         return [widened(target, size) for target in (*bench, *gyro_targets(len(bench)))]
 
     def errors(self, rows: WithTurns) -> NDArray[np.float64]:
-        """Guaranteed errors (T,) of all targets; infinite where they stay open."""
+        """Return the guaranteed errors (T,) of all targets; infinite for undetermined ones."""
         errors = a_priori_values(rows, self.targets)[:, 1]
         return np.where(np.isnan(errors), np.inf, errors)
 
@@ -171,22 +173,22 @@ class Stop(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StopPool:
-    """What is compared with: rows (M, P) over their bounds, and the stops that give some of them and may be chosen."""
+    """The reference for all choices: rows (M, P) over their bounds, and the stops to choose from."""
 
     rows: NDArray[np.float64]
     stops: tuple[Stop, ...]
 
     @staticmethod
     def of(planned: Planned, dwell_s: float, rate_dps: float, practices: Iterable[WithTurns]) -> "StopPool":
-        """Rests on the lattice, and turns about either axis at its angles of the other; and the rows of practices.
+        """Return rests on the lattice, turns about either axis at its angles of the other, and the rows of practices.
 
-        Every rest is short in the pool's own record: the rows of a rest say what a longer one gives.
+        Every rest is short in the pool's own record: its rows give the rows of a longer one.
         """
         places, turns = _lattice_places(), _lattice_turns()
         path, ends = _joined([(place,) for place in places] + turns)
         record = planned.linearised([TableVisit(*place, POOL_DWELL_S, rate_dps) for place in path])
         count, behind = len(path), 3 * len(path)
-        # Pieces are the rests, then what lies between two of them.
+        # Pieces are the rests, then the ways between two rests.
         between = np.searchsorted(record.turns.last[:count], record.turns.first[count:], side="right") - 1
         stops = []
         for (begin, end), turn in zip(ends[len(places) :], turns, strict=True):
@@ -201,7 +203,7 @@ class StopPool:
                 stops.append(Stop((TableVisit(*place, dwell, rate_dps),), np.append(_three(rest), size + np.arange(3))))
                 blocks.append(_longer_rest(record, rest, behind, dwell))
                 size += 3
-        # Rests as short as those of the pool's own record are none of it.
+        # Rests as short as those of the pool's own record are not part of it.
         blocks[0][behind : behind + 3 * count] = 0.0
         for practice in practices:
             blocks.append(practice.jacobian / practice.bound[:, None])
@@ -212,12 +214,12 @@ Place = tuple[float, float]
 
 
 def _three(piece: int | NDArray) -> NDArray[np.int_]:
-    """Rows (..., 3) of pieces: one for each accelerometer or gyro."""
+    """Return rows (..., 3) of pieces: one for each accelerometer or gyro."""
     return 3 * np.asarray(piece)[..., None] + np.arange(3)
 
 
 def _lattice_places() -> list[Place]:
-    """The places (α, β) [deg] of the lattice, β to and fro."""
+    """Return the places (α, β) [deg] of the lattice, β to and fro."""
     lattice = np.arange(AWAY_DEG, 360.0, LATTICE_DEG).tolist()
     places = []
     for k, alpha in enumerate(lattice):
@@ -226,7 +228,7 @@ def _lattice_places() -> list[Place]:
 
 
 def _lattice_turns() -> list[tuple[Place, ...]]:
-    """Whole turns to and fro: about α from two opposite angles at each β, then about β likewise."""
+    """Return whole turns to and fro: about α from two opposite angles at each β, then about β likewise."""
     lattice = np.arange(AWAY_DEG, 360.0, LATTICE_DEG).tolist()
     opposite = lattice[:: len(lattice) // 2]
     about_alpha, about_beta = [], []
@@ -238,7 +240,7 @@ def _lattice_turns() -> list[tuple[Place, ...]]:
 
 
 def _joined(stops: Sequence[Sequence[Place]]) -> tuple[list[Place], list[tuple[int, int]]]:
-    """Places one after the other, none right after itself; and at which of them each stop begins and ends."""
+    """Return places one after the other, none right after itself, and the first and last place of each stop."""
     path: list[Place] = []
     ends = []
     for stop in stops:
@@ -251,7 +253,7 @@ def _joined(stops: Sequence[Sequence[Place]]) -> tuple[list[Place], list[tuple[i
 
 
 def _longer_rest(record: WithTurns, rest: int, behind: int, dwell_s: float) -> NDArray[np.float64]:
-    """The gyros' rows (3, P) over their bounds of a rest that lasts longer than in the pool's record."""
+    """Return the gyros' rows (3, P) over their bounds of a rest that is longer than in the pool's record."""
     turns, rows = record.turns, behind + _three(rest)
     seconds = (turns.last[rest] - turns.first[rest]) * STEP_S
     longer = 1.0 + (dwell_s - POOL_DWELL_S) / seconds
@@ -261,21 +263,22 @@ def _longer_rest(record: WithTurns, rest: int, behind: int, dwell_s: float) -> N
 
 
 def confined(rows: NDArray) -> tuple[NDArray, Polytope]:
-    """Rows (M, P) over their bounds, and behind them what no parameter exceeds; the polytope that begins with those."""
+    """Return rows (M, P) over their bounds, then the bounds of all parameters, and the polytope that starts from
+    these."""
     known = np.diag(1.0 / np.append(np.full(len(TARGETS), LARGEST), PLAUSIBLE))
     stacked = np.vstack([rows, known])
     return stacked, Polytope(stacked, np.ones(len(stacked)), np.arange(len(rows), len(stacked)))
 
 
 def joint_errors(pool: StopPool, rows: WithTurns, targets: Sequence[Target]) -> NDArray[np.float64]:
-    """What the pool and a programme's own rows guarantee (T,) all together."""
+    """Return the guaranteed errors (T,) of the pool and a programme's own rows together."""
     stacked, polytope = confined(np.vstack([pool.rows, rows.jacobian / rows.bound[:, None]]))
     polytope.confine(-np.ones(len(stacked)), np.ones(len(stacked)))
     return np.array([polytope.maximise(target.weights)[0] for target in targets])
 
 
 class StopSearch:
-    """Which stops of a pool are chosen, and the guaranteed errors with them, each by its programme."""
+    """The chosen stops of a pool, and the guaranteed errors with them, each by its programme."""
 
     def __init__(self, pool: StopPool, targets: Sequence[Target], seconds: float):
         self._pool, self._targets, self._seconds = pool, targets, seconds
@@ -300,11 +303,11 @@ class StopSearch:
 
     @property
     def ratio(self) -> NDArray[np.float64]:
-        """Guaranteed errors (T,) over those of the whole pool."""
+        """Return the guaranteed errors (T,) over those of the whole pool."""
         return self._error / self._best
 
     def choose(self, stops: Sequence[int]) -> None:
-        """Choose just these stops."""
+        """Choose exactly these stops."""
         self.chosen = list(stops)
         self._solve(range(len(self._targets)))
 
@@ -332,11 +335,12 @@ class StopSearch:
 
     @cached_property
     def _costs(self) -> NDArray[np.float64]:
-        """About how long (E,) each stop takes, with the way to it [s]."""
+        """Return the approximate time (E,) of each stop, with the way to it [s]."""
         return np.array([WAY_S + seconds_of(stop.visits) for stop in self._pool.stops])
 
     def exchange(self) -> bool:
-        """Leave out what the worst ratio does without, and fill the time again; whether that made it less."""
+        """Leave out stops that the worst ratio does not need, and fill the time again; return True if the ratio
+        fell."""
         before, ratio = list(self.chosen), float(self.ratio.max())
         use = (self.ratio[:, None] ** SHARP * self._share).sum(axis=0)
         uses = {stop: round(float(use[self._pool.stops[stop].rows].sum()), 9) for stop in before}
@@ -353,7 +357,7 @@ class StopSearch:
         return True
 
     def programme(self, stops: Iterable[int]) -> list[TableVisit]:
-        """The stops one after the other, each time the one that is nearest; rests at one place are one."""
+        """Return the stops one after the other, each time the nearest one; rests at one place are joined."""
         longest: dict[Place, TableVisit] = {}
         turns: list[tuple[TableVisit, ...]] = []
         for stop in sorted(stops):
@@ -379,7 +383,7 @@ class StopSearch:
 PRACTICE_DPS = (10.0, 50.0, 100.0)
 LEAST_MINUTES, MOST_MINUTES = 5.0, 240.0
 HELD_TO = 0.1
-"""A record of the programme guarantees what is promised, but for this part of it: what the bench's errors change."""
+"""Relative tolerance to which a record of the programme keeps the promised errors: the effect of the bench's errors."""
 
 
 class ImuVisit(Result):
@@ -391,7 +395,7 @@ class ImuVisit(Result):
 
 
 class Promised(Result):
-    """The guaranteed error of a target that the programme promises, and what all of the pool would guarantee."""
+    """The guaranteed error of a target that the programme promises, and that of the whole pool."""
 
     symbol: str
     name: str
@@ -401,7 +405,8 @@ class Promised(Result):
 
 
 class Practice(Result):
-    """What another programme of the same length gives: the worst ratio to the bound, None where a target stays open."""
+    """Result of another programme of the same length: the worst ratio to the bound, None if a target stays
+    undetermined."""
 
     name: str
     worst_ratio: float | None
@@ -415,20 +420,21 @@ class ImuPlan(Result):
     Attributes
     ----------
     programme : tuple of ImuVisit
-        in order; whole turns more are whole turns of the table
+        visits in order; further whole turns are whole turns of the table
     minutes : float
-        how long it takes
+        duration [min]
     worst_ratio : float
-        of a promised error to what all moves of the pool together would guarantee, and `worst` its target
+        largest ratio of a promised error to the guarantee of all moves of the pool together; `worst` is its target
     targets : tuple of Promised
+        promised error of each target
     practices : tuple of Practice
-        what is usual, in the same time
+        usual programmes, in the same time
     held_to : float
-        by what part a record's guaranteed errors may differ from what is promised
+        relative tolerance between a record's guaranteed errors and the promised ones
     noise_bound, gyro_noise, encoder_bound, rate_dps, acceleration_radps2, latitude_deg, azimuth_deg
-        what it is planned for
+        assumptions of the plan
     pool : int
-        how many rests and turns could be chosen
+        number of rests and turns to choose from
     """
 
     schema_: Literal["trihedron.imu-plan/1"] = Field(default="trihedron.imu-plan/1", alias="schema")
@@ -449,21 +455,21 @@ class ImuPlan(Result):
     pool: int
 
     def to_polars(self) -> "DataFrame":
-        """The programme, a row for each rest: alpha_deg, beta_deg, dwell_s."""
+        """Return the programme, a row for each rest: alpha_deg, beta_deg, dwell_s."""
         import polars as pl
 
         return pl.DataFrame([one.to_json() for one in self.programme]).cast(pl.Float64)
 
 
 def six_positions(dwell_s: float, rate_dps: float) -> list[TableVisit]:
-    """Six positions, each axis up and down, and a turn to and fro about each axis of the block."""
+    """Return six positions, each axis up and down, and a turn to and fro about each axis of the block."""
     rests: list[Place] = [(0.0, 0.0), (180.0, 0.0), (90.0, 0.0), (90.0, 90.0), (90.0, 180.0), (90.0, 270.0)]
     turns: list[Place] = [(0.0, 0.0), (360.0, 0.0), (0.0, 0.0), (0.0, 90.0), (360.0, 90.0), (0.0, 90.0), (0.0, 450.0)]
     return [TableVisit(alpha, beta, dwell_s, rate_dps) for alpha, beta in [*rests, *turns, (0.0, 90.0)]]
 
 
 def many_positions(dwell_s: float, rate_dps: float) -> list[TableVisit]:
-    """The 24 positions of the scenarios, and a turn to and fro at each rate about each axis of the block."""
+    """Return the 24 positions of the scenarios, and a turn to and fro at each rate about each axis of the block."""
     visits = []
     for beta in (25.0, 145.0, 265.0):
         for k in range(8):
@@ -485,9 +491,9 @@ PRACTICES = {
 def imu_programme(
     minutes: float, planned: Planned, *, dwell_s: float, rate_dps: float, exchanges: int, progress: bool = False
 ) -> ImuPlan:
-    """The programme for so many minutes; arguments as of `library.plan_imu`.
+    """Return the programme for this time [min]; arguments are those of `library.plan_imu`.
 
-    An InputError for options that cannot be used, and for a time in which nothing determines every target.
+    Raises InputError for invalid options, and for a time in which no programme determines every target.
     """
     if not LEAST_MINUTES <= minutes <= MOST_MINUTES:
         raise InputError(f"--minutes {minutes:g}: must be from {LEAST_MINUTES:g} to {MOST_MINUTES:g}")
@@ -555,7 +561,7 @@ def imu_programme(
 def _chosen(
     pool: StopPool, targets: Sequence[Target], seconds: float, exchanges: int, *, progress: bool
 ) -> list[TableVisit]:
-    """The programme of stops that the search chooses in so many seconds; none where they are too few for two."""
+    """Return the programme of stops that the search chooses in this time [s]; empty if it is too short for two."""
     search = StopSearch(pool, targets, seconds)
     search.fill()
     with progress_bar("exchanges", exchanges, show=progress) as advance:
@@ -567,7 +573,7 @@ def _chosen(
 
 
 def _stretched(programme: list[TableVisit], seconds: float) -> list[TableVisit]:
-    """The programme with the time that is left given to its longest rests."""
+    """Return the programme with the remaining time given to its longest rests."""
     if not programme:
         return []
     dwells = [visit.dwell_s for visit in programme]
@@ -580,6 +586,6 @@ def _stretched(programme: list[TableVisit], seconds: float) -> list[TableVisit]:
 def _in_time(
     practice: Callable[[float, float], list[TableVisit]], seconds: float, dwell_s: float, rate: float
 ) -> list[TableVisit]:
-    """A practice with rests as long as its time allows."""
+    """Return a practice with rests as long as its time allows."""
     visits = practice(dwell_s, rate)
     return practice(max(dwell_s + (seconds - seconds_of(visits)) / len(visits), POOL_DWELL_S), rate)

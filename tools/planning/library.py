@@ -1,4 +1,4 @@
-"""What `import trihedron as th` gives of plans; `trihedron plan` takes its options and words from here."""
+"""Functions of `import trihedron as th` for plans; `trihedron plan` takes its options and help from here."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -83,7 +83,7 @@ def plan_positions(
     baseline: Baseline = "asymmetric",
     progress: Progress = False,
 ) -> "planning.PositionPlan":
-    """Find one set of positions for all targets, with what is proven of every other set.
+    """Find one set of positions for all targets, with a proven bound of every other set.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def plan_imu(
     dwell_s: float = 20.0,
     progress: Progress = False,
 ) -> "planning.ImuPlan":
-    """Find rests and turns that determine accelerometers, gyros and bench in so many minutes.
+    """Find rests and turns that determine accelerometers, gyros and bench in a given time.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One set of positions for all targets or for a goal: of a given number, the fewest for an accuracy, any number.
+"""One set of positions for all targets or a goal: of a given number, the fewest for an accuracy, any number.
 
 The stored sets are those of `common_positions.csv`.
 """
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 FEWEST, MOST_POSITIONS = 5, 60
-"""Fewest of a symmetric block, with fifteen parameters."""
+"""Smallest number of positions (a symmetric block has fifteen parameters) and largest number."""
 TRIED_SHARE = 6
-"""One of so many of the searches is made while the fewest positions are sought."""
+"""Fraction 1/n of the searches that is made while the fewest positions are sought."""
 DWELL_S = 20.0
-"""Time at each position, where none is given."""
+"""Default time at each position [s]."""
 REPEATED = (
     "criterion",
     "reserve_deg",
@@ -50,11 +50,11 @@ REPEATED = (
     "baseline",
     "goal",
 )
-"""What a plan of positions repeats of its request."""
+"""Parts of its request that a plan of positions repeats."""
 
 
 class PlannedPosition(Result):
-    """Angles as commands to the table [deg], and the mounting where there are several."""
+    """Angles as commands to the table [deg], and the mounting if there are several."""
 
     omitted = frozenset({"mounting"})
 
@@ -64,48 +64,47 @@ class PlannedPosition(Result):
 
 
 class PositionPlan(Result):
-    """One set of positions for all targets, and in which order they are measured.
+    """One set of positions for all targets, and the order of their measurement.
 
     Attributes
     ----------
     positions : tuple of PlannedPosition
-        in the order in which they are measured first
+        in the order of their first measurement
     programme : tuple of int
-        every measurement: which position, from 1
+        every measurement as a position number, from 1
     worst_ratio, mean_ratio : float
-        of the targets' costs to their optima; worst of a goal, of its error to the least possible one
+        ratio of the targets' costs to their optima; for a goal, worst ratio of its error to the least possible one
     lower_bound, lower_bound_on : float, str
-        proven: no set of so many positions of this pool has a lower worst ratio; None where it is not asked for, where
-        extra positions are or another criterion is, or after an interruption
+        proven: no set of this number of positions of this pool has a lower worst ratio; None if not requested, with
+        extra positions, for another criterion, and after an interruption
     costs, optima : dict
-        of each target [σ]: with this set, and with its own optimal plan over all angles
+        cost of each target [σ]: with this set, and with its own optimal plan over all angles
     readings : int
-        how many count
+        number of readings that count
     criterion, reserve_deg, resolution_deg, keep_out, order, seed, admissible, bounds, convention, baseline
         as in the request
     starts : int
         local improvements that were made
     interrupted : bool
-        whether Ctrl-C ended search or bound
+        True if Ctrl-C ended search or bound
     mountings : dict
         Q (3, 3) by name
     goal, levelling_error, azimuth_error : str, float, float or None
-        what the correction is for, and its largest error by a-priori estimates, in σ [rad], of a level and of a
-        gyrocompass
+        purpose of the correction, and its largest a-priori error, in σ [rad], of a level and of a gyrocompass
     accuracy, accuracy_kept, fewer_keep : float or None
-        the error that may be, that of this set, and the best that was found of a position less [rad, g, 1]
+        the requested error, that of this set, and the best one with a position fewer [rad, g, 1]
     fewest_possible : int or None
         proven: no fewer positions of the pool keep the accuracy
     measured : int or None
         positions that are measured already and count beside these
     detection : tuple of EffectDistance
-        how well the named effects show
+        visibility of the named effects
     task, bound : Task, Bound or None
-        the request, and what is proven; for programs
+        the request, and the proof; in Python only
     duration : float
-        time of the programme's moves [s], for programs
+        time of the programme's moves [s]; in Python only
     searched : int
-        positions of the set without the extra ones, for programs
+        positions of the set without the extra ones; in Python only
     """
 
     omitted = frozenset(
@@ -161,19 +160,20 @@ class PositionPlan(Result):
 
     @property
     def largest_error(self) -> float:
-        """The error of the goal, or the largest of a target [σ]."""
+        """Return the error of the goal, or the largest of a target [σ]."""
         if self.azimuth_error is not None:
             return self.azimuth_error
         return max(self.costs.values()) if self.levelling_error is None else self.levelling_error
 
     @property
     def places(self) -> Places:
-        """The positions of a plan of one mounting."""
+        """Return the positions of a plan of one mounting."""
         angle = np.radians([(one.alpha_deg, one.beta_deg) for one in self.positions])
         return Places(angle, np.zeros(len(angle), dtype=int))
 
     def to_polars(self) -> "DataFrame":
-        """The programme, a row for each visit: order, alpha_deg, beta_deg and, of several mountings, mounting."""
+        """Return the programme, a row for each visit: order, alpha_deg, beta_deg and, of several mountings,
+        mounting."""
         import polars as pl
 
         rows = [{"order": k, **self.positions[at - 1].to_json()} for k, at in enumerate(self.programme, start=1)]
@@ -181,15 +181,15 @@ class PositionPlan(Result):
 
 
 class NoSetError(InputError):
-    """No set of so many positions was found that determines every target."""
+    """No set of this number of positions determines every target."""
 
 
 def common_positions(count: int, request: Request, *, enough: float = 0.0, progress: bool = False) -> PositionPlan:
-    """Find one set of positions for all targets, with what is proven of every other set.
+    """Find one set of positions for all targets, with a proven bound of every other set.
 
-    The search begins with the plan that the package holds for so many positions, where it fits. It finds the same for
-    the same arguments, and ends with the best so far after Ctrl-C, or once a worst ratio is enough.
-    An InputError for options that cannot be used, and for so few positions that no set was found.
+    The search begins with the package's stored plan of this number of positions, if it fits. The same arguments give
+    the same set. The search ends with the best so far after Ctrl-C, or once the worst ratio is at most `enough`. Raises
+    InputError for invalid options, and if no set was found because the positions are too few.
     """
     _check_count(count, request)
     effects = named_effects(request.detect)
@@ -236,7 +236,7 @@ def _check_count(count: int, request: Request) -> None:
 
 
 def _least_count(request: Request) -> int:
-    """The fewest positions with which a search begins."""
+    """Return the fewest positions with which a search begins."""
     if request.any_number:
         return 1
     return max(FEWEST, -(-len(request.parametrisation().symbols) // 3))
@@ -249,7 +249,7 @@ def _proven(bound: Bound | None) -> dict[str, Any]:
 
 
 def _plan_of(task: Task, best: Costs, outcome: dict[str, Any]) -> PositionPlan:
-    """The plan of a set that a search ended with: order of measurement, commands, costs."""
+    """Return the plan of the set that a search ended with: order of measurement, commands, costs."""
     request, p = task.request, task.parametrisation
     places = best.places.chosen(np.arange(len(best.places) - len(task.measured)))
     commands = unwound(places.angle, task.keep_out)
@@ -282,7 +282,7 @@ def _plan_of(task: Task, best: Costs, outcome: dict[str, Any]) -> PositionPlan:
 
 
 def _starting_positions(task: Task, count: int) -> list[Places]:
-    """The set of so many positions that the package holds, where it is for this mounting and in no keep-out."""
+    """Return the package's set of this number of positions, if it fits this mounting and the keep-outs."""
     p = task.parametrisation
     places = stored_positions(count)
     if places is None or len(p.mountings) != 1 or not np.array_equal(p.matrices[0], np.eye(3)):
@@ -291,7 +291,7 @@ def _starting_positions(task: Task, count: int) -> list[Places]:
 
 
 def stored_positions(count: int) -> Places | None:
-    """The plan of so many positions that the package holds: mounting `identity`, the tables' admissible set."""
+    """Return the package's plan of this number of positions: mounting `identity`, the tables' admissible set."""
     angle = []
     for row in _stored_rows():
         if int(row["positions"]) == count:
@@ -300,7 +300,7 @@ def stored_positions(count: int) -> Places | None:
 
 
 def stored_counts() -> list[int]:
-    """For how many positions the package holds a plan."""
+    """Return the numbers of positions for which the package holds a plan."""
     return sorted({int(row["positions"]) for row in _stored_rows()})
 
 
@@ -310,7 +310,10 @@ def _stored_rows() -> Iterator[dict[str, str]]:
 
 
 def checked_dwell(dwell_s: float) -> float:
-    """The time at each position [s], or an InputError for one that is not positive."""
+    """Return the time at each position [s].
+
+    Raises InputError if it is not positive.
+    """
     if not (np.isfinite(dwell_s) and dwell_s > 0.0):
         raise InputError(f"--dwell {dwell_s:g}: must be a positive number of seconds")
     return dwell_s
@@ -324,9 +327,10 @@ class _Trials:
         self.plans: dict[int, PositionPlan] = {}
 
     def try_count(self, count: int, *, thoroughly: bool = False, further: bool = False) -> bool:
-        """Search a set of so many positions; whether the best of this number keeps the accuracy.
+        """Search a set of this number of positions; return True if the best one keeps the accuracy.
 
-        A few of the searches are made, or all of them thoroughly; further ones also where the accuracy is kept.
+        By default a few of the searches are made; `thoroughly` makes all, and `further` continues after the accuracy is
+        kept.
         """
         starts = self._request.starts
         if not thoroughly:
@@ -343,9 +347,10 @@ class _Trials:
         return count in self.plans and self.plans[count].largest_error <= self._request.largest_error
 
     def fewest(self) -> int:
-        """The fewest positions found to keep the accuracy; an InputError where none were.
+        """Return the fewest positions found to keep the accuracy.
 
         Numbers are tried in growing steps, then between the last two; one less than the result is tried thoroughly.
+        Raises InputError if no number was found.
         """
         least = _least_count(self._request)
         high, low, stride = least, least - 1, 1
@@ -370,10 +375,10 @@ class _Trials:
 
 
 def fewest_positions(request: Request, *, progress: bool = False) -> PositionPlan:
-    """As `common_positions`, of the fewest positions found to keep the accuracy of the request.
+    """Plan like `common_positions`, with the fewest positions found to keep the accuracy of the request.
 
-    An InputError for an error that no positions keep, proven over all angles, or that was not found to be kept, and for
-    targets of several units.
+    Raises InputError for an error that no positions keep (proven over all angles), for one that no found set keeps, and
+    for targets of several units.
     """
     accuracy, sigma = request.largest_error, request.noise_bound
     if request.goal is not None:
@@ -408,7 +413,7 @@ def fewest_positions(request: Request, *, progress: bool = False) -> PositionPla
 
 
 class CurvePoint(Result):
-    """What N positions cost, ratios of the best set found; no N of the pool have a worst ratio below the bound."""
+    """Cost of N positions: ratios of the best set found; no N of the pool have a worst ratio below the bound."""
 
     positions: Annotated[int, Quantity("positions")]
     readings: Annotated[int, Quantity("readings")]
@@ -419,17 +424,16 @@ class CurvePoint(Result):
 
 
 class Curve(Result):
-    """Cost against the number of positions: how many positions are worth their time."""
+    """Cost against the number of positions: the gain of each further position."""
 
     schema_: Literal["trihedron.plan-curve/1"] = Field(default="trihedron.plan-curve/1", alias="schema")
     points: tuple[CurvePoint, ...]
 
 
 def plan_curve(low: int, high: int, request: Request, *, progress: bool = False) -> Curve:
-    """The best sets of `low` to `high` positions, each begun with the one before and a position more.
+    """Return the best sets of `low` to `high` positions, each begun with the previous one and a further position.
 
-    Ctrl-C ends the curve where it is. An InputError for a range that is empty or too wide, and for options that cannot
-    be used.
+    Ctrl-C ends the curve early. Raises InputError for a range that is empty or too wide, and for invalid options.
     """
     if not 1 <= low <= high <= MOST_POSITIONS:
         raise InputError(f"--curve {low} {high}: must be a range of numbers of positions up to {MOST_POSITIONS}")

@@ -1,4 +1,4 @@
-"""What a user asks of a common set of positions, and whether it can be had."""
+"""A user's request for a common set of positions, and its checks."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -14,11 +14,11 @@ from ..rounding import upwards
 from .forms import DEFAULT_BOUNDS
 
 MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
-"""More searches, cuts or positions would not end within days."""
+"""Limits beyond which a search would take days: searches, cuts, extra positions."""
 ERROR_UNITS = {"arcsec": math.pi / 648000.0, "urad": 1e-6, "ug": 1e-6, "ppm": 1e-6}
 """Units in which a user writes an accuracy, in rad, g or 1."""
 UNITS_OF = {"rad": ("arcsec", "urad"), "g": ("ug",), "1": ("ppm",)}
-"""Which of them measure an angle, a specific force, a scale factor."""
+"""Units of an angle, a specific force, a scale factor."""
 FACES = (
     ("X17+X6+X8", "X18+X7+X12"),
     ("X17-X6-X8", "X18-X7-X12"),
@@ -26,7 +26,7 @@ FACES = (
     ("X16", "X18-X11-X13"),
     ("X16", "X17"),
 )
-"""Errors of the two horizontal accelerometers while the axis of the third is vertical: axes 1 and 2 up and down, 3."""
+"""Errors of the two horizontal accelerometers while the third axis is vertical: axes 1 and 2 up and down, axis 3."""
 GOALS = {"levelling": "rad", "gyrocompass": "rad"}
 """Unit of the error of each correction."""
 LATITUDE_DEG = 55.75
@@ -34,7 +34,7 @@ LATITUDE_DEG = 55.75
 
 @dataclass(frozen=True)
 class Request:
-    """What a user asks of a common set of positions, angles in degrees: the options of `library.plan_positions`."""
+    """A user's request for a common set of positions, angles in degrees: the options of `library.plan_positions`."""
 
     criterion: str = "worst"
     reserve_deg: float = 0.0
@@ -63,7 +63,7 @@ class Request:
 
     @property
     def any_number(self) -> bool:
-        """Whether any number of positions may do: for the user's own targets, or beside a measurement."""
+        """True if any number of positions may do: for the user's own targets, or beside a measurement."""
         return bool(self.targets or self.goal or self.measured)
 
     @property
@@ -73,27 +73,30 @@ class Request:
 
     @property
     def magnified(self) -> float:
-        """Error of the goal over the error of the level: tan of the latitude for an azimuth."""
+        """Ratio of the goal's error to the level's error: tan of the latitude for an azimuth."""
         if self.goal != "gyrocompass":
             return 1.0
         return abs(math.tan(math.radians(self.latitude)))
 
     @property
     def expressions(self) -> tuple[str, ...]:
-        """The user's targets, or those of the goal; none stands for all of the convention."""
+        """The user's targets, or those of the goal; empty for all targets of the convention."""
         if self.goal is None:
             return tuple(self.targets)
         return tuple(dict.fromkeys(np.ravel(FACES).tolist()))
 
     @property
     def unit(self) -> str:
-        """The unit in which the accuracy is written; empty without one."""
+        """Unit in which the accuracy is written; empty without one."""
         text = self.accuracy or ""
         return next((unit for unit in ERROR_UNITS if text.endswith(unit)), "")
 
     @property
     def largest_error(self) -> float:
-        """The accuracy as an error [σ]; an InputError for a text that is no accuracy."""
+        """Return the accuracy as an error [σ].
+
+        Raises InputError for a text that is not an accuracy.
+        """
         text = self.accuracy or ""
         try:
             error = float(text.removesuffix(self.unit)) * ERROR_UNITS.get(self.unit, 1.0)
@@ -113,11 +116,14 @@ class Request:
             )
 
     def error_text(self, error: float, rounded: Callable[..., str] = upwards) -> str:
-        """An error [σ] in the unit of the accuracy, rounded up or as `rounded` does."""
+        """Return an error [σ] in the unit of the accuracy, rounded up or by `rounded`."""
         return f"{rounded(error * self.noise_bound / ERROR_UNITS.get(self.unit, 1.0), 4)} {self.unit}".strip()
 
     def check(self) -> None:
-        """Refuse options that no plan can fulfil: an InputError of one line that names the option."""
+        """Refuse options that no plan can fulfil.
+
+        Raises InputError of one line that names the option.
+        """
         self._check_words()
         self._check_numbers()
         if self.latitude_deg is not None and self.goal != "gyrocompass":
@@ -128,7 +134,7 @@ class Request:
             parsed_keep_out(text)
 
     def _check_words(self) -> None:
-        # what a plan's file may say; others come from options that are words of a list
+        # values that a plan's file may contain; other values come from options with a list of choices
         for name, words in {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}.items():
             word = getattr(self, name)
             if word not in words:
@@ -158,7 +164,10 @@ class Request:
                 raise InputError(f"--{option} {number:g}: must be positive, and at most {most:g}")
 
     def parametrisation(self) -> Parametrisation:
-        """The parameters with all mountings; an InputError for one that is unusable, comes twice or names no file."""
+        """Return the parameters with all mountings.
+
+        Raises InputError for a mounting that is unusable, occurs twice or names no file.
+        """
         matrices: dict[str, NDArray] = {}
         for mounting in self.mountings:
             for name, matrix in mountings_of(mounting).items():
@@ -171,9 +180,9 @@ class Request:
 
 
 def parsed_keep_out(text: str) -> tuple[int, float, float]:
-    """Axis, low and high [rad] of a keep-out as a person writes it: "alpha:100:150".
+    """Return axis, low and high [rad] of a keep-out in a user's notation: "alpha:100:150".
 
-    An InputError for what is not an axis and two angles, the second above the first, less than a turn apart.
+    Raises InputError unless it is an axis and two angles, the second above the first, less than a turn apart.
     """
     where, parts = f"--keep-out {text!r}", text.split(":")
     if len(parts) != 3 or parts[0] not in ("alpha", "beta"):

@@ -1,10 +1,10 @@
-"""The best common set of positions.
+"""Search for the best common set of positions.
 
 Many starts are improved locally, and the best ones changed in part. Local improvement is sequential linear programming
-in the angles and all weights at once. Unknown are the angles θ and the weights Φ of every target's estimator: least r
+in the angles and all weights at once. Unknowns are the angles θ and the weights Φ of every target's estimator: least r
 with Σ Φ F(θ) = a and Σ|Φ| ≤ r c. About the present weights the products Φ F(θ) are linear in dθ and the new Φ, to
-second order; readings that count must go on counting. A step is taken when the exact costs fall, and the region of
-trust follows what the steps are worth.
+second order; readings that count must continue to count. A step is taken if the exact costs fall, and its success sets
+the next radius of trust.
 
 Random numbers come from the seed, and the budget is counted in starts: the same options find the same plan.
 """
@@ -26,32 +26,32 @@ from .forms import harmonics, slopes
 from .task import NOT_DETERMINED, Costs, Places, Task, allowed, costs, free_arcs, freedom
 
 BEST_SETS = 6
-"""So many of the best sets are remembered and changed."""
+"""Number of best sets that are kept and changed."""
 ALIKE = 1e-6
 """Sets whose merit differs by less count as one."""
 FRESH = 0.2
-"""Share of starts that begin anew when there is something to change."""
+"""Share of starts that begin anew if there are sets to change."""
 DRAWS = 6
-"""Of so many random sets the best one is improved."""
+"""Number of random sets from which the best one is improved."""
 SPREAD_DEG = 8.0
-"""How far from the axes' multiples of 90° a start looks, where it does."""
+"""Spread of a start about the axes' multiples of 90° [deg]."""
 GIVE_UP = ((8, 0.05), (15, 0.01))
-"""After so many steps an improvement must be so near the best sets [ratio], relative to what they lose themselves."""
+"""Steps, and the largest distance from the best sets after them, relative to their own loss; beyond it, give up."""
 REDRAWS = 200
 FACETS = 9
-"""Of a quarter of the cone of a level's error."""
+"""Number of facets of a quarter of the cone of a level's error."""
 LITTLE = 1e-3
 """Weight of the mean ratio beside the worst: it breaks ties."""
 MOST_STEPS = 40
 WIDE, FINEST = 0.3, 1e-7
 """Largest and least radius of trust [rad]."""
 NEAR_ONE = 0.35
-"""Columns with |F'y| so far below one do not enter a step's programme."""
+"""Distance of |F'y| below one beyond which columns do not enter a step's programme."""
 INSIDE = 2e-10
 """Clearance [g] that a step leaves to readings on the boundary."""
 GAIN = 1e-10
 SMALL_GAIN, SMALL_STEPS = 1e-6, 4
-"""An improvement ends after so many steps in a row that gain so little."""
+"""An improvement ends after this number of consecutive steps with less than this gain."""
 SOLVER_OPTIONS: dict[str, str | int | bool] = {
     "output_flag": False,
     "threads": 1,
@@ -61,21 +61,21 @@ SOLVER_OPTIONS: dict[str, str | int | bool] = {
     "simplex_scale_strategy": UNSCALED,
     "simplex_dual_edge_weight_strategy": 1,
 }
-"""A step's programme is scaled as it is, and small: without presolve and scaling it takes half the time."""
+"""Options for a step's programme, which is small and well scaled: half the time without presolve and scaling."""
 MENDINGS = 6
 SWEEPS = 6
-"""So often each position of a rounded set may move by one step."""
+"""Number of rounds in which each position of a rounded set may move by one step."""
 
 
 @dataclass
 class BestSets:
-    """The best sets so far, the best first, each with its merit; none is like another."""
+    """The best sets so far, the best first, each with its merit; no two are alike."""
 
     merits: list[float] = field(default_factory=list)
     sets: list[Costs] = field(default_factory=list)
 
     def add(self, value: float, candidate: Costs) -> None:
-        """Put a set in its place, unless one of the same merit is there or all are better."""
+        """Insert a set, unless one of the same merit is there or all are better."""
         if any(abs(value - merit) <= ALIKE for merit in self.merits):
             return
         place = int(np.searchsorted(self.merits, value, side="right"))
@@ -85,16 +85,16 @@ class BestSets:
 
     @property
     def full(self) -> bool:
-        """Whether there are as many as are remembered."""
+        """True if the list has its full length."""
         return len(self.sets) == BEST_SETS
 
     @property
     def best(self) -> Costs | None:
-        """The best set, where it determines all targets."""
+        """Best set, if it determines all targets."""
         return self.sets[0] if self.sets and self.sets[0].complete else None
 
     def beyond_reach(self, step: int, value: float) -> bool:
-        """Whether an improvement of this merit after so many steps hardly gets among these sets."""
+        """Return True if an improvement of this merit after this number of steps will hardly get among these sets."""
         if not self.full:
             return False
         room = max(1.0, self.merits[-1] - 1.0)
@@ -104,25 +104,29 @@ class BestSets:
 def search_positions(
     task: Task, count: int, *, beginnings: Sequence[Places] = (), enough: float = 0.0, progress: bool = False
 ) -> tuple[Costs | None, int, bool]:
-    """Look for the best set of so many positions; Ctrl-C ends the search and keeps the best so far, if there is any.
+    """Search the best set of this number of positions; Ctrl-C ends the search and keeps the best so far, if any.
 
     Parameters
     ----------
     task : Task
-        its request says which criterion, how many starts, and the seed of the random numbers
+        its request has the criterion, the number of starts, and the seed of the random numbers
+    count : int
+        number of positions
     beginnings : sequence of Places
         sets to begin with, beside the random ones
     enough : float
-        the worst ratio with which the search ends
+        worst ratio at which the search ends
+    progress : bool
+        show a bar on standard error
 
     Returns
     -------
     best : Costs or None
-        None when no set was found that determines all targets
+        None if no set was found that determines all targets
     starts : int
         local improvements that were made
     interrupted : bool
-        whether Ctrl-C ended the search before its budget was spent
+        True if Ctrl-C ended the search before its budget was spent
     """
     rng, starts = np.random.default_rng(task.request.seed), task.request.starts
     best_sets, improved = BestSets(), 0
@@ -148,7 +152,7 @@ def search_positions(
 
 
 def _start(task: Task, count: int, rng: np.random.Generator, best_sets: BestSets) -> Costs:
-    """A set to improve: random, or one of the best with one or two positions drawn anew."""
+    """Return a set to improve: random, or one of the best with one or two positions drawn anew."""
     trials = []
     if not best_sets.full or rng.random() < FRESH:
         for _ in range(DRAWS):
@@ -165,7 +169,7 @@ def _start(task: Task, count: int, rng: np.random.Generator, best_sets: BestSets
 
 
 def random_places(task: Task, count: int, rng: np.random.Generator) -> Places:
-    """Random positions outside the keep-outs: anywhere, or near multiples of 90° of both axes."""
+    """Return random positions outside the keep-outs: anywhere, or near multiples of 90° of both axes."""
     if rng.integers(2):
         angle = np.radians(90.0 * rng.integers(0, 4, (count, 2)) + rng.normal(0.0, SPREAD_DEG, (count, 2)))
     else:
@@ -182,7 +186,7 @@ def random_places(task: Task, count: int, rng: np.random.Generator) -> Places:
 
 
 def _free_angles(task: Task, count: int, rng: np.random.Generator) -> NDArray:
-    """Random angles outside keep-outs that leave little: an arc by its width, then anywhere on it."""
+    """Return random angles outside large keep-outs: an arc chosen by its width, then any point on it."""
     angle = np.zeros((count, 2))
     for axis, intervals in enumerate(task.keep_out):
         low, high = np.array(free_arcs(intervals)).T
@@ -192,7 +196,7 @@ def _free_angles(task: Task, count: int, rng: np.random.Generator) -> NDArray:
 
 
 def merit(task: Task, candidate: Costs) -> float:
-    """What is made small: the worst ratio with a little of the mean, or the mean with a little of the worst.
+    """Return the merit to minimise: the worst ratio plus a little of the mean, or the mean plus a little of the worst.
 
     For a goal the worst ratio is that of its error.
     """
@@ -204,8 +208,8 @@ def merit(task: Task, candidate: Costs) -> float:
 def improve(task: Task, start: Costs, *, radius: float = WIDE, best_sets: BestSets | None = None) -> Costs:
     """Improve a set of positions until no small move helps; the result is never worse than the start.
 
-    An angle may move by the radius [rad] in the first step. Some steps in a row that gain little end the improvement,
-    and so does a merit that hardly gets among the best sets.
+    An angle may move by the radius [rad] in the first step. The improvement ends after several consecutive steps of
+    little gain, and if its merit will hardly get among the best sets.
     """
     best, value, slow = start, merit(task, start), 0
     for number in range(MOST_STEPS):
@@ -233,7 +237,8 @@ def improve(task: Task, start: Costs, *, radius: float = WIDE, best_sets: BestSe
 
 
 def _step(task: Task, present: Costs, radius: float) -> tuple[NDArray, float] | None:
-    """A step of the angles (N, 2) [rad] and the merit that the linear model promises; None where it has no solution."""
+    """Return a step of the angles (N, 2) [rad] and the merit that the linear model predicts; None without a
+    solution."""
     counted, (many, size) = present.readings, task.weights.shape
     lasting = (np.abs(present.weights) > NO_WEIGHT).any(axis=0) | (counted.clearance > 2.0 * radius)
     blocks = _column_blocks(present, lasting)
@@ -275,7 +280,8 @@ def _step(task: Task, present: Costs, radius: float) -> tuple[NDArray, float] | 
 
 
 def _column_blocks(present: Costs, lasting: NDArray) -> list[NDArray]:
-    """For each target the columns (P, n) that may have weight after a step: F of either sign, as |F'y| is near one."""
+    """Return for each target the columns (P, n) that may have weight after a step: F of either sign with |F'y| near
+    one."""
     regressor = present.readings.regressor
     height = present.duals @ regressor.T
     near = lasting & ((np.abs(height) > 1.0 - NEAR_ONE) | (present.weights != 0.0))
@@ -288,10 +294,10 @@ def _column_blocks(present: Costs, lasting: NDArray) -> list[NDArray]:
 
 
 def _error_rows(task: Task, present: Costs) -> tuple[NDArray, NDArray]:
-    """Sums (R, K) of the targets' costs of which the largest counts, and what each is relative to (R,) [σ].
+    """Return sums (R, K) of the targets' costs, whose largest counts, and their reference values (R,) [σ].
 
-    Of a group of two the facets of its cone: √(a² + b²) is the largest of a cos φ + b sin φ; of `FACETS` φ it is so to
-    half a percent.
+    A group of two gives the facets of its cone: √(a² + b²) is the largest of a cos φ + b sin φ, to half a percent with
+    `FACETS` values of φ.
     """
     angle = np.linspace(0.0, 0.5 * np.pi, FACETS)
     rows, most = [], []
@@ -307,7 +313,7 @@ def _error_rows(task: Task, present: Costs) -> tuple[NDArray, NDArray]:
 
 
 def _by_angles(task: Task, present: Costs) -> NDArray:
-    """Derivatives (K, 2 N, P) of Σ Φ F by the angles, at the present weights."""
+    """Return derivatives (K, 2 N, P) of Σ Φ F by the angles, at the present weights."""
     places, counted = present.places, present.readings
     alpha, beta = places.angle[counted.position].T
     f = task.regressor[counted.sheet]
@@ -321,7 +327,8 @@ def _by_angles(task: Task, present: Costs) -> NDArray:
 
 
 def _boundary(task: Task, sheet: NDArray, angle: NDArray) -> tuple[NDArray, NDArray]:
-    """Base and terms (M, 1 + T) of the clearances of sheets (M,) at angles (M, 2), and their slopes (M, 1 + T, 2)."""
+    """Return base and terms (M, 1 + T) of the clearances of sheets (M,) at angles (M, 2), and their slopes (M, 1 +
+    T, 2)."""
     forms = np.concatenate([task.base[sheet][:, None], task.terms[sheet]], axis=1)
     alpha, beta = harmonics(angle[:, 0]), harmonics(angle[:, 1])
     values = np.einsum("mtij,mi,mj->mt", forms, alpha, beta, optimize=True)
@@ -331,7 +338,7 @@ def _boundary(task: Task, sheet: NDArray, angle: NDArray) -> tuple[NDArray, NDAr
 
 
 def _edges(task: Task, present: Costs, lasting: NDArray, radius: float) -> tuple[NDArray, NDArray]:
-    """Linear conditions (E, 2 N) on the moves, at least (E,), that keep readings near the boundary inside it."""
+    """Return linear conditions (E, 2 N) on the moves, at least (E,), that keep readings near the boundary inside it."""
     sheets, positions = present.readings.sheet[lasting], present.readings.position[lasting]
     corners = [_boundary(task, sheets, present.places.angle[positions] + shift) for shift in task.shifts]
     rows, least = [], []
@@ -351,7 +358,7 @@ def _edges(task: Task, present: Costs, lasting: NDArray, radius: float) -> tuple
 
 
 def _open_signs(value: NDArray, reach: NDArray) -> list[NDArray]:
-    """Signs (1 + T,) of minus the base and of the terms, in every way that they may be after a step of that reach."""
+    """Return all signs (1 + T,) of minus the base and of the terms that are possible after a step of that reach."""
     sign = np.where(value >= 0.0, 1.0, -1.0)
     near = np.flatnonzero((np.abs(value) <= reach) & (reach > 0.0))
     near = near[near > 0][:3]
@@ -365,7 +372,7 @@ def _open_signs(value: NDArray, reach: NDArray) -> list[NDArray]:
 
 
 def _mended(task: Task, present: Costs, angle: NDArray) -> NDArray:
-    """Angles after a step, moved back where readings that carry weight have just ceased to count."""
+    """Return the angles after a step, moved back where readings with weight have just ceased to count."""
     angle = angle.copy()
     used = np.flatnonzero((np.abs(present.weights) > NO_WEIGHT).any(axis=0))
     position, sheet = present.readings.position[used], present.readings.sheet[used]
@@ -389,10 +396,10 @@ def _mended(task: Task, present: Costs, angle: NDArray) -> NDArray:
 
 
 def rounded(task: Task, best: Costs) -> Costs:
-    """The set with every angle a multiple of the table's resolution, chosen so that the cost stays least.
+    """Return the set with every angle a multiple of the table's resolution, chosen for least cost.
 
-    One position after the other goes to the best of the four multiples around it, while the later ones are still where
-    they were; then each may move by one step, while that helps.
+    One position after the other goes to the best of the four multiples around it, while the later ones keep their
+    angles. Then each may move by one step, as long as that helps.
     """
     step_deg = task.request.resolution_deg
     assert step_deg is not None
@@ -411,7 +418,7 @@ def rounded(task: Task, best: Costs) -> Costs:
 
 
 def _best_of(task: Task, present: Costs, row: int, trials_deg: NDArray) -> Costs:
-    """The best of the sets with one position at each of some angles (T, 2) [deg] outside the keep-outs."""
+    """Return the best of the sets with one position at each of some angles (T, 2) [deg] outside the keep-outs."""
     angles = np.repeat(present.places.angle[None], len(trials_deg), axis=0)
     angles[:, row] = np.radians(trials_deg)
     inside = angles[allowed(task, angles[:, row])]

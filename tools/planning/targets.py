@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 FIRST_LINES = 12
-"""Rows and columns of the coarse grid that the search begins with."""
+"""Rows and columns of the coarse grid with which the search begins."""
 BEST_ROWS = 20
 WHOLE = 480
-"""Lines of a grid that is priced whole, at most."""
+"""Largest number of lines of a grid that is priced whole."""
 FINEST_DEG = 0.01
 
 
@@ -40,11 +40,11 @@ Cost = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class PositionGrid:
-    """A grid over [0°, 360°] × [0°, 360°] and the columns found on it so far, shared by all targets.
+    """A grid over [0°, 360°] × [0°, 360°] and its columns so far, shared by all targets.
 
-    Positions that coincide (0° and 360°) count once. A coarse grid is priced whole. Of a fine one no list of positions
-    is ever made: its every n-th line gives the first columns, and then a row of it is looked at only where the greatest
-    |F'y| over its β, known exactly, exceeds one. An InputError for a step that is not between 0.01 and 180 degrees.
+    Positions that coincide (0° and 360°) count once. A coarse grid is priced whole. A fine one is never listed: every
+    n-th line gives the first columns. A row is then examined only if its greatest |F'y| over β, known exactly, exceeds
+    one. Raises InputError for a step that is not between 0.01 and 180 degrees.
     """
 
     def __init__(self, sheets: Sequence[SignSheet], step_deg: float):
@@ -73,14 +73,15 @@ class PositionGrid:
             self._at = np.vstack([self._at, places])
 
     def ceiling(self, dual: NDArray) -> float:
-        """What |F'y| does not exceed on the grid, rounding included."""
+        """Return a bound of |F'y| on the grid, rounding included."""
         forms = dual_forms(self._sheets, dual)
         if self._fine is None:
             return self._coarse.price(forms)[0]
         return self._fine.price(forms, None)[0]
 
     def _price(self, dual: NDArray) -> tuple[float, NDArray]:
-        """As `WholeGrid.price`, of the whole grid once its coarser lines and its best rows hold nothing above one."""
+        """Price like `WholeGrid.price`: the coarser lines and the best rows first, the whole grid if they are all
+        below one."""
         forms = dual_forms(self._sheets, dual)
         bound, places = self._coarse.price(forms)
         if self._fine is not None and not len(places):
@@ -90,9 +91,9 @@ class PositionGrid:
         return bound, places
 
     def optimum(self, target: NDArray) -> Optimum:
-        """The plan of least cost for a target a (P,), with the dual that proves it.
+        """Return the plan of least cost for a target a (P,), with the dual that proves it.
 
-        An UndeterminedError when the grid's positions cannot determine the target.
+        Raises UndeterminedError if the grid's positions cannot determine the target.
         """
         self._columns.aim(target)
         weights, dual, possible = self._columns.solve()
@@ -125,28 +126,31 @@ class Plan(Result):
     Attributes
     ----------
     target, name, unit : str
-        symbol, physical name
+        symbol, physical name, unit
     cost : float
         the guaranteed error [σ]
     gap : float
-        to which it is proven, relative
+        relative gap to the lower bound
     lower_bound : float
         no plan costs less [σ]
     grid_deg : number or None
         step of the grid [deg]; None for the continuum
     admissible : {"paper", "tables"}
+        rule of the admissible set
     bounds : (float, float)
         u^max [rad], v^0max
     baseline : {"asymmetric", "symmetric"}
+        model of the scale factors
     mounting : dict
         Q (3, 3) by its name
     weights : tuple of PlannedReading
+        readings with their weights
     dual : dict
         y, which proves the lower bound, by parameter
     optimum : Optimum
-        the same as arrays, for programs
+        the same as arrays; in Python only
     parametrisation : Parametrisation
-        the baseline's parameters and the mounting, for programs
+        the baseline's parameters and the mounting; in Python only
     """
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
@@ -168,7 +172,7 @@ class Plan(Result):
 
 
 class Plans(Result):
-    """The optimal plans of several targets, one after the other; one plan is published as it is."""
+    """The optimal plans of several targets, one after the other; the JSON of one plan is the plan itself."""
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
     plans: Annotated[tuple[Plan, ...], Field(min_length=1)]
@@ -183,11 +187,11 @@ class Plans(Result):
         return self.plans[index]
 
     def to_json(self) -> dict[str, Any]:
-        """The object, or the objects, of schema trihedron.plan/1."""
+        """Return the object, or the objects, of schema trihedron.plan/1."""
         return self.plans[0].to_json() if len(self.plans) == 1 else super().to_json()
 
     def to_polars(self) -> "DataFrame":
-        """A row for each reading of each plan: target, accelerometer, alpha_deg, beta_deg, weight."""
+        """Return a row for each reading of each plan: target, accelerometer, alpha_deg, beta_deg, weight."""
         import polars as pl
 
         numbers = dict.fromkeys(("alpha_deg", "beta_deg", "weight"), pl.Float64)
@@ -203,9 +207,9 @@ def optimal_plans(
     progress: bool = False,
     **options: Any,
 ) -> Plans:
-    """The optimal plan of each target, with its proof; arguments and options as of `library.plan`.
+    """Return the optimal plan of each target, with its proof; arguments and options are those of `library.plan`.
 
-    An InputError for options that cannot be used, and for a grid that cannot determine a target.
+    Raises InputError for invalid options, and for a grid that cannot determine a target.
     """
     request = Request(mountings=(mounting,), **options)
     if grid is not None and not isfinite(grid):

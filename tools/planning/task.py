@@ -1,8 +1,8 @@
-"""The task of a common set of positions, the readings that such a set gives, and what they cost.
+"""The task of a common set of positions, the readings of such a set, and their costs.
 
-One set serves all targets and all accelerometers at once. A reading counts where the sign of its input is certain by
-the admissible set, at every angle that an error of setting may lead to. The cost of a target is the least guaranteed
-error with the readings that count.
+One set serves all targets and all accelerometers at once. A reading counts if the sign of its input is certain by the
+admissible set, at every angle within the setting errors. The cost of a target is the least guaranteed error with the
+readings that count.
 """
 
 import math
@@ -30,7 +30,7 @@ TURN = 2.0 * np.pi
 LINES = 24
 """Lines of each axis on which the keep-outs are checked to leave enough."""
 NOT_DETERMINED = 1e3
-"""A ratio above this says that the positions do not determine the target."""
+"""Ratio above which the positions do not determine the target."""
 Intervals = tuple[tuple[float, float], ...]
 
 
@@ -45,50 +45,52 @@ class Places:
         return len(self.angle)
 
     def at(self, angle: NDArray) -> "Places":
-        """The same mountings at other angles (N, 2)."""
+        """Return the same mountings at other angles (N, 2)."""
         return Places(angle, self.mounting)
 
     def chosen(self, rows: Sequence[int] | NDArray) -> "Places":
-        """Some of them."""
+        """Return some of the places."""
         return Places(self.angle[rows], self.mounting[rows])
 
     def joined(self, following: "Places") -> "Places":
-        """These and the following ones."""
+        """Return these places and the following ones."""
         angle = np.concatenate([self.angle, following.angle])
         return Places(angle, np.concatenate([self.mounting, following.mounting]))
 
 
 def on_all_mountings(angle: NDArray, mountings: int) -> Places:
-    """The same angles (N, 2) [rad] with every mounting, one mounting after the other."""
+    """Return the same angles (N, 2) [rad] with every mounting, one mounting after the other."""
     return Places(np.concatenate([angle] * mountings), np.repeat(np.arange(mountings), len(angle)))
 
 
 @dataclass(frozen=True)
 class Task:
-    """The checked request: targets, admissible set, where the table may stand.
+    """The checked request: targets, admissible set, allowed table positions.
 
     Attributes
     ----------
     request : Request
+        the user's request
     parametrisation : Parametrisation
+        parameters and mountings
     targets : tuple of Target
-        K of them
+        K targets
     best : (K,) array
-        cost of each target's own optimal plan over all angles [σ]; the largest of them where one error counts for all
+        cost of each target's own optimal plan over all angles [σ]; their largest if one error counts for all
     groups : tuple of tuples of int
-        targets whose errors are taken together, as the root of the sum of their squares: each alone, or pairs of a goal
+        targets whose errors combine as the root of the sum of their squares: each alone, or pairs of a goal
     least : (G,) array
-        of each group its error by the targets' own optima [σ], of a goal the largest of them; no positions are better
+        lower bound of each group's error by the targets' own optima [σ], for a goal the largest of them
     support : (n, 2) array
-        positions of those plans [rad]; none where the costs were given
+        positions of those plans [rad]; none if the costs were given
     keep_out : tuple
-        of each axis, intervals [rad] (low, high), low < high, of encoder readings that are not used
+        for each axis, intervals [rad] (low, high), low < high, of encoder readings that are not used
     measured : Places
         positions of readings that are there already
     regressor, base, terms : (S, P, 3, 3), (S, 3, 3), (S, T, 3, 3) array
         the sheets, stacked
     accelerometer, mounting : (S,) array of int
-        of each sheet
+        accelerometer and mounting of each sheet
     """
 
     request: Request
@@ -108,19 +110,19 @@ class Task:
 
     @cached_property
     def weights(self) -> NDArray:
-        """a of every target (K, P)."""
+        """Return a of every target (K, P)."""
         return np.array([target.weights for target in self.targets])
 
     @cached_property
     def shifts(self) -> NDArray:
-        """Corners (C, 2) of the box of setting errors [rad]."""
+        """Return the corners (C, 2) of the box of setting errors [rad]."""
         if self.request.reserve_deg == 0.0:
             return np.zeros((1, 2))
         return np.radians(self.request.reserve_deg) * np.array(CORNERS)
 
     @cached_property
     def room(self) -> NDArray:
-        """How far the clearance (S,) inside that box may lie below that of its corners."""
+        """Return the largest drop of the clearance (S,) inside that box below its corners."""
         forms = np.concatenate([self.base[:, None], self.terms], axis=1)
         bent = np.linalg.norm(forms[..., :2, :], 2, axis=(-2, -1)) + np.linalg.norm(forms[..., :, :2], 2, axis=(-2, -1))
         # A form with second derivatives below M is within M r²/2, for each axis, of the interpolation of the corners.
@@ -128,10 +130,10 @@ class Task:
 
 
 def task_of(request: Request, *, best: NDArray | None = None, progress: bool = False) -> Task:
-    """Check a request and find the optimum of every target over all angles (setting errors not allowed for).
+    """Check a request and find the optimum of every target over all angles, without setting errors.
 
-    `best` (K,) are the optima where they are known already. An InputError for options that cannot be used, also when
-    no positions can determine a target.
+    `best` (K,) are the optima if they are known already. Raises InputError for invalid options, and if no positions can
+    determine a target.
     """
     request.check()
     p = request.parametrisation()
@@ -190,12 +192,15 @@ def _keep_outs(request: Request) -> tuple[Intervals, Intervals]:
 
 
 def group_errors(errors: NDArray, groups: Sequence[tuple[int, ...]]) -> NDArray:
-    """Errors (G,) of groups of targets from those of the targets (K,)."""
+    """Return errors (G,) of groups of targets from those of the targets (K,)."""
     return np.array([math.hypot(*errors[list(group)]) for group in groups])
 
 
 def measured_places(path: str | Path | None, p: Parametrisation) -> Places:
-    """The positions of a record; none without one. An InputError for a record of other mountings."""
+    """Return the positions of a record; none without one.
+
+    Raises InputError for a record of other mountings.
+    """
     if path is None:
         return Places(np.zeros((0, 2)), np.zeros(0, dtype=int))
     record = read_record(Path(path), PositionRecord)
@@ -206,7 +211,7 @@ def measured_places(path: str | Path | None, p: Parametrisation) -> Places:
 
 
 def _undetermined(task: Task) -> list[str]:
-    """Symbols of targets that neither the angles outside the keep-outs nor the measured positions determine."""
+    """Return the targets that neither the angles outside the keep-outs nor the measured positions determine."""
     if not any(task.keep_out):
         return []
     lines = []
@@ -232,9 +237,9 @@ def _optima(
     convention: str,
     expressions: tuple[str, ...],
 ) -> tuple[NDArray, NDArray]:
-    """The cost (K,) of each target's own optimal plan over all angles [σ], and the positions (n, 2) of them all [rad].
+    """Return the cost (K,) of each target's own optimal plan over all angles [σ], and all their positions (n, 2) [rad].
 
-    They take seconds and depend on nothing else, so the next request has them. The arrays are read-only. Admissible are
+    They take seconds and depend only on the arguments, so they are cached. The arrays are read-only. `admissible` has
     both bounds and the rule.
     """
     u, v, rule = admissible
@@ -254,7 +259,8 @@ def _optima(
 
 
 def clearances(task: Task, places: Places) -> NDArray:
-    """Clearance (N, S) [g] of each sheet at each position, setting errors allowed for; a reading counts above 0."""
+    """Return the clearance (N, S) [g] of each sheet at each position within setting errors; a reading counts above
+    0."""
     lowest = np.full((len(places), len(task.base)), np.inf)
     for shift in task.shifts:
         a, b = harmonics(places.angle[:, 0] + shift[0]), harmonics(places.angle[:, 1] + shift[1])
@@ -277,7 +283,7 @@ class CertainReadings:
 
 
 def readings(task: Task, places: Places) -> CertainReadings:
-    """The readings of a set of positions whose inputs are certain."""
+    """Return the readings of a set of positions whose inputs are certain."""
     clear = clearances(task, places)
     position, sheet = np.nonzero(clear > 0.0)
     a, b = harmonics(places.angle[position, 0]), harmonics(places.angle[position, 1])
@@ -292,7 +298,9 @@ class Costs:
     Attributes
     ----------
     places : Places
+        the positions
     readings : CertainReadings
+        their readings that count
     weights : (K, M) array
         Φ of each target's estimator
     duals : (K, P) array
@@ -300,7 +308,7 @@ class Costs:
     ratio : (K,) array
         cost over the target's optimum over all angles
     worst : float
-        the largest ratio, or of a goal that of its error to the least possible one
+        the largest ratio; for a goal, the ratio of its error to the least possible one
     """
 
     places: Places
@@ -312,16 +320,16 @@ class Costs:
 
     @property
     def mean(self) -> float:
-        """The mean ratio."""
+        """Mean ratio."""
         return float(self.ratio.mean())
 
     @property
     def complete(self) -> bool:
-        """Whether the positions determine every target."""
+        """True if the positions determine every target."""
         return bool((self.ratio < NOT_DETERMINED).all())
 
     def missing(self, task: Task) -> list[str]:
-        """Symbols of the targets that the positions do not determine."""
+        """Return the symbols of the targets that the positions do not determine."""
         return [task.targets[k].symbol for k in np.flatnonzero(self.ratio >= NOT_DETERMINED)]
 
 
@@ -340,14 +348,14 @@ def costs(task: Task, places: Places) -> Costs:
         if possible:
             used = np.flatnonzero(weights[k])
             columns = counted.regressor[used].T
-            # The solver's tolerance, taken out.
+            # Remove the solver's tolerance.
             weights[k, used] += np.linalg.lstsq(columns, target - columns @ weights[k, used], rcond=1e-12)[0]
     worst = float((group_errors(errors, task.groups) / task.least).max())
     return Costs(places, counted, weights, duals, errors / task.best, worst)
 
 
 def allowed(task: Task, angle: NDArray) -> NDArray:
-    """Which positions (N, 2) [rad] lie in no keep-out, ends included, or are measured already."""
+    """Return a mask of the positions (N, 2) [rad] that lie in no keep-out, ends included, or are measured already."""
     free = np.ones(len(angle), dtype=bool)
     for axis, intervals in enumerate(task.keep_out):
         for low, high in intervals:
@@ -361,7 +369,7 @@ def _is_measured(task: Task, angle: NDArray) -> NDArray:
 
 
 def free_arcs(intervals: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Arcs [rad] (low, high), low < high, that an axis' keep-outs leave of a turn; none where they leave nothing."""
+    """Return the arcs [rad] (low, high), low < high, that an axis' keep-outs leave free; empty if there are none."""
     if not intervals:
         return [(0.0, TURN)]
     ends = np.unique(np.mod(np.ravel(intervals), TURN)).tolist()
@@ -375,7 +383,7 @@ def free_arcs(intervals: Sequence[tuple[float, float]]) -> list[tuple[float, flo
 
 
 def freedom(task: Task, angle: NDArray, radius: float) -> tuple[NDArray, NDArray]:
-    """How far (N, 2) each angle may go down and up [rad], at most `radius`, without entering a keep-out.
+    """Return the distance (N, 2) by which each angle may go down and up [rad], at most `radius`, outside keep-outs.
 
     Measured positions stay.
     """

@@ -10,19 +10,20 @@ from .request import Request
 from .task import TURN, Places
 
 EXACT = 10
-"""Tours of so many positions are found exactly, by dynamic programming; longer ones by exchanges from every start."""
+"""Largest number of positions whose tour is found exactly, by dynamic programming; longer ones use exchanges."""
 TABLE_RATE, TABLE_ACCELERATION = 1.0, 1.0
-"""Limits [rad/s], [rad/s²] of both axes by which tours are timed, where none are given."""
+"""Default limits [rad/s], [rad/s²] of both axes for the times of tours."""
 SAME_PLACE = np.radians(0.02)
-"""Positions as near as this [rad] make one rest where one follows the other: the table hardly moves between them."""
+"""Distance [rad] within which consecutive positions make one rest: the table hardly moves between them."""
 SHORT_PART = 3
-"""Parts of a tour of so many positions are moved elsewhere, too."""
+"""Largest number of positions in a part of a tour that is moved elsewhere."""
 
 
 def measuring_order(places: Places, commands: NDArray, request: Request) -> tuple[NDArray, float]:
-    """The rows of the set in the order of measurement, one mounting after the other, and the time of the moves [s].
+    """Return the rows of the set in the order of measurement, one mounting after the other, and the time of the moves
+    [s].
 
-    The request has tour or random order, its seed, the table's limits, and how many positions are measured twice; the
+    The request has tour or random order, its seed, the table's limits, and the number of repeated positions; the
     commands (N, 2) are the angles of the places [rad].
     """
     rng = np.random.default_rng(request.seed)
@@ -39,7 +40,7 @@ def measuring_order(places: Places, commands: NDArray, request: Request) -> tupl
 
 
 def unwound(angle: NDArray, keep_out: Sequence[Sequence[tuple[float, float]]] = ((), ())) -> NDArray:
-    """Angles (N, 2) [rad] as commands within one turn of each axis, cut where no position lies.
+    """Return angles (N, 2) [rad] as commands within one turn of each axis, cut away from all positions.
 
     The cut is in the axis's widest keep-out, which no move then crosses, or else in the widest gap between positions.
     The turn is the one about zero that leaves the commands as small as possible.
@@ -62,7 +63,7 @@ def unwound(angle: NDArray, keep_out: Sequence[Sequence[tuple[float, float]]] = 
 
 
 def move_times(commands: NDArray, request: Request) -> NDArray:
-    """Times [s] of all moves within the table's limits: (N + 1, N), the first row from (0, 0).
+    """Return times [s] of all moves within the table's limits: (N + 1, N), the first row from (0, 0).
 
     Both axes move at once.
     """
@@ -77,13 +78,13 @@ def move_times(commands: NDArray, request: Request) -> NDArray:
 
 
 def tour_duration(times: NDArray, order: NDArray) -> float:
-    """Time [s] of the moves of a programme that begins at (0, 0)."""
+    """Return the time [s] of the moves of a programme that begins at (0, 0)."""
     before = np.concatenate([[0], order[:-1] + 1])
     return float(times[before, order].sum())
 
 
 def shortest_tour(times: NDArray) -> NDArray:
-    """The order (N,) with the least time of all moves from (0, 0) on, not back."""
+    """Return the order (N,) with the least time of all moves from (0, 0) on, without a return."""
     count = times.shape[1]
     if count <= EXACT:
         return _exact(times)
@@ -97,7 +98,7 @@ def shortest_tour(times: NDArray) -> NDArray:
 
 
 def _nearest_next(times: NDArray, first: int) -> NDArray:
-    """The order (N,) that goes on to the nearest position each time."""
+    """Return the order (N,) that goes to the nearest position each time."""
     order = [first]
     distance = times[1:].copy()
     distance[:, first] = np.inf
@@ -109,7 +110,7 @@ def _nearest_next(times: NDArray, first: int) -> NDArray:
 
 
 def _exact(times: NDArray) -> NDArray:
-    """Held and Karp's recursion over sets of positions."""
+    """Return the exact shortest tour by Held and Karp's recursion over sets of positions."""
     count = times.shape[1]
     best = np.full((1 << count, count), np.inf)
     before = np.zeros((1 << count, count), dtype=int)
@@ -147,7 +148,7 @@ def _exchanged(times: NDArray, order: NDArray) -> NDArray:
 
 
 def _exchanges(order: NDArray, i: int, j: int) -> list[NDArray]:
-    """The order with its part from i to j reversed, and with a short one everywhere else."""
+    """Return the order with its part from i to j reversed, and with a short part at every other place."""
     part = order[i:j]
     trials = [np.concatenate([order[:i], part[::-1], order[j:]])]
     if j - i <= SHORT_PART:
@@ -159,9 +160,10 @@ def _exchanges(order: NDArray, i: int, j: int) -> list[NDArray]:
 
 
 def with_repeats(order: NDArray, count: int) -> NDArray:
-    """The order with `count` of its positions measured again, spread over it, half the programme after the first time.
+    """Return the order with `count` of its positions measured again, spread over it, half a programme after the first
+    time.
 
-    Half a programme apart, the two readings of a position tell drift and repeatability as well as any can.
+    Half a programme apart, the two readings of a position show drift and repeatability best.
     """
     if not count:
         return order
@@ -177,10 +179,10 @@ def with_repeats(order: NDArray, count: int) -> NDArray:
 
 
 def separated(order: NDArray, commands: NDArray) -> NDArray:
-    """The order with no position right after one in the same place, where others can come between.
+    """Return the order with no position right after one in the same place, if others can come between.
 
-    A position that a plan has twice, for its weight, would make one long rest. The second one goes to where the first
-    is half a programme away, or as near to that as it can. The order (M,) holds rows of the commands (N, 2) [rad].
+    A position that a plan has twice, for its weight, would make one long rest. The second one moves as near as possible
+    to half a programme after the first. The order (M,) holds rows of the commands (N, 2) [rad].
     """
     programme = order.tolist()
     near = np.abs(commands[:, None] - commands[None]).max(axis=2) < SAME_PLACE
