@@ -49,7 +49,7 @@ def test_one_version():
     version = PROJECT["project"]["version"]
     assert trihedron.__version__ == version
     assert re.search(rf"(?m)^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    first = re.search(r"(?m)^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
+    first = re.search(r"(?m)^## (\d\S*)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
     assert first is not None
     assert first[1] == version
 
