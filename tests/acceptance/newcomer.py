@@ -1,4 +1,4 @@
-"""A newcomer, scripted: from an empty environment by pip, then by make, every command of the README and the tutorial.
+"""A newcomer, scripted: from an empty environment by pip, then by make, every command of README, commands and tutorial.
 
     python tests/acceptance/newcomer.py python3.11 python3.13 [--way pip|make] [--without WORD ...] [--in FOLDER]
 
@@ -26,9 +26,12 @@ NOT_COPIED = shutil.ignore_patterns(
 
 
 def readme_commands() -> list[str]:
-    """What stands line by line in the README."""
+    """Commands of the README, then those of "Every command once" in the page on the command line."""
     lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
-    return [line.split("  #")[0].strip() for line in lines if line.startswith("    trihedron ")]
+    lines = [line for line in lines if line.startswith("    trihedron ")]
+    once = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8").partition("## Every command once")[2]
+    lines += [line for line in once.partition("## ")[0].splitlines() if line.startswith("trihedron ")]
+    return [line.split("  #")[0].strip() for line in lines]
 
 
 def tutorial_commands() -> list[str]:
@@ -62,7 +65,8 @@ class Newcomer:
             print((process.stdout + process.stderr)[-800:], flush=True)
 
     def commands(self, checkout: Path, without: list[str]) -> None:
-        """Every command of the README, then the tutorial in a folder of its own."""
+        """Every command of README and command line, then the tutorial in a folder of its own."""
+        shutil.copy(ROOT / "docs" / "gallery" / "consistent.csv", checkout / "measurements.csv")
         for command in readme_commands():
             if command.split()[1] not in without:
                 self.step(command, checkout)
