@@ -4,6 +4,7 @@ Falsify the model; search for the smallest sets of effects that mend it; judge t
 possible; say what would separate the sets that remain.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ from typing import Any
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
+from ..bounded.sets import MAX_SET
 from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
@@ -18,14 +20,17 @@ from ..records import PositionRecord, StrapdownRecord
 from ..sieve import Simple, simple_faults
 from .beyond import Beyond, keys_of
 from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, finding_of
-from .dependence import Dependence, Proven, Suffices, dependence, residual_structure
+from .dependence import Dependence, Proven, Standing, Suffices, dependence, residual_structure
 from .helps import of_lengths, only_at_one_length, what_helps
 from .hypothesis import answered, places_of
 from .kinds import KnownDirections, evidence_of, evidence_with_formulas, kind_of
-from .result import Diagnosis, Explanation, simplest_first
-from .rivals import Listed, Unlisted, complexity_of
+from .result import Diagnosis, Explanation
+from .rivals import FURTHER, OUTLIER, Listed, Unlisted, complexity_of
 from .search import MOST_WORK, Found, equivalence_groups, search, single_radii
 from .witness import Judgement, Witness, by_need, judgement_of, objections_of
+
+NOTHING_PROVEN = 1.3
+"""Below this radius no fault of the record is named: a slightly larger noise bound would do as well."""
 
 
 def diagnose(
@@ -159,11 +164,7 @@ class Procedure:
             return self._result("insufficient", self.missing)
         if not self.evidence.model.falsified:
             return self._of_model_that_stands()
-        if self.simple:
-            return self._of_list()
-        if not self.found.fits:
-            return self._without_a_set()
-        return self._of_sets()
+        return self._of_list() if self.simple else self._of_physics()
 
     # Falsify
 
@@ -197,7 +198,9 @@ class Procedure:
     @cached_property
     def simple(self) -> tuple[Simple, ...]:
         """The simple faults of the record with which the model stands."""
-        return () if self.objections else simple_faults(self.evidence)
+        if self.objections or self.evidence.model.radius < NOTHING_PROVEN:
+            return ()
+        return tuple(sorted(simple_faults(self.evidence), key=lambda fault: (fault.numbers, fault.radius)))
 
     @cached_property
     def objections(self) -> tuple[str, ...]:
@@ -209,7 +212,11 @@ class Procedure:
         """The smallest sets of effects with which the record stands."""
         if self.objections:
             return Found(())
-        return search(self.evidence.model, progress=self.progress, most_work=self.most_work)
+        largest = MAX_SET
+        if self.simple:
+            # Larger sets need more numbers than the simplest fault: no rivals of it.
+            largest = min(MAX_SET, max(1, (self.simple[0].numbers + 1 + FURTHER) // (1 + FURTHER)))
+        return search(self.evidence.model, progress=self.progress, most_work=self.most_work, largest=largest)
 
     @cached_property
     def candidates(self) -> Candidates:
@@ -292,18 +299,58 @@ class Procedure:
     # The results
 
     def _of_list(self) -> Diagnosis:
-        """What follows from one list of simple faults of the record and effects of the simulation."""
+        """What follows from one list of simple faults of the record, effects, and functions of a quantity."""
+        faults = self.simple
+        first, least = faults[0], faults[0].numbers
+        close = [fault for fault in faults if fault.numbers <= least + 1]
+        findings = [finding for finding in self._of_effects if complexity_of(finding.fit.places) <= least + 1]
+        functions = [standing for standing in self._of_functions if standing.complexity <= least]
+        simpler = [*(complexity_of(finding.fit.places) for finding in findings)]
+        simpler += [standing.complexity for standing in functions]
+        if min(simpler, default=math.inf) + 1 < least:
+            return self._of_physics()
+        explanations = [Explanation.of_simple(fault) for fault in faults]
+        if len(close) == 1 and not findings and not functions:
+            return self._of_fault(first, explanations)
+        explanations += self._explanations(findings, {})
+        explanations += [Explanation.of_function(standing) for standing in functions]
+        return self._result(
+            "ambiguous",
+            {},
+            explanations=explanations,
+            findings=findings,
+            alternatives=tuple(finding.causes for finding in findings),
+            next=_again(first),
+        )
+
+    def _of_fault(self, fault: Simple, explanations: Sequence[Explanation]) -> Diagnosis:
+        """A fault of the record explains it, and nothing else does that is as simple."""
+        keys: dict[str, Any] = {"explanations": explanations, "next": _again(fault)}
+        if fault.fit is None or fault.evidence is not self.evidence:
+            return self._result("explained", {}, **keys)
+        # Single readings that are off are effects of the model.
+        finding = finding_of(self.evidence, [fault.fit])
+        excluded = excluded_sizes(self.evidence, finding.fit)
+        calibration = explanations[0].calibration
+        assert calibration is not None
+        model = self.evidence.reader.of_model(finding.fit, calibration, excluded)
+        judgement = judgement_of(self.evidence, finding.fit)
+        return self._result("explained", model, findings=[finding], excluded=excluded, judgement=judgement, **keys)
+
+    @cached_property
+    def _of_effects(self) -> Sequence[Finding]:
+        """Sets with which the record stands that are more than single readings: those are rows."""
         findings = self.candidates.findings if self.found.fits else ()
-        least = min(simple.numbers for simple in self.simple)
-        if findings and complexity_of(findings[0].fit.places) + 1 < least:
-            return self._of_sets()
-        explanations = [Explanation.of_simple(simple) for simple in self.simple]
-        for finding in findings:
-            explanations.append(Explanation.of(finding, self.evidence.reader.calibration_of(finding.fit)))
-        ranked = simplest_first(explanations)
-        close = [explanation for explanation in ranked if explanation.numbers <= ranked[0].numbers + 1]
-        verdict = "explained" if len(close) == 1 else "ambiguous"
-        return self._result(verdict, {}, explanations=ranked)
+        return [f for f in findings if any(place.effect != OUTLIER for place in f.fit.places)]
+
+    @cached_property
+    def _of_functions(self) -> Sequence[Standing]:
+        """Functions of one quantity with which the record stands, the least complex first."""
+        return () if self.dependence is None else self.dependence.standing
+
+    def _of_physics(self) -> Diagnosis:
+        """What follows from effects of the simulation alone."""
+        return self._of_sets() if self.found.fits else self._without_a_set()
 
     def _of_model_that_stands(self) -> Diagnosis:
         """Consistent, unless the record is too short, or readings show an effect by themselves."""
@@ -500,6 +547,16 @@ class Procedure:
             keys["suffices"] = tuple(Suffices.of(standing) for standing in self.dependence.standing)
             keys |= {"dependence": self.beside_catalogue, "proven": self.proven}
         return {**keys, **self.found.keys}
+
+
+def _again(fault: Simple) -> tuple[str, ...]:
+    """What to measure next, where rows are wrong."""
+    if not fault.rows:
+        return ()
+    if len(fault.rows) == 1:
+        return (f"check row {fault.rows[0]} against the notes, or measure it again",)
+    rows = ", ".join(map(str, fault.rows[:-1]))
+    return (f"check rows {rows} and {fault.rows[-1]} against the notes, or measure them again",)
 
 
 def _named(places: Sequence[EffectPlace]) -> tuple[NamedEffect, ...]:

@@ -14,7 +14,7 @@ from ..result import Result, Told
 from ..sieve.simple import Simple, calibration_of
 from .band import BandOfFunctions
 from .beyond import BeyondCatalogue, StatedLaw
-from .cause import Cause, Finding, NamedEffect, Number, causes_of
+from .cause import Cause, Finding, NamedEffect, Number, causes_of, centred
 from .dependence import Proven, Suffices
 from .former import DIAGNOSIS, FORMER, of_former_schemas
 from .hypothesis import Hypothesis
@@ -99,7 +99,7 @@ class Explanation(Told):
             kind=simple.kind,
             numbers=simple.numbers,
             where=simple.where,
-            causes=() if simple.fit is None else causes_of(simple.evidence, simple.fit),
+            causes=causes_of_simple(simple),
             radius=simple.radius,
             sentence=simple.sentence,
             calibration=calibration_of(simple),
@@ -122,6 +122,13 @@ class Explanation(Told):
             radius=standing.radius,
             sentence=standing.pair.in_words,
         )
+
+
+def causes_of_simple(simple: Simple) -> tuple[Cause, ...]:
+    """The effects beside a simple fault, with what is stated of them."""
+    if simple.fit is None:
+        return ()
+    return causes_of(simple.evidence, centred(simple.evidence, simple.fit))
 
 
 class NextPosition(TypedDict):
@@ -471,7 +478,9 @@ class Diagnosis(Told):
 
     @property
     def best(self) -> Explanation | None:
-        """The set of effects that is named, or the first of the `alternatives`."""
+        """What is named, or the first of the `alternatives`."""
+        if self.verdict == "explained" and not self.causes:
+            return self.explanations[0]
         for explanation in self.explanations:
             if explanation.extension is None and explanation.causes in self.sets[:1]:
                 return explanation

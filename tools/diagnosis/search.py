@@ -68,8 +68,9 @@ def search(
     *,
     progress: bool = False,
     most_work: float = MOST_WORK,
+    largest: int = MAX_SET,
 ) -> Found:
-    """All sets of effects of the smallest size, up to three, with which the model stands; the least radius first.
+    """All sets of effects of the smallest size, up to `largest`, with which the model stands; the least radius first.
 
     `among` are by default the effects that can be told apart. A set that does not mend the record is tried with other
     members of its effects' classes, too: these differ in the second order of their sizes, for which noise at its bound
@@ -77,7 +78,7 @@ def search(
     """
     work = Work(most_work * model.effort.cost)
     unsolved: list[tuple[EffectPlace, ...]] = []
-    for size in range(1, MAX_SET + 1):
+    for size in range(1, largest + 1):
         fits: list[Fit] = []
         complete = True
         try:
@@ -91,7 +92,7 @@ def search(
         if fits or not complete:
             fits.sort(key=lambda fit: (round(fit.radius, 9), fit.title))
             return _found(fits, complete, size, unsolved)
-    return _found((), True, MAX_SET, unsolved)
+    return _found((), True, largest, unsolved)
 
 
 def _found(fits: Sequence[Fit], complete: bool, size: int, unsolved: Sequence[tuple[EffectPlace, ...]]) -> Found:

@@ -24,6 +24,8 @@ ANSWERS = {
     "not needed": "not needed: the model stands without it",
     "cannot be told": "cannot be told: the model has the same in it, or the record is too short",
 }
+OF_RECORD = ("sigma", "rows", "stretch", "break")
+"""Kinds of explanations that say of themselves what is wrong: with the record, not with the simulation."""
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 
 
@@ -307,7 +309,7 @@ def _remarks(result: Diagnosis) -> list[str]:
     gain = result.gain
     if result.calibration.linearised is not None:
         remarks = witnesses.two_witnesses(result)
-        if gain is None and result.verdict == "explained":
+        if gain is None and result.findings and result.verdict == "explained":
             remarks.append("Gain on held-out positions: not possible with these effects and positions.")
         if gain is not None and gain.over is None and not gain.improves:
             remarks.append("The extension does not improve the positions that were held out.")
@@ -376,6 +378,8 @@ LACKS = "The simulation lacks something"
 
 
 def _verdict(result: Diagnosis) -> str:
+    if result.best is not None and result.verdict == "explained" and result.best.kind in OF_RECORD:
+        return result.best.sentence
     if result.verdict == "explained":
         return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
     if result.verdict == "ambiguous":
@@ -393,6 +397,9 @@ def _verdict(result: Diagnosis) -> str:
 def _ambiguous(result: Diagnosis) -> str:
     """Return which sets would explain the record, and what speaks against the first."""
     text = f"{LACKS}, and the record does not say what: {rivals(result)}"
+    others = [explanation.sentence for explanation in result.explanations if not explanation.causes]
+    if not sets_of(result):
+        text = f"{LACKS}, or the record is wrong: {' Or: '.join(others)}"
     if result.objections:
         text += f" But {result.objections[0]}."
     if only_unlisted(result):

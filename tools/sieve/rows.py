@@ -1,9 +1,156 @@
-"""Rows that do not belong to a record: the fewest whose removal lets the model stand."""
+"""Wrong rows: the fewest whose removal lets the model stand, and what makes each of them fit."""
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects.last_stage import place_of
+from ..bounded.sets import Work
+from ..errors import InputError
 from ..evidence.evidence import Evidence
+from .change import Change, Mending
 from .simple import Simple
+from .table import Table
+
+MOST_ROWS = 3
+MOST_SETS = 6
+"""So many of the smallest sets of rows are shown; where more stand the record does not tell which rows are wrong."""
+FREED = 5
+"""Readings that are left out are at most this part of those that the parameters leave over."""
+AGAIN = 2
+"""The search begins anew about the rows that were found so often."""
 
 
 def wrong_rows(evidence: Evidence) -> tuple[Simple, ...]:
     """The smallest sets of rows without which the model stands."""
-    return ()
+    table = Table.of(evidence)
+    if table is None:
+        return ()
+    most = most_rows(table)
+    if most < 1:
+        return ()
+    faults = []
+    for wrong in standing_sets(table, most)[:MOST_SETS]:
+        about = table.about(wrong)
+        changes = [Mending(about, int(row), wrong).best for row in wrong]
+        faults += _faults(evidence, wrong, changes)
+    return tuple(faults)
+
+
+def most_rows(table: Table) -> int:
+    """How many rows may be removed so that the others still prove something."""
+    spare = len(table.target) - table.matrix.shape[1]
+    return min(MOST_ROWS, spare // (3 * FREED))
+
+
+def standing_sets(table: Table, most: int) -> list[NDArray[np.int_]]:
+    """The smallest sets of rows (from 0) whose removal lets the exact model stand."""
+    for _ in range(AGAIN):
+        standing = []
+        for parts in table.removal().smallest(most):
+            wrong = np.array(sorted(parts))
+            about = table.about(wrong)
+            if about.keeps_rank(wrong) and about.radius_without(wrong) <= table.limit:
+                standing.append((about.radius_without(wrong), wrong))
+        if standing:
+            standing.sort(key=lambda one: one[0])
+            return [wrong for _, wrong in standing]
+        # The rows that miss most may have drawn even the robust fit.
+        table = table.about(np.argsort(-table.excess)[:most])
+    return []
+
+
+def _faults(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> list[Simple]:
+    """The fault of these rows; beside it that an accelerometer of several wrong readings does something there."""
+    assert evidence.source is not None
+    channels = [change.reading for change in changes if change.reading is not None]
+    if len(channels) == len(changes):
+        return _of_readings(evidence, wrong, channels)
+    record = evidence.source.record
+    kept = np.setdiff1d(np.arange(len(record)), wrong)
+    try:
+        sigma = evidence.model.calibration.noise_bound
+        remaining = evidence.source.again(record.selected(kept), noise_bound=sigma)
+    except InputError:
+        return []
+    if remaining.model.falsified:
+        return []
+    numbers = tuple(int(row) + 1 for row in wrong)
+    fault = Simple(
+        kind="rows",
+        numbers=sum(change.numbers for change in changes),
+        where=tuple(f"row-{number}" for number in numbers),
+        sentence=_sentence(numbers, changes),
+        radius=remaining.model.radius,
+        evidence=remaining,
+        rows=numbers,
+        change=_changes(numbers, changes),
+    )
+    return [fault, *_near_inputs(fault, channels)]
+
+
+def _of_readings(evidence: Evidence, wrong: NDArray, channels: Sequence[int]) -> list[Simple]:
+    """Single readings that do not fit, as effects."""
+    places = [place_of(int(row) + 1, channel) for row, channel in zip(wrong, channels, strict=True)]
+    fits = evidence.model.mended(places, Work())
+    if not fits:
+        return []
+    numbers = tuple(int(row) + 1 for row in wrong)
+    labels = [f"{number}.{channel}" for number, channel in zip(numbers, channels, strict=True)]
+    fault = Simple(
+        kind="rows",
+        numbers=2 * len(numbers),
+        where=tuple(evidence.reader.named(place).where for place in places),
+        sentence=f"{_listed('Reading', labels)} not fit; all others do. Repeat {_them(labels)}.",
+        radius=fits[0].radius,
+        evidence=evidence,
+        rows=numbers,
+        fit=fits[0],
+    )
+    return [fault, *_near_inputs(fault, channels)]
+
+
+def _near_inputs(fault: Simple, channels: Sequence[int]) -> list[Simple]:
+    """Several wrong readings of one accelerometer may as well be what it does near these inputs."""
+    faults = []
+    for channel, count in sorted(Counter(channels).items()):
+        if count > 1:
+            sentence = f"Accelerometer {channel} does something near the inputs of these readings."
+            where = (f"accelerometer-{channel}",)
+            faults.append(
+                Simple("function", fault.numbers, where, sentence, fault.radius, fault.evidence, fit=fault.fit)
+            )
+    return faults
+
+
+def _sentence(numbers: Sequence[int], changes: Sequence[Change]) -> str:
+    """What is wrong with these rows, and with what each of them fits."""
+    if len(numbers) == 1:
+        return f"Row {numbers[0]} is wrong; all others fit. {changes[0].words}"
+    labels = [str(number) for number in numbers]
+    head = f"Rows {', '.join(labels[:-1])} and {labels[-1]} are wrong; all others fit."
+    words = [f"{change.words[0].lower()}{change.words[1:]}" for change in changes]
+    if len(set(words)) == 1:
+        return f"{head} Of each: {words[0]}"
+    return " ".join([head, *(f"Row {row}: {text}" for row, text in zip(numbers, words, strict=True))])
+
+
+def _changes(numbers: Sequence[int], changes: Sequence[Change]) -> Mapping[str, Any]:
+    """The change of the only row, or those of each by its number."""
+    if len(numbers) == 1:
+        return changes[0].keys
+    return {str(row): dict(change.keys) for row, change in zip(numbers, changes, strict=True) if change.keys}
+
+
+def _listed(noun: str, labels: Sequence[str]) -> str:
+    """The noun with labels and the verb: "Reading 2.3 does", "Readings 2.3 and 8.3 do"."""
+    if len(labels) == 1:
+        return f"{noun} {labels[0]} does"
+    return f"{noun}s {', '.join(labels[:-1])} and {labels[-1]} do"
+
+
+def _them(labels: Sequence[str]) -> str:
+    return "it" if len(labels) == 1 else "them"

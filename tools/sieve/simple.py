@@ -8,7 +8,7 @@ from ..calibrated import Calibration
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 
-KindOfFault = Literal["sigma", "rows", "stretch", "break"]
+KindOfFault = Literal["sigma", "rows", "stretch", "break", "function"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,263 @@
+"""Which single change makes a wrong row fit: an angle, a sign, an exchange, a reading, the readings of another row."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bounded.programmes import chebyshev_radius, least_squares
+from ..calibration.model import Positions, predicted_reading, reading_jacobian
+from ..rounding import digits
+from .removal import held_by
+from .table import SECOND_ORDER, Table
+
+SCAN = np.radians(np.arange(-180.0, 180.0, 0.25))
+"""Changes of an angle that are tried [rad]."""
+DIFFERENCE = 1e-6
+NEWTON, TRIED = 12, 3
+"""Steps from a scanned angle to the best one near it, and so many of the best that are tried."""
+NEAR = 1e-3
+"""A row that fits with a change misses by less than this [g] before the parameters are fitted to it."""
+DECIMALS = 4
+"""Angles are stated to this many decimals of a degree."""
+ANGLES = ("alpha", "beta")
+GREEK = {"alpha": "α", "beta": "β"}
+READING, DISCRETE, ANGLE, BOTH, ROW = 2, 2, 2, 3, 4
+"""Numbers that a wrong reading needs, a discrete cause, an angle, both angles, and a row of which nothing is known."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change with which a row fits: the numbers that it needs, in words, and as the result has it.
+
+    `words` follow "Row 20 is wrong; all others fit." `reading`: the accelerometer, from 1, of which alone the reading
+    is wrong.
+    """
+
+    numbers: int
+    words: str
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    reading: int | None = None
+
+
+NOTHING = Change(ROW, "No angle mends it: a disturbed rest.")
+
+
+@dataclass(frozen=True, eq=False)
+class Mending:
+    """A row (from 0) that is wrong, and all rows that are; the table is linear about the fit of the others."""
+
+    table: Table
+    row: int
+    wrong: NDArray[np.int_]
+
+    @cached_property
+    def best(self) -> Change:
+        """The simplest change with which the row fits."""
+        for changes in (self.discrete(), self.readings(), self.angles()):
+            every = list(changes)
+            if every:
+                return every[0] if len(every) == 1 else _either(every)
+        return self.both_angles or NOTHING
+
+    # What others fit
+
+    @cached_property
+    def others(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Derivatives and errors of the other rows over their bounds."""
+        kept = self.table.readings_without(self.wrong)
+        return self.table.matrix[kept], self.table.target[kept]
+
+    @property
+    def bound(self) -> NDArray[np.float64]:
+        """Of the row's readings (3,)."""
+        return self.table.linear.bound.reshape(-1, 3)[self.row]
+
+    @property
+    def reading(self) -> NDArray[np.float64]:
+        """Of the row (3,) [g]."""
+        return self.table.linear.reading[self.row]
+
+    @property
+    def written(self) -> NDArray[np.float64]:
+        """Angles (2,) [rad]."""
+        at = self.table.linear.positions
+        return np.array([at.alpha[self.row], at.beta[self.row]])
+
+    def at(self, angles: NDArray) -> Positions:
+        """Positions of other angles (K, 2) in the row's mounting."""
+        mounting = np.full(len(angles), self.table.linear.positions.mounting[self.row])
+        return Positions(angles[:, 0], angles[:, 1], mounting)
+
+    def predicted(self, angles: NDArray) -> NDArray[np.float64]:
+        """Readings (K, 3) at other angles (K, 2), at the fit of the others."""
+        linear = self.table.linear
+        return predicted_reading(linear.parametrisation, linear.point, self.at(angles))
+
+    def fits(self, angles: NDArray, reading: NDArray) -> bool:
+        """Whether the row fits with angles (2,) and readings (3,)."""
+        error = reading - self.predicted(angles[None])[0]
+        if np.abs(error).max() > NEAR:
+            return False
+        return self._radius(self._rows(angles), error / self.bound) <= self.table.limit + SECOND_ORDER
+
+    def _rows(self, angles: NDArray) -> NDArray[np.float64]:
+        """Derivatives (3, P) at angles (2,), over the bounds."""
+        linear = self.table.linear
+        jacobian = reading_jacobian(linear.parametrisation, linear.point, self.at(angles[None]))[0]
+        return (jacobian @ linear.span) / self.bound[:, None]
+
+    def _radius(self, rows: NDArray, error: NDArray) -> float:
+        """The radius of the others with readings of the row."""
+        matrix, target = self.others
+        return held_by(np.vstack((matrix, rows)), np.append(target, error))[0]
+
+    # Changes
+
+    def discrete(self) -> Iterator[Change]:
+        """Changes of which nothing is free."""
+        yield from self.copied()
+        alpha, beta = self.written
+        for words, angles in (
+            ("α and β exchanged", (beta, alpha)),
+            ("the sign of α turned", (-alpha, beta)),
+            ("the sign of β turned", (alpha, -beta)),
+            ("the signs of both angles turned", (-alpha, -beta)),
+        ):
+            if self.fits(np.array(angles), self.reading):
+                shifts = _wrapped(np.array(angles) - self.written)
+                yield Change(DISCRETE, f"It fits with {words} ({_in_words(shifts)}).", _keys(shifts))
+        for k in range(3):
+            changed = self.reading * np.where(np.arange(3) == k, -1.0, 1.0)
+            if self.fits(self.written, changed):
+                yield Change(DISCRETE, f"It fits with the sign of f{k + 1} turned.", {f"f{k + 1}_mps2": "sign"})
+        for i, j in combinations(range(3), 2):
+            changed = self.reading.copy()
+            changed[[i, j]] = changed[[j, i]]
+            if self.fits(self.written, changed):
+                pair = [f"f{i + 1}_mps2", f"f{j + 1}_mps2"]
+                yield Change(DISCRETE, f"It fits with f{i + 1} and f{j + 1} exchanged.", {"exchanged": pair})
+
+    def copied(self) -> Iterator[Change]:
+        """The readings are those of another row, or belong to the angles of another row."""
+        linear = self.table.linear
+        apart = np.abs(linear.reading - self.reading).max(axis=1)
+        apart[self.row] = np.inf
+        same = np.flatnonzero(apart <= 2.0 * self.bound.max())
+        for row in same[np.argsort(apart[same], kind="stable")][:1]:
+            yield Change(DISCRETE, f"Its readings are those of row {row + 1}.", {"readings_of_row": int(row + 1)})
+        if len(same):
+            return
+        at = linear.positions
+        angles = np.column_stack((at.alpha, at.beta))
+        near = np.abs(self.predicted(angles) - self.reading).max(axis=1)
+        near[self.row] = np.inf
+        for row in np.flatnonzero(near <= NEAR):
+            if self.fits(angles[row], self.reading):
+                yield Change(
+                    DISCRETE, f"Its readings belong to the angles of row {row + 1}.", {"angles_of_row": int(row + 1)}
+                )
+                return
+
+    def readings(self) -> Iterator[Change]:
+        """One of the three readings is wrong, the two others fit."""
+        rows, error = self._rows(self.written), (self.reading - self.predicted(self.written[None])[0]) / self.bound
+        for k in range(3):
+            kept = np.arange(3) != k
+            if self._radius(rows[kept], error[kept]) <= self.table.limit + SECOND_ORDER:
+                size = float(error[k] * self.bound[k])
+                words = f"f{k + 1} alone does not fit, by about {digits(size, 3)} g."
+                yield Change(READING, words, {f"f{k + 1}_g": size}, reading=k + 1)
+
+    def angles(self) -> Iterator[Change]:
+        """One angle is wrong."""
+        for axis in range(len(ANGLES)):
+            shift = self._angle(axis)
+            if shift is not None:
+                shifts = np.zeros(2)
+                shifts[axis] = shift
+                yield Change(ANGLE, f"It fits with {_in_words(_wrapped(shifts))}.", _keys(_wrapped(shifts)))
+
+    def _angle(self, axis: int) -> float | None:
+        """By how much [rad] an angle differs with which the row fits; None where it does not."""
+        unit = np.eye(2)[axis]
+        missed = np.linalg.norm(self.predicted(self.written + SCAN[:, None] * unit) - self.reading, axis=1)
+        is_least = (missed <= np.roll(missed, 1)) & (missed <= np.roll(missed, -1))
+        for start in sorted(np.flatnonzero(is_least), key=lambda k: missed[k])[:TRIED]:
+            shift = float(SCAN[start])
+            for _ in range(NEWTON):
+                error, slope = self._about(self.written + shift * unit, axis)
+                shift += float(slope @ error / (slope @ slope))
+            if np.abs(error).max() > NEAR:
+                continue
+            radius, step = self._free(self.written + shift * unit, [axis])
+            if radius <= self.table.limit + SECOND_ORDER:
+                return shift + float(step[0])
+        return None
+
+    @cached_property
+    def both_angles(self) -> Change | None:
+        """Other angles with which the row fits: the readings are those of some attitude, though not of this one."""
+        grid = np.radians(np.arange(0.0, 360.0, 5.0))
+        every = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
+        missed = np.linalg.norm(self.predicted(every) - self.reading, axis=1)
+        angles = every[missed.argmin()]
+        for _ in range(NEWTON):
+            error, first = self._about(angles, 0)
+            _, second = self._about(angles, 1)
+            angles = angles + np.linalg.lstsq(np.column_stack((first, second)), error, rcond=None)[0]
+        if np.abs(error).max() > NEAR or self._free(angles, [0, 1])[0] > self.table.limit + SECOND_ORDER:
+            return None
+        words = "Its readings are those of some attitude, though of none that one angle more or less gives."
+        return Change(BOTH, words, _keys(_wrapped(angles - self.written)))
+
+    def _about(self, angles: NDArray, axis: int) -> tuple[NDArray, NDArray]:
+        """Errors (3,) at angles (2,), and derivatives (3,) of the prediction by one of them."""
+        step = DIFFERENCE * np.eye(2)[axis]
+        here, before, after = self.predicted(np.array([angles, angles - step, angles + step]))
+        return self.reading - here, (after - before) / (2.0 * DIFFERENCE)
+
+    def _free(self, angles: NDArray, axes: list[int]) -> tuple[float, NDArray[np.float64]]:
+        """The radius with some of the row's angles free, and their steps [rad] from the given ones by least squares."""
+        matrix, target = self.others
+        error, _ = self._about(angles, 0)
+        slopes = [self._about(angles, axis)[1] / self.bound for axis in axes]
+        free = np.zeros((len(matrix), len(axes)))
+        wide = np.vstack((np.hstack((matrix, free)), np.column_stack((self._rows(angles), *slopes))))
+        errors = np.append(target, error / self.bound)
+        radius, _, _ = chebyshev_radius(wide, errors, np.ones(len(errors)))
+        return radius, least_squares(wide, errors)[matrix.shape[1] :]
+
+
+def _either(changes: list[Change]) -> Change:
+    """Several changes that each do, in one breath."""
+    words = " Or: ".join(change.words for change in changes)
+    first = changes[0]
+    return Change(first.numbers, words, first.keys, first.reading)
+
+
+def _wrapped(shifts: NDArray) -> NDArray[np.float64]:
+    """Angles within half a turn [rad]."""
+    return (shifts + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _keys(shifts: NDArray) -> dict[str, float]:
+    """Changes of the angles that are not zero [deg]."""
+    keys = {}
+    for name, shift in zip(ANGLES, np.round(np.degrees(shifts), DECIMALS).tolist(), strict=True):
+        if shift:
+            keys[f"{name}_deg"] = shift
+    return keys
+
+
+def _in_words(shifts: NDArray) -> str:
+    """The same in words: "α smaller by 0.4002°"."""
+    texts = []
+    for name, shift in zip(ANGLES, np.round(np.degrees(shifts), DECIMALS).tolist(), strict=True):
+        if shift:
+            texts.append(f"{GREEK[name]} {'larger' if shift > 0.0 else 'smaller'} by {abs(shift):g}°")
+    return ", ".join(texts)

@@ -1,0 +1,116 @@
+"""The fewest parts of a record whose removal lets a linear model stand: all smallest sets, and the proof of none.
+
+The Chebyshev programme of what remains names the readings that prove that no parameters fit, by its duals: one of their
+parts must go. Such conflicts are pooled; sets that meet all of them are sought depth first.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bounded.exchange import exchanged
+from ..bounded.programmes import chebyshev_radius
+
+MOST_PROGRAMMES = 600
+"""Programmes after which a search ends without an answer."""
+NAMED = 1e-9
+"""A dual that is smaller, relatively to all, names nothing."""
+NO_PART = -1
+"""Rows that are never removed."""
+
+Parts = frozenset[int]
+
+
+class TooMany(Exception):
+    """The search took too many programmes."""
+
+
+@dataclass(eq=False)
+class Removal:
+    """A search among the parts of linear rows.
+
+    `matrix` (M, P) and `target` (M,) are over the bounds, `part` (M,) is the number of each row's part, `excess` (K,)
+    is how much each part misses a robust fit by: the order in which parts are tried.
+    """
+
+    matrix: NDArray[np.float64]
+    target: NDArray[np.float64]
+    part: NDArray[np.int_]
+    excess: NDArray[np.float64]
+    limit: float
+    programmes: int = 0
+    conflicts: list[Parts] = field(default_factory=list)
+
+    def smallest(self, most: int) -> list[Parts]:
+        """All smallest sets of at most so many parts whose removal lets the model stand; none where it cannot."""
+        try:
+            for size in range(1, most + 1):
+                standing = self.of_size(size)
+                if standing:
+                    return standing
+        except TooMany:
+            pass
+        return []
+
+    def of_size(self, size: int) -> list[Parts]:
+        """All sets of so many parts; a TooMany where they take too many programmes."""
+        standing: list[Parts] = []
+        visited: set[Parts] = set()
+
+        def descend(removed: Parts) -> None:
+            if removed in visited:
+                return
+            visited.add(removed)
+            unmet = [conflict for conflict in self.conflicts if not conflict & removed]
+            if _disjoint(unmet) > size - len(removed):
+                return
+            if not unmet:
+                conflict = self.conflict(removed)
+                if conflict is None:
+                    standing.append(removed)
+                    return
+                self.conflicts.append(conflict)
+                unmet = [conflict]
+            if len(removed) == size:
+                return
+            shortest = min(unmet, key=len)
+            for part in sorted(shortest, key=lambda one: -self.excess[one]):
+                descend(removed | {part})
+
+        descend(frozenset())
+        return standing
+
+    def conflict(self, removed: Parts) -> Parts | None:
+        """Parts of which one more must go; None where the model stands without those that are removed."""
+        self.programmes += 1
+        if self.programmes > MOST_PROGRAMMES:
+            raise TooMany
+        kept = np.flatnonzero(~np.isin(self.part, list(removed)))
+        radius, named = held_by(self.matrix[kept], self.target[kept])
+        if radius <= self.limit:
+            return None
+        return frozenset(self.part[kept[named]].tolist()) - {NO_PART}
+
+
+def held_by(matrix: NDArray, target: NDArray) -> tuple[float, NDArray[np.int_]]:
+    """The least largest error of linear rows over their bounds, and the rows that prove it."""
+    exchange = exchanged(matrix, target)
+    if exchange is not None:
+        sizes = np.abs(exchange.multipliers)
+        return exchange.radius, exchange.rows[sizes > NAMED * sizes.max(initial=0.0)]
+    radius, _, duals = chebyshev_radius(matrix, target, np.ones(len(target)))
+    sizes = np.abs(duals)
+    return radius, np.flatnonzero(sizes > NAMED * sizes.max(initial=0.0))
+
+
+def _disjoint(conflicts: Sequence[Parts]) -> int:
+    """A number of conflicts that share no part: at least as many parts must go."""
+    met: set[int] = set()
+    count = 0
+    for conflict in sorted(conflicts, key=len):
+        if not conflict & met:
+            met |= conflict
+            count += 1
+    return count

@@ -1,0 +1,129 @@
+"""Rests on a table about a point that wrong rows cannot draw, and how a row would fit with a change."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.bench import admissible, nominal_input
+from ..bounded.programmes import chebyshev_radius, least_squares
+from ..calibration.estimates import widening
+from ..calibration.model import Linearisation, linearise, predicted_reading, reading_jacobian
+from ..evidence.bench import Bench
+from ..evidence.evidence import Evidence
+from .removal import Removal, held_by
+
+ROUNDS = 30
+"""Steps to a point that few rows cannot draw."""
+SETTLED = 1e-9
+"""A step [1], [rad], [g] so small changes nothing."""
+ASTRAY = 0.5
+"""No bench has a larger parameter [1], [rad], [g]."""
+SECOND_ORDER = 0.05
+"""What a linear model about a robust fit may be wrong by, in bounds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Readings at table positions, linear about a point; `limit` is the radius up to which a model stands."""
+
+    linear: Linearisation
+    limit: float
+
+    @staticmethod
+    def of(evidence: Evidence) -> "Table | None":
+        """The rests of evidence about a robust fit; None of a record of no table."""
+        model = evidence.model
+        if not isinstance(model, Bench) or evidence.source is None:
+            return None
+        record, gravity = evidence.source.record, model.calibration.gravity
+        bound = record.bounds_with(model.calibration.noise_bound, gravity)
+        p, at, reading = model.here.parametrisation, model.here.positions, model.here.reading
+        point = robust_point(model.here, bound)
+        linear = linearise(p, at, reading, point, bound)
+        if not p.symmetric:
+            matrices = p.matrices[at.mounting]
+            certain = admissible(at.alpha, at.beta, matrices, bounds=model.bounds)
+            certain &= (nominal_input(at.alpha, at.beta, matrices) >= 0.0) == (linear.sign > 0)
+            linear = replace(linear, bound=bound + widening(linear, certain, bound, model.bounds))
+        return Table(linear, model.limit)
+
+    def __len__(self) -> int:
+        return len(self.linear.reading)
+
+    @cached_property
+    def matrix(self) -> NDArray[np.float64]:
+        """Derivatives (3 N, P) over the bounds, by what the readings determine."""
+        return (self.linear.jacobian @ self.linear.span) / self.linear.bound[:, None]
+
+    @cached_property
+    def target(self) -> NDArray[np.float64]:
+        """Errors (3 N,) over the bounds."""
+        return self.linear.residual / self.linear.bound
+
+    @property
+    def excess(self) -> NDArray[np.float64]:
+        """By how much each row (N,) misses, in bounds."""
+        return np.abs(self.target.reshape(-1, 3)).max(axis=1)
+
+    def removal(self, slack: float = SECOND_ORDER) -> Removal:
+        """The search for rows to be removed."""
+        part = np.repeat(np.arange(len(self)), 3)
+        return Removal(self.matrix, self.target, part, self.excess, self.limit + slack)
+
+    def readings_without(self, rows: NDArray) -> NDArray[np.int_]:
+        """Numbers of the readings that remain without some rows."""
+        return np.flatnonzero(~np.repeat(np.isin(np.arange(len(self)), rows), 3))
+
+    def about(self, rows: NDArray) -> Self:
+        """The same about the Chebyshev fit of all but some rows."""
+        table = self
+        for _ in range(3):
+            kept = table.readings_without(rows)
+            _, step, _ = chebyshev_radius(table.matrix[kept], table.target[kept], np.ones(len(kept)))
+            linear = table.linear
+            moved = linear.point + linear.span @ step
+            again = linearise(
+                linear.parametrisation, linear.positions, linear.reading, moved, linear.bound, linear.sign
+            )
+            table = replace(table, linear=again)
+            if np.abs(step).max(initial=0.0) < SETTLED:
+                break
+        return table
+
+    def radius_without(self, rows: NDArray) -> float:
+        """The radius of all but some rows."""
+        kept = self.readings_without(rows)
+        return held_by(self.matrix[kept], self.target[kept])[0]
+
+    def keeps_rank(self, rows: NDArray) -> bool:
+        """Whether the others determine all that all rows determine."""
+        kept = self.matrix[self.readings_without(rows)] * self.linear.bound.min()
+        values = np.linalg.svd(kept, compute_uv=False)
+        least = np.sqrt(float(self.linear.bound.min()))
+        return len(kept) >= kept.shape[1] and bool(values.min() > max(1e-4, least))
+
+
+def robust_point(here: Linearisation, bound: NDArray) -> NDArray[np.float64]:
+    """Parameters (P,) with about the least sum of the rows' misfits, which few rows cannot draw."""
+    p, at = here.parametrisation, here.positions
+    point = np.zeros(len(p.symbols))
+    best, least = here.point, _misfit(here, here.point, bound)
+    for _ in range(ROUNDS):
+        residual = (here.reading - predicted_reading(p, point, at)).ravel() / bound
+        size = np.linalg.norm(residual.reshape(-1, 3), axis=1) / np.sqrt(3.0)
+        weight = np.repeat(1.0 / np.sqrt(np.maximum(size, 1.0)), 3)
+        jacobian = reading_jacobian(p, point, at).reshape(len(residual), -1) @ here.span
+        step = here.span @ least_squares(jacobian * (weight / bound)[:, None], residual * weight)
+        point = np.clip(point + step, -ASTRAY, ASTRAY)
+        if np.abs(step).max(initial=0.0) < SETTLED:
+            break
+    return point if _misfit(here, point, bound) <= least else best
+
+
+def _misfit(here: Linearisation, point: NDArray, bound: NDArray) -> float:
+    """The sum of the rows' misfits at a point."""
+    residual = (here.reading - predicted_reading(here.parametrisation, point, here.positions)).ravel() / bound
+    return float(np.linalg.norm(residual.reshape(-1, 3), axis=1).sum())
