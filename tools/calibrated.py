@@ -262,6 +262,19 @@ class Provenance(Part):
     comments: dict[str, str] = Field(default={})
 
 
+class CalibratedEffect(Part):
+    """An effect that was calibrated with the model's parameters: in words, where it acts, its own parameters."""
+
+    effect: str
+    where: str
+    parameters: list[Parameter]
+
+    @property
+    def in_readings(self) -> bool:
+        """Whether an accelerometer reads it, wherever it is mounted; else it is of the table, or of one reading."""
+        return self.where.startswith("accelerometer")
+
+
 class TablePosition(TypedDict):
     """Angles of the table, and the mounting where there are several."""
 
@@ -336,6 +349,10 @@ class Calibration(Part):
     priors : list of KnownBefore
     gyros : Gyros or None
         of a bench record whose place is known; then all numbers are of readings and turns together
+    effects : list of CalibratedEffect
+        effects that a diagnosis names and whose sizes are unknowns of the same programme; all numbers hold beside them
+    explained_by : str
+        the diagnosis that names them
     reading_errors : list of ReadingError
         what the readings may be off by at the corners of the input
     open : list of Open
@@ -360,6 +377,7 @@ class Calibration(Part):
     omitted: ClassVar[frozenset[str]] = frozenset(
         {"stands_with_sigma", "gravity_mps2", "convention", "baseline", "mountings", "positions", "measurements"}
         | {"no_estimate", "gyros", "reading_errors", "open", "next_positions", "of_record", "changes", "provenance"}
+        | {"effects", "explained_by"}
     )
 
     schema_: Literal["trihedron.calibration/3"] = Field(default="trihedron.calibration/3", alias="schema")
@@ -380,6 +398,8 @@ class Calibration(Part):
     units: dict[str, str] = UNITS
     priors: list[KnownBefore] = Field(default=[])
     gyros: Gyros | None = None
+    effects: list[CalibratedEffect] = Field(default=[])
+    explained_by: str = ""
     reading_errors: list[ReadingError] = Field(default=[])
     open: list[Open] = Field(default=[])
     next_positions: list[TablePosition] = Field(default=[])

@@ -18,6 +18,7 @@ from .options import (
     Channels,
     Convention,
     EffectsFrom,
+    ExplainedBy,
     Extend,
     Gravity,
     Mounting,
@@ -186,6 +187,7 @@ def calibrate(
     trust: Trust = False,
     targets: Targets = (),
     priors: Sequence[str] = (),
+    explained_by: ExplainedBy = None,
     bench: "calibrations.Bench | None" = None,
 ) -> "calibrations.Calibration":
     """Calibrate the bench: one possible set of values with its error bounds, exact intervals, verdict.
@@ -215,21 +217,24 @@ def calibrate(
     rests = records.read_record(record, records.PositionRecord, channels=channels, stamps=stamps)
     place = calibrations.Bench.given(rests, **({} if bench is None else vars(bench)))
     # without the place gyros are not used
-    rests = motion.trusted(rests, trust=trust or place is None, gravity=gravity)
-    result = calibrations.calibrate_whole(
-        rests,
-        place,
-        noise_bound=noise_bound,
-        noise_sd=noise_sd,
-        gravity=gravity,
-        convention=convention,
-        baseline=baseline,
-        bounds=bounds,
-        mounting=mounting,
-        targets=targets,
-        priors=priors,
-    )
+    rests = motion.trusted(rests, trust=trust or place is None or explained_by is not None, gravity=gravity)
+    options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "convention": convention}
+    options |= {"baseline": baseline, "bounds": bounds, "mounting": mounting, "targets": targets, "priors": priors}
+    if explained_by is None:
+        result = calibrations.calibrate_whole(rests, place, **options)
+    else:
+        if bench is not None:
+            raise InputError("--with: is of readings at rest, without gyros; leave out --latitude-deg, --azimuth-deg")
+        result = diagnosis.calibrated_with(_diagnosis_of(explained_by), rests, **options)
     return result.model_copy(update={"made_of": rests})
+
+
+def _diagnosis_of(found: "str | Path | Any") -> "diagnosis.Diagnosis":
+    """A diagnosis, or that of a file; an InputError for another result."""
+    result = diagnosis.read_diagnosis(Path(found)) if isinstance(found, str | Path) else found
+    if not isinstance(result, diagnosis.Diagnosis):
+        raise InputError(f"--with {found}: is no diagnosis; the file of `trihedron diagnose --json` is needed")
+    return result
 
 
 def bench_at(

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+    from .result import Result as Diagnosis
 else:
-    ArrayLike = Any
+    ArrayLike, Diagnosis = Any, Any
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,15 @@ Own = Annotated[
         "Of several records: a parameter that each record has of its own, beside biases, mounting and table, as "
         "misalignment-*; may be repeated.",
         name="--own",
+    ),
+]
+ExplainedBy = Annotated[
+    str | Path | Diagnosis | None,
+    Option(
+        "A diagnosis (JSON): the effects that it names are solved with the parameters in one programme. Of this record "
+        "their sizes are unknown, of another one they are within the diagnosis' intervals.",
+        name="--with",
+        typed=Path | None,
     ),
 ]
 RecordBaseline = Annotated[

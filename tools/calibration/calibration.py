@@ -401,7 +401,7 @@ def _of_correction(record: PositionRecord) -> list[str]:
     by = record.about.get(CORRECTED_BY, "an effect")
     return [
         f"the record is corrected ({by}), which may be wrong by {upwards(bounds.max())} g: all bounds allow for it; "
-        "the diagnosis of the record as it was measured states closer intervals, of effect and parameters together"
+        "`trihedron calibrate --with` of the record as it was measured gives closer intervals"
     ]
 
 

@@ -26,7 +26,7 @@ from ...fmus.parameters import (
     parameter_set,
 )
 from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
-from ..calibrated import LATENCIES, Provenance, Sigma
+from ..calibrated import LATENCIES, CalibratedEffect, Provenance, Sigma
 from ..errors import InputError
 from ..files import LARGEST_RESULT, advice_on, bytes_of, whole_file
 from ..records import BenchRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
@@ -94,7 +94,8 @@ class Correction:
     `of_record`: of several records that were calibrated the one whose own biases these are, where it is another one.
 
     `noise_bound` [g] is σ of the calibration and `sigma_kind` what it is; `source`, `sha256`, `temperature` [°C] (least
-    and most) and `comments` are those of its record.
+    and most) and `comments` are those of its record; `effects` of
+    accelerometers were calibrated beside it and are not corrected.
     """
 
     gravity: float
@@ -113,6 +114,7 @@ class Correction:
     sha256: str = ""
     temperature: tuple[float, float] | None = None
     comments: Mapping[str, str] = field(default_factory=dict)
+    effects: tuple[str, ...] = ()
 
     def bound_at(self, n: NDArray, noise_bound: float) -> NDArray[np.float64]:
         """How far true inputs may be from corrected ones n (N, 3) [g], either way."""
@@ -167,11 +169,15 @@ def _origin(calibration: Mapping[str, Any], where: str) -> dict[str, Any]:
     try:
         sigma = Sigma.model_validate(calibration_of(calibration)["sigma"])
         values: dict[str, Any] = {"noise_bound": sigma.value or 0.0, "sigma_kind": sigma.kind}
+        effects = [CalibratedEffect.model_validate(effect) for effect in calibration.get("effects", ())]
+        values["effects"] = tuple(effect.effect for effect in effects if effect.in_readings)
         if calibration.get("provenance") is None:
             return values
         source = Provenance.model_validate(calibration["provenance"])
     except (KeyError, ValidationError) as error:
-        raise InputError(f"{where}: its sigma or provenance is not as the schema says; calibrate again") from error
+        raise InputError(
+            f"{where}: its sigma, provenance or effects are not as the schema says; calibrate again"
+        ) from error
     values |= {"source": source.record, "sha256": source.sha256, "comments": source.comments}
     if source.temperature:
         values["temperature"] = (min(source.temperature), max(source.temperature))

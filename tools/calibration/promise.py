@@ -60,6 +60,11 @@ def broken_conditions(
         reasons.append(
             "the noise bound of the calibration is estimated, or taken from its record; calibrate with --noise-bound"
         )
+    if correction.effects:
+        reasons.append(
+            f"{' and '.join(correction.effects)} stays in the readings: the calibration was made beside it, and the "
+            "equation does not take it out"
+        )
     if CORRECTED_BY in record.about:
         reasons.append(f"the record was corrected before ({record.about[CORRECTED_BY]})")
     if not record.sha256 or record.sha256 != correction.sha256:

@@ -136,6 +136,8 @@ def calibrate_command(
 ) -> Answer:
     """Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
 
+    Example: trihedron calibrate positions.csv --with diagnosis.json --json calibration.json
+
     Example: trihedron calibrate bench.csv --noise-bound 1e-5 --latitude-deg 55.75 --azimuth-deg 20 --json imu.json
 
     Example: trihedron calibrate monday.csv tuesday.csv friday.csv --noise-bound 1e-5 --json together.json
@@ -153,7 +155,8 @@ def calibrate_command(
         For the sheet, before the record's comment lines: serial_number, operator, bench, date, temperature (TOML).
     """
     written = {"--json": json, "--ssv": ssv, "--strapdown": strapdown, "--report": report, "--sheet": sheet}
-    distinct_files({**_files_of(record, others), **written, "--about": about})
+    explained_by = options.get("explained_by")
+    distinct_files({**_files_of(record, others), **written, "--about": about, "--with": explained_by})
     if about is not None and sheet is None:
         raise InputError(f"--about {about}: is for a sheet; give --sheet, too")
     shared = _taken(options, ("shared", "own"))
@@ -161,7 +164,13 @@ def calibrate_command(
     rates = options.pop("rates", "instantaneous")
     if others:
         averaged = None if rates == "instantaneous" else rates
-        of_one = {**place, "rates": averaged, "strapdown": strapdown, "sheet": sheet}
+        of_one = {
+            "with": options.pop("explained_by", None),
+            **place,
+            "rates": averaged,
+            "strapdown": strapdown,
+            "sheet": sheet,
+        }
         of_one |= {"target": options.pop("targets", None), "prior": options.pop("priors", None)}
         _refuse_of_one(of_one)
         if options.pop("convention", "A1") != "A1":
@@ -177,6 +186,8 @@ def calibrate_command(
     circumstances = {} if about is None else reports.read_about(about)
     run = records.read_record(record, records.PositionRecord, **_taken(options, READING))
     bench = measured.bench_at(run, **place, rates=rates)
+    if explained_by is not None and not any(value is not None for value in place.values()):
+        bench = None
     result = measured.calibrate(run, bench=bench, **options)
     if report is not None:
         reports.write_report(report, result, run)

@@ -6,6 +6,7 @@ from .beyond import Beyond as Beyond
 from .cause import Cause as Cause
 from .cause import Finding as Finding
 from .cause import NamedEffect as NamedEffect
+from .explained_calibration import calibrated_with as calibrated_with
 from .kinds import KnownDirections as KnownDirections
 from .kinds import evidence_of as evidence_of
 from .kinds import evidence_options as evidence_options

@@ -118,7 +118,7 @@ def _corrected(
 ) -> dict[str, str]:
     """The comment lines of a corrected record: what was taken out, by which diagnosis, and how wrong that may be."""
     titles = " and ".join(place.title for place in places)
-    lines = {CORRECTED_BY: f"{titles}, by {_origin(diagnosis)}"}
+    lines = {CORRECTED_BY: f"{titles}, by {origin_of(diagnosis)}"}
     if within is not None:
         if not np.isfinite(within).all():
             raise InputError(f"{record.path}: not corrected: the diagnosis bounds no size of {titles}")
@@ -126,7 +126,7 @@ def _corrected(
     return lines | dict(record.about)
 
 
-def _origin(diagnosis: Diagnosis) -> str:
+def origin_of(diagnosis: Diagnosis) -> str:
     """Return which diagnosis it is, by the record that it was made from."""
     source = diagnosis.calibration.provenance
     if source is None:

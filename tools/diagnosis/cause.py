@@ -217,7 +217,7 @@ def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
     for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
         ends, stated = evidence.reader.told(place, possible), []
         for parameter, value, interval in zip(place.definition.parameters, values, ends, strict=True):
-            stated.append(_stated(parameter.name, value, interval))
+            stated.append(stated_within(parameter.name, value, interval))
         causes.append(
             Cause.found(evidence.reader.named(place), evidence.model.classes.equivalents(place), stated, ends)
         )
@@ -237,7 +237,7 @@ def finding_of(evidence: Evidence, group: Sequence[Fit]) -> Finding:
     return first
 
 
-def _stated(name: str, value: float, ends: Interval) -> float:
+def stated_within(name: str, value: float, ends: Interval) -> float:
     """A value within its interval: a phase up to whole turns, a size that is just at its end up to rounding."""
     low, high = ends
     if name.endswith("phase") and math.isfinite(low) and math.isfinite(high):

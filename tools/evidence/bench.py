@@ -205,17 +205,22 @@ class Bench:
 
         One fit for each choice of signs of what an effect adds in its way: sizes on both sides of zero are no interval.
         """
-        bent = self.search.acting(places)
         found: dict[tuple[float, ...], list[Fit]] = {}
-        start = self.search.centre.point
-        for ways in product(*bent.values()):
-            fit = self._standing(Cast(tuple(places), dict(zip(bent, ways, strict=True))), start, work)
-            if fit is not None:
-                found.setdefault(fit.signs, []).append(fit)
-                # The next way is about as this one.
-                start = fit.point
+        for _, fit in self.standing(places, work):
+            found.setdefault(fit.signs, []).append(fit)
         ranked = [sorted(fits, key=lambda fit: fit.radius) for fits in found.values()]
         return [replace(best, also=tuple(others)) for best, *others in ranked]
+
+    def standing(self, places: Sequence[EffectPlace], work: Work) -> Iterator[tuple[Cast, Fit]]:
+        """Each way in which effects can act and with which the record stands, with its fit."""
+        bent, start = self.search.acting(places), self.search.centre.point
+        for ways in product(*bent.values()):
+            cast = Cast(tuple(places), dict(zip(bent, ways, strict=True)))
+            fit = self._standing(cast, start, work)
+            if fit is not None:
+                yield cast, fit
+                # The next way is about as this one.
+                start = fit.point
 
     def _standing(self, cast: Cast, start: NDArray, work: Work) -> Fit | None:
         """A fit with possible sizes, where it mends the record; begun at parameters (P,) of the bench."""

@@ -105,7 +105,17 @@ def proved(result: Calibration, numbers: NDArray) -> NDArray:
 def centre_residual(result: Calibration) -> NDArray:
     """Return the residuals (N, 3) [g] where the largest of them, in units of its bound, is least."""
     centre = chebyshev_centre(result.linearised)[1]
-    return result.linearised.residual_at(centre).reshape(-1, 3)
+    return readings_at(result.linearised, centre)
+
+
+def readings_at(linearised: Linearisation, point: NDArray) -> NDArray:
+    """Return the residuals (N, 3) [g] of readings at a point, without the rows of what is known beside them."""
+    return linearised.residual_at(point)[: linearised.reading.size].reshape(-1, 3)
+
+
+def bounds_of_readings(linearised: Linearisation) -> NDArray:
+    """Return the bounds (N, 3) [g] of readings."""
+    return linearised.bound[: linearised.reading.size].reshape(-1, 3)
 
 
 def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
@@ -113,7 +123,7 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     if not result.witness:
         return None
     linearised = result.linearised
-    in_bounds = centre_residual(result) / linearised.bound.reshape(-1, 3)
+    in_bounds = centre_residual(result) / bounds_of_readings(linearised)
     alpha, beta = np.degrees(linearised.positions.alpha), np.degrees(linearised.positions.beta)
     rows: list[list[Cell]] = []
     for i, axis in np.argwhere(proved(result, numbers)).tolist():

@@ -42,7 +42,7 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
 
     Behind that stand residuals, record, model, evidence and joint sets; those of the record only where it is known.
     """
-    answer = target_sections(result) + gyro_sections(result)
+    answer = target_sections(result) + effect_sections(result) + gyro_sections(result)
     answer += open_sections(result) + levelling_sections(result)
 
     def further() -> list[Section]:
@@ -69,19 +69,38 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
     )
 
 
+def effect_sections(result: Calibration) -> list[Section]:
+    """Return the effects that were solved with the parameters; none where there were none."""
+    if not result.effects:
+        return []
+    rows: list[list[Cell]] = []
+    for effect in result.effects:
+        numbers = table_of(effect.parameters, ("name", "central", "error_bound", "low", "high", "unit"), WORDS)
+        rows += [[effect.effect, *cells] for cells in numbers.rows]
+    text = (
+        f"Effects named by {result.explained_by}, solved with the parameters in one programme: all intervals hold "
+        "beside them."
+    )
+    header = ["effect", "parameter", "estimate", "to within", "low", "high", "unit"]
+    return [Section("Effects", [text], table=Table(header, rows))]
+
+
 def verdict_sentence(result: Calibration) -> str:
     """The verdict in a sentence with its figures."""
+    model = "the model"
+    if result.effects:
+        model = f"the model with {' and '.join(effect.effect for effect in result.effects)}"
     if result.verdict == "falsified":
         proof = f", and {len(result.witness)} readings alone prove it" if result.witness else ""
         return (
-            "Falsified: no parameters of the model keep every reading within the noise bound; the best leave "
+            f"Falsified: no parameters of {model} keep every reading within the noise bound; the best leave "
             f"{residual(result.radius)} σ{proof}."
         )
     if result.verdict == "insufficient":
         return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
     if result.sigma.kind == "unknown":
         return (
-            f"Noise bound unknown: the model explains every reading within {residual(result.radius)} times its scatter "
+            f"Noise bound unknown: {model} explains every reading within {residual(result.radius)} times its scatter "
             "within rests, which does not show an error that holds over a rest, so that nothing is guaranteed. To find "
             "the bound, measure some positions again, or give --noise-sd or --noise-bound."
         )
@@ -89,7 +108,7 @@ def verdict_sentence(result: Calibration) -> str:
     largest = ""
     if bounds:
         largest = f", and all {len(bounds)} targets are known, each to within {upwards(max(bounds))} or better"
-    return f"Consistent: the model explains every reading within {residual(result.radius)} σ{largest}."
+    return f"Consistent: {model} explains every reading within {residual(result.radius)} σ{largest}."
 
 
 def residual_section(result: Calibration, numbers: NDArray) -> Section:
@@ -97,7 +116,7 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
     linearised = result.linearised
     errors = bench.centre_residual(result)
     texts = []
-    for part in (linearised.residual_at(np.zeros(len(linearised.point))), errors):
+    for part in (bench.readings_at(linearised, np.zeros(len(linearised.point))), errors):
         rms, most = float(np.sqrt(np.mean(part**2))), float(np.abs(part).max())
         texts.append(f"{digits(rms, 2)} g (root mean square), at most {upwards(most)} g")
     ideal, best = texts
@@ -105,7 +124,9 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
         "Residuals before and after",
         f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
         f"{best}. The picture shows the latter, in units of σ.",
-        residuals(linearised.positions, errors / linearised.bound.reshape(-1, 3), None, bench.proved(result, numbers)),
+        residuals(
+            linearised.positions, errors / bench.bounds_of_readings(linearised), None, bench.proved(result, numbers)
+        ),
         "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
     )
 
@@ -137,9 +158,12 @@ def joint_set_sections(result: Calibration) -> list[Section]:
 def levelling_sections(result: Calibration) -> list[Section]:
     """Return the correction as equations, and the error of the vertical before and after it, attitude by attitude.
 
-    There is none without a guaranteed error.
+    There is none without a guaranteed error, or beside effects of accelerometers, which the equations do not
+    correct.
     """
     if result.verdict != "consistent" or any(error.low is None for error in result.reading_errors):
+        return []
+    if any(effect.in_readings for effect in result.effects):
         return []
     correction = correction_of(result.to_json(), "calibration")
     names, readings = face_readings(correction)
