@@ -65,6 +65,8 @@ UNITS = {
         Unit("rad/s", "radps", {"rad": 1, "s": -1}, display={"deg/s": 180.0 / math.pi}),
         Unit("rad/s2", "radps2", {"rad": 1, "s": -2}, display={"deg/s2": 180.0 / math.pi}),
         Unit("rad/h", "radph", {"rad": 1, "s": -1}, factor=1.0 / 3600.0),
+        Unit("rad/g", "radpg", {"rad": 1, "s": 2, "m": -1}, factor=1.0 / STANDARD_GRAVITY),
+        Unit("rad/K", "radpK", {"rad": 1, "K": -1}),
         Unit("rad/s/h", "radpsph", {"rad": 1, "s": -2}, factor=1.0 / 3600.0),
         Unit("rad/s/g", "radpspg", {"rad": 1, "s": 1, "m": -1}, factor=1.0 / STANDARD_GRAVITY),
         Unit("rad/s/K", "radpspK", {"rad": 1, "s": -1, "K": -1}),

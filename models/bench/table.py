@@ -13,7 +13,7 @@ Source: Golovan, Matasov, Tarygin 2022, section 1; to first order this is (1.3).
 import math
 
 from ..random_numbers import seed_generator, symmetric
-from ..restricted import ALPHA, BETA, HOURS, RATE, SENSE_ALPHA, TEMPERATURE, Vector
+from ..restricted import ALPHA, BETA, HOURS, INPUT, RATE, SENSE_ALPHA, TEMPERATURE, Vector
 from ..rotation import (
     is_rotation,
     multiply,
@@ -90,6 +90,19 @@ def attitude_in_base(
     multiply(attitude, mounting_attitude, attitude)
 
 
+def set_inputs(
+    angle: Vector, stand: Vector, mounting_attitude: Vector, attitude: Vector, work: Vector, context: Vector
+) -> None:
+    """Write what the accelerometers feel of gravity [g] without effects at the true angles into the context.
+
+    The attitude (4,) is overwritten by that against the base; `work` (4,) is working space.
+    """
+    attitude_in_base(angle[0], angle[1], stand[KAPPA], stand[EPSILON], mounting_attitude, attitude, work)
+    to_body(attitude, 0.0, 0.0, 1.0, work)
+    for i in range(3):
+        context[INPUT + i] = work[i]
+
+
 def move_axes(
     time: float, stand: Vector, plan: Vector, motion: Vector, angle: Vector, rate: Vector, context: Vector
 ) -> None:
@@ -127,14 +140,14 @@ def observe(
     beta = angle[1]
     kappa = stand[KAPPA]
     epsilon = stand[EPSILON]
+    set_inputs(angle, stand, mounting_attitude, attitude, work, context)
     turned = geometry_effects(context, angle, effect, turns)
     if turned > 0.0:
         alpha = alpha + turns[1]
         beta = beta + turns[3]
         kappa = kappa + turns[0]
         epsilon = epsilon + turns[2]
-    attitude_in_base(alpha, beta, kappa, epsilon, mounting_attitude, attitude, work)
-    if turned > 0.0:
+        attitude_in_base(alpha, beta, kappa, epsilon, mounting_attitude, attitude, work)
         turn_by_vector(attitude, turns[4], turns[5], turns[6], work)
     to_body(attitude, 0.0, 0.0, stand[TRUE_GRAVITY], specific_force)
 
@@ -239,6 +252,7 @@ def add_increment(
         shifted[0] = motion[0]
         shifted[1] = motion[2]
         set_table_context(elapsed, shifted, context)
+        set_inputs(shifted, stand, mounting_attitude, attitude, work, context)
         geometry_effects(context, shifted, effect, turns)
     alpha = motion[0] + turns[1]
     beta = motion[2] + turns[3]

@@ -87,7 +87,9 @@ def place_from_mapping(mapping: Mapping[str, object]) -> tuple[EffectPlace, dict
     # Products do not depend on the order of their factors.
     whole_axes = isinstance(axes, list | tuple) and all(type(axis) is int for axis in axes)
     factors = tuple(sorted(axes)) if whole_axes else None  # type: ignore[arg-type]
-    place = next((p for p in effect.places if (p.where, p.order, p.axes) == (where, order, factors)), None)
+    given = tuple(axes) if whole_axes else None  # type: ignore[arg-type]
+    at = [p for p in effect.places if (p.where, p.order) == (where, order) and p.axes in (given, factors)]
+    place = next((p for p in at if p.axes == given), at[0] if at else None)
     if effect.of_law:
         law = rest.pop("law", None)
         if not (isinstance(law, str) and isinstance(where, str) and order is None and factors is not None):

@@ -164,8 +164,9 @@ class Rows:
 
     @property
     def by_turns(self) -> NDArray[np.float64]:
-        """Derivatives (N, 3, 4) of the readings by the small turns: of κ, outer, of ε, inner [g/rad]."""
-        return np.stack((self.by_kappa, self.by_alpha, self.by_epsilon, self.by_beta), axis=2)
+        """Derivatives (N, 3, 7) of the readings by the small turns: of κ, outer, of ε, inner, of the block [g/rad]."""
+        of_axes = np.stack((self.by_kappa, self.by_alpha, self.by_epsilon, self.by_beta), axis=2)
+        return np.concatenate((of_axes, self.by_slip), axis=2)
 
     def by_ports(self, stage: str | None) -> NDArray[np.float64]:
         """Derivatives (N, 3, ports) of the readings by what is added at a stage of table or accelerometers."""
@@ -173,7 +174,7 @@ class Rows:
             # The true angle is the reading less what an encoder errs by.
             return -np.stack((self.by_alpha, self.by_beta), axis=2)
         if stage == "geometry_effects":
-            return np.concatenate((self.by_turns, self.by_slip), axis=2)
+            return self.by_turns
         return np.broadcast_to(np.eye(3), (len(self.hours), 3, 3))
 
     def seen_by(self, component: str | None) -> Seen:
@@ -395,7 +396,7 @@ def values_read(text: str, values: str, component: str, rows: Rows | MotionRows)
 
 
 def small_turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[np.float64]:
-    """Return the small turns (N, 4, K) [rad] at given encoder readings: of κ, outer, of ε, inner.
+    """Return the small turns (N, 7, K) [rad] at given encoder readings: of κ, outer, of ε, inner, of the block.
 
     The true angle is the reading less what an encoder errs by. With the angles that the turns are functions of taken as
     the true ones they are exact: of an effect on an encoder, `rows` has the angles with its turns in; of one on the
@@ -403,9 +404,9 @@ def small_turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[n
     """
     added = ports(effect, place, rows)
     if effect.stage == "geometry_effects":
-        return added[:, :4]
-    small = np.zeros((len(added), 4, added.shape[2]))
-    small[:, 1::2] = -added
+        return added
+    small = np.zeros((len(added), 7, added.shape[2]))
+    small[:, [1, 3]] = -added
     return small
 
 

@@ -106,11 +106,17 @@ def last_stage(visits: Visits, own: np.ndarray, reading: np.ndarray, hidden: Seq
 
 
 def slipped(visits: Visits, theta: np.ndarray, hidden: Sequence[Sized]) -> np.ndarray:
-    """Mounting errors (N, 3) [rad] of a block that slips at a time."""
+    """Mounting errors (N, 3) [rad] of a block that slips at a time, or turns with time, temperature or an input."""
     turns = np.tile(theta, (len(visits.hours), 1))
     for place, (*turn, start) in hidden:
         if place.effect == "mounting-slip":
             turns[visits.hours > start] += turn
+        elif place.effect == "mounting-drift":
+            turns += np.outer(visits.hours, [*turn, start])
+        elif place.effect == "mounting-temperature":
+            turns += np.outer(visits.temperature - 20.0, [*turn, start])
+        elif place.effect == "fixture-flexure":
+            turns[:, place.axes[0] - 1] += start * visits.n[:, place.axes[1] - 1]
     return turns
 
 

@@ -72,7 +72,7 @@ class Session:
             self.stand,
             kappa=self.stand.kappa + off[:, 0],
             epsilon=self.stand.epsilon + off[:, 2],
-            theta=slipped(blind, self.stand.theta, hidden),
+            theta=slipped(self.visits(self.stand.inputs(self.alpha, self.beta)), self.stand.theta, hidden),
         )
         n = tilted.inputs(self.alpha + off[:, 1], self.beta + off[:, 3])
         angles = np.stack([self.alpha, self.beta], axis=1) + encoders_off(blind, hidden)

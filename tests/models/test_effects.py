@@ -54,6 +54,9 @@ CONTRACT = {
     "sag": ["amplitude", "phase"],
     "backlash": ["width"],
     "base-drift": ["kappa_rate", "alpha_star_rate"],
+    "fixture-flexure": ["coefficient"],
+    "mounting-drift": ["rate_1", "rate_2", "rate_3"],
+    "mounting-temperature": ["slope_1", "slope_2", "slope_3"],
     "outlier": ["size"],
 }
 ON_AXES = {"encoder-harmonic", "axis-wobble", "sag", "backlash"}
@@ -67,7 +70,7 @@ def test_the_catalogue_is_the_contracts():
     accelerometers = {f"accelerometer-{p}" for p in (1, 2, 3)}
     for name, effect in POSITION_EFFECTS.items():
         expected = {"outer-axis", "inner-axis"} if name in ON_AXES else accelerometers
-        expected = {"base": {"base"}, "moun": {"mounting"}, "outl": set()}.get(name[:4], expected)
+        expected = {"base": {"base"}, "moun": {"mounting"}, "fixt": {"mounting"}, "outl": set()}.get(name[:4], expected)
         assert {p.where for p in effect.places} == expected
     assert sorted(p.order or 0 for p in CATALOGUE["encoder-harmonic"].places) == sorted([1, 2, 3, 4, 5, 6] * 2)
     assert sorted(p.order or 0 for p in CATALOGUE["axis-wobble"].places) == [1, 1, 2, 2, 3, 3]
@@ -117,7 +120,7 @@ def test_small_turns_are_exact_for_large_effects(place):
     targets = np.tile(model.parametrisation.selection[0] @ model.point, (ROWS, 1))
     targets[:, TARGETS.index("X1")] += turns[:, 0]
     targets[:, TARGETS.index("X3")] += turns[:, 2]
-    expected = target_reading(targets, ALPHA + turns[:, 1], BETA + turns[:, 3], np.eye(3))
+    expected = target_reading(targets, ALPHA + turns[:, 1], BETA + turns[:, 3], np.eye(3), further=turns[:, 4:])
     assert readings({place: effect.from_coefficients(coefficients)}) == pytest.approx(expected, abs=2e-14)
 
 
@@ -141,7 +144,7 @@ def test_what_the_bench_cannot_tell_apart_has_the_same_signature():
     sag = signature_columns([EffectPlace("sag", "outer-axis")], rows)
     assert sag == pytest.approx(-signature_columns([EffectPlace("encoder-harmonic", "outer-axis", 1)], rows), abs=1e-15)
     lean = beyond_model(signature_columns([EffectPlace("axis-wobble", "inner-axis", 1)], rows))
-    tilts = np.zeros((60, 4, 2))
+    tilts = np.zeros((60, 7, 2))
     tilts[:, 1] = np.stack((np.cos(at.beta), -np.sin(at.beta)), axis=1)
     tilt = beyond_model((rows.by_turns @ tilts).reshape(180, 2))
     assert np.linalg.matrix_rank(lean, tol=1e-9) == 2
@@ -194,7 +197,8 @@ def test_parameters_come_back_from_coefficients_and_have_one_name(place):
     if place.order is not None:
         entry["order"] = place.order
     if place.axes:
-        entry["axes"] = list(place.axes[::-1])
+        # The order of factors is free; that of a turn's axis and its input is not.
+        entry["axes"] = list(place.axes if place.effect == "fixture-flexure" else place.axes[::-1])
     assert place_from_mapping({**entry, **by_name}) == (place, by_name)
     variables = extend(components()[effect.component or ""], [place]).variables
     assert [v.name for v in variables[-len(values) :]] == [parameter_name(place, name) for name in names]

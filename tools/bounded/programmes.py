@@ -491,7 +491,12 @@ def spaces_beyond(imitated: NDArray, blocks: Sequence[NDArray]) -> list[NDArray[
 
 def same_space(a: NDArray, b: NDArray) -> bool:
     """Whether two orthonormal bases span the same space."""
-    return a.shape == b.shape and float(np.linalg.norm(a - b @ (b.T @ a), 2)) < SAME_SPACE
+    return a.shape == b.shape and is_within(a, b)
+
+
+def is_within(a: NDArray, b: NDArray) -> bool:
+    """Whether the space of one orthonormal basis lies in that of another."""
+    return float(np.linalg.norm(a - b @ (b.T @ a), 2)) < SAME_SPACE
 
 
 def cosine(a: NDArray, b: NDArray) -> float:

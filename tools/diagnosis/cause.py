@@ -12,6 +12,7 @@ from ...models.effects import EffectPlace
 from ...models.effects.columns import ONSET
 from ..bounded.possible import Proofs, Steps, largest_length
 from ..bounded.programmes import Interval
+from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, contains
 from ..evidence.of_record import differs, in_record, record_of
@@ -218,10 +219,18 @@ def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
         ends, stated = evidence.reader.told(place, possible), []
         for parameter, value, interval in zip(place.definition.parameters, values, ends, strict=True):
             stated.append(stated_within(parameter.name, value, interval))
-        causes.append(
-            Cause.found(evidence.reader.named(place), evidence.model.classes.equivalents(place), stated, ends)
-        )
+        causes.append(Cause.found(evidence.reader.named(place), equivalents_of(evidence, fit, place), stated, ends))
     return tuple(causes)
+
+
+def equivalents_of(evidence: Evidence, fit: Fit, place: EffectPlace) -> list[EffectPlace]:
+    """What no measurement could tell from an effect of a fit; a part of it only where the record stands with that."""
+    classes, alike = evidence.model.classes, []
+    for other in classes.equivalents(place):
+        places = [other if effect == place else effect for effect in fit.places]
+        if other not in classes.within or evidence.model.mended(places, Work()):
+            alike.append(other)
+    return alike
 
 
 def finding_of(evidence: Evidence, group: Sequence[Fit]) -> Finding:

@@ -303,7 +303,8 @@ class Cast:
         for place in places:
             start = CellsAtRest(place, rows).ends[self.ways[place]]
             after[place] = (rows.hours > start)[:, None]
-        at = replace(at, slips=sum(after[place] * sizes[place] for place in places))
+        slips = np.zeros((len(at.alpha), 3)) if at.slips is None else at.slips
+        at = replace(at, slips=slips + sum(after[place] * sizes[place] for place in places))
         slopes = slip_jacobian(readings.parametrisation, point, at, readings.sign)
         return at, {place: slopes * after[place][:, :, None] for place in places}
 

@@ -204,13 +204,13 @@ class Visits:
         return ~stayed[:, 0], ~stayed[:, 1]
 
     def _turns(self, at: Positions, point: NDArray, sized: Sized) -> NDArray:
-        """Turns (N, 4) [rad] that effects add to κ, about the outer axis, to ε and about the inner axis."""
+        """Turns (N, 7) [rad] that effects add to κ, about the outer axis, to ε, about the inner axis, of the block."""
         nothing = np.zeros((len(at.alpha), 3))
         rows = Rows(
             hours=self.circumstances.hours,
             alpha=at.alpha - point[self.parametrisation.symbols.index("X2")],
             beta=at.beta,
-            n=nothing,
+            n=predicted_input(self.parametrisation, point, at),
             by_alpha=nothing,
             by_beta=nothing,
             temperature=self.circumstances.temperature,
@@ -218,7 +218,7 @@ class Visits:
             sense_beta=self.circumstances.sense_beta,
             axis_rates=self._axis_rates,
         )
-        turns = np.zeros((len(at.alpha), 4))
+        turns = np.zeros((len(at.alpha), 7))
         for place, coefficients in sized:
             if place.definition.turns_table:
                 turns += small_turns(place.definition, place, rows) @ coefficients
@@ -242,7 +242,8 @@ class Visits:
         if not any(place.definition.turns_table for place, _ in behind):
             return at
         turns = self._turns(at, point, behind)
-        return replace(at, alpha=at.alpha + turns[:, 1], beta=at.beta + turns[:, 3], tilts=turns[:, [0, 2]])
+        angles = {"alpha": at.alpha + turns[:, 1], "beta": at.beta + turns[:, 3]}
+        return replace(at, **angles, tilts=turns[:, [0, 2]], slips=turns[:, 4:])
 
 
 def slip_slopes(targets: NDArray, n: NDArray, scale: NDArray) -> NDArray:

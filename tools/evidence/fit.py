@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from ..bounded.programmes import (
     SolverError,
     chebyshev_radius,
     column_space,
+    is_within,
     same_space,
 )
 from ..bounded.sweep import Swept
@@ -345,12 +347,14 @@ class Classes:
     """Effects that can be told apart at all, and what each stands for.
 
     `places` are one of each class, in the order of the catalogue; effects that lie wholly in the model are left out.
-    `members` are the others of each class, `spaces` what each adds to the model, as orthonormal columns.
+    `members` are the others of each class, `spaces` what each adds to the model, as orthonormal columns. `within` are
+    members whose space is only a part of their class's: turns of the table that it can always do.
     """
 
     places: tuple[EffectPlace, ...]
     members: tuple[tuple[EffectPlace, ...], ...]
     spaces: tuple[NDArray[np.float64], ...]
+    within: frozenset[EffectPlace] = frozenset()
 
     @staticmethod
     def of(places: Sequence[EffectPlace], spaces: Sequence[NDArray]) -> "Classes":
@@ -375,7 +379,30 @@ class Classes:
                 members.append([])
                 kept_spaces.append(space)
                 marks.append(mark)
-        return Classes(tuple(firsts), tuple(map(tuple, members)), tuple(kept_spaces))
+        return Classes(tuple(firsts), tuple(map(tuple, members)), tuple(kept_spaces))._with_parts()
+
+    def _with_parts(self) -> "Classes":
+        """The classes with each turn of the table that is a part of another one as a member of that one's class."""
+        turning = [k for k, place in enumerate(self.places) if place.definition.turns_table]
+        # The widest comes first: it is no part of another one that holds the same.
+        turning.sort(key=lambda k: -self.spaces[k].shape[1])
+        holders: dict[int, int] = {}
+        for part, whole in product(turning, repeat=2):
+            space, larger = self.spaces[part], self.spaces[whole]
+            if space.shape[1] < larger.shape[1] and is_within(space, larger):
+                holders.setdefault(part, whole)
+        kept = [k for k in range(len(self.places)) if k not in holders]
+        members, within = {k: self.members[k] for k in kept}, set[EffectPlace]()
+        for part, whole in holders.items():
+            parts = (self.places[part], *self.members[part])
+            within.update(parts)
+            members[whole] = members.get(whole, ()) + parts
+        return Classes(
+            tuple(self.places[k] for k in kept),
+            tuple(members[k] for k in kept),
+            tuple(self.spaces[k] for k in kept),
+            frozenset(within),
+        )
 
     def equivalents(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
         """What cannot be told from the effect at `place`."""

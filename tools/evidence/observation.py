@@ -348,7 +348,7 @@ class Travel:
             hours=self.hours,
             alpha=self.alpha - self.shift,
             beta=self.beta,
-            n=nothing,
+            n=self.up,
             by_alpha=nothing,
             by_beta=nothing,
             temperature=self.temperature,
@@ -360,8 +360,10 @@ class Travel:
 
     @cached_property
     def axes(self) -> NDArray[np.float64]:
-        """The axes (4, R, 3) of small turns, in those of the inner frame."""
-        return axes_of_turns(self.alpha - self.shift, self.beta, self.lean)
+        """The axes (7, R, 3) of small turns, of the table and of the block, in those of the inner frame."""
+        of_table = axes_of_turns(self.alpha - self.shift, self.beta, self.lean)
+        of_block = np.broadcast_to(self.to_block[:, None, :], (3, *of_table.shape[1:]))
+        return np.concatenate([of_table, of_block])
 
     def turned(self, functions: OnKnots, values: NDArray, slope: NDArray) -> NDArray[np.float64]:
         """What small turns, a slope (R, 3) times functions of values (R,), add to the integrals (3 S, K) [rad]."""

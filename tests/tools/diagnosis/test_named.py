@@ -25,6 +25,10 @@ def on(effect: str, accelerometer: int, *axes: int) -> EffectPlace:
     return EffectPlace(effect, f"accelerometer-{accelerometer}", axes=axes)
 
 
+def turned(axis: int, by_input: int) -> EffectPlace:
+    return EffectPlace("fixture-flexure", "mounting", axes=(axis, by_input))
+
+
 def outlier(position: int, accelerometer: int) -> EffectPlace:
     return EffectPlace("outlier", f"position-{position}", axes=(accelerometer,))
 
@@ -58,6 +62,8 @@ QUICK = {
     "slip with its second order": Hidden(
         {EffectPlace("mounting-slip", "mounting"): (1e-3, -2e-3, 1.5e-3, before_row(14))}
     ),
+    "fixture that bends": Hidden({turned(2, 1): (8e-5,)}, 40),
+    "mounting that creeps": Hidden({EffectPlace("mounting-drift", "mounting"): (1e-3, -2e-3, 5e-4)}),
     "warm-up": Hidden({on("warm-up", 2): (4e-4, 0.02)}, 26),
     "lag from another temperature": Hidden({on("thermal-lag", 2): (5e-5, 1e-4, 0.015)}, 30, WARM),
     "channels exchanged late": Hidden({on("exchanged-readings", 1, 2): (before_row(20),)}),
@@ -69,6 +75,9 @@ QUICK = {
     "quadratic": Hidden({on("quadratic", 2): (-1.2e-3,)}, 40),
 }
 LONG = {
+    "fixture that bends far": Hidden({turned(1, 3): (4e-3,)}, 36, AT_BOUND),
+    "fixture that bends about its second axis": Hidden({turned(2, 2): (-2e-4,)}, 24),
+    "warm mounting": Hidden({EffectPlace("mounting-temperature", "mounting"): (2e-5, 3e-5, -4e-5)}, 30, WARM),
     "scale step": Hidden({on("scale-step", 2): (4e-4, before_row(12))}),
     "small slip": Hidden({EffectPlace("mounting-slip", "mounting"): (1e-4, -1e-4, 5e-5, before_row(14))}),
     # So large that the nominal fit says little of the time constant: every one has to be judged at a better one.
