@@ -19,6 +19,7 @@ from ..written import written_kernel
 from .accelerometer import NOMINAL_TEMPERATURE
 from .columns import PORTS, values_read
 from .definition import ACCELEROMETERS, AXES, GYRO_BLOCK, Effect, EffectParameter, EffectPlace, at_port, name_of_law
+from .mounting import MOUNTING
 
 TURN = 2.0 * math.pi
 KINDS = ("at", "around", "jumps at")
@@ -30,6 +31,9 @@ TILT, OUTER_TILT = "tilt", "outer tilt"
 TILTS = (TILT, OUTER_TILT)
 """In place of a factor: the table does not turn about the axis itself. It tilts by κ or the inner axis by ε; or the
 inner axis tilts about the outer one."""
+TURNS = ("turn 1", "turn 2", "turn 3")
+"""In place of a factor: the block turns about one of its axes."""
+WAYS = (*TILTS, *TURNS)
 FROM = {"temperature": NOMINAL_TEMPERATURE}
 """From where factors count that do not count from zero."""
 MOST_KNOTS = 128
@@ -72,13 +76,16 @@ OF_TABLE = {
     "temperature": AT_REST["temperature"],
 }
 """The same of what the table does."""
+OF_MOUNTING = OF_TABLE | {name: AT_REST[name] for name in ("n1", "n2", "n3")}
+"""The same of turns of the block on the table."""
 PLACES = {
     **dict.fromkeys(ACCELEROMETERS, ("g", AT_REST)),
     **dict.fromkeys((*AXES, BASE), ("rad", OF_TABLE)),
+    MOUNTING: ("rad", OF_MOUNTING),
     GYRO_BLOCK: ("rad/s", IN_MOTION),
 }
 """Of each place the unit of what a table adds there, and the quantities that are known."""
-FACTORS = ("n1", "n2", "n3", "hours", "temperature", "w1", "w2", "w3", "dw1", "dw2", "dw3", *OF_ANGLES, *TILTS)
+FACTORS = ("n1", "n2", "n3", "hours", "temperature", "w1", "w2", "w3", "dw1", "dw2", "dw3", *OF_ANGLES, *WAYS)
 
 
 @dataclass(frozen=True)
@@ -197,8 +204,15 @@ class Home:
         """Return the home of a table at its place; a ValueError says what would be right."""
         _, texts = PLACES[place.where]
         for name in (table.quantity, table.factor):
-            if name and name not in TILTS and not text_of(name, texts):
+            if name and name not in WAYS and not text_of(name, texts):
                 raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(texts)}")
+        if place.where == MOUNTING:
+            if table.factor not in TURNS:
+                raise ValueError(f"law {place.law!r}: of the {MOUNTING} only these are functions: {', '.join(TURNS)}")
+            port = 4 + TURNS.index(table.factor)
+            return Home("TurntableMotion", "geometry_effects", port, "angles", "turns", texts)
+        if table.factor in TURNS:
+            raise ValueError(f"law {place.law!r}: only the {MOUNTING} has a {table.factor}")
         if texts is OF_TABLE:
             return Home._of_turn(place, table)
         if table.factor in TILTS:
@@ -251,7 +265,7 @@ def lookup_at(place: EffectPlace) -> Effect:
     def columns(place: EffectPlace, rows: Any) -> NDArray[np.float64]:
         """What each entry adds, with the factor."""
         entries = table.columns(home.read(table.quantity, rows))
-        if table.factor and table.factor not in TILTS:
+        if table.factor and table.factor not in WAYS:
             factor = home.read(table.factor, rows) - FROM.get(table.factor, 0.0)
             entries = entries * factor[:, None]
         return at_port(PORTS[home.stage], home.port, entries)

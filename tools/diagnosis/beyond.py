@@ -12,7 +12,8 @@ from typing_extensions import TypedDict
 
 from ...models.effects import EffectPlace
 from ...models.effects.definition import GYRO_BLOCK
-from ...models.effects.lookup import TURN, Table
+from ...models.effects.lookup import BASE, TURN, Table
+from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
@@ -278,7 +279,7 @@ class Beyond:
         unit = "g"
         if pair.where in (*GYROS, GYRO_BLOCK):
             unit = "rad/s"
-        elif pair.where.endswith("axis") or pair.where == "base":
+        elif pair.where.endswith("axis") or pair.where in (BASE, MOUNTING):
             unit = "rad"
         most = " at most" if pair.members else ""
         return (

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.effects.lookup import TURNS
 from ..bounded.programmes import chebyshev_radius, column_space, spaces_beyond
 from ..bounded.set_bounds import ACCEPTED, REFUSED, settle
 from ..bounded.sets import Problem, Work, sharp_weights
@@ -325,7 +326,7 @@ class Search:
     @cached_property
     def freedoms(self) -> list[str]:
         """Ways in which a place may act with which the model stands where it may do so as it likes every time."""
-        first = {pair.freedom: pair for pair in reversed(self.pairs) if not pair.factor or pair.factor == "tilt"}
+        first = {pair.freedom: pair for pair in reversed(self.pairs) if not pair.factor or pair.factor in ("tilt", *TURNS)}
         freedoms = []
         for freedom in dict.fromkeys(pair.freedom for pair in self.pairs):
             pair = first[freedom]

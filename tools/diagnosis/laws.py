@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ...models.effects.formula import TARGETS, Formula
-from ...models.effects.lookup import OF_ANGLES, TILTS
+from ...models.effects.lookup import OF_ANGLES, WAYS
 from ..bounded.programmes import (
     Growth,
     SolverError,
@@ -297,7 +297,7 @@ class Laws:
 
 
 def _place_of(pair: Pair, text: str) -> EffectPlace | None:
-    tilted = pair.factor if pair.factor in TILTS else ""
+    tilted = pair.factor if pair.factor in WAYS else ""
     target = LEFT.get((pair.where, tilted))
     factor = "" if tilted else pair.factor
     if target is None or pair.told or (factor and factor not in TIMES):

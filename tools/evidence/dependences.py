@@ -4,7 +4,7 @@ What a gyro reads too much acts at every step. Its functions are therefore taken
 between them, and what they add up to over each piece is one matrix by the values at the nodes.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import combinations
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ...models.effects import MotionRows, Rows
 from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
-from ...models.effects.lookup import FROM
+from ...models.effects.lookup import FROM, TURNS
+from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import column_space
 from ..motion.norm import inputs_of
 from .observation import Group, Observation, OnKnots, Travel
@@ -29,6 +30,8 @@ AROUND = 144
 """Nodes of a function of an angle of the whole bench: knots of all pieces round a circle are among them."""
 BLUR = 2e-3
 """Of functions on nodes, and of turns between rows that are looked at, about so much is not exact."""
+ALIKE = 0.1
+"""Axes about which turns differ by so little of themselves are one, but for errors of the mounting."""
 COMMON: Mapping[str, str] = {"w1": "rate", "dw1": "acceleration", "n1": "force"}
 """A quantity of gyro 1 alone, and the same where each gyro has its own."""
 
@@ -98,7 +101,7 @@ def pairs_of_accelerometer(p: int, rows: Rows) -> Iterator[Pair]:
 
 @dataclass(frozen=True)
 class Way:
-    """A way in which the table acts: small turns, of four as of `models.effects`, as functions of a quantity."""
+    """A way in which table or mounting acts: small turns, of seven as of `models.effects`, by a quantity."""
 
     where: str
     quantity: str
@@ -122,6 +125,17 @@ class Way:
         # An inner axis that wobbles tilts about the outer axis, too; elastic turns grow with the load across the axis.
         yield Way("inner-axis", "beta", 1, "outer-axis turn", "outer tilt")
         yield Way("inner-axis", "beta", 3, "inner-axis turn", "sin alpha")
+        yield from Way.of_block(rows, slow)
+
+    @staticmethod
+    def of_block(rows: Rows, slow: Iterable[str]) -> "Iterator[Way]":
+        """Yield turns of the block about its axes, but about one that is the inner axis: the table can do the same."""
+        for k, factor in enumerate(TURNS):
+            by_axis, by_inner = rows.by_slip[:, :, k], rows.by_beta
+            apart = min(np.linalg.norm(by_axis - by_inner), np.linalg.norm(by_axis + by_inner))
+            if apart > ALIKE * np.linalg.norm(by_inner):
+                for quantity in ("n1", "n2", "n3", "alpha", "beta", *slow):
+                    yield Way(MOUNTING, quantity, 4 + k, f"{MOUNTING} {factor}", factor)
 
     @property
     def circle(self) -> bool:
@@ -132,10 +146,12 @@ class Way:
         """Return the quantity (N,)."""
         if self.quantity == "sense":
             return {"outer-axis": rows.sense_alpha, "inner-axis": rows.sense_beta}[self.where]
+        if self.quantity[0] == "n":
+            return rows.n[:, int(self.quantity[1]) - 1]
         return np.asarray(getattr(rows, self.quantity))
 
     def slope(self, rows: Rows, turns: NDArray) -> NDArray[np.float64]:
-        """Return what a unit does (N, 3), by what each of the four small turns does (4, N, 3)."""
+        """Return what a unit does (N, 3), by what each of the seven small turns does (7, N, 3)."""
         if self.factor == "sin alpha":
             return turns[self.turn] * np.sin(rows.alpha)[:, None]
         return turns[self.turn]

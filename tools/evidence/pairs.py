@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ...models.effects.definition import GYRO_BLOCK
-from ...models.effects.lookup import OF_ANGLES, TILTS
+from ...models.effects.lookup import OF_ANGLES, TILTS, TURNS, WAYS
 
 TURN = 2.0 * math.pi
 Spread = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -222,9 +222,9 @@ GYROS = ("gyro-1", "gyro-2", "gyro-3")
 SINES = {"sin": "sine", "cos": "cosine"}
 FACTORS = {
     **{name: f"the {SINES[wave]} of {QUANTITIES[angle]}" for name, (wave, angle) in OF_ANGLES.items()},
-    **dict.fromkeys((*TILTS, ""), ""),
+    **dict.fromkeys((*WAYS, ""), ""),
 }
-"""What is no quantity, in words; a tilt is a way to act, no factor."""
+"""What is no quantity, in words; a tilt or a turn is a way to act, no factor."""
 
 
 def in_words(name: str) -> str:
@@ -248,6 +248,8 @@ def function_in_words(where: str, quantity: str, factor: str | None) -> str:
     function += f" of {in_words(quantity)}"
     if factor in TILTS:
         function += ", as a tilt,"
+    if factor in TURNS:
+        function += f", as a turn of the block about its axis {factor[-1]},"
     if not where[-1].isdigit():
         place = f"the {place}"
     return f"{function} at {place}"

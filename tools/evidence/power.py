@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import Rows
 from ...models.effects.definition import AXES
+from ...models.effects.mounting import MOUNTING
 from ..bounded.functions import Unknown, imitated
 from ..bounded.possible import DETERMINED, Possible
 from ..bounded.programmes import column_space
@@ -65,7 +66,7 @@ class Power:
             return {"w": "1", "d": "s"}.get(self.pair.factor[:1], "rad/s")
         if self.pair.factor in INPUTS:
             return "1"
-        if self.pair.where in AXES or self.pair.where == "base":
+        if self.pair.where in (*AXES, "base", MOUNTING):
             return "rad"
         return "g"
 
@@ -115,8 +116,8 @@ def powers_of_record(pairs: Sequence[Pair], nominal: NDArray, room: NDArray) -> 
 
 
 def judged_pairs(rows: Rows) -> Iterator[Pair]:
-    """The pairs of rows that are judged: those whose quantity has a range."""
-    return (pair for pair in pairs_of_bench(rows) if not pair.told)
+    """The pairs of rows that are judged: those whose quantity has a range, but for turns of the block."""
+    return (pair for pair in pairs_of_bench(rows) if not pair.told and pair.where != MOUNTING)
 
 
 def powers(rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> tuple[Power, ...]:

@@ -75,7 +75,7 @@ QUICK = {
     "quadratic": Hidden({on("quadratic", 2): (-1.2e-3,)}, 40),
 }
 LONG = {
-    "fixture that bends far": Hidden({turned(1, 3): (4e-3,)}, 36, AT_BOUND),
+    "fixture that bends far": Hidden({turned(1, 3): (3e-3,)}, 36),
     "fixture that bends about its second axis": Hidden({turned(2, 2): (-2e-4,)}, 24),
     "warm mounting": Hidden({EffectPlace("mounting-temperature", "mounting"): (2e-5, 3e-5, -4e-5)}, 30, WARM),
     "scale step": Hidden({on("scale-step", 2): (4e-4, before_row(12))}),
