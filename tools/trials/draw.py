@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import POSITION_EFFECTS, EffectPlace
+from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError, nearest
 from ..evidence.bench import bench_evidence
@@ -147,7 +148,8 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     seed : int
         from 0 to 2**31 - 1; the same seed gives the same case
     effects : sequence of str, optional
-        names to draw from; an empty one gives a clean record; by default every effect that the baseline lacks
+        names to draw from; an empty one gives a clean record; by default every effect of accelerometers and table
+        that the baseline lacks
     symmetric : bool
         the block's scale factors do not depend on the sign
 
@@ -182,7 +184,7 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     for name in effects or ():
         if name not in usable:
             raise InputError(f"--effect {name}: not one that can be hidden here; {nearest(name, usable)}")
-    names = usable
+    names = [name for name in usable if name == "outlier" or POSITION_EFFECTS[name].places[0].where != MOUNTING]
     if effects is not None:
         names = list(effects)
     if not names:
