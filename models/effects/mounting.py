@@ -36,9 +36,7 @@ FIXTURE_FLEXURE = table_effect(
 )
 
 
-def mounting_drift(
-    context: Vector, angles: Vector, rate_1: float, rate_2: float, rate_3: float, turns: Vector
-) -> None:
+def mounting_drift(context: Vector, angles: Vector, rate_1: float, rate_2: float, rate_3: float, turns: Vector) -> None:
     """Turn the block by rate·hours about each of its axes."""
     turns[4] = turns[4] + rate_1 * context[HOURS]
     turns[5] = turns[5] + rate_2 * context[HOURS]

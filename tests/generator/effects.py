@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 Numbers = Sequence[float]
 Sized = tuple[Any, Numbers]
@@ -106,8 +107,11 @@ def last_stage(visits: Visits, own: np.ndarray, reading: np.ndarray, hidden: Seq
 
 
 def slipped(visits: Visits, theta: np.ndarray, hidden: Sequence[Sized]) -> np.ndarray:
-    """Mounting errors (N, 3) [rad] of a block that slips at a time, or turns with time, temperature or an input."""
-    turns = np.tile(theta, (len(visits.hours), 1))
+    """Mounting errors (N, 3) [rad] of a block that slips at a time, or turns with time, temperature or an input.
+
+    Beside the mounting error it turns further, about its own axes.
+    """
+    turns = np.zeros((len(visits.hours), 3))
     for place, (*turn, start) in hidden:
         if place.effect == "mounting-slip":
             turns[visits.hours > start] += turn
@@ -117,7 +121,9 @@ def slipped(visits: Visits, theta: np.ndarray, hidden: Sequence[Sized]) -> np.nd
             turns += np.outer(visits.temperature - 20.0, [*turn, start])
         elif place.effect == "fixture-flexure":
             turns[:, place.axes[0] - 1] += start * visits.n[:, place.axes[1] - 1]
-    return turns
+    if not turns.any():
+        return np.tile(theta, (len(turns), 1))
+    return -(Rotation.from_rotvec(-turns) * Rotation.from_rotvec(-theta)).as_rotvec()
 
 
 def encoders_off(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:

@@ -326,7 +326,10 @@ class Search:
     @cached_property
     def freedoms(self) -> list[str]:
         """Ways in which a place may act with which the model stands where it may do so as it likes every time."""
-        first = {pair.freedom: pair for pair in reversed(self.pairs) if not pair.factor or pair.factor in ("tilt", *TURNS)}
+        first: dict[str, Pair] = {}
+        for pair in self.pairs:
+            if pair.factor in ("", "tilt", *TURNS):
+                first.setdefault(pair.freedom, pair)
         freedoms = []
         for freedom in dict.fromkeys(pair.freedom for pair in self.pairs):
             pair = first[freedom]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import Table
+from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import column_space
 from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
@@ -73,8 +74,9 @@ class Listed:
         return self.is_wholly_of(fit, pair) or self.is_partly_of(fit, pair)
 
     def is_partly_of(self, fit: Fit, pair: Pair) -> bool:
-        """Whether of effects of all gyros only what is a function of a pair, of one of them, is needed."""
-        if pair.where not in GYROS or any(place.where != GYRO_BLOCK for place in fit.places):
+        """Whether only a function of a pair, of one gyro or one turn of the block, is needed of effects of all."""
+        home = GYRO_BLOCK if pair.where in GYROS else MOUNTING
+        if pair.where not in (*GYROS, MOUNTING) or any(place.where != home for place in fit.places):
             return False
         columns = fit.jacobian[:, len(fit.point) :]
         within = np.zeros(columns.shape[1], dtype=bool)
