@@ -327,7 +327,7 @@ def _summarise_diagnosis(diagnosis: Diagnosis, findings: Findings) -> None:
             if diagnosis.records:
                 text, separator = cause.place.title, "; "
             causes.append(text)
-        summary += f": {separator.join(causes)}"
+        summary += f": {separator.join(causes) or diagnosis.best.sentence}"
     findings.summary = (summary,)
 
 

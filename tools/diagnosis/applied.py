@@ -167,6 +167,6 @@ def _standing(diagnosis: Diagnosis) -> Finding | None:
             return hypothesis.finding
     if diagnosis.extension is not None:
         return Finding(diagnosis.extension.causes, diagnosis.extension.fit)
-    if diagnosis.verdict == "explained":
+    if diagnosis.verdict == "explained" and diagnosis.findings:
         return diagnosis.findings[0]
     return None

@@ -400,7 +400,7 @@ def _standing(label: str, diagnosis: Diagnosis, joint: Joint | None, places: Seq
         fit = joint.alone_with(joint.labels.index(label), places)
         if fit.radius <= evidence.model.limit:
             return centred(evidence, fit)
-    if diagnosis.verdict == "explained":
+    if diagnosis.verdict == "explained" and diagnosis.findings:
         return diagnosis.findings[0].fit
     if diagnosis.verdict == "consistent":
         return centred(evidence, evidence.model.baseline)

@@ -80,7 +80,7 @@ def proviso_of(result: Diagnosis) -> str:
     """On whose word a verdict rests that what is stated of the true attitude decides; empty where it rests on none."""
     if result.reference_bound_arcmin is None or result.verdict in ("unexplained", "insufficient"):
         return ""
-    places = result.findings[0].fit.places if result.best is not None else ()
+    places = result.findings[0].fit.places if result.findings else ()
     least = upwards(result.sources.needed(places), 3)
     return (
         f"this holds if the true attitude errs by {exactly(result.reference_bound_arcmin)} arcmin at most at any row, "
@@ -100,7 +100,7 @@ def error_pictures(result: Diagnosis) -> dict[str, Picture]:
     sources = result.sources
     part, time = sources.quoted_part, sources.found.record.time_s
     middle = 0.5 * (time[part.pieces.first] + time[part.pieces.last])
-    after = sources.quoted_errors(result.findings[0].fit) if result.best is not None else None
+    after = sources.quoted_errors(result.findings[0].fit) if result.findings else None
     return {
         "time": pictures.errors_over_time(np.asarray(middle), part.error, after, part.bound, quoted_words(result)),
         "quantities": pictures.errors_over_quantities(sources.quantities(), part.error, after),
@@ -130,8 +130,8 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
     least = f"With the best parameters of the block the largest error is {residual(radius)} of its bound"
     if result.bias_at_rest is not None:
         least = f"The largest error of the block as delivered is {residual(radius)} of its bound"
-    if result.best is not None:
-        least += f"; with {result.findings[0].title} it is {residual(result.best.radius)} of it"
+    if result.findings:
+        least += f"; with {result.findings[0].title} it is {residual(result.findings[0].fit.radius)} of it"
     two = result.sources.quoted_part.error.shape[1] == 2
     about, size = ("two axes across it", "√2") if two else ("three axes", "√3")
     texts = [
@@ -142,7 +142,7 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
     texts += bias
     return [
         Section(
-            "Errors before and after" if result.best is not None else "Errors",
+            "Errors before and after" if result.findings else "Errors",
             texts,
             errors["time"],
             f"Size of the error over each of the {what}. The line is the bound about each of {about}: a size may be "

@@ -154,7 +154,9 @@ def _changes(alone: Calibration | None) -> Section:
 
 
 def _titles(explanation: Explanation | None) -> str | None:
-    return None if explanation is None else ", ".join([cause.title for cause in explanation.causes])
+    if explanation is None or not explanation.causes:
+        return explanation and explanation.sentence
+    return ", ".join([cause.title for cause in explanation.causes])
 
 
 def _gains(result: Diagnosis) -> list[Section]:
