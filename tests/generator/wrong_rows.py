@@ -82,3 +82,19 @@ def with_wrong_rows(seed: int, what: str, count: int = 36, rows: int = 1) -> Wro
         SPOILED[what](angles, reading, int(row), rng)
     record = session.recorded(angles, reading)
     return WrongRows(record, tuple((wrong + 1).tolist()), what)
+
+
+def with_wrong_stretch(seed: int, what: str, count: int = 48, length: int = 8) -> WrongRows:
+    """A record of a drawn session in which so many rows one after the other are wrong in the same way."""
+    rng = np.random.default_rng([seed, count, length])
+    session = Session.drawn(rng, count)
+    angles, reading = session.read(error=errors(rng, count)[0])
+    first = int(rng.integers(0, count - length + 1))
+    channels = rng.choice(3, 2, replace=False)
+    for row in range(first, first + length):
+        if what == "channels exchanged":
+            reading[row, channels] = reading[row, channels[::-1]]
+        else:
+            SPOILED[what](angles, reading, row, rng)
+    record = session.recorded(angles, reading)
+    return WrongRows(record, tuple(range(first + 1, first + length + 1)), what)

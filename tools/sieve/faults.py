@@ -10,4 +10,5 @@ from .stretch import wrong_stretches
 
 def simple_faults(evidence: Evidence) -> tuple[Simple, ...]:
     """The simple faults of a record whose model is falsified: rows, stretches, breaks, a noise bound too small."""
-    return (*wrong_rows(evidence), *wrong_stretches(evidence), *breaks(evidence), *too_small_bounds(evidence))
+    rows = wrong_rows(evidence) or wrong_stretches(evidence)
+    return (*rows, *breaks(evidence), *too_small_bounds(evidence))

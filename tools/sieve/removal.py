@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..bounded.exchange import exchanged
 from ..bounded.programmes import chebyshev_radius
 
-MOST_PROGRAMMES = 600
+MOST_PROGRAMMES = 300
 """Programmes after which a search ends without an answer."""
 NAMED = 1e-9
 """A dual that is smaller, relatively to all, names nothing."""
