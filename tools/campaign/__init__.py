@@ -1,4 +1,4 @@
-"""Campaigns: thousands of runs from one file, on this machine or a Dask cluster, kept whole whatever is killed."""
+"""Campaigns: thousands of runs from one file, on this machine or a Dask cluster; an interrupted one stays valid."""
 
 import lazy_loader
 

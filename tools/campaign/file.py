@@ -1,4 +1,4 @@
-"""Campaign files: what is run how often, with which parameters, what is kept of a run, what is computed over all."""
+"""Campaign files: the kind and number of runs, their parameters, the kept outputs, the computations over all runs."""
 
 import math
 from pathlib import Path
@@ -16,14 +16,14 @@ KINDS = ("calibration", "attitude", "simulation", "hidden")
 MOST_RUNS = 10**10
 MOST_FILES_ASKED = 10**6
 MOST_CUBE = 50_000_000
-"""Numbers of a Latin hypercube that every worker holds."""
+"""Largest Latin hypercube [numbers]: every worker holds it."""
 RUNS_OF_PARTITION = {"calibration": 50, "attitude": 50, "simulation": 50, "hidden": 5}
-"""Runs in a file of the data set where nothing else is said; more in large campaigns, for few files."""
+"""Default number of runs in a file of the data set; large campaigns have more, to keep the files few."""
 MOST_FILES = 4000
 MOST_OF_PARTITION = 5000
-"""Runs in a file all the same: a worker holds a file in memory, and what it is killed in is lost."""
+"""Largest number of runs in a file: a worker holds a file in memory and loses it if it is killed."""
 Value = float | str | bool
-"""Of a parameter in a run."""
+"""Value of a parameter in a run."""
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Number, Number]
 Span = tuple[Number, Number, Annotated[int, Field(ge=2, le=1_000_000)]]
@@ -31,7 +31,7 @@ Span = tuple[Number, Number, Annotated[int, Field(ge=2, le=1_000_000)]]
 DISCRETE = ("values", "grid", "log_grid")
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "truncated_normal", "triangular")
 MOST_DEVIATIONS = 3.0
-"""A truncated normal distribution ends at so many standard deviations."""
+"""Ends of a truncated normal distribution [standard deviations]."""
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 TwoNumbers = Annotated[tuple[float, float], Field(strict=False)]
 Whole = Annotated[tuple[int, int], Field(strict=False)]
@@ -40,18 +40,20 @@ Part = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class Axis(Section):
-    """How one parameter varies; exactly one of the fields is given.
+    """Variation of one parameter; exactly one of the fields is given.
 
     Attributes
     ----------
     values : list
-        these, one by one
+        a list of values
     grid, log_grid : (first, last, count)
         evenly spaced, or by even factors
     uniform, log_uniform : (low, high)
+        uniform distribution of the value or of its logarithm
     normal, truncated_normal : (mean, standard deviation)
         the second ends at three standard deviations
     triangular : (low, most likely, high)
+        triangular distribution
     """
 
     values: Annotated[list[bool | int | Number | str], Field(min_length=1, max_length=1_000_000)] | None = None
@@ -87,11 +89,11 @@ class Axis(Section):
 
     @property
     def discrete(self) -> bool:
-        """Whether the values are given one by one."""
+        """True if the values are listed one by one."""
         return bool(self.given(*DISCRETE))
 
     def listed(self) -> list[Any]:
-        """The values of a discrete axis; numbers as floats."""
+        """Return the values of a discrete axis; numbers as floats."""
         if self.values is not None:
             for value in self.values:
                 if isinstance(value, bool | str):
@@ -103,7 +105,7 @@ class Axis(Section):
         return np.geomspace(self.log_grid[0], self.log_grid[1], self.log_grid[2]).tolist()
 
     def quantile(self, part: ArrayLike) -> NDArray:
-        """Values of a distribution that these parts, from 0 to 1, of its probability lie below."""
+        """Return the quantiles of a distribution at these probabilities, from 0 to 1."""
         u = np.asarray(part, dtype=float)
         if self.uniform is not None:
             low, high = self.uniform
@@ -114,7 +116,7 @@ class Axis(Section):
         if self.normal is not None:
             return self.normal[0] + self.normal[1] * ndtri(np.clip(u, 2.0**-54, 1.0 - 2.0**-53))
         if self.truncated_normal is not None:
-            # The tails beyond the ends have this probability, each.
+            # Probability of each tail beyond the ends.
             tail = 0.5 * math.erfc(MOST_DEVIATIONS / math.sqrt(2.0))
             return self.truncated_normal[0] + self.truncated_normal[1] * ndtri(tail + u * (1.0 - 2.0 * tail))
         assert self.triangular is not None
@@ -130,9 +132,9 @@ class CalibrationSetting(Section):
     Attributes
     ----------
     positions : str
-        CSV file with alpha_deg, beta_deg; without it the 24 positions of scenarios/static-calibration-positions.csv
+        CSV file with alpha_deg, beta_deg; by default the 24 positions of scenarios/static-calibration-positions.csv
     truth : "drawn" or "given"
-        what parameters that are not swept are: drawn within the bounds for each run, or zero
+        parameters that are not swept: drawn within the bounds for each run, or zero
     noise : str
         "uniform" within ± noise_part σ, or "edge": ± noise_part σ
     noise_part : float
@@ -153,18 +155,18 @@ class CalibrationSetting(Section):
 
 
 class AttitudeSetting(Section):
-    """An attitude run: a motion, gyros with errors, an algorithm, against the true attitude.
+    """An attitude run: a motion, gyros with errors, an algorithm, compared with the true attitude.
 
     Attributes
     ----------
     motion : str
-        of the paper: 1 to 6, small, first, second
+        motion of the paper: 1 to 6, small, first, second
     duration_s, rate_hz : float
-        length of the run, gyro samples a second
+        length of the run [s], gyro samples a second
     algorithm : str
         name of an attitude algorithm
     noise_bound_radps : float
-        bound of the gyros' errors of each sample
+        bound of the gyros' errors of each sample [rad/s]
     """
 
     motion: str = "1"
@@ -195,9 +197,9 @@ class SimulationSetting(Section):
     scenario : str
         its file
     seeds : "derived" or "fixed"
-        every parameter `seed` of an FMU is another one for each run, or what the scenario says
+        parameters `seed` of the FMUs: a new one for each run, or the scenario's
     scalars : dict
-        name -> column of the record and what is taken of it; without it the last value of every column
+        name -> column of the record and reduction; by default the last value of every column
     calibrate : bool
         average the rests of the record and calibrate them too
     noise_bound : float
@@ -217,9 +219,9 @@ class HiddenSetting(Section):
     Attributes
     ----------
     suite : str or None
-        of scenarios/hidden/suites.toml; it decides the rest, its seed and number of cases
+        suite of scenarios/hidden/suites.toml; it sets the other fields, its seed and number of cases
     mode, effects, positions, noise, size
-        as for `trihedron hidden`, where no suite is named
+        as for `trihedron hidden`, without a suite
     """
 
     suite: str | None = None
@@ -243,13 +245,13 @@ class Computation(Section):
     Attributes
     ----------
     quantiles : list of str
-        scalars whose quantiles `at` these parts are wanted
+        scalars whose quantiles `at` these probabilities are computed
     rate : str
-        a scalar; how often it is one of `is`, over ranges of `against` with these `edges`, where that is given
+        a scalar; how often it is one of `is`, by default over all runs, or over ranges of `against` with these `edges`
     confusion : str
         a text; how often each of its values goes with each value of `of`
     sensitivity : list of str
-        scalars whose dependence on the parameters is wanted: Sobol indices of a Saltelli sampling, else rank
+        scalars whose dependence on the parameters is computed: Sobol indices of a Saltelli sampling, else rank
         correlations
     """
 
@@ -290,7 +292,7 @@ class Computation(Section):
 
     @property
     def names(self) -> list[str]:
-        """Columns that the computation reads."""
+        """Return the columns that the computation reads."""
         names = list(self.quantiles or [])
         names += self.sensitivity or []
         for name in (self.rate, self.against, self.confusion, self.of):
@@ -300,7 +302,7 @@ class Computation(Section):
 
 
 class SamplingSetting(Section):
-    """How distributions are sampled, and whether lists of values are combined or taken together."""
+    """Sampling of distributions, and the combination of lists of values (every combination, or taken together)."""
 
     method: Literal["random", "latin-hypercube", "sobol", "saltelli"] = "random"
     points: Annotated[int, Field(ge=1, le=2**30)] = 1
@@ -315,7 +317,7 @@ class SamplingSetting(Section):
 
 
 class Keep(Section):
-    """What is kept of each run: scalars (all without a list), its record, a diagnosis."""
+    """Kept outputs of each run: scalars (by default all), its record, a diagnosis."""
 
     scalars: list[str] | None = None
     record: bool = False
@@ -323,7 +325,7 @@ class Keep(Section):
 
 
 class Campaign(Section):
-    """A campaign; `base_folder` is where its relative paths begin."""
+    """A campaign; its relative paths begin at `base_folder`."""
 
     schema_: Literal["trihedron.campaign/1"] = Field(default=SCHEMA, alias="schema")
     title: str = ""
@@ -366,7 +368,7 @@ class Campaign(Section):
 
     @property
     def kind(self) -> str:
-        """What a run is: the name of the section that is given."""
+        """Kind of the runs: the name of the section in the file."""
         return self.given(*KINDS)[0]
 
     @property
@@ -381,7 +383,7 @@ class Campaign(Section):
 
     @property
     def combinations(self) -> int:
-        """How many combinations of listed values there are."""
+        """Number of combinations of listed values."""
         lengths = [len(axis.listed()) for axis in self.lists.values()]
         if self.sampling.lists == "together":
             lengths = lengths[:1]
@@ -389,7 +391,7 @@ class Campaign(Section):
 
     @property
     def samples(self) -> int:
-        """How many points are drawn from the distributions."""
+        """Number of points that are drawn from the distributions."""
         spread = len(self.distributions)
         if spread and self.sampling.method == "saltelli":
             return self.sampling.points * (spread + 2)
@@ -397,31 +399,31 @@ class Campaign(Section):
 
     @property
     def runs(self) -> int:
-        """How many runs there are."""
+        """Number of runs."""
         return self.combinations * self.samples * self.repeats
 
     @property
     def partition_size(self) -> int:
-        """Runs in each file of the data set, the last one's excepted; it follows from the file alone."""
+        """Runs in each file of the data set except the last; it follows from the file alone."""
         usual = max(RUNS_OF_PARTITION[self.kind], -(-self.runs // MOST_FILES))
         return self.partition or min(usual, MOST_OF_PARTITION)
 
     @property
     def partitions(self) -> int:
-        """How many files the data set has."""
+        """Number of files of the data set."""
         return -(-self.runs // self.partition_size)
 
     def runs_of(self, partition: int) -> range:
-        """The runs of a file."""
+        """Return the runs of a file."""
         first = partition * self.partition_size
         return range(first, min(first + self.partition_size, self.runs))
 
     def file_name(self, partition: int) -> str:
-        """The name of a file; names in order are runs in order."""
+        """Return the name of a file; names in order are runs in order."""
         digits = max(5, len(str(self.partitions - 1)))
         return f"part-{partition:0{digits}d}.parquet"
 
 
 def parse_campaign(content: bytes, path: Path) -> Campaign:
-    """A campaign from the bytes of its file, checked down to each field; errors as of `read_sections`."""
+    """Return a campaign from the bytes of its file, checked field by field; errors are those of `read_sections`."""
     return read_sections(content, path, Campaign, base_folder=path.parent)

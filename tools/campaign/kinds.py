@@ -33,9 +33,9 @@ Better = Literal["lower", "higher"]
 
 @dataclass(frozen=True)
 class Output:
-    """A scalar that a run gives, a Float64, Int64, String or Boolean.
+    """A scalar output of a run, a Float64, Int64, String or Boolean.
 
-    Of a number or a flag one way may be better; a text has values that are as they should be.
+    A number or a flag may have a better direction; a text has expected values.
     """
 
     dtype: type[pl.DataType]
@@ -45,7 +45,7 @@ class Output:
 
 @dataclass(frozen=True)
 class RunOutputs:
-    """What a run gave: every output of the kind by its name; its record and a diagnosis (JSON) where one was wanted."""
+    """The outputs of a run: every scalar of the kind by its name; its record and a diagnosis (JSON) on request."""
 
     scalars: Mapping[str, Value | int | None]
     record: pl.DataFrame | None = None
@@ -57,20 +57,20 @@ class Runner(Protocol):
 
     @property
     def outputs(self) -> Mapping[str, Output]:
-        """Name -> what it is, of every scalar that a run gives."""
+        """Return name -> description of every scalar that a run gives."""
         ...
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> RunOutputs:
-        """Make a run; whatever it raises, the run failed, and the message is recorded."""
+        """Make a run; after any exception the run counts as failed, and the message is recorded."""
         ...
 
 
 LOWER = Output(pl.Float64, "lower")
 VERDICT = {"verdict": Output(pl.String, good=("consistent",)), "radius": LOWER}
 SETTINGS = ("noise_part", "noise_bound", "gravity", "baseline", "convention")
-"""What can be swept beside the elementary parameters of the bench."""
+"""Settings that can be swept beside the elementary parameters of the bench."""
 SWEPT = tuple(name for name in ELEMENTARY if name not in ("gamma_12", "gamma_13", "gamma_23"))
-"""Elementary parameters of case (A1), of which the exact targets are known."""
+"""Elementary parameters of case (A1), whose exact targets are known."""
 DWELL_S = 30.0
 RAW_COLUMNS = ("alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2")
 BIASES = tuple(f"bias_{p}_radps" for p in (1, 2, 3))
@@ -83,12 +83,12 @@ ERRORS = (
 )
 """Errors of the gyros that can be swept."""
 MOTIONS = ("amplitude_factor", "frequency_factor", "motion", "rate_hz", "duration_s", "algorithm")
-"""What can be swept beside them."""
+"""Settings that can be swept beside them."""
 MOST_SAMPLES = 100_000_000
 
 
 def short_seed(seed: np.random.SeedSequence) -> int:
-    """A seed as the components take one, from 0 to 2**31 - 1."""
+    """Return a seed for the components, from 0 to 2**31 - 1."""
     return int(seed.generate_state(1, np.uint32)[0] >> 1)
 
 
@@ -105,10 +105,12 @@ def _refuse_unknown(parameters: Iterable[str], known: Sequence[str]) -> None:
 class CalibrationRuns:
     """Static calibrations.
 
-    A record of a bench is made with the exact model, with errors within σ; `calibrate` gets the record and σ. The
-    scalars are its verdict and radius, how many true values lie outside their intervals (0 is what is guaranteed), the
-    largest error of an estimate over its bound, and of each target the error, its bound, the width of the interval and
-    the a-priori guaranteed error.
+    The exact model makes a record of a bench, with errors within σ; `calibrate` gets the record and σ. The scalars are:
+
+    - verdict and radius
+    - the number of true values outside their intervals (0 is guaranteed)
+    - the largest error of an estimate over its bound
+    - for each target: the error, its bound, the width of the interval, and the a-priori guaranteed error
     """
 
     def __init__(self, campaign: Campaign, setting: CalibrationSetting) -> None:
@@ -163,7 +165,7 @@ class CalibrationRuns:
 
     @staticmethod
     def _judged(estimates: Iterable[Any], true: Mapping[str, float]) -> dict[str, Value | int | None]:
-        """Estimates held against the true values of the targets."""
+        """Compare estimates with the true values of the targets."""
         scalars: dict[str, Value | int | None] = {}
         misses, ratio = 0, 0.0
         for estimate in estimates:
@@ -184,9 +186,9 @@ class CalibrationRuns:
         return {**scalars, "misses": misses, "worst_error_ratio": ratio}
 
     def _truth(self, rng: np.random.Generator, values: Mapping[str, Value], *, symmetric: bool) -> NDArray:
-        """Elementary parameters (24,): those that are swept, the others drawn or zero."""
+        """Return elementary parameters (24,): swept ones, the others drawn or zero."""
         truth = np.zeros(len(ELEMENTARY))
-        # Drawn in any case: the errors are then the same whatever is swept.
+        # Drawn in any case, so that the errors are the same for every choice of swept parameters.
         drawn = trials.draw_truth(rng, symmetric=symmetric)
         if self.setting.truth == "drawn":
             mounting_error = drawn["TurntableMotion"]["mounting_error"]
@@ -198,7 +200,7 @@ class CalibrationRuns:
 
 
 def read_position_angles(content: bytes, label: str) -> tuple[NDArray, NDArray]:
-    """Angles [rad] of a list of positions, CSV with alpha_deg and beta_deg."""
+    """Return the angles [rad] of a list of positions, CSV with alpha_deg and beta_deg."""
     try:
         table = pl.read_csv(io.BytesIO(content), comment_prefix="#")
         angles = table.select("alpha_deg", "beta_deg").cast(pl.Float64).to_numpy()
@@ -211,12 +213,12 @@ def read_position_angles(content: bytes, label: str) -> tuple[NDArray, NDArray]:
 
 
 def record_table(record: PositionRecord) -> pl.DataFrame:
-    """A position record as a table: where, when, what was read."""
+    """Return a position record as a table: position, time, readings."""
     return record.to_polars().select("position", "time_s", *RAW_COLUMNS)
 
 
 def _table(record: PositionRecord, *, keep: bool) -> pl.DataFrame | None:
-    """The table of a record that is to be kept."""
+    """Return the table of a record if it is kept."""
     if not keep:
         return None
     return record_table(record)
@@ -225,9 +227,9 @@ def _table(record: PositionRecord, *, keep: bool) -> pl.DataFrame | None:
 class SimulationRuns:
     """Simulations of a scenario, whose FMUs are loaded once.
 
-    A parameter is `fmu.variable`, or `fmu.variable[k]` for an element. The scalars are those that the campaign file
-    takes of the record's columns, or the last value of each, and with `calibrate` the verdict, radius, estimates, their
-    bounds and guaranteed errors of the rests' averages.
+    A parameter is `fmu.variable`, or `fmu.variable[k]` for an element. The scalars are the campaign file's reductions
+    of the record's columns, by default the last value of each. With `calibrate` they include verdict, radius,
+    estimates, their bounds and guaranteed errors of the averaged rests.
     """
 
     def __init__(self, campaign: Campaign, setting: SimulationSetting) -> None:
@@ -291,7 +293,7 @@ class SimulationRuns:
         return RunOutputs(scalars, _table(record, keep=self.keep.record), text)
 
     def _parameters(self, values: Mapping[str, Value], seed: np.random.SeedSequence) -> dict[str, dict[str, Any]]:
-        """FMU -> variable -> value, of a run."""
+        """Return FMU -> variable -> value of a run."""
         parameters: dict[str, dict[str, Any]] = {}
         if self.setting.seeds == "derived":
             for name, seed_of_fmu in zip(self.seeded, seed.spawn(len(self.seeded)), strict=True):
@@ -318,12 +320,12 @@ REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
 
 
 def reduced(values: np.ndarray, take: str) -> float:
-    """A number from a column."""
+    """Return a number from a column."""
     return float(REDUCTIONS[take](np.asarray(values, dtype=float)))
 
 
 def positions_of(table: pl.DataFrame) -> PositionRecord:
-    """The position record of a run that was recorded as a raw record."""
+    """Return the position record of a run that was recorded as a raw record."""
     temperature = None
     if "temperature_degC" in table.columns:
         temperature = table["temperature_degC"].to_numpy()
@@ -340,9 +342,9 @@ def positions_of(table: pl.DataFrame) -> PositionRecord:
 class AttitudeRuns:
     """Attitude runs.
 
-    Exact increments of a motion go through the kernels of `GyroBlock`, with the errors of the run, and through an
+    Exact increments of a motion pass through the kernels of `GyroBlock`, with the errors of the run, and through an
     algorithm. The scalars are the largest, the last and the rms angle between computed and true attitude, and the last
-    over the length of the run.
+    angle over the length of the run.
     """
 
     def __init__(self, campaign: Campaign, setting: AttitudeSetting) -> None:
@@ -418,7 +420,7 @@ def _algorithm(name: str, where: str) -> Algorithm:
 def motion_samples(
     name: str, amplitude: float, frequency: float, period: float, count: int
 ) -> "tuple[Samples, NDArray]":
-    """Exact increments of a motion and its true attitudes (N, 4), kept while the motion stays the same."""
+    """Return exact increments of a motion and its true attitudes (N, 4), cached while the motion stays the same."""
     harmonics = papers.paper_motion(name, papers.EXACT).reshape(-1, 3).copy()
     harmonics[:, 0] *= amplitude
     harmonics[:, 1] *= frequency
@@ -457,7 +459,7 @@ class HiddenRuns:
         }
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> RunOutputs:
-        """Draw, measure and diagnose a case; the campaign's own seeds play no part in it."""
+        """Draw, measure and diagnose a case; the campaign's own seeds have no effect on it."""
         case = trials.draw_case(self.options, self.seed, number)
         record = case.measured()
         result = trials.diagnosed_case(case, record)
@@ -486,4 +488,4 @@ RUNNERS: dict[str, Callable[[Campaign, Any], Runner]] = {
     "simulation": SimulationRuns,
     "hidden": HiddenRuns,
 }
-"""What makes the runs of each kind, from the campaign and its section."""
+"""Maker of the runs of each kind, from the campaign and its section."""

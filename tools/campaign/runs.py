@@ -1,10 +1,10 @@
-"""A campaign carried out: which run is which, and what a process makes of the runs of a file.
+"""Run a campaign: the parameters of each run, and the work of a process on the runs of a file.
 
-Of a run the parameters and the seed follow from the campaign and the run's number alone.
+The parameters and the seed of a run follow from the campaign and the run's number alone.
 
 Run number = (combination × samples + sample) × repeats + repeat. With Saltelli's sampling the samples are the rows of
-A, then of B, then of A with each column from B; a row has the same random errors in all of them, so that a parameter
-that does nothing has indices of exactly nothing.
+A, then of B, then of A with each column from B. A row has the same random errors in all of them, so the indices of a
+parameter without effect are exactly zero.
 """
 
 import io
@@ -37,11 +37,11 @@ _CHUNK = 256
 OWN_COLUMNS = ("run", "failed", "diagnosis")
 COMPRESSION_LEVEL = 3
 DTYPES: dict[type, type[pl.DataType]] = {bool: pl.Boolean, str: pl.String}
-"""Of listed values that are no numbers."""
+"""Data types of listed values that are not numbers."""
 
 
 class Design:
-    """Which run of a campaign is which."""
+    """Parameters and seed of each run of a campaign."""
 
     def __init__(self, campaign: Campaign) -> None:
         self.campaign = campaign
@@ -53,7 +53,7 @@ class Design:
 
     @cached_property
     def _hypercube(self) -> NDArray:
-        """All points of a Latin hypercube: it has no shorter description."""
+        """Return all points of a Latin hypercube, which cannot be computed one by one."""
         sampler = scipy.stats.qmc.LatinHypercube(len(self.campaign.distributions), rng=self._generator())
         return sampler.random(self.campaign.sampling.points)
 
@@ -61,7 +61,7 @@ class Design:
         return np.random.default_rng(np.random.SeedSequence(self.campaign.seed, spawn_key=(_SAMPLES_STREAM, *key)))
 
     def _sobol(self, columns: int, row: int) -> NDArray:
-        """A row of a scrambled Sobol sequence of so many columns."""
+        """Return a row of a scrambled Sobol sequence of this number of columns."""
         chunk, at = divmod(row, _CHUNK)
         if self._chunk is None or self._chunk[0] != chunk:
             sampler = scipy.stats.qmc.Sobol(columns, rng=self._generator())
@@ -71,7 +71,7 @@ class Design:
         return self._chunk[1][at]
 
     def _cube(self, sample: int) -> NDArray:
-        """The point of a sample in the unit cube of the distributions."""
+        """Return the point of a sample in the unit cube of the distributions."""
         campaign, count = self.campaign, len(self.campaign.distributions)
         method = campaign.sampling.method
         if method == "latin-hypercube":
@@ -90,7 +90,7 @@ class Design:
         return self._generator(sample).random(count)
 
     def values(self, run: int) -> dict[str, Value]:
-        """The parameters of a run, in the order of the file."""
+        """Return the parameters of a run, in the order of the file."""
         campaign = self.campaign
         combination, sample = divmod(run // campaign.repeats, campaign.samples)
         spread = campaign.distributions
@@ -108,7 +108,7 @@ class Design:
         return {name: values[name] for name in campaign.parameters}
 
     def seed(self, run: int) -> np.random.SeedSequence:
-        """The seed of everything in a run that is random beside its parameters."""
+        """Return the seed of everything random in a run beside its parameters."""
         number = run
         if self.campaign.sampling.method == "saltelli":
             number = run % self.campaign.sampling.points
@@ -116,12 +116,15 @@ class Design:
 
 
 def make_runner(campaign: Campaign) -> Runner:
-    """The runner of a campaign; InputError where what the file asks for cannot be done."""
+    """Return the runner of a campaign.
+
+    Raises InputError if the file asks for something impossible.
+    """
     return RUNNERS[campaign.kind](campaign, getattr(campaign, campaign.kind))
 
 
 def columns_of(campaign: Campaign, runner: Runner) -> ResultColumns:
-    """The columns of the data set; refuses names that are not there, or that mean two things."""
+    """Return the columns of the data set; refuse unknown and ambiguous names."""
     parameters: dict[str, type[pl.DataType]] = {}
     for name, axis in campaign.parameters.items():
         if name in runner.outputs or name in OWN_COLUMNS:
@@ -146,7 +149,7 @@ def columns_of(campaign: Campaign, runner: Runner) -> ResultColumns:
 
 
 def _refuse_other_columns(where: str, computation: Computation, dtypes: Mapping[str, type[pl.DataType]]) -> None:
-    """Refuse a computation of columns that are not there, or of texts where it takes numbers."""
+    """Refuse a computation of unknown columns, or of texts if it takes numbers."""
     for name in computation.names:
         if name not in dtypes:
             raise InputError(f"{where}: '{name}' is no column of the results; {nearest(name, list(dtypes))}")
@@ -159,23 +162,23 @@ def _refuse_other_columns(where: str, computation: Computation, dtypes: Mapping[
 
 
 class Prepared:
-    """A campaign in a worker: read, its runner made, its files where the runner finds them.
+    """A campaign in a worker: read, with its runner, and with its files in a folder for the runner.
 
-    An InputError where this process has other code than who gave the order: results would be mixed with other ones.
+    Raises InputError if this process has other code than the process that gave the order: results would be mixed.
     """
 
     def __init__(self, order: Order) -> None:
         if order.code != code_hash():
             raise InputError("a worker has another version of Trihedron, or of what it uses, than this process")
         folder = TemporaryDirectory(prefix="trihedron-campaign-", ignore_cleanup_errors=True)
-        # A process of multiprocessing forgets at its end what atexit was told.
+        # A process of multiprocessing does not run atexit functions.
         Finalize(folder, folder.cleanup, exitpriority=10)
         self.folder, self.campaign = folder, order.unpack(Path(folder.name))
         self.design, self.runner = Design(self.campaign), make_runner(self.campaign)
         self.columns = columns_of(self.campaign, self.runner)
 
     def run(self, number: int) -> tuple[dict[str, Any], pl.DataFrame | None]:
-        """A run's row, and its record where one is kept; a run that fails has its message in the row."""
+        """Return a run's row, and its record if it is kept; a failed run has its message in the row."""
         values = self.design.values(number)
         row: dict[str, Any] = {"run": number, **values, "failed": None}
         try:
@@ -183,7 +186,7 @@ class Prepared:
         except InputError as error:
             return {**row, "failed": _line(str(error))}, None
         except Exception as error:
-            # Whatever one run meets, the rest goes on.
+            # One failed run must not stop the others.
             return {**row, "failed": _line(f"{type(error).__name__}: {error}")}, None
         row |= {name: outcome.scalars.get(name) for name in self.columns.outputs}
         if self.columns.diagnosis:
@@ -192,7 +195,7 @@ class Prepared:
 
 
 prepared = lru_cache(maxsize=2)(Prepared)
-"""The campaign of an order, made ready once in each process."""
+"""Return the campaign of an order, prepared once in each process."""
 
 
 def compute(order: Order, partition: int) -> Computed:
@@ -222,7 +225,7 @@ def _line(text: str) -> str:
 
 
 def scalars_file(columns: ResultColumns, rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """The file of scalars: one row for each run, in order; what a run lacks is null."""
+    """Return the file of scalars: one row for each run, in order; missing values are null."""
     fitting = {pl.Float64: float, pl.Int64: int, pl.Boolean: bool, pl.String: str}
     series = []
     for name, dtype in columns.schema.items():
@@ -237,7 +240,7 @@ def scalars_file(columns: ResultColumns, rows: Sequence[Mapping[str, Any]]) -> b
 
 
 def records_file(records: Sequence[tuple[int, pl.DataFrame]]) -> bytes:
-    """The file of records: the rows of its runs one after the other, with the run's number."""
+    """Return the file of records: the rows of its runs one after the other, with the run's number."""
     tables = [table.select(pl.lit(run, pl.Int64).alias("run"), pl.all()) for run, table in records]
     if not tables:
         tables = [pl.DataFrame({"run": pl.Series([], dtype=pl.Int64)})]
@@ -245,7 +248,7 @@ def records_file(records: Sequence[tuple[int, pl.DataFrame]]) -> bytes:
 
 
 def _parquet(table: pl.DataFrame) -> bytes:
-    """A table as the bytes of a Parquet file, which depend on nothing but its rows."""
+    """Return a table as the bytes of a Parquet file, which depend only on its rows."""
     stream = io.BytesIO()
     table.write_parquet(
         stream, compression="zstd", compression_level=COMPRESSION_LEVEL, row_group_size=max(1, table.height)
@@ -254,20 +257,20 @@ def _parquet(table: pl.DataFrame) -> bytes:
 
 
 def campaign_folder(path: Path) -> Path:
-    """Where a campaign is kept when nothing else is asked for: `<campaign>-campaign` in the current folder."""
+    """Return the default folder of a campaign: `<campaign>-campaign` in the current folder."""
     return Path(f"{path.stem}-campaign")
 
 
 def carry_out_campaign(
     path: Path, out: Path | None = None, *, resume: bool = False, progress: bool = False, **workers: Any
 ) -> CampaignResult:
-    """Carry out a campaign; arguments and errors as for `trihedron.run_campaign`, which writes the page too.
+    """Run a campaign; arguments and errors are those of `trihedron.run_campaign`, which also writes the page.
 
     `workers` are the engine, jobs and scheduler of the processes.
     """
     began = clocks.perf_counter()
     order, campaign = make_order(path)
-    # What the file asks for and cannot be done is refused before anything is written.
+    # Refuse impossible requests before anything is written.
     columns = columns_of(campaign, make_runner(campaign))
     folder = campaign_folder(path) if out is None else out
     with opened_store(folder, order, campaign, columns, path.read_bytes(), resume=resume) as store:

@@ -1,6 +1,6 @@
-"""What a campaign is to whoever computes it, and its folder: manifest, files of the data set, what is missing of it.
+"""A campaign as an order to workers, and its folder: manifest, files of the data set, missing parts.
 
-Files appear whole.
+Each file is written whole or not at all.
 """
 
 import contextlib
@@ -53,15 +53,15 @@ _CODE = (
     "records",
     "trials",
 )
-"""Sub-packages and modules of the tools that results follow from, beside models and fmus."""
+"""Sub-packages and modules of the tools that affect results, beside models and fmus."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """Everything that a worker needs to know of a campaign, wherever it is.
+    """The full description of a campaign for a worker on any machine.
 
-    The campaign file and all that it reads, by their paths below the folder that they share, and the `code_hash` of
-    whoever gives the order.
+    It has the campaign file and all files that it reads, by their paths below their common folder, and the `code_hash`
+    of the process that gives the order.
     """
 
     campaign_file: str
@@ -70,14 +70,14 @@ class Order:
 
     @cached_property
     def sha256(self) -> str:
-        """Of the names and contents of all files, and of the code."""
+        """Hash of the names and contents of all files, and of the code."""
         digest = hashlib.sha256(f"{self.campaign_file}\0{self.code}".encode())
         for name, content in self.files:
             digest.update(f"\0{name} {len(content)}\0".encode() + content)
         return digest.hexdigest()
 
     def unpack(self, folder: Path) -> Campaign:
-        """Write the files into a folder; returns the campaign as it is read there."""
+        """Write the files into a folder; return the campaign as it is read there."""
         for name, content in self.files:
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -92,7 +92,10 @@ class Order:
 
 
 def make_order(path: Path) -> tuple[Order, Campaign]:
-    """Read a campaign file and all that it reads; an InputError for what cannot be read or is not what it should be."""
+    """Read a campaign file and all files that it uses.
+
+    Raises InputError for a file that cannot be read or has another content than expected.
+    """
 
     def content(file: Path) -> bytes:
         most = LARGEST_TEXT if file.suffix.lower() == ".toml" else LARGEST
@@ -132,7 +135,7 @@ def _inputs_of_scenario(file: Path) -> Iterable[str]:
 
 @cache
 def code_hash() -> str:
-    """Hash of the code that results follow from, and of the versions of what it uses."""
+    """Return the hash of the code that affects results, and of the versions of its packages."""
     digest = hashlib.sha256(f"{platform.python_version()} {platform.machine()}".encode())
     for package in _PACKAGES:
         digest.update(f"\0{package} {fmus.version(package)}".encode())
@@ -147,7 +150,7 @@ def code_hash() -> str:
 
 @dataclass(frozen=True)
 class ResultColumns:
-    """Columns of a campaign's data set: parameters, the outputs that are kept, and whether diagnosis and record are."""
+    """Columns of a campaign's data set: parameters, kept outputs, and flags for diagnosis and record."""
 
     parameters: dict[str, type[pl.DataType]]
     outputs: dict[str, Output]
@@ -167,9 +170,9 @@ class ResultColumns:
 
 @dataclass(frozen=True)
 class Computed:
-    """A file of the data set that was computed, by its number: its content, and that of the file of records beside it.
+    """A computed file of the data set, by its number: its content, and that of the file of records beside it.
 
-    It has so many runs, of which some failed, and took so long, by the clock and of the processor [s].
+    It has the number of runs, the number of failed ones, and the wall-clock and processor time [s].
     """
 
     partition: int
@@ -189,25 +192,25 @@ class Store:
     campaign: Campaign
 
     def scalars_path(self, partition: int) -> Path:
-        """The file of a partition's scalars."""
+        """Return the file of a partition's scalars."""
         return self.folder / RUNS / self.campaign.file_name(partition)
 
     def records_path(self, partition: int) -> Path:
-        """The file of a partition's records."""
+        """Return the file of a partition's records."""
         return self.folder / RECORDS / self.campaign.file_name(partition)
 
     def write(self, computed: Computed) -> None:
-        """Keep a partition; its scalars last: where they are, the partition is whole."""
+        """Write a partition, its scalars last: their file marks a whole partition."""
         if computed.records is not None:
             _write(self.records_path(computed.partition), computed.records)
         _write(self.scalars_path(computed.partition), computed.scalars)
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
-        """Keep what was computed over all runs."""
+        """Write the results over all runs."""
         write_text(self.folder / SUMMARY, json_text(summary, indent=1))
 
     def missing(self) -> tuple[list[int], int, int]:
-        """Partitions that are not there or not whole; runs that are there, and how many of them failed."""
+        """Return the missing or incomplete partitions, the number of runs there, and the number of failed ones."""
         missing, runs, failed = [], 0, 0
         for partition in range(self.campaign.partitions):
             failures = self._failures(partition)
@@ -219,7 +222,7 @@ class Store:
         return missing, runs, failed
 
     def _failures(self, partition: int) -> int | None:
-        """How many runs of a partition failed; None where it is not there, or not whole."""
+        """Return the number of failed runs of a partition; None if it is missing or incomplete."""
         path = self.scalars_path(partition)
         if not path.is_file() or (self.campaign.keep.record and not self.records_path(partition).is_file()):
             return None
@@ -240,7 +243,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def manifest_of(order: Order, campaign: Campaign, columns: ResultColumns, content: bytes) -> dict[str, Any]:
-    """What says which campaign a folder holds, and what its scalars are."""
+    """Return the manifest: the campaign of a folder, and the meaning of its scalars."""
     return {
         "schema": SCHEMA,
         "campaign": campaign.as_written(),
@@ -260,7 +263,10 @@ def manifest_of(order: Order, campaign: Campaign, columns: ResultColumns, conten
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of a campaign's folder; InputError where there is none."""
+    """Return the manifest of a campaign's folder.
+
+    Raises InputError if there is none.
+    """
     path = folder / MANIFEST
     try:
         text = path.read_bytes()
@@ -275,7 +281,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def open_result(folder: Path) -> tuple[Store, dict[str, Any]]:
-    """The results that a folder holds, for reading."""
+    """Return the results in a folder, for reading."""
     manifest = read_manifest(folder)
     for path in (folder / MANIFEST, *folder.joinpath(RUNS).glob("*.parquet")):
         note_read(path, path.stat())
@@ -288,9 +294,10 @@ def open_result(folder: Path) -> tuple[Store, dict[str, Any]]:
 def opened_store(
     folder: Path, order: Order, campaign: Campaign, columns: ResultColumns, content: bytes, *, resume: bool
 ) -> Iterator[Store]:
-    """A campaign's folder, for nobody else while the block lasts; `content` is the bytes of the campaign file.
+    """Lock a campaign's folder while the block lasts; `content` is the bytes of the campaign file.
 
-    An InputError where it holds another campaign, or this one while `resume` is false, or somebody works in it.
+    Raises InputError if it holds another campaign, if it holds this one while `resume` is false, or if another process
+    works in it.
     """
     made_folder(folder / RUNS, folder)
     store = Store(folder, campaign)
@@ -305,11 +312,11 @@ def opened_store(
             try:
                 _write(folder / MANIFEST, written)
             except BaseException:
-                # A campaign that was never begun leaves nothing but the lock, which others may wait for.
+                # A campaign that never began leaves only the lock, for which others may be waiting.
                 (folder / RUNS).rmdir()
                 raise
         for place in (folder, folder / RUNS, folder / RECORDS):
-            # Half files of a process that was killed.
+            # Incomplete files of a killed process.
             for path in place.glob(".*"):
                 path.unlink(missing_ok=True)
         yield store

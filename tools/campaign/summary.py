@@ -1,10 +1,10 @@
-"""What comes of a campaign's runs, and what got better or worse than in another one, beyond chance.
+"""Results over a campaign's runs, and significant changes against another campaign.
 
-Quantiles, rates, confusion, sensitivity: one column is read at a time. Of two campaigns, runs of the same number,
-parameters and file are pairs; else the two are samples of their own. Numbers: Wilcoxon's signed-rank test of pairs,
-else Mann and Whitney's. What either happens or not (a run that fails, a text that is as it should be, a flag):
-McNemar's exact test of pairs, else Fisher's. Holm's correction makes the probability that anything is called better or
-worse by chance at most `CHANCE`, whatever the number of scalars.
+Quantiles, rates, confusion, sensitivity: one column is read at a time. In a comparison, runs of the same number,
+parameters and file are pairs; otherwise the two campaigns are independent samples. Tests of numbers: Wilcoxon's
+signed-rank test of pairs, else Mann and Whitney's. Tests of events (a failed run, an expected text, a flag): McNemar's
+exact test of pairs, else Fisher's. Holm's correction limits the probability of any false "better" or "worse" to
+`CHANCE` for all scalars together.
 """
 
 import math
@@ -31,16 +31,16 @@ from .store import RUNS, Store, open_result
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 CONFIDENCE = 0.95
 RESAMPLES = 200
-"""Bootstrap samples behind the intervals of Sobol indices."""
+"""Number of bootstrap samples for the intervals of Sobol indices."""
 MOST_MESSAGES = 20
 MOST_RECORD_ROWS = 4_000_000
-"""With so many rows of records no further file is read."""
+"""Number of rows of records after which no further file is read."""
 CHANCE = 0.01
-"""Probability that two campaigns that differ by chance alone are called different in anything."""
+"""Probability that two campaigns that differ by chance alone differ significantly in anything."""
 ROUNDING = 1e-9
 """Differences below this part of the scalar's usual size are rounding, not changes."""
 FEWEST = 6
-"""Fewer runs say nothing."""
+"""Smallest number of runs that can show a difference."""
 Verdict = Literal["better", "worse", "changed", "same"]
 
 
@@ -59,15 +59,16 @@ class Results:
         self.schema: dict[str, pl.DataType] = dict(pl.read_parquet_schema(self._files[0]))
 
     def column(self, name: str) -> pl.Series:
-        """A column, all runs in order."""
+        """Return a column, all runs in order."""
         return pl.scan_parquet(self._files, glob=False).select(name).collect()[name]
 
     def numbers(self, name: str) -> NDArray:
-        """A column as doubles; NaN where a run has no value."""
+        """Return a column as doubles; NaN if a run has no value."""
         return self.column(name).cast(pl.Float64).fill_null(math.nan).to_numpy()
 
     def records(self) -> tuple[pl.LazyFrame, int] | None:
-        """The rows of the records that were kept, of the first so many runs; None of what has no time, or no rows."""
+        """Return the rows of the kept records of the first runs, and their number; None without a time column or
+        rows."""
         files, runs, rows = [], 0, 0
         for partition in range(self.store.campaign.partitions):
             if (path := self.store.records_path(partition)).is_file() and rows < MOST_RECORD_ROWS:
@@ -83,7 +84,7 @@ class Results:
 
 
 class Failure(Result):
-    """Runs that failed with the same message: how many, and the first of them."""
+    """Runs that failed with the same message: their number, and the first of them."""
 
     message: Annotated[str, Quantity("message")]
     runs: Annotated[int, Quantity("runs")]
@@ -92,9 +93,9 @@ class Failure(Result):
 
 @dataclass(frozen=True)
 class Cost:
-    """What carrying out a campaign took: the runs that were made, and seconds from beginning to end.
+    """Cost of a campaign: the runs that were made, and the total time [s].
 
-    All workers together worked so long, by the clock and of their processors [s].
+    The total times of all workers are wall-clock and processor times [s].
     """
 
     runs: int
@@ -111,21 +112,22 @@ class Cost:
 
 
 class CampaignResult(Result):
-    """What came of a campaign.
+    """The result of a campaign.
 
     Attributes
     ----------
     title, kind : str
+        title of the campaign, kind of its runs
     runs, failed : int
-        how many runs there are, how many of them failed
+        number of runs, number of failed runs
     failures : list of Failure
         the messages, the most frequent first
     computed : list of dict
-        each computation as the file asks for it, with its `result`
+        each computation as in the file, with its `result`
     folder : Path or None
-        where the campaign is kept
+        folder of the campaign
     cost : Cost or None
-        where it was carried out just now
+        cost, if this process ran it
     """
 
     schema_: Literal["trihedron.campaign-summary/1"] = Field(default="trihedron.campaign-summary/1", alias="schema")
@@ -139,14 +141,14 @@ class CampaignResult(Result):
     cost: Cost | None = Field(default=None, exclude=True)
 
     def to_polars(self) -> pl.DataFrame:
-        """A row for each run."""
+        """Return a row for each run."""
         if self.folder is None:
             raise InputError("the folder of the campaign is not known")
         return pl.read_parquet(self.folder / RUNS / "*.parquet")
 
 
 def summarise(store: Store) -> CampaignResult:
-    """What the campaign's file asks for, and what failed."""
+    """Return the results of the file's computations, and the failures."""
     results = Results(store)
     failed = results.column("failed")
     counted = Counter(failed.drop_nulls().to_list())
@@ -169,7 +171,7 @@ def summarise(store: Store) -> CampaignResult:
 
 
 def computation_result(computation: Computation, results: Results) -> Any:
-    """What comes of a computation."""
+    """Return the result of a computation."""
     if computation.quantiles is not None:
         at = computation.at or list(QUANTILES)
         return {name: quantiles(results.numbers(name), at) for name in computation.quantiles}
@@ -181,7 +183,7 @@ def computation_result(computation: Computation, results: Results) -> Any:
 
 
 def quantiles(values: NDArray, at: Sequence[float]) -> dict[str, Any]:
-    """Quantiles, mean and extremes of a scalar, over the runs that have it."""
+    """Return quantiles, mean and extremes of a scalar, over the runs that have it."""
     values = values[np.isfinite(values)]
     if not len(values):
         return {"runs": 0}
@@ -197,7 +199,8 @@ def quantiles(values: NDArray, at: Sequence[float]) -> dict[str, Any]:
 
 
 def rates(results: Results, computation: Computation, name: str) -> list[dict[str, Any]]:
-    """How often a scalar is one of some values, with Wilson's interval; over all, or over ranges of another scalar."""
+    """Return the rates of some values of a scalar, with Wilson's interval; over all, or over ranges of another
+    scalar."""
     column = results.column(name)
     has_value = column.is_not_null().to_numpy()
     counted = []
@@ -218,7 +221,7 @@ def rates(results: Results, computation: Computation, name: str) -> list[dict[st
 
 
 def rate(hits: NDArray) -> dict[str, Any]:
-    """A rate with its interval by Wilson's score."""
+    """Return a rate with its interval by Wilson's score."""
     count, cases = int(hits.sum()), len(hits)
     if not cases:
         return {"cases": 0, "count": 0, "rate": None, "interval": None}
@@ -227,7 +230,7 @@ def rate(hits: NDArray) -> dict[str, Any]:
 
 
 def confusion_of_columns(results: Results, name: str, of: str) -> dict[str, dict[str, int]]:
-    """How often each value of one column goes with each value of another: true -> named -> count."""
+    """Return the counts of each pair of values of two columns: true -> named -> count."""
     table: dict[str, Counter[str]] = {}
     for true, value in zip(results.column(of).to_list(), results.column(name).to_list(), strict=True):
         if true is not None and value is not None:
@@ -236,7 +239,8 @@ def confusion_of_columns(results: Results, name: str, of: str) -> dict[str, dict
 
 
 def sensitivity(results: Results, names: Sequence[str]) -> dict[str, Any]:
-    """How scalars depend on the parameters: Sobol indices of a Saltelli sampling, else Spearman's rank correlations."""
+    """Return sensitivities to the parameters: Sobol indices of a Saltelli sampling, else Spearman's rank
+    correlations."""
     campaign = results.store.campaign
     if campaign.sampling.method == "saltelli":
         return {name: sobol_indices(campaign, results.numbers(name)) for name in names}
@@ -248,7 +252,7 @@ def sensitivity(results: Results, names: Sequence[str]) -> dict[str, Any]:
 
 
 def correlations(parameters: Mapping[str, NDArray], values: NDArray) -> dict[str, Any]:
-    """Spearman's rank correlation with each parameter, and the p-value of none."""
+    """Return Spearman's rank correlation with each parameter, and its p-value."""
     by_parameter: dict[str, dict[str, float | None]] = {}
     for name, column in parameters.items():
         finite = np.isfinite(values) & np.isfinite(column)
@@ -261,14 +265,14 @@ def correlations(parameters: Mapping[str, NDArray], values: NDArray) -> dict[str
 
 
 def sobol_indices(campaign: Campaign, values: NDArray) -> dict[str, Any]:
-    """First-order and total Sobol indices with bootstrapped intervals; rows in which a run failed are left out.
+    """Return first-order and total Sobol indices with bootstrapped intervals; rows with a failed run are left out.
 
-    Source: Saltelli et al., Computer Physics Communications 181 (2010), 259-270, as scipy.stats.sobol_indices has it.
+    Source: Saltelli et al., Computer Physics Communications 181 (2010), 259-270, as in scipy.stats.sobol_indices.
     """
     names, points = list(campaign.distributions), campaign.sampling.points
     rows = values.reshape(len(names) + 2, points)
     complete = np.isfinite(rows).all(axis=0)
-    # The estimators are means over rows, of which scipy wants a power of two.
+    # The estimators are means over rows; scipy requires a power of two of them.
     count = 1 << max(int(complete.sum()).bit_length() - 1, 0)
     rows = rows[:, complete][:, :count]
     by_parameter: dict[str, dict[str, Any]] = {name: {"first": None, "total": None} for name in names}
@@ -292,28 +296,29 @@ def sobol_indices(campaign: Campaign, values: NDArray) -> dict[str, Any]:
 
 
 def _indices(rows: NDArray) -> tuple[NDArray, NDArray]:
-    """First-order and total indices from the values of the rows of A, B and each A with a column from B."""
+    """Return first-order and total indices from the values of the rows of A, B and each A with a column from B."""
     blocks: Any = {"f_A": rows[None, 0], "f_B": rows[None, 1], "f_AB": rows[2:, None]}
     indices = stats.sobol_indices(func=blocks, n=rows.shape[1])
     return np.ravel(indices.first_order), np.ravel(indices.total_order)
 
 
 class Change(Result):
-    """What became of one scalar.
+    """The change of one scalar.
 
     Attributes
     ----------
     name : str
+        name of the scalar
     what : str
-        what is compared: "median", or the part of the runs that are so
+        compared quantity: "median", or a rate of the runs
     before, after : float or None
-        its value in the campaign compared with, and in this one
+        its value in the other campaign, and in this one
     p : float or None
-        probability of such a difference by chance, corrected for the number of scalars; None where it cannot be told
+        probability of this difference by chance, corrected for the number of scalars; None if it is unknown
     verdict : str
-        "better", "worse", "changed" (beyond chance, where neither way is better), or "same": no change beyond chance
+        "better", "worse", "changed" (beyond chance, without a better direction), or "same": no change beyond chance
     runs : int
-        how many runs this rests on
+        number of runs in the comparison
     """
 
     name: Annotated[str, Quantity("scalar")]
@@ -324,9 +329,9 @@ class Change(Result):
     verdict: Annotated[Verdict, Quantity("verdict")] = "same"
     runs: Annotated[int, Quantity("runs")]
     direction: int = Field(default=0, exclude=True)
-    """+1 where the scalar grew, −1 where it fell."""
+    """+1 if the scalar grew, −1 if it fell."""
     better: str | None = Field(default=None, exclude=True)
-    """Which way is better: "higher" or "lower"."""
+    """Better direction: "higher" or "lower"."""
 
 
 class Comparison(Result):
@@ -335,12 +340,13 @@ class Comparison(Result):
     Attributes
     ----------
     paired : bool
-        whether runs of the same number were held against each other
+        True if runs of the same number were compared
     chance : float
-        probability that two campaigns that differ by chance alone are called different in anything
+        probability that two campaigns that differ by chance alone differ significantly in anything
     better, worse : int
-        how many scalars got so
+        number of better and of worse scalars
     changes : list of Change
+        change of each scalar
     """
 
     schema_: Literal["trihedron.campaign-comparison/1"] = Field(
@@ -353,14 +359,14 @@ class Comparison(Result):
     changes: list[Change]
 
     def of(self, verdict: Verdict) -> list[Change]:
-        """Changes of one kind."""
+        """Return the changes of one verdict."""
         return [change for change in self.changes if change.verdict == verdict]
 
 
 def compare_campaigns(folder: Path, other: Path) -> Comparison:
-    """Hold the campaign of a folder, which is judged, against another one.
+    """Compare the campaign of a folder, which is judged, with another one.
 
-    An InputError for a folder without a whole campaign, or campaigns of different kinds of runs.
+    Raises InputError for a folder without a whole campaign, and for campaigns of different kinds of runs.
     """
     (store, manifest), (store_before, _) = open_result(folder), open_result(other)
     kind, kind_before = store.campaign.kind, store_before.campaign.kind
@@ -388,7 +394,7 @@ def compare_campaigns(folder: Path, other: Path) -> Comparison:
 
 
 def _same_runs(now: Results, before: Results) -> bool:
-    """Whether run k of both has the same parameters and the same random errors."""
+    """Return True if run k of both has the same parameters and the same random errors."""
     a, b = now.store.campaign, before.store.campaign
     if (a.runs, a.seed, list(a.parameters)) != (b.runs, b.seed, list(b.parameters)):
         return False
@@ -402,12 +408,12 @@ def _failed(results: Results) -> NDArray:
 
 
 def _is(results: Results, name: str, good: Sequence[str]) -> NDArray:
-    """1 where a text is as it should be, 0 where it is not, NaN where there is none."""
+    """Return 1 for an expected text, 0 for another one, NaN for none."""
     return results.column(name).is_in(list(good)).cast(pl.Float64).fill_null(math.nan).to_numpy()
 
 
 def _finite(before: NDArray, now: NDArray, *, pairs: bool) -> tuple[NDArray, NDArray]:
-    """The values that are finite: of pairs where both are."""
+    """Return the finite values; of pairs those with two finite values."""
     finite, finite_now = np.isfinite(before), np.isfinite(now)
     if pairs:
         finite = finite_now = finite_now & finite
@@ -415,7 +421,7 @@ def _finite(before: NDArray, now: NDArray, *, pairs: bool) -> tuple[NDArray, NDA
 
 
 def _happens(name: str, what: str, before: NDArray, now: NDArray, pairs: bool, better: str | None) -> Change:
-    """Compare how often something is so; arrays of 0, 1 and NaN."""
+    """Compare how often an event occurs; arrays of 0, 1 and NaN."""
     before, now = _finite(before, now, pairs=pairs)
     part_before, part = _number(before, np.mean), _number(now, np.mean)
     if pairs:
@@ -486,7 +492,7 @@ def _number(values: NDArray, statistic: Callable[[NDArray], Any]) -> float | Non
 
 
 def _corrected(tests: Sequence[Change]) -> list[Change]:
-    """Holm's correction over all scalars that can be told, and the verdict that it leaves of each."""
+    """Apply Holm's correction over all testable scalars, and return each with its verdict."""
     tested = []
     for k, test in enumerate(tests):
         if test.p is not None:

@@ -1,4 +1,4 @@
-"""Files checked before they are used: everything that is wrong at once, with lines."""
+"""Check files before use: list all problems at once, with lines."""
 
 import lazy_loader
 

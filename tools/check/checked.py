@@ -1,4 +1,4 @@
-"""A file that is checked: what it is, and what is wrong with it where it is an archive; others are in `files`."""
+"""Check a file of any kind; archives are checked here, other files in `files`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,11 +15,11 @@ from .findings import Check, Findings
 
 
 def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = None, *, trust: bool = False) -> Check:
-    """Say everything that is wrong with a file that Trihedron reads, with lines; what it is is told by its content.
+    """List all problems of a file that Trihedron reads, with lines; its content decides the kind.
 
-    A scenario, campaign or file of mountings (TOML); a record, position programme or angles of a plan (CSV, Parquet); a
-    calibration, diagnosis or plan (JSON); an .fmu or .ssp. Channels of a record are as of `read_record`; with
-    `trust` what speaks against its gyros is a warning. An InputError where no file can be read.
+    Kinds: a scenario, campaign or file of mountings (TOML); a record, position programme or angles of a plan (CSV,
+    Parquet); a calibration, diagnosis or plan (JSON); an .fmu or .ssp. Channels of a record are those of `read_record`.
+    With `trust`, evidence against its gyros becomes a warning. Raises InputError if the file cannot be read.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -36,7 +36,7 @@ def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = N
             findings.kind = "FMU"
         findings.add(f"is not a ZIP archive, which an {ending} is")
     else:
-        # An archive of somebody else is refused before the half of the program is imported that reads records.
+        # Refuse a foreign archive before importing the many modules that read records.
         from .files import check_content
 
         return findings.check(check_content(findings, content, channels, stamps, trust=trust))
@@ -44,10 +44,10 @@ def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = N
 
 
 def _check_fmu(findings: Findings) -> None:
-    """What FMPy's validation and the orchestrator's own say of an FMU; nothing of it is run."""
+    """Check an FMU with FMPy's validation and the orchestrator's own, without running it."""
     findings.kind = "FMU"
     with own_folder() as folder, findings.of():
-        # Before anything else opens the archive: this refuses what is not safe to unpack.
+        # First of all, this refuses an archive that is unsafe to unpack.
         described = unpack(findings.path, str(findings.path), lambda _: folder / "fmu").description
         interface = interface_of("fmu", str(findings.path), described)
         for text in validate_fmu(str(findings.path)):
@@ -62,7 +62,7 @@ def _check_fmu(findings: Findings) -> None:
 
 
 def _check_ssp(findings: Findings) -> None:
-    """Whether an .ssp can be read as a scenario; nothing of it is run."""
+    """Check that an .ssp can be read as a scenario, without running it."""
     findings.kind = "SSP archive"
     with findings.of(), scenario_of_ssp(findings.path) as (scenario, ignored):
         findings.warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)

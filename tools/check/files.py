@@ -1,4 +1,4 @@
-"""Everything that is wrong with a text or a table: what it is, by its content, then fault by fault."""
+"""List all problems of a text or a table; its content decides the kind."""
 
 import csv
 import json
@@ -65,17 +65,18 @@ MODELS = {
     SCHEMAS["trihedron.imu-plan/1"]: ImuPlan,
 }
 ALIGNED = np.eye(3)
-"""The mounting of a block of which nothing is said."""
+"""Default mounting of a block."""
 MOST = 200
-"""So many problems of a record are listed."""
+"""Largest number of a record's problems that are listed."""
 
 
 def check_content(
     findings: Findings, content: bytes, channels: Sequence[str], stamps: str | None = None, *, trust: bool
 ) -> int | None:
-    """Note what is wrong with a file that is no archive; so many problems of it are listed, all without a number.
+    """Note the problems of a file that is not an archive; return the largest number to list, or None for all.
 
-    A scenario, campaign or file of mountings (TOML); a calibration, diagnosis or plan (JSON); anything else is a table.
+    Kinds: a scenario, campaign or file of mountings (TOML); a calibration, diagnosis or plan (JSON); anything else is a
+    table.
     """
     ending = findings.path.suffix.lower()
     if ending not in (".toml", ".json"):
@@ -95,7 +96,7 @@ def check_content(
 
 
 def _check_toml(findings: Findings, text: str) -> None:
-    """A scenario, a campaign or a file of mountings."""
+    """Check a scenario, a campaign or a file of mountings."""
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -146,10 +147,10 @@ def _check_toml(findings: Findings, text: str) -> None:
 def _check_table(
     findings: Findings, content: bytes, channels: Sequence[str], stamps: str | None = None, *, trust: bool
 ) -> None:
-    """A table of measured or commanded numbers, CSV or Parquet.
+    """Check a table of measured or commanded numbers, CSV or Parquet.
 
-    Of a record every field that is wrong, by row; of a series without such fields also the limits of its channels, and
-    whether a raw record has rests.
+    In a record, list every wrong field by row. If a series has none, check the limits of its channels, and the rests of
+    a raw record.
     """
     names: list[str] = []
     if not content.startswith(MAGIC):
@@ -160,7 +161,7 @@ def _check_table(
         return
 
     def listed():
-        """The faults; what the reader has at its end is the columns."""
+        """Yield the faults; the reader's final value is the columns."""
         nonlocal columns
         columns = yield from all_faults(findings.path, content, any_times=times_unused(stamps))
 
@@ -207,10 +208,10 @@ def _check_table(
 
 
 def channels_warning(record: PositionRecord | RawRecord, mounting: NDArray | None = ALIGNED) -> tuple[str, ...]:
-    """What `calibrate` or `diagnose` would say of the channels of a record of a table.
+    """Return the advice of `calibrate` or `diagnose` on the channels of a table's record.
 
-    Block axes from axes of the inner frame are a mounting (3, 3); of a record with several, or with none that is known,
-    nothing is said. A record without rests tells nothing.
+    `mounting` (3, 3) gives block axes from axes of the inner frame. There is no advice for several or unknown
+    mountings, or for a record without rests.
     """
     if isinstance(record, RawRecord):
         try:
@@ -227,7 +228,7 @@ def channels_warning(record: PositionRecord | RawRecord, mounting: NDArray | Non
 
 
 def _header(content: bytes) -> list[str]:
-    """The names in the first written line; none where there is no text."""
+    """Return the names in the first written line; empty if there is no text."""
     lines = content[:100_000].decode("utf-8-sig", "replace").splitlines()
     for line in lines:
         if line.strip() and not line.startswith("#"):
@@ -239,7 +240,7 @@ def _header(content: bytes) -> list[str]:
 
 
 def _check_commands(findings: Findings, names: list[str]) -> None:
-    """A table without readings: a position programme, the angles of a plan that were set, or rows for inputs."""
+    """Check a table without readings: a position programme, the set angles of a plan, or rows for inputs."""
     findings.kind = "table of numbers"
     if set(names) <= set(ANGLES) | {"dwell_s"}:
         findings.kind = "position programme"
@@ -259,7 +260,7 @@ def _check_commands(findings: Findings, names: list[str]) -> None:
 
 
 def _check_json(findings: Findings, text: str) -> None:
-    """A file of results; one of a schema that is not known is not of this program."""
+    """Check a file of results; its schema must be one of this program."""
     try:
         content = json.loads(text, parse_constant=_refused)
     except json.JSONDecodeError as error:
@@ -315,7 +316,7 @@ def _check_json(findings: Findings, text: str) -> None:
 
 
 def _summarise_diagnosis(diagnosis: Diagnosis, findings: Findings) -> None:
-    """Note the verdict, and the effects that are named, or first of those that remain."""
+    """Note the verdict, and the named effects, or the first remaining ones."""
     records = ""
     if diagnosis.records:
         findings.kind, records = "diagnosis of several records", f"{len(diagnosis.records)} records, "
@@ -336,7 +337,7 @@ def _refused(constant: str) -> float:
 
 
 def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
-    """The keys of the object at a location."""
+    """Return the keys of the object at a location."""
     for part in location:
         content = content[part]
     if not isinstance(content, dict):
@@ -345,7 +346,7 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
 
 
 def _check_calibration(content: Mapping[str, Any], findings: Findings) -> None:
-    """What uses of a calibration ask for beside its fields: symbols, intervals, bounds that fit together."""
+    """Check a calibration beyond its fields: symbols, intervals, bounds that fit together."""
     try:
         if content["verdict"] == "consistent" and ("reading_errors" in content or "of_record" in content):
             correction_of(content, "calibration")

@@ -1,6 +1,6 @@
-"""What a check of a file has found: problems, gathered one after the other, with the lines of their fields.
+"""Findings of a check: problems with the lines of their fields.
 
-The libraries that read TOML and JSON do not say where a field stands.
+The libraries that read TOML and JSON do not give the line of a field.
 """
 
 import json
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 PATIENT = 64
-"""A TOML statement of more lines is looked for at lines that can end one only."""
+"""Number of lines of a TOML statement beyond which only lines that can end one are tried."""
 _BLANK = re.compile(r"[ \t\r\n]*")
 _PART = re.compile(r"\.?([A-Za-z_][\w-]*)|\[(\d+)\]")
 _NUMBERED = re.compile(r"^(connections|stimuli|fmus\.[\w-]+\.effects)\[\d+\]")
 
 
 class Problem(Result):
-    """Something that is wrong.
+    """A problem of a file.
 
     Attributes
     ----------
     line : int or None
-        where, as an editor counts lines; None where the file has no lines or the whole is meant
+        line, as an editor counts; None if the file has no lines or all of it is meant
     text : str
-        one line that names the field or column and says what would be right
+        one line with the field or column and the correct form
     """
 
     line: int | None = None
@@ -42,20 +42,20 @@ class Problem(Result):
 
 
 class Check(Result):
-    """A file that was checked: schema trihedron.check/1.
+    """A checked file: schema trihedron.check/1.
 
     Attributes
     ----------
     file, kind : str
-        its name, and what it is, as "scenario" or "position record"; "unknown" where that cannot be told
+        its name, and its kind, such as "scenario" or "position record"; "unknown" if it cannot be recognised
     good : bool
-        whether nothing is wrong
+        True if there are no problems
     problems : tuple of Problem
-        everything that is wrong, by line
+        all problems, by line
     not_listed : int
-        problems beside these
+        number of further problems
     warnings, summary : tuple of str
-        what may be meant otherwise; what is in it, where nothing is wrong
+        possible misunderstandings; content of a good file
     """
 
     schema_: Literal["trihedron.check/1"] = Field(default="trihedron.check/1", alias="schema")
@@ -69,7 +69,7 @@ class Check(Result):
 
     @property
     def verdict(self) -> str:
-        """One line."""
+        """Verdict in one line."""
         if self.good:
             article = "a"
             if self.kind[0] in "aeo":
@@ -82,7 +82,7 @@ class Check(Result):
         return f"{self.file}: {count} {noun} ({self.kind})"
 
     def to_polars(self) -> "DataFrame":
-        """The problems as a table: line, text."""
+        """Return the problems as a table: line, text."""
         import polars as pl
 
         rows = [(problem.line, problem.text) for problem in self.problems]
@@ -90,7 +90,7 @@ class Check(Result):
 
 
 class Findings:
-    """What is found in a file, gathered one after the other; `lines` says where each field stands."""
+    """The findings of a file; `lines` has the line of each field."""
 
     def __init__(self, path: Path, kind: str = "unknown"):
         self.path, self.kind = path, kind
@@ -100,7 +100,7 @@ class Findings:
         self.summary: tuple[str, ...] = ()
 
     def add(self, text: str, location: Location = (), line: int | None = None) -> None:
-        """Note a problem, of a field once."""
+        """Note a problem, once for each field."""
         if line is not None or all(text != problem.text for problem in self.problems):
             if line is None:
                 line = line_at(self.lines, location)
@@ -108,9 +108,9 @@ class Findings:
 
     @contextmanager
     def of(self, location: Location = (), number: int | None = None) -> Iterator[None]:
-        """Note what is refused within the block, of the field at a location; without one the message begins with it.
+        """Note errors of the block as problems of the field at a location; by default the message names the field.
 
-        `number` is that of the connection, stimulus or effect, from 1, in place of that in the message.
+        `number` of the connection, stimulus or effect, from 1, replaces the number in the message.
         """
         try:
             yield
@@ -121,7 +121,7 @@ class Findings:
             self.add(text, location or named_location(text))
 
     def check(self, most: int | None = None) -> Check:
-        """All of it, the problems by line, those without a line first; at most so many of them are listed."""
+        """Return all findings, the problems by line, those without a line first; list at most `most` of them."""
         problems = sorted(self.problems, key=lambda problem: problem.line or 0)
         not_listed = 0
         if most is not None:
@@ -138,7 +138,7 @@ class Findings:
 
 
 def named_location(text: str) -> Location:
-    """The location of the dotted name that a message begins with."""
+    """Return the location of the dotted name with which a message begins."""
     location: list[int | str] = []
     at = 0
     while match := _PART.match(text, at):
@@ -151,7 +151,7 @@ def named_location(text: str) -> Location:
 
 
 def line_at(lines: Mapping[Location, int], location: Location) -> int | None:
-    """The line of a field, or of the innermost section around it that the file has."""
+    """Return the line of a field, or of the innermost section around it in the file."""
     for length in range(len(location), 0, -1):
         if location[:length] in lines:
             return lines[location[:length]]
@@ -159,7 +159,7 @@ def line_at(lines: Mapping[Location, int], location: Location) -> int | None:
 
 
 def toml_lines(text: str) -> dict[Location, int]:
-    """Location -> line, counted from 1, of every table and key of a TOML file that `tomllib` reads, with line feeds."""
+    """Return location -> line, from 1, of every table and key of a TOML file that `tomllib` reads, with line feeds."""
     lines = text.split("\n")
     line_at: dict[Location, int] = {}
     tables: dict[Location, int] = {}
@@ -183,7 +183,7 @@ def toml_lines(text: str) -> dict[Location, int]:
 
 
 def _header(written: str, tables: dict[Location, int]) -> Location:
-    """The location of `[a.b]` or `[[a.b]]`; `tables` counts the entries of arrays of tables."""
+    """Return the location of `[a.b]` or `[[a.b]]`; `tables` counts the entries of arrays of tables."""
     inner, is_entry = tomllib.loads(written), written.startswith("[[")
     names: list[str] = []
     while isinstance(inner, dict) and inner:
@@ -200,7 +200,7 @@ def _header(written: str, tables: dict[Location, int]) -> Location:
 
 
 def _statement(lines: list[str], row: int) -> tuple[int, dict[str, Any]]:
-    """The row behind the statement that begins at `row`, and what it says: the fewest lines that are TOML."""
+    """Return the row behind the statement that begins at `row`, and its content: the fewest lines that are TOML."""
     for after in range(row + 1, len(lines) + 1):
         if after - row > PATIENT and not lines[after - 1].rstrip().endswith(("]", "}", '"', "'")):
             continue
@@ -212,7 +212,7 @@ def _statement(lines: list[str], row: int) -> tuple[int, dict[str, Any]]:
 
 
 def _locations(value: object) -> Iterator[Location]:
-    """Everything inside a value, by its location."""
+    """Yield the locations of everything inside a value."""
     inner: Iterator[tuple[int | str, object]]
     if isinstance(value, dict):
         inner = iter(value.items())
@@ -227,7 +227,7 @@ def _locations(value: object) -> Iterator[Location]:
 
 
 def json_lines(text: str) -> dict[Location, int]:
-    """Location -> line, counted from 1, of every member and element of a JSON text that `json` reads."""
+    """Return location -> line, from 1, of every member and element of a JSON text that `json` reads."""
     line_at: dict[Location, int] = {}
     counted = [0, 1]
 

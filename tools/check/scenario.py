@@ -1,4 +1,4 @@
-"""What is wrong with a scenario's file: field by field, then what the right ones say of each other; nothing is run."""
+"""Check a scenario's file: each field, then the references between correct fields; nothing is run."""
 
 from collections.abc import Sequence
 from itertools import count
@@ -18,11 +18,11 @@ from ..rounding import exactly
 from .findings import Findings
 
 LISTS = ("connections", "stimuli")
-"""Lists of a scenario's file whose items are looked at one by one."""
+"""Lists of a scenario's file whose items are checked one by one."""
 
 
 def check_scenario(content: dict[str, Any], findings: Findings) -> None:
-    """Note the problems of a scenario's fields, and of what those say that are right by themselves; nothing is run."""
+    """Note the problems of a scenario's fields, and of references between correct fields; nothing is run."""
     origin = {"base_folder": findings.path.parent, "source": findings.path}
     system = _System(findings, content)
     try:
@@ -49,7 +49,7 @@ def check_scenario(content: dict[str, Any], findings: Findings) -> None:
 
 
 def _members(locations: Sequence[Location], section: str) -> set[int | str]:
-    """Names or indices of the members of a section that the locations are in."""
+    """Return names or indices of the members of a section that contain the locations."""
     members = set()
     for location in locations:
         if location[0] == section and len(location) > 1:
@@ -58,10 +58,10 @@ def _members(locations: Sequence[Location], section: str) -> set[int | str]:
 
 
 class _System:
-    """What of a scenario's file is right by itself, and what that says.
+    """The correct parts of a scenario's file, and their content.
 
-    `numbers` are those that the connections and stimuli which remain have in the file; FMUs are `absent` that are wrong
-    by themselves or cannot be had, the others are `loaded`; `wires` are the connections that are right.
+    `numbers` are those of the remaining connections and stimuli in the file. FMUs that are wrong or missing are
+    `absent`, the others are `loaded`; `wires` are the correct connections.
     """
 
     def __init__(self, findings: Findings, content: dict[str, Any]):
@@ -72,7 +72,7 @@ class _System:
         self.wires: list[Wire] = []
 
     def without(self, wrong: Sequence[Location]) -> dict[str, Any]:
-        """What remains without the FMUs, connections, stimuli, columns and keys at these locations."""
+        """Return the data without the FMUs, connections, stimuli, columns and keys at these locations."""
         right = dict(self.data)
         self.absent = {str(name) for name in _members(wrong, "fmus")}
         if self.absent:
@@ -122,7 +122,7 @@ class _System:
                     resolve_columns({name: text}, interfaces)
 
     def right_steps(self, scenario: Scenario) -> Scenario:
-        """The scenario without steps of FMUs that are no multiples of its own."""
+        """Return the scenario without steps of FMUs that are not multiples of its own."""
         right = {}
         for name, setting in scenario.fmus.items():
             right[name] = setting.model_copy(update={"step_s": None})
@@ -132,16 +132,16 @@ class _System:
         return scenario.model_copy(update={"fmus": right})
 
     def present(self, *variables: str) -> bool:
-        """Whether the FMUs of all these variables (`fmu.name`) are there."""
+        """Return True if the FMUs of all these variables (`fmu.name`) are there."""
         return self.absent.isdisjoint(text.partition(".")[0] for text in variables)
 
     def load(self, scenario: Scenario, name: str, sources: Sources, folder: Path) -> Loaded | None:
-        """The FMU with all that is right of its setting; None where it cannot be had at all."""
+        """Return the FMU with the correct part of its setting; None if the FMU itself is missing."""
         at, setting, numbers = ("fmus", name), scenario.fmus[name], count()
         right: dict[str, Any] = {"parameters": {}, "effects": [], "parameters_from": None}
 
         def load_as(*where: str | int, number: int | None = None, **changed: Any) -> Loaded | None:
-            """With other settings beside the right ones, of which they are where nothing is refused."""
+            """Load the FMU with further settings, and keep them if nothing is refused."""
             with self.found.of((*at, *where), number):
                 target = folder / str(next(numbers))
                 target.mkdir(parents=True)
@@ -174,7 +174,7 @@ class _System:
         return load_as("parameters", parameters=parameters) or loaded
 
     def check_stimuli(self, scenario: Scenario, sources: Sources) -> None:
-        """The stimuli one by one, programmes first: they may say when the run ends."""
+        """Check the stimuli one by one, programmes first: they may set the end of the run."""
         programmes: list[Stimulus] = []
         drives: list[tuple[str, Any]] = []
 
@@ -197,7 +197,7 @@ class _System:
         for number, stimulus in present:
             if stimulus.kind == "programme" and resolve(stimulus, number):
                 programmes.append(stimulus)
-        # Without its programmes nothing says when such a run ends; what is wrong with them has been said.
+        # Without its programmes the end of such a run is unknown; their problems are noted already.
         written = any(isinstance(s, dict) and "programme" in s for s in self.data.get("stimuli", ()))
         written |= any(stimulus.kind == "programme" for stimulus in scenario.stimuli)
         unknown_end = scenario.run.stop_s is None and not programmes and written
@@ -210,7 +210,7 @@ class _System:
                 resolve(stimulus, number, step)
         loaded = self.loaded
         if self.found.problems:
-            # What is wrong elsewhere may be what feeds an input.
+            # A wrong part elsewhere may feed this input.
             loaded = {}
         with self.found.of(("stimuli",)):
             check_sources(self.wires, drives, loaded)

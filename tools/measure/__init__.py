@@ -1,7 +1,7 @@
-"""A measurement at the table while it is made: what comes in, the rests in it, what is done and what is next.
+"""A running measurement at the table: incoming readings, their rests, finished positions and the next one.
 
-Readings come from a source, are kept as they come, and are cut into visits; a session is a fold over visits and the
-operator's words. Nothing here knows how it is shown.
+Readings come from a source, are kept at once, and are cut into visits; a session is a fold over visits and the
+operator's words. This package does not depend on any display.
 """
 
 import lazy_loader

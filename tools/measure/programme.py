@@ -1,4 +1,4 @@
-"""Which positions are to be measured, in which order, and what guaranteed errors they promise."""
+"""The positions to measure, their order, and the guaranteed errors that they promise."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from ..records.columns import ANGLES, LIMITS
 from ..result import field_problems
 
 SAME_DEG = 1.0
-"""A rest so near to a position of the plan [deg] is a visit to it."""
+"""Largest distance of a rest from a position of the plan that it visits [deg]."""
 
 
 @dataclass(frozen=True)
@@ -29,25 +29,27 @@ class TableSetting:
     beta_deg: float
 
     def distance(self, alpha_deg: float, beta_deg: float) -> float:
-        """The larger of the distances of the two angles [deg], whole turns apart or not."""
+        """Return the larger of the distances of the two angles [deg], modulo whole turns."""
         return max(_turn(self.alpha_deg - alpha_deg), _turn(self.beta_deg - beta_deg))
 
 
 def _turn(difference: float) -> float:
-    """The size of a difference of angles [deg] without whole turns."""
+    """Return the size of a difference of angles [deg] without whole turns."""
     return abs((difference + 180.0) % 360.0 - 180.0)
 
 
 @dataclass(frozen=True)
 class TableProgramme:
-    """Positions in the order of measurement, the model that they are for, and what they promise.
+    """Positions in the order of measurement, their model, and the promised errors.
 
     Attributes
     ----------
     settings : tuple of Setting
+        the positions
     promised : dict
-        guaranteed error of each target [σ] where every position is measured as planned
+        guaranteed error of each target [σ] if every position is measured as planned
     baseline, convention : str
+        model of the scale factors, convention of the targets
     bounds : (float, float)
         u^max [rad] and v^0max of (1.7)
     mounting : dict
@@ -63,10 +65,10 @@ class TableProgramme:
 
 
 def read_programme(path: Path, mounting: str = "identity") -> TableProgramme:
-    """A folder that `trihedron plan positions --out` wrote, its plan.json, or a table with alpha_deg and beta_deg.
+    """Read a folder of `trihedron plan positions --out`, its plan.json, or a table with alpha_deg and beta_deg.
 
-    The mounting is that of a table; a plan has its own. An InputError for a file that is none of these, a plan with
-    several mountings, or positions that do not determine every target.
+    The mounting is that of a table; a plan has its own. Raises InputError for any other file, for a plan with several
+    mountings, and for positions that do not determine every target.
     """
     if path.is_dir():
         path = path / "plan.json"
@@ -107,12 +109,12 @@ def read_programme(path: Path, mounting: str = "identity") -> TableProgramme:
 
 
 def _promising(path: Path, angles: NDArray, request: Request) -> TableProgramme:
-    """The positions (N, 2) [deg] with the guaranteed errors that they give, by the linear programmes."""
+    """Return the positions (N, 2) [deg] with their guaranteed errors, from the linear programmes."""
     settings = tuple(TableSetting(k, float(a), float(b)) for k, (a, b) in enumerate(angles, start=1))
     parametrisation = request.parametrisation()
     if len(parametrisation.mountings) != 1:
         raise InputError("--mounting: holds several mountings; a record of one table is measured in one")
-    # costs as they are: beside an optimum of one
+    # costs relative to an optimum of one
     task = task_of(request, best=np.ones(len(parametrisation.symbols)))
     cost = costs(task, Places(np.radians(angles), np.zeros(len(angles), dtype=int))).ratio
     targets = [target.symbol for target in task.targets]

@@ -1,6 +1,6 @@
-"""Readings as they come, from a file that grows, standard input or a named pipe: lines of a raw record.
+"""Incoming readings from a growing file, standard input or a named pipe: lines of a raw record.
 
-They are taken to numbers; what cannot be a row is left out and counted.
+Lines are converted to numbers; lines that cannot be rows are left out and counted.
 """
 
 import os
@@ -34,16 +34,16 @@ from ..records.columns import (
 from ..records.read import PART, faults_of_line, fields_of, significant_digits, taken_of, written_resolution
 
 LONGEST_LINE = 8192
-"""Bytes of a line that are kept while its end has not come."""
+"""Largest part of a line that is kept while its end has not come [bytes]."""
 LONGEST_GAP_S = 7 * 86400.0
-"""A clock that jumps farther [s] was not read right."""
+"""Largest credible jump of a clock [s]."""
 TIME, ALPHA, BETA, F1, LINE, WARMTH = 0, 1, 2, 3, 6, 7
-"""Columns of the rows: s, rad, rad, m/s² (three), line of the record, °C (NaN where there is none)."""
+"""Columns of the rows: s, rad, rad, m/s² (three), line of the record, °C (NaN if there is none)."""
 
 
 @dataclass(frozen=True)
 class AcceptedLines:
-    """What came: bytes to keep, the rows in them (n, 8), and what was left out, a line each."""
+    """Incoming lines: bytes to keep, the rows in them (n, 8), and a line for each part left out."""
 
     kept: bytes
     rows: NDArray[np.float64]
@@ -59,11 +59,11 @@ class RecordLines:
     Attributes
     ----------
     layout : Layout or None
-        which columns the header names; None before it has come
+        columns that the header names; None before it has come
     count : int
         lines kept
     last_s : float
-        time of the last row kept
+        time of the last row kept [s]
     resolution : float
         half a last digit of the readings as they are written [m/s²]
     """
@@ -80,11 +80,11 @@ class RecordLines:
 
     @property
     def resolution(self) -> float:
-        """Half a last digit of the largest reading so far [m/s²], as of the whole record."""
+        """Half a last digit of the largest reading so far [m/s²], like that of a whole record."""
         return written_resolution(self._largest, self._digits)
 
     def from_the_beginning(self) -> None:
-        """What follows may have come already: up to the last time it is passed over, and so is its header."""
+        """Expect repeated lines: skip the header, and rows up to the last time."""
         self._open, self._overlong = b"", False
         self._before = None
         if self.rows:
@@ -92,9 +92,9 @@ class RecordLines:
         self.layout = None
 
     def feed(self, data: bytes, *, ended: bool = False) -> AcceptedLines:
-        """Take what came; a line without its end waits for it, unless the source has ended.
+        """Take incoming bytes; a line without its end waits for it, unless the source has ended.
 
-        An InputError for a header that is none of a raw record.
+        Raises InputError for a header that is not a raw record's.
         """
         lines_come, newline, self._open = (self._open + data).rpartition(b"\n")
         lines = (lines_come + newline).splitlines(keepends=True)
@@ -118,7 +118,7 @@ class RecordLines:
         return AcceptedLines(b"".join(written), np.concatenate(rows), tuple(refused))
 
     def _header_of(self, lines: list[bytes]) -> tuple[list[bytes], list[bytes]]:
-        """What is kept of the lines up to the header, and the lines after it; numbers alone have the usual columns."""
+        """Return the kept lines up to the header, and the lines after it; numbers alone have the usual columns."""
         again = bool(self.header)
         for k, line in enumerate(lines):
             encoding = "utf-8"
@@ -161,14 +161,14 @@ class RecordLines:
         self._place = {name: names.index(name) for name in self.layout.present}
 
     def _checked(self, lines: list[bytes]) -> tuple[list[bytes], NDArray, list[str]]:
-        """Lines that are kept, the numbers of the rows among them, and why others are left out."""
+        """Return the kept lines, the numbers of their rows, and the reasons for leaving others out."""
         texts: list[str] = []
         rows: list[int] = []
         remarks: set[int] = set()
         without_headers: list[bytes] = []
         for line in lines:
             text = line.decode("utf-8", "replace").rstrip("\r\n")
-            # a header that comes again, as after a restart, is no row and no remark
+            # a repeated header, as after a restart, is neither a row nor a remark
             if text.partition(",")[0].strip() == self.header[0]:
                 continue
             if text.strip() and not text.startswith("#"):
@@ -210,7 +210,8 @@ class RecordLines:
         return written, np.column_stack([numbers["time_s"][good], angles, force, at, warmth]), refused
 
     def _fields(self, texts: list[str], rows: list[int]) -> tuple[list[int], Any, list[str]]:
-        """The rows whose fields can be read, these fields (None without rows), and why others are left out."""
+        """Return the rows with readable fields, these fields (None without rows), and the reasons for leaving others
+        out."""
         width = len(self.header)
         fields = None
         refused: list[str] = []
@@ -234,7 +235,7 @@ class RecordLines:
         return lines
 
     def _good(self, numbers: dict[str, NDArray]) -> tuple[NDArray, list[str]]:
-        """Which rows can be of a record whose times grow, and what is wrong with the others."""
+        """Return a mask of the rows that fit a record with increasing times, and the faults of the others."""
         time = numbers["time_s"]
         good = np.ones(len(time), dtype=bool)
         if not len(time):
@@ -243,7 +244,7 @@ class RecordLines:
         columns = FileColumns(self.path, self.layout, numbers, None, np.arange(len(time)), 0.0)
         refused = []
         for fault in faults(columns):
-            # times are looked at below, beside all that came before; a unit that is wrong is said of a rest
+            # times are checked below, together with earlier rows; a wrong unit is reported for a rest
             if fault.row is not None and fault.column != "time_s" and good[fault.row]:
                 good[fault.row] = False
                 refused.append(_without_row(fault))
@@ -273,7 +274,7 @@ def _without_row(fault: RecordError) -> str:
 
 
 def by_count(rows: NDArray, before: int, at: Sequence[int]) -> list[NDArray]:
-    """Rows cut where so many have come in all; `before` came before them."""
+    """Cut rows at these total counts; `before` rows came earlier."""
     cuts = []
     for number in at:
         if before < number < before + len(rows):
@@ -282,29 +283,29 @@ def by_count(rows: NDArray, before: int, at: Sequence[int]) -> list[NDArray]:
 
 
 MOST_BYTES = 1 << 20
-"""Taken at once."""
+"""Largest number of bytes that are taken at once."""
 WAITING = 64
-"""Pieces of standard input that wait to be taken; then its writer waits."""
+"""Largest number of waiting pieces of standard input; then its writer waits."""
 
 
 class Source(Protocol):
-    """Bytes as they come."""
+    """A stream of bytes."""
 
     name: str
     trouble: str
-    """why nothing comes, where that is known; empty otherwise"""
+    """reason for the silence, if it is known; empty otherwise"""
 
     def read(self) -> bytes | None:
-        """What has come since, nothing where nothing has; None where no more can come."""
+        """Return new bytes, empty if there are none; None after the end."""
         ...
 
     def close(self) -> None:
-        """Let go of what is read."""
+        """Release the source."""
         ...
 
 
 class GrowingFile:
-    """A file to which another program appends; it need not be there yet."""
+    """A file to which another program appends; it may not exist yet."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.name, self.trouble = path, str(path), ""
@@ -332,7 +333,7 @@ class GrowingFile:
 
 
 class Stream:
-    """Standard input, or a pipe, read beside: who writes it is never kept waiting for long."""
+    """Standard input, or a pipe, read in a thread: its writer never waits for long."""
 
     def __init__(self, file: BinaryIO, name: str) -> None:
         self.name, self.trouble = name, ""
@@ -367,13 +368,13 @@ class Stream:
         return b"".join(pieces)
 
     def close(self) -> None:
-        """Standard input is the process's, and what still waits for its writer ends with it."""
+        """Leave standard input open: it belongs to the process, and waiting pieces end with it."""
         if self._ended and self._file is not getattr(sys.stdin, "buffer", None):
             self._file.close()
 
 
 def source_of(name: str) -> Source:
-    """The source that `--from` names: - is standard input, all else a growing file or a named pipe."""
+    """Return the source that `--from` names: - is standard input, all else a growing file or a named pipe."""
     if name == "-":
         return Stream(sys.stdin.buffer, "standard input")
     path = Path(name)

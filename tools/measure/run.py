@@ -1,4 +1,4 @@
-"""A session carried out: readings are read, kept and judged, views show them and hear the operator's words."""
+"""Run a session: read, keep and judge readings; show them in views, which take the operator's words."""
 
 import json
 import os
@@ -20,18 +20,18 @@ from .session import Ending, Measured, Session, SessionOptions, measured
 from .visits import Present, RestVisit, Watch
 
 PAUSE_S = 0.1
-"""Between two looks at a source from which nothing came."""
+"""Pause after a source gave nothing [s]."""
 SILENT_S = 5.0
-"""A source is called silent when nothing has come for so long."""
+"""Time without readings after which a source is silent [s]."""
 PIECE = 1 << 20
-"""Bytes of the record that are read at once."""
+"""Number of bytes of the record that are read at once."""
 
 
 class Files:
     """The files of a session: RECORD.csv, an ordinary raw record, and beside it the operator's words and the positions.
 
-    Every line is with the system before the next is read: killed at any moment nothing of it is lost. What a crash cut
-    off within a line is taken away when it is taken up again.
+    Every line reaches the system before the next is read, so a kill at any moment loses nothing. When the session is
+    resumed, the incomplete last line of a crash is removed.
     """
 
     def __init__(self, record: Path, header: Mapping[str, Any], *, resume: bool) -> None:
@@ -49,7 +49,7 @@ class Files:
             self._take_up()
 
     def beside(self, ending: str) -> Path:
-        """The name of another file of the session."""
+        """Return the name of another file of the session."""
         return self.record.with_name(f"{self.record.stem}.{ending}")
 
     def _take_up(self) -> None:
@@ -72,7 +72,7 @@ class Files:
         self._begin(cut=True)
 
     def _begin(self, *, cut: bool) -> None:
-        """Open the record, and write down what the session is of; with `cut` take away lines without an end."""
+        """Open the record and write the session's header; with `cut`, remove lines without an end."""
         for path in (self.record, self.positions_file):
             refuse_input(path)
         with said_writable(self.record):
@@ -95,7 +95,7 @@ class Files:
             )
 
     def replayed(self) -> Iterator[bytes]:
-        """What the record holds, piece by piece."""
+        """Yield the content of the record, piece by piece."""
         if self._file is not None:
             with said_writable(self.record), self.record.open("rb") as file:
                 while piece := file.read(PIECE):
@@ -111,7 +111,7 @@ class Files:
                 lines = lines[os.write(self._file, lines) :]
 
     def tell(self, word: Mapping[str, Any], rows: int) -> None:
-        """Write down a word of the operator's, and after how many rows it came."""
+        """Write a word of the operator, with the number of rows before it."""
         if self._file is None:
             self._begin(cut=False)
         self._write(self.words_file, {"rows": rows, **word})
@@ -121,7 +121,7 @@ class Files:
             file.write(json.dumps(content, allow_nan=False).encode() + b"\n")
 
     def positions(self, record: PositionRecord | None) -> None:
-        """Write the positions so far, and let what was written reach the disk."""
+        """Write the positions so far, and flush written data to the disk."""
         if self._file is not None:
             with said_writable(self.record):
                 os.fsync(self._file)
@@ -134,7 +134,7 @@ class Files:
             write_record(replace(record, about=about), self.positions_file)
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
@@ -142,7 +142,7 @@ class Files:
 
 
 def _without_open_line(path: Path) -> None:
-    """Cut off what follows the last end of a line."""
+    """Cut off the text after the last end of a line."""
     with path.open("r+b") as file:
         end = file.seek(0, os.SEEK_END)
         while end:
@@ -158,23 +158,26 @@ def _without_open_line(path: Path) -> None:
 
 @dataclass(frozen=True)
 class Moment:
-    """All that a view may show.
+    """Everything that a view may show.
 
     Attributes
     ----------
     session : Session
+        the session
     present : Present
+        state of the table
     source : str
-        what readings come from
+        name of the source
     silent_s : float
-        time since something came; 0 below `SILENT_S`
+        time without readings [s]; 0 below `SILENT_S`
     trouble : str
-        why nothing comes, or what is wrong with what came
+        reason for the silence, or fault of the readings
     rows, left_out : int
-        readings kept, lines that could be none
+        readings kept, lines that are not rows
     news : tuple of (str, object)
-        what has happened since the moment before: "visit", "word", "refused", "resumed"
+        events since the previous moment: "visit", "word", "refused", "resumed"
     ended : bool
+        True after the end
     """
 
     session: Session
@@ -189,31 +192,35 @@ class Moment:
 
 
 class View(Protocol):
-    """Shows moments, and hears the operator."""
+    """A view shows moments and takes the operator's words."""
 
     def show(self, moment: Moment) -> None:
-        """Show what is now."""
+        """Show the present moment."""
         ...
 
     def words(self) -> Sequence[Mapping[str, Any]]:
-        """What the operator has said since: "repeat" with its "visit", or "end"."""
+        """Return the operator's words since the last call: "repeat" with its "visit", or "end"."""
         ...
 
 
 @dataclass
 class Measurement:
-    """A session with its files: what comes in changes it, step by step.
+    """A session with its files, updated by each incoming piece.
 
     Attributes
     ----------
     session : Session
+        the session so far
     files : Files
+        its files
     lines : Lines
+        lines of the source
     watch : Watch
+        rests of the table
     left_out : int
-        lines that could be no rows
+        lines that are not rows
     news : list
-        as of `Moment`
+        as in `Moment`
     """
 
     session: Session
@@ -228,7 +235,7 @@ class Measurement:
     def begun(
         programme: TableProgramme, asked: SessionOptions, out: Path, source: str, *, resume: bool
     ) -> "Measurement":
-        """A new one, or one that is taken up again from its files; `source` is what refusals call the readings."""
+        """Begin a session, or resume one from its files; `source` names the readings in refusals."""
         session = Session(programme, asked, out)
         files = Files(out, session.header(), resume=resume)
         watch = Watch(asked.noise_bound, asked.gravity, asked.dwell_s, out)
@@ -237,7 +244,7 @@ class Measurement:
         return measurement
 
     def _replay(self) -> None:
-        """Follow what the files hold: rows, and words where they came between them."""
+        """Replay the files: rows, and the words between them."""
         words, rows = list(self.files.words), 0
         for piece in self.files.replayed():
             taken_in = self.lines.feed(piece)
@@ -254,14 +261,14 @@ class Measurement:
             self.files.positions(self.session.record())
 
     def _again(self, word: Mapping[str, Any]) -> None:
-        """Follow a word that was written down."""
+        """Apply a recorded word."""
         try:
             self.session = self.session.told(word)
         except (InputError, LookupError, TypeError, ValueError):
             raise InputError(f"{self.files.words_file}: {dict(word)}: cannot be followed; give another --out") from None
 
     def feed(self, data: bytes, *, ended: bool = False) -> None:
-        """Take what came from the source: keep it first, then judge it."""
+        """Take data from the source: keep it first, then judge it."""
         taken_in = self.lines.feed(data, ended=ended)
         if taken_in.kept:
             self.files.append(taken_in.kept)
@@ -277,7 +284,7 @@ class Measurement:
             self.files.positions(self.session.record())
 
     def end(self) -> None:
-        """Let the rest that is going on count."""
+        """Count the present rest."""
         self._visited(self.watch.end())
         self.files.positions(self.session.record())
 
@@ -287,7 +294,7 @@ class Measurement:
             self.news.append(("visit", visit))
 
     def hear(self, word: Mapping[str, Any]) -> bool:
-        """Follow a word of the operator's, and write it down; whether it ends the session."""
+        """Apply a word of the operator and record it; return True if it ends the session."""
         if word.get("word") == "end":
             return True
         try:
@@ -301,7 +308,7 @@ class Measurement:
         return False
 
     def moment(self, source: Source, silent_s: float, *, ended: bool = False) -> Moment:
-        """What is now, for views; the news are told once."""
+        """Return the present moment for views; news are given once."""
         news, self.news = tuple(self.news), []
         if silent_s < SILENT_S:
             silent_s = 0.0
@@ -318,7 +325,7 @@ class Measurement:
         )
 
     def diagnosed(self) -> Diagnosis | None:
-        """Diagnose the positions and write the page beside the record; None where a target is open."""
+        """Diagnose the positions and write the page beside the record; None if a target is undetermined."""
         if self.session.worst is None:
             return None
         options, programme = self.session.asked, self.session.programme
@@ -336,10 +343,10 @@ class Measurement:
 
 
 def carry_out(measurement: Measurement, source: Source, views: Sequence[View]) -> Measured:
-    """Measure until the source ends, the operator ends it, or nothing has come for so long as there is patience.
+    """Measure until the source ends, the operator ends it, or the patience runs out without readings.
 
-    At the end the positions are diagnosed as a whole, and the page is written beside the record. An InputError for a
-    source that gives no readings, or files that cannot be written; what came until then is kept.
+    Afterwards all positions are diagnosed, and the page is written beside the record. Raises InputError for a source
+    without readings, and for files that cannot be written; earlier readings are kept.
     """
     with closing(measurement.files), closing(source):
         ending = _measure(measurement, source, views)
@@ -369,7 +376,7 @@ def carry_out(measurement: Measurement, source: Source, views: Sequence[View]) -
 
 
 def _measure(measurement: Measurement, source: Source, views: Sequence[View]) -> Ending:
-    """Feed what comes and show each moment; returns what ended it."""
+    """Feed incoming data and show each moment; return the reason for the end."""
     last, patience_s = monotonic(), measurement.session.asked.patience_s
     ending: Ending | None = None
     while ending is None:

@@ -1,6 +1,6 @@
-"""A session at the table: the plan, the rests so far, what they give. A fold over visits and the operator's words.
+"""A session at the table: the plan, the rests so far and their results. A fold over visits and the operator's words.
 
-The same visits and words give the same session, so that one that was killed is taken up again from its files.
+The same visits and words give the same session, so a killed session is resumed from its files.
 """
 
 from collections.abc import Mapping
@@ -29,15 +29,15 @@ from .visits import RestVisit, record_of_visits
 State = Literal["open", "repeat", "done"]
 Ending = Literal["source", "operator", "patience"]
 WITHIN = 1.02
-"""A guaranteed error this many times what the plan promises keeps the promise: angles are set with errors."""
+"""Tolerance of the promise: the allowed ratio of a guaranteed error to its planned value, since angles have errors."""
 
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """What holds for a whole session: the options of `trihedron measure`.
+    """Options of a whole session: those of `trihedron measure`.
 
-    σ is a fraction of g, gravity in [m/s²], `within` how many times what the plan promises keeps the promise; a rest
-    should be averaged over the dwell [s]; the session ends when nothing has come for `patience_s`, None: never.
+    σ is a fraction of g, gravity in [m/s²]. `within` is the allowed ratio of a guaranteed error to its planned value. A
+    rest should be averaged over the dwell [s]. The session ends after `patience_s` without readings [s], None: never.
     """
 
     noise_bound: float
@@ -64,23 +64,24 @@ class SessionOptions:
 
     @cached_property
     def channels_read(self) -> Channels:
-        """How the channels are read."""
+        """Return the channel options."""
         return Channels.given(self.channels)
 
 
 @dataclass(frozen=True)
 class SessionStanding:
-    """What the good visits give.
+    """The results of the good visits.
 
     Attributes
     ----------
     errors : mapping of str to float or None
-        guaranteed error [σ] of each target; None where it is open
+        guaranteed error [σ] of each target; None if it is undetermined
     radius : float
+        largest residual in units of σ
     against : tuple of (int, int)
         readings (position of the record, accelerometer) that prove the model wrong
     trouble : str
-        why nothing could be computed
+        reason for missing results
     """
 
     errors: Mapping[str, float | None]
@@ -91,22 +92,24 @@ class SessionStanding:
 
 @dataclass(frozen=True)
 class Session:
-    """Where a measurement stands.
+    """The state of a measurement.
 
     Attributes
     ----------
     programme : Programme
+        the plan
     asked : Asked
+        options of the session
     path : Path
-        of the record
+        path of the record
     visits : tuple of Visit
         all rests
     setting_of : tuple of int or None
-        to which setting's number each visit belongs
+        number of the setting of each visit
     dropped : frozenset of int
         numbers of good visits that the operator wants repeated
     history : tuple of Standing
-        after each good visit
+        results after each good visit
     """
 
     programme: TableProgramme
@@ -118,30 +121,30 @@ class Session:
     history: tuple[SessionStanding, ...] = ()
 
     def counts(self, visit: RestVisit) -> bool:
-        """Whether a visit is good, and is not to be repeated."""
+        """Return True if a visit is good and not to be repeated."""
         return not visit.bad and visit.number not in self.dropped
 
     @property
     def good(self) -> list[RestVisit]:
-        """The visits that count, in the order of time."""
+        """Return the visits that count, in the order of time."""
         return [visit for visit in self.visits if self.counts(visit)]
 
     def angles_deg(self, alpha: float, beta: float) -> tuple[float, float]:
-        """Angles of the table from encoder readings [rad], by the channels [deg]."""
+        """Return angles of the table from encoder readings [rad], by the channels [deg]."""
         channels = self.asked.channels_read
         return channels.alpha * float(np.degrees(alpha)), channels.beta * float(np.degrees(beta))
 
     def visit_angles_deg(self, visit: RestVisit) -> tuple[float, float]:
-        """Angles of the table at a visit [deg]."""
+        """Return angles of the table at a visit [deg]."""
         return self.angles_deg(float(visit.average.alpha[0]), float(visit.average.beta[0]))
 
     def visits_to(self, setting: TableSetting) -> list[RestVisit]:
-        """The visits to a setting."""
+        """Return the visits to a setting."""
         numbered = zip(self.visits, self.setting_of, strict=True)
         return [visit for visit, number in numbered if number == setting.number]
 
     def state_of(self, setting: TableSetting) -> State:
-        """Whether a setting is measured, to be repeated, or open."""
+        """Return the state of a setting: "done", "repeat" or "open"."""
         visits = self.visits_to(setting)
         if any(map(self.counts, visits)):
             return "done"
@@ -151,18 +154,18 @@ class Session:
 
     @property
     def left(self) -> list[TableSetting]:
-        """The settings that are not done, in their order."""
+        """Return the settings that are not done, in order."""
         return [setting for setting in self.programme.settings if self.state_of(setting) != "done"]
 
     @property
     def standing(self) -> SessionStanding:
-        """What the good visits so far give."""
+        """Results of the good visits so far."""
         if self.history:
             return self.history[-1]
         return SessionStanding(dict.fromkeys(self.programme.promised))
 
     def share(self, symbol: str, standing: SessionStanding | None = None) -> float | None:
-        """A target's guaranteed error over what is promised; None where it is open."""
+        """Return a target's guaranteed error over its promised value; None if it is undetermined."""
         error = (standing or self.standing).errors.get(symbol)
         if error is None:
             return None
@@ -170,7 +173,7 @@ class Session:
 
     @property
     def worst(self) -> float | None:
-        """The largest of these; None where one is open."""
+        """Largest of these ratios; None if a target is undetermined."""
         largest = 0.0
         for symbol in self.programme.promised:
             share = self.share(symbol)
@@ -181,17 +184,17 @@ class Session:
 
     @property
     def reached(self) -> bool:
-        """Whether every guaranteed error is within the promise."""
+        """True if every guaranteed error is within the promise."""
         return self.worst is not None and self.worst <= self.asked.within
 
     def record(self) -> PositionRecord | None:
-        """The good visits as a position record, as their file has it; None where there are none."""
+        """Return the good visits as a position record, as in their file; None if there are none."""
         if not self.good:
             return None
         return record_of_visits(self.good, self.path)
 
     def header(self) -> dict[str, Any]:
-        """What a session must have in common with what it is taken up again from."""
+        """Return the header that must agree when a session is resumed."""
         return {
             "schema": "trihedron.session/1",
             "settings": [[setting.alpha_deg, setting.beta_deg] for setting in self.programme.settings],
@@ -204,7 +207,7 @@ class Session:
         }
 
     def after(self, visit: RestVisit) -> "Session":
-        """The session after a visit: it belongs to the nearest setting, an open one before a measured one."""
+        """Return the session after a visit: it belongs to the nearest setting, an open one before a measured one."""
         angles = self.visit_angles_deg(visit)
         candidates = []
         for setting in self.programme.settings:
@@ -220,7 +223,10 @@ class Session:
         return session._judged()
 
     def told(self, word: Mapping[str, Any]) -> "Session":
-        """The session after a word of the operator's; an InputError for one that cannot be followed."""
+        """Return the session after a word of the operator.
+
+        Raises InputError for an impossible word.
+        """
         if word["word"] != "repeat":
             raise InputError(f"{word['word']}: is no word; repeat is one")
         number = word["visit"]
@@ -237,7 +243,7 @@ class Session:
 
 
 def standing_of(session: Session, record: PositionRecord) -> SessionStanding:
-    """What `trihedron calibrate` finds in the positions so far."""
+    """Return the results of `trihedron calibrate` for the positions so far."""
     programme, options = session.programme, session.asked
     try:
         channels_record = record
@@ -263,8 +269,8 @@ def standing_of(session: Session, record: PositionRecord) -> SessionStanding:
 
 
 class MeasuredPosition(Result):
-    """A rest: its number, the position of the plan (None: of none), encoder readings [deg], lines of the record, and
-    why it does not count."""
+    """A rest: its number, its position of the plan (None: none), encoder readings [deg], lines of the record, and the
+    reason if it does not count."""
 
     rest: int
     position: int | None
@@ -276,7 +282,7 @@ class MeasuredPosition(Result):
 
 
 class MeasuredTarget(Result):
-    """A target's guaranteed error and what the plan promises; None where the positions leave it open."""
+    """A target's guaranteed error and its promised value; None if the positions leave it undetermined."""
 
     symbol: str
     guaranteed_error: Size | None
@@ -291,24 +297,27 @@ class Measured(Result):
     record, positions_file : str
         the raw record; the positions that count
     rows, left_out : int
-        readings in the record; lines that could be none
+        readings in the record; lines that are not rows
     planned, done : int
-        positions of the plan, and how many of them are measured
+        positions of the plan, and the number of measured ones
     noise_bound : float
         σ
     promise_reached : bool
+        True if every guaranteed error is within the promise
     targets : tuple of MeasuredTarget
+        error of each target
     rests : tuple of MeasuredPosition
+        all rests
     falsified : bool
-        whether the positions contradict the model
+        True if the positions contradict the model
     verdict : str or None
-        of the diagnosis at the end; None where there was none
+        verdict of the final diagnosis; None without one
     causes : tuple of str
-        what it names
+        causes that it names
     diagnosed : int
-        positions that it is of
+        number of diagnosed positions
     ended : {"source", "operator", "patience"}
-        what ended the session
+        reason for the end
     """
 
     schema_: Literal["trihedron.measure/1"] = Field(default="trihedron.measure/1", alias="schema")
@@ -331,7 +340,7 @@ class Measured(Result):
 
 
 def measured(session: Session, diagnosis: Diagnosis | None, **counted: Any) -> Measured:
-    """The result of a session that has ended; `counted` are fields that the session does not know."""
+    """Return the result of an ended session; `counted` are fields that the session does not know."""
     standing, sigma = session.standing, session.asked.noise_bound
     rests = []
     for visit, setting in zip(session.visits, session.setting_of, strict=True):

@@ -1,6 +1,6 @@
-"""The rests of a table while it is measured: found as they end by the rules of a whole record, judged at once.
+"""The rests of a table during its measurement: found as they end by the rules of a whole record, judged at once.
 
-Only what has come since the rest before is kept, so that hours need no more memory than the longest rest.
+Only rows since the previous rest are kept, so hours need no more memory than the longest rest.
 """
 
 from collections.abc import Sequence
@@ -30,37 +30,37 @@ from ..rounding import digits, upwards
 from .readings import ALPHA, BETA, F1, LINE, TIME, WARMTH
 
 MOST_ROWS = 360_000
-"""Rows that are kept of a rest and the move before it: an hour at 100 Hz; of a longer one the last."""
+"""Largest number of kept rows of a rest and the move before it: the last hour at 100 Hz."""
 TAIL = 256
-"""Rows of the rest before that stay: they show how quiet the encoders are, and from where the table came."""
+"""Number of kept rows of the previous rest: they show the encoders' noise, and the table's origin."""
 SHARE = 0.05
-"""Part of the time that the rest that is going on may take to be looked at."""
+"""Largest share of the time that examining the present rest may take."""
 MAGNITUDES = (0.5, 1.5)
-"""|f| over gravity at rest."""
+"""Limits of |f| over gravity at rest."""
 
 
 @dataclass(frozen=True)
 class RestVisit:
-    """A rest that is over.
+    """A completed rest.
 
     Attributes
     ----------
     number : int
-        of all rests, from 1
+        number among all rests, from 1
     first_row, last_row : int
         lines of the record
     average : PositionRecord
-        of one position: what it was averaged to, good or not
+        average of the rest, one position, good or bad
     sense : (int, int)
-        of the last move of each axis; 0 where there was none
+        sense of the last move of each axis; 0 if there was none
     lasted_s, kept_s : float
-        the rest, and what was averaged of it [s]
+        durations of the rest and of its averaged part [s]
     scatter : float
         bound of the mean's error by the rest's own scatter, over the noise bound
     bad : str
-        why it is to be repeated; empty when it is good
+        reason to repeat it; empty if it is good
     remarks : tuple of str
-        what changes over it, as of `Rest`
+        changes during the rest, as of `Rest`
     """
 
     number: int
@@ -77,7 +77,7 @@ class RestVisit:
 
 @dataclass(frozen=True)
 class Present:
-    """How the table stands now: `state` is waiting, moving, settling, resting or enough; `why` what is wrong."""
+    """The present state of the table: waiting, moving, settling, resting or enough; `why` is the fault."""
 
     state: str = "waiting"
     alpha: float = 0.0
@@ -90,18 +90,19 @@ class Present:
 
 
 class Watch:
-    """Cuts rows into visits: a fold over rows, whatever the pieces in which they come.
+    """Cut rows into visits: a fold over rows, independent of the pieces in which they come.
 
     Parameters
     ----------
     noise_bound : float
-        σ that is promised of one averaged reading, a fraction of g
+        promised σ of one averaged reading, a fraction of g
     gravity : float
-        [m/s²]
+        gravity [m/s²]
     dwell_s : float
-        how long a rest should be averaged; a stop of less than a quarter of that, or of the median rest, is none
+        time over which a rest should be averaged [s]; a stop shorter than a quarter of it, or of the median rest,
+        does not count
     path : Path
-        of the record
+        path of the record
     """
 
     def __init__(self, noise_bound: float, gravity: float, dwell_s: float, path: Path) -> None:
@@ -114,7 +115,7 @@ class Watch:
         self._present, self._looked, self._cost = Present(), 0.0, 0.0
 
     def take(self, rows: NDArray, resolution: float = 0.0) -> list[RestVisit]:
-        """The visits that end within rows (n, 8); the readings are written to half a digit of `resolution` [m/s²]."""
+        """Return the visits that end within rows (n, 8), written to half a digit of `resolution` [m/s²]."""
         self._resolution = resolution
         visits: list[RestVisit] = []
         for piece in np.array_split(rows, len(rows) // 65536 + 1):
@@ -127,11 +128,11 @@ class Watch:
         return visits
 
     def end(self) -> list[RestVisit]:
-        """The rest that is going on, where the source ends in one."""
+        """Return the present rest as a visit if the source ends in one."""
         return self._over(self._count, ended=True)
 
     def present(self) -> Present:
-        """How the table stands; looked at again when that takes a small part of the time since."""
+        """Return the table's state; examine it again only if that takes a small share of the time."""
         began = perf_counter()
         if began - self._looked > self._cost / SHARE:
             self._present = self._look()
@@ -158,7 +159,7 @@ class Watch:
         self._seen = max(self._seen - first, 0)
 
     def _leaves(self) -> int | None:
-        """The first row that has left the place of the anchor, None where none has yet."""
+        """Return the first row that has left the place of the anchor, None if there is none yet."""
         start, width = max(self._seen, self._anchor), 64
         while start < self._count:
             angles = self._rows[start : min(start + width, self._count), ALPHA : BETA + 1]
@@ -185,7 +186,7 @@ class Watch:
         )
 
     def _stops(self, raw: RawRecord) -> tuple[NDArray, NDArray, list[tuple[int, int]]]:
-        """Angles (n, 2), what a rest may spread, and the stops that are not done."""
+        """Return angles (n, 2), the tolerance of a rest, and the stops that are not done."""
         angles = angles_of(raw)
         if len(raw) < WINDOW:
             return angles, np.zeros(2), []
@@ -198,7 +199,7 @@ class Watch:
         return angles, tolerance, stops
 
     def _over(self, end: int, *, ended: bool = False) -> list[RestVisit]:
-        """The visits among the rows up to `end`, at which the table has left its place, or the source ended."""
+        """Return the visits among the rows up to `end`, at which the table has left its place, or the source ended."""
         raw = self._raw(end)
         angles, tolerance, stops = self._stops(raw)
         self._anchor = end - 1
@@ -242,10 +243,11 @@ class Watch:
         )
 
     def judged(self, raw: RawRecord, rest: Rest, average: PositionRecord) -> tuple[str, float]:
-        """Why a rest is bad, empty where it is good; and what its scatter says of its mean, over the noise bound.
+        """Return the reason why a rest is bad (empty if it is good), and the error of its mean by scatter over the
+        noise bound.
 
-        Bad is what a whole record leaves out, and what breaks the promise: three standard errors of the mean above the
-        noise bound, or a drift of which half is.
+        Bad is a rest that a whole record leaves out, or that breaks the promise: three standard errors of the mean, or
+        half of a drift, exceed the noise bound.
         """
         assert average.scatter is not None
         errors = SCATTER_FACTOR * average.scatter[0] / self.gravity
@@ -295,7 +297,7 @@ class Watch:
 
 
 def record_of_visits(visits: Sequence[RestVisit], path: Path) -> PositionRecord:
-    """The position record of visits: as a whole record's, a row for each."""
+    """Return the position record of visits, like that of a whole record, a row for each."""
     averages = [visit.average for visit in visits]
     first = averages[0]
 
