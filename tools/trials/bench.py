@@ -1,7 +1,7 @@
-"""Benches to hide effects in: truth, mountings, positions in random order, and what the instruments on them read.
+"""Benches for hidden effects: true parameters, mountings, positions in random order, and simulated readings.
 
-A bench has a table and accelerometers; a whole bench has gyros, too, which see the table turn. The components are
-simulated in time, with the effects composed in.
+A bench has a table and accelerometers; a whole bench also has gyros, which sense the table's turns. The components are
+simulated in time, with composed effects.
 """
 
 import math
@@ -32,40 +32,40 @@ from .sizes import RECORD_DECIMALS, Hidden, Secret
 NOISE_BOUND = 1e-5
 """σ of the records: bound of the sum of the block's error and the encoders' fluctuation."""
 STAND_BOUND, BLOCK_BOUND = 3e-3, 1e-2
-"""The paper's bounds of the stand's and the block's errors."""
+"""The paper's bounds of the bench's and the block's errors."""
 DWELL_S = 6.0
-"""Rest at each position."""
+"""Rest at each position [s]."""
 START_APART = 0.3
-"""So far [rad] from its first position the table starts."""
+"""Distance of the table's start from its first position [rad]."""
 SYMMETRIC_SHARE = 0.25
-"""Part of the benches whose scale factors do not depend on the sign, and are diagnosed so."""
+"""Share of the benches whose scale factors do not depend on the sign, and whose diagnosis assumes so."""
 TWO_MOUNTINGS_SHARE = 0.25
 FEWEST_FOR_TWO = 24
-"""Positions from which there may be two mountings."""
+"""Fewest positions with which there may be two mountings."""
 RATE = ACCELERATION = math.radians(60.0)
-"""Limits of the table's moves, as the component has them by default [rad/s], [rad/s²]."""
+"""Limits of the table's moves, the component's defaults [rad/s], [rad/s²]."""
 ENCODER_FLUCTUATION = math.radians(0.4 / 3600.0)
 """Bound of the fluctuation of each encoder [rad]; its effect on a reading stays below it, to 3 %."""
 BLOCK_NOISE = NOISE_BOUND - 1.05 * ENCODER_FLUCTUATION
 """Bound of the block's own error [g]."""
 STEP_S, FINE_STEP_S = 0.25, 0.05
-"""Steps of a run without gyros; the finer one where an effect depends on which axis moved last."""
+"""Steps of a run without gyros [s]; the finer one for effects that depend on which axis moved last."""
 LONGEST_RUN_S = 4000.0
-"""The temperature is laid down for so long."""
+"""Time for which the temperature is defined [s]."""
 HELD = 0.9
-"""What remains of an error that wanders, from one position to the next."""
+"""Part of a wandering error that remains from one position to the next."""
 ERRORS = 1
-"""Number of the stream of random numbers that errors are drawn from."""
+"""Number of the random stream of the errors."""
 
 
 WHOLE_STEP_S, WHOLE_DWELL_S = 0.02, 4.0
-"""A record of a whole bench has fifty rows a second; the table rests so long at each position."""
+"""Step of a whole bench's record and rest at each position [s]."""
 ROW_NOISE, GYRO_NOISE = 8e-6, 4e-6
 """Bounds of a gyro's error in one row and of its mean over one second, six standard deviations [rad/s]: 0.002°/√h."""
 POSITIONS = (24, 40)
 """Fewest and most positions between which the table takes the shorter way."""
 TURNS = ((720.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 180.0), (720.0, 270.0), (90.0, 270.0), (90.0, 990.0))
-"""Positions [deg] that follow: whole turns about the outer axis at several inner angles, then about the inner one."""
+"""Further positions [deg]: whole turns about the outer axis at several inner angles, then about the inner one."""
 
 
 @dataclass(frozen=True)
@@ -77,21 +77,21 @@ class TrialBench:
     truth : dict
         component -> variable -> value; a whole bench has a "GyroBlock"
     symmetric : bool
-        the block's scale factors do not depend on the sign
+        True if the block's scale factors do not depend on the sign
     mountings : tuple of str
         presets, one or two
     mounting_errors : tuple
         rotation vector [rad] of each mounting
     alpha, beta : (N,) array
-        commanded angles [rad]; of a whole bench they count whole turns
+        commanded angles [rad]; those of a whole bench count whole turns
     mounting : (N,) array
-        which mounting each position is measured in
+        index of the mounting of each position
     noise : str
         one of "uniform", "edge" and "correlated"
     latitude, azimuth : float
-        of the outer axis of a whole bench [rad]
+        latitude, and azimuth of the outer axis, of a whole bench [rad]
     step_s : float
-        from one row of a whole bench's record to the next [s]
+        step of a whole bench's record [s]
     """
 
     truth: dict[str, dict[str, Any]]
@@ -107,36 +107,36 @@ class TrialBench:
     step_s: float = WHOLE_STEP_S
 
     reference: ClassVar[None] = None
-    """What a record of a block in the hand is held against; a bench needs nothing."""
+    """Reference of a record; a bench needs none."""
 
     @property
     def whole(self) -> bool:
-        """Whether it has gyros."""
+        """True if it has gyros."""
         return "GyroBlock" in self.truth
 
     @property
     def decimals(self) -> int | None:
-        """Of the numbers of its record; None: they are written whole."""
+        """Decimals of the numbers of its record; None: all digits are written."""
         if self.whole:
             return None
         return RECORD_DECIMALS
 
     @property
     def baseline(self) -> Literal["asymmetric", "symmetric"]:
-        """The model that the bench is diagnosed with."""
+        """Model of the bench's diagnosis."""
         if self.symmetric:
             return "symmetric"
         return "asymmetric"
 
     @property
     def place(self) -> Place:
-        """What a laboratory says of its whole bench."""
+        """Place and bounds that a laboratory would state for its whole bench."""
         latitude, azimuth = math.degrees(self.latitude), math.degrees(self.azimuth)
         return Place(latitude, azimuth, GYRO_NOISE, encoder_bound=ENCODER_FLUCTUATION)
 
     @property
     def asked(self) -> dict[str, Any]:
-        """What is known beside the record: σ, the mountings, the kind of block, and where a whole bench stands."""
+        """Facts known beside the record: σ, the mountings, the kind of block, and the place of a whole bench."""
         options = {"baseline": self.baseline, "mounting": self.matrices, "noise_bound": NOISE_BOUND}
         if self.whole:
             return options | {"bench": self.place}
@@ -153,17 +153,17 @@ class TrialBench:
         return self.truth["TurntableMotion"]
 
     def as_measured(self, record: PositionRecord) -> PositionRecord | RawRecord:
-        """The record as a laboratory has it: of a whole bench the series, not its rests."""
+        """Return the record as a laboratory has it: for a whole bench the series, not its rests."""
         if not self.whole:
             return record
         assert record.raw is not None
         return record.raw
 
     def as_recorded(self, hidden: Sequence[Hidden], sources: Any) -> tuple[Hidden, ...]:
-        """What is hidden by the clock of the record: only it says when its first rest was.
+        """Return the hidden effects on the record's own clock, which begins at its first rest.
 
-        What changes within a rest may take a part of it away. What gyros do counts from the record's first row, as the
-        run does.
+        An effect that changes within a rest may make part of it unusable. Effects of gyros count from the record's
+        first row, as in the run.
         """
         circumstances = sources.circumstances
         warm = None
@@ -178,14 +178,14 @@ class TrialBench:
         return tuple(recorded)
 
     def answer(self, seed: int, index: int | None, hidden: Sequence[Hidden]) -> dict[str, Any]:
-        """The secret and the true parameters, for whoever wants to compare."""
+        """Return the secret and the true parameters, for a comparison."""
         secret: dict[str, Any] = {"effect": None}
         if hidden:
             secret = {**NamedEffect.keys(hidden[0].place), "parameters": hidden[0].parameters}
         return {"hidden": secret, "seed": seed, "truth": self.truth}
 
     def told(self, seed: int, index: int, hidden: Sequence[Hidden]) -> dict[str, Any]:
-        """The case, as its outcome tells it."""
+        """Return the case's part of its outcome."""
         return {
             "seed": seed,
             "case": index,
@@ -199,15 +199,16 @@ class TrialBench:
     def measured(
         self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False
     ) -> PositionRecord:
-        """What the bench reads with a secret; with `progress` show how far it is on standard error, on a terminal.
+        """Return the simulated readings of the bench with a secret; `progress` shows a bar on standard error, on a
+        terminal.
 
         With the index of the case in its suite the seed decides everything, and the record has nine decimals. Without
-        one it is a record by itself, as a laboratory makes it: errors vary within rests, those that drift are left out.
-        Of a whole bench these are the rests of the series.
+        an index it is a single record, as a laboratory makes it: errors vary within rests, and rests that drift are
+        left out. For a whole bench these are the rests of the series.
 
         Slews, dwells and temperature are simulated with the physical components. With two mountings the whole programme
-        is run in each, and each gives the positions that are its own: the clock goes on. Uniform errors are the
-        components' own; errors at ±σ, and those that wander, are added to the averaged readings.
+        runs in each, and each gives its own positions: the clock continues. Uniform errors are the components' own;
+        errors at ±σ, and wandering ones, are added to the averaged readings.
         """
         if self.whole:
             return self._measured_whole(seed * 100_003 + (index or 0), hidden, progress=progress)
@@ -247,25 +248,25 @@ class TrialBench:
         return replace(rests, raw=replace(raw, about=about))
 
     def scenario(self, hidden: Sequence[Hidden], seed: int, mounting: int = 0, *, alone: bool = True) -> Scenario:
-        """The scenario in which the table carries the blocks, in a mounting of this number, from position to position.
+        """Return the scenario in which the table carries the blocks, in this mounting, from position to position.
 
-        `seed` is that of the components' errors; `alone` says whether errors vary within rests.
+        `seed` is that of the components' errors; with `alone`, errors vary within rests.
         """
         own_errors = self.noise == "uniform"
         angles_deg = np.degrees([self.alpha, self.beta])
-        # Every position has a move before it, whose sense the record can tell.
+        # Every position has a move before it, whose sense the record shows.
         initial = [float(self.alpha[0]) - START_APART, float(self.beta[0]) - START_APART]
         dwell_s, step_s = DWELL_S, STEP_S
         place, gyros = {}, {}
         if self.whole:
-            # The first command's own digits: what rounding leaves would be a move, whose sense no record tells.
+            # Use the first command's own digits: a rounding error would be a move whose sense no record shows.
             initial = np.radians(angles_deg[:, 0]).tolist()
             dwell_s, step_s = WHOLE_DWELL_S, self.step_s
             place = {"latitude": self.latitude, "azimuth": self.azimuth}
             parameters = {**self.truth["GyroBlock"], "noise_bound": ROW_NOISE, "seed": (seed + 2) % 2**31}
             gyros = {"gyros": ("GyroBlock", parameters)}
         elif not alone and any(effect.place.effect == "hysteresis" for effect in hidden):
-            # Within a step it cannot be seen which axis changed an input last.
+            # Within a step the order in which the axes changed an input is invisible.
             step_s = FINE_STEP_S
         fluctuation = 0.0
         if own_errors:
@@ -282,7 +283,7 @@ class TrialBench:
         noise = 0.0
         if own_errors:
             noise = BLOCK_NOISE
-        # An error that is held over a rest is uniform within its bound; a mean of several would be small.
+        # An error that is constant over a rest is uniform within its bound; a mean of several would be small.
         held_fraction = 1.0
         if alone:
             held_fraction = 0.8
@@ -331,7 +332,7 @@ class TrialBench:
         )
 
     def _joined(self, records: Sequence[PositionRecord]) -> PositionRecord:
-        """Each mounting's own rows, in the order of the programme."""
+        """Return each mounting's own rows, in the order of the programme."""
         first = records[0]
         if len(records) == 1:
             return first
@@ -347,13 +348,13 @@ class TrialBench:
 
 
 def plain_bench(truth: dict[str, dict[str, Any]], alpha: NDArray, beta: NDArray, *, symmetric: bool) -> TrialBench:
-    """A bench in the mounting `identity`, with the mounting error that stands in its truth."""
+    """Return a bench in the mounting `identity`, with the mounting error of its true parameters."""
     error = tuple(truth["TurntableMotion"]["mounting_error"])
     return TrialBench(truth, symmetric, ("identity",), (error,), alpha, beta, np.zeros(len(alpha), dtype=int))
 
 
 def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> TrialBench:
-    """Draw a bench within the paper's bounds, its mountings, and positions of which there are so many to so many."""
+    """Draw a bench within the paper's bounds, its mountings, and a number of positions in this range."""
     symmetric = bool(rng.random() < SYMMETRIC_SHARE)
     truth = draw_truth(rng, symmetric=symmetric)
     count = int(rng.integers(positions[0], positions[1] + 1))
@@ -377,7 +378,7 @@ def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> TrialBen
 
 
 def draw_truth(rng: np.random.Generator, *, symmetric: bool) -> dict[str, dict[str, Any]]:
-    """Parameters of table and block, uniform within the paper's bounds."""
+    """Draw parameters of table and block, uniform within the paper's bounds."""
 
     def uniform(bound: float, size: int | None = None) -> Any:
         value = rng.uniform(-bound, bound, size)
@@ -408,9 +409,9 @@ def draw_truth(rng: np.random.Generator, *, symmetric: bool) -> dict[str, dict[s
 
 
 def bench_positions() -> tuple[NDArray, NDArray]:
-    """Commanded angles [rad] of 40 positions: 24 with all signs certain, 16 between them.
+    """Return commanded angles [rad] of 40 positions: 24 with all signs certain, 16 between them.
 
-    The extra ones share no angle: harmonics of the encoders that look alike at equal steps of 45 degrees differ there.
+    The extra ones share no angle: harmonics of the encoders that agree at equal steps of 45 degrees differ there.
     """
     pairs: list[tuple[int, int]] = list(product(range(20, 380, 45), (25, 145, 265)))
     for k in range(16):
@@ -420,7 +421,7 @@ def bench_positions() -> tuple[NDArray, NDArray]:
 
 
 def draw_positions(rng: np.random.Generator, count: int) -> tuple[NDArray, NDArray]:
-    """Commanded angles [rad] of so many different positions, in random order: a lattice, the axes, or anywhere."""
+    """Draw commanded angles [rad] of different positions, in random order: a lattice, the axes, or anywhere."""
     kind = rng.integers(3)
     if kind == 0:
         offset = rng.integers(5, 40, 2)
@@ -443,12 +444,12 @@ def draw_positions(rng: np.random.Generator, count: int) -> tuple[NDArray, NDArr
 
 
 def temperature_at(hours: NDArray) -> NDArray:
-    """Temperature of the laboratory [degC]: it swings by 4 K, once in ten minutes, so that it is unlike the time."""
+    """Return the laboratory's temperature [degC]: it swings by 4 K in ten minutes, so it is unlike the time."""
     return 20.0 + 4.0 * np.sin(2.0 * math.pi * 6.0 * hours)
 
 
 def true_elementary(truth: Mapping[str, Mapping[str, Any]], mounting_error: tuple[float, ...]) -> NDArray:
-    """Elementary parameters (24,) of a bench, in one mounting."""
+    """Return elementary parameters (24,) of a bench, in one mounting."""
     vector = np.zeros(len(ELEMENTARY))
     for variables in (*truth.values(), {"mounting_error": list(mounting_error)}):
         for name, value in variables.items():
@@ -491,14 +492,14 @@ def draw_whole(rng: np.random.Generator) -> TrialBench:
 def draw_days(
     rng: np.random.Generator, count: int, positions: tuple[int, int], noise: str = "uniform"
 ) -> list[TrialBench]:
-    """Draw the benches of one block on so many days, its scale factors depending on the sign, in one mounting.
+    """Draw the benches of one block on several days, with sign-dependent scale factors, in one mounting.
 
-    Its bias, its mounting, the table and the positions are each day's own.
+    Each day has its own bias, mounting, table and positions.
     """
     truth, days = draw_truth(rng, symmetric=False), []
     for _ in range(count):
         bench, of_day = draw_bench(rng, positions), draw_truth(rng, symmetric=False)
-        # What the inner axis does on all days has one phase where the zero of its encoder is one.
+        # An effect of the inner axis has one phase on all days only if the zero of its encoder is the same.
         shared = {}
         for name in ("gravity_error", "beta_offset"):
             shared[name] = truth["TurntableMotion"][name]
@@ -520,7 +521,7 @@ def draw_days(
 def measured_on_days(
     days: Sequence[TrialBench], seed: int, index: int | None, hidden: Sequence[Hidden], *, progress: bool = False
 ) -> dict[str, PositionRecord]:
-    """The records of one block on several days, by label; an effect `in_record` acts in that one alone."""
+    """Return the records of one block on several days, by label; an effect `in_record` acts only in that one."""
     if index is not None:
         seed = int(np.random.default_rng([seed, index, 0]).integers(2**31))
     records = {}
@@ -535,7 +536,7 @@ def measured_on_days(
 
 
 def averaged_run(scenario: Scenario, *, every: bool = False, progress: bool = False) -> PositionRecord:
-    """Run a scenario of `TrialBench.scenario` and average its rests; with `every` those too whose readings drift."""
+    """Run a scenario of `TrialBench.scenario` and average its rests; with `every`, keep rests whose readings drift."""
     raw = read_record(run_scenario(scenario, progress=progress).table)
     assert isinstance(raw, RawRecord)
     raw = replace(raw, path=Path("record"), sha256="")
@@ -546,7 +547,7 @@ def averaged_run(scenario: Scenario, *, every: bool = False, progress: bool = Fa
 
 
 def drawn_errors(rng: np.random.Generator, noise: str, count: int) -> NDArray:
-    """Errors (count, 3) in units of σ: at ±1, or wandering within; more of them leave the first as they were."""
+    """Draw errors (count, 3) in units of σ: at ±1, or wandering within; a larger count keeps the first ones."""
     signs = rng.choice([-1.0, 1.0], size=(count, 3))
     if noise == "edge":
         return signs

@@ -1,4 +1,4 @@
-"""A block of small instruments moved by hand: its motion, exact to rounding, its errors, its noise, what it reads."""
+"""A block of small instruments moved by hand: its motion, exact to rounding, its errors, noise and readings."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -22,32 +22,32 @@ from .sizes import RECORD_DECIMALS, Hidden
 
 UP = np.array([0.0, 0.0, 1.0])
 LARGEST_SWING = 1.2
-"""Of each angle of a move about its middle [rad]."""
+"""Largest angle of a move about its middle [rad]."""
 LARGEST_WIGGLE = 0.4
-"""Of the part of a move that comes back to where it began [rad]."""
+"""Largest angle of the part of a move that returns to its beginning [rad]."""
 LARGEST_PUSH = 0.25
 """Linear acceleration of the hand [g]."""
 OCTAVES = 4.0
 """Ratio of the time constants of neighbouring processes, whose sum is nearly flicker noise."""
 ERRORS = 7
-"""Number of the stream of random numbers that errors are drawn from."""
+"""Number of the random stream of the errors."""
 HELD_RATES, INCREMENTS = 2, 1
 """Kinds of input of the gyro block."""
 FURTHEST_STAMP = 0.24
-"""Time stamps jitter by at most so many periods."""
+"""Largest jitter of time stamps [periods]."""
 UNDERSAMPLING = "undersampling"
-"""Not of a component that reads: the increments lack what the body's turning between two rows adds to them."""
+"""Effect that belongs to no component: the increments lack the coning within a row."""
 STAMPS = "jitter"
-"""The effect of the time stamps; its size is how far they jitter, the sampling being regular."""
+"""Effect of the time stamps; its size is the jitter, with regular sampling."""
 Reference = Literal["gravity", "truth"]
 
 
 @dataclass(frozen=True, eq=False)
 class TrueMotion:
-    """What the block does, at N + 1 rows a period apart."""
+    """Motion of the block, at N + 1 rows a period apart."""
 
     period: float
-    """[s]"""
+    """period [s]"""
     increment: NDArray[np.float64]
     """(N, 3): integrals of the rate between the rows, in block axes [rad]"""
     rate: NDArray[np.float64]
@@ -63,19 +63,19 @@ class TrueMotion:
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long rests and moves are; each is drawn from a range [s]."""
+    """Ranges of the lengths of rests and moves [s]."""
 
     moves: tuple[int, int]
-    """how many"""
+    """fewest and most moves"""
     first_rest: tuple[float, float]
     rest: tuple[float, float]
     move: tuple[float, float]
 
 
 BETWEEN_RESTS = Schedule(moves=(20, 30), first_rest=(20.0, 30.0), rest=(3.0, 6.0), move=(1.2, 3.0))
-"""A record that is made to be calibrated: gravity is the reference at each rest."""
+"""A record made for calibration: gravity is the reference at each rest."""
 BEFORE_A_CAMERA = Schedule(moves=(14, 22), first_rest=(20.0, 30.0), rest=(0.5, 2.0), move=(2.5, 6.0))
-"""A record whose true attitude is seen: mostly in motion."""
+"""A record with a measured true attitude: mostly in motion."""
 
 
 @dataclass(frozen=True)
@@ -83,18 +83,18 @@ class Noise:
     """Errors of three instruments."""
 
     white: float
-    """density of the white noise, one-sided [unit/√Hz]"""
+    """one-sided density of the white noise [unit/√Hz]"""
     flicker: float
-    """the flat part of the Allan deviation [unit]"""
+    """flat part of the Allan deviation [unit]"""
 
     def bound(self, period: float) -> float:
-        """Bound of uniform errors that have the density, one drawn every period [unit]."""
+        """Return the bound of uniform errors of this density, one drawn every period [unit]."""
         return math.sqrt(3.0) * self.white / math.sqrt(2.0 * period)
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """Errors of a block that are no secret, as components take them, and its noise."""
+    """Known errors of a block, as components take them, and its noise."""
 
     gyros: Mapping[str, object]
     accelerometers: Mapping[str, object]
@@ -105,11 +105,11 @@ class Instruments:
     truth_noise: float
     """bound of each component of the error of the true attitude, a rotation vector [rad]"""
     increments: bool
-    """whether the gyros put out increments; else rates, at the rows"""
+    """True if the gyros put out increments; else they put out rates, at the rows"""
 
     @property
     def columns(self) -> tuple[list[str], list[str]]:
-        """Names of the columns of what the gyros and the accelerometers read, with their units."""
+        """Names of the gyros' and the accelerometers' columns, with their units."""
         unit = "radps"
         if self.increments:
             unit = "rad"
@@ -118,7 +118,7 @@ class Instruments:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A block in the hand, and what its record can be held against."""
+    """A block in the hand, and the references for its record."""
 
     reference: Reference
     motion: TrueMotion
@@ -129,22 +129,22 @@ class Block:
     """bound of the errors of the time stamps, in periods; the sampling stays regular"""
 
     asked: ClassVar[dict[str, Any]] = {}
-    """Nothing is known beside the record."""
+    """Facts known beside the record: none."""
     table: ClassVar[None] = None
-    """There is none."""
+    """Parameters of a table: there is none."""
     decimals: ClassVar[int] = RECORD_DECIMALS
-    """of the numbers of its record"""
+    """decimals of the numbers of its record"""
 
     def as_measured(self, record: StrapdownRecord) -> StrapdownRecord:
-        """The record as a laboratory has it."""
+        """Return the record as a laboratory has it."""
         return record
 
     def as_recorded(self, hidden: Sequence[Hidden], sources: Any) -> tuple[Hidden, ...]:
-        """The record's clock is that of the run."""
+        """Return the hidden effects unchanged: the record's clock is that of the run."""
         return tuple(hidden)
 
     def answer(self, seed: int, index: int | None, hidden: Sequence[Hidden]) -> dict[str, Any]:
-        """The secret and what is none of the instrument, for whoever wants to compare."""
+        """Return the secret and the facts beside the instrument, for a comparison."""
         hidden_entry, relative_size = None, 0.0
         if hidden:
             hidden_entry, relative_size = hidden[0].entry, hidden[0].relative_size
@@ -160,17 +160,18 @@ class Block:
         }
 
     def told(self, seed: int, index: int, hidden: Sequence[Hidden]) -> dict[str, Any]:
-        """The case, as its outcome tells it."""
+        """Return the case's part of its outcome."""
         return {**self.answer(seed, index, hidden), "rows": len(self.motion) - 1}
 
     def measured(
         self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False
     ) -> StrapdownRecord:
-        """What the block reads of its motion, with noise, its effects composed in; arguments as for a bench."""
+        """Return the simulated readings of the block's motion, with noise and composed effects; arguments as for a
+        bench."""
         if not 0.0 <= self.jitter <= FURTHEST_STAMP:
             raise ValueError(f"stamps may jitter by {FURTHEST_STAMP} periods, not {self.jitter}")
         motion, instruments, increments = self.motion, self.instruments, self.instruments.increments
-        # Rates know nothing of the time stamps: only what is made of both is wrong.
+        # Rates do not depend on the time stamps: only combinations of both are wrong.
         effects = []
         for effect in hidden:
             if effect.place.effect != STAMPS or increments:
@@ -232,7 +233,7 @@ class Block:
 def reading_scenario(
     table: pl.DataFrame, period: float, instruments: Instruments, hidden: Sequence[Hidden], seed: int
 ) -> Scenario:
-    """The scenario in which both blocks read what a table gives them, one row a step."""
+    """Return the scenario in which both blocks read the values of a table, one row a step."""
     if instruments.increments:
         kind, source, output = INCREMENTS, "increment", "increment_reading"
     else:
@@ -269,7 +270,7 @@ def reading_scenario(
 
 
 def draw_instruments(rng: np.random.Generator, *, delivered: bool) -> Instruments:
-    """A block of small instruments; delivered gyros have scale factors that are right."""
+    """Draw a block of small instruments; `delivered` gyros have correct scale factors."""
     scale = rng.uniform(-0.01, 0.01, 3).tolist()
     gyros: dict[str, object] = {"bias": rng.uniform(-0.02, 0.02, 3).tolist()}
     gamma = rng.uniform(-0.01, 0.01, 9).tolist()
@@ -283,7 +284,7 @@ def draw_instruments(rng: np.random.Generator, *, delivered: bool) -> Instrument
     }
 
     def between(low: float, high: float) -> float:
-        """A number between two, every decade as likely as another."""
+        """Draw a number between two, uniform in its logarithm."""
         return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
     return Instruments(
@@ -297,7 +298,7 @@ def draw_instruments(rng: np.random.Generator, *, delivered: bool) -> Instrument
 
 
 def draw_motion(rng: np.random.Generator, schedule: Schedule, period: float) -> TrueMotion:
-    """Rests and moves, one after the other; it ends with a rest."""
+    """Draw rests and moves, one after the other; the motion ends with a rest."""
     increments, rates, attitudes, pushes = [], [], [], []
     attitude = Rotation.from_quat(rng.normal(size=4))
     count = int(rng.integers(schedule.moves[0], schedule.moves[1] + 1))
@@ -337,10 +338,11 @@ def draw_motion(rng: np.random.Generator, schedule: Schedule, period: float) -> 
 
 
 def draw_move(rng: np.random.Generator, seconds: float) -> NDArray[np.float64]:
-    """Harmonics (3, 4, 3) of a move as `HarmonicMotion` takes them: amplitude, circular frequency, phase of each.
+    """Draw harmonics (3, 4, 3) of a move as `HarmonicMotion` takes them: amplitude, circular frequency, phase of each.
 
     Angles are cosines of half a turn, a turn, a turn and a half and two turns over the move, so their rates vanish at
-    both ends; so do the accelerations, with a third harmonic of -1/9 of the first and a fourth of -1/4 of the second.
+    both ends. The accelerations vanish too, with a third harmonic of -1/9 of the first and a fourth of -1/4 of the
+    second.
     """
     harmonics = np.zeros((3, HARMONICS, 3))
     harmonics[:, :, 1] = math.pi / seconds * np.arange(1, HARMONICS + 1)
@@ -351,7 +353,7 @@ def draw_move(rng: np.random.Generator, seconds: float) -> NDArray[np.float64]:
 
 
 def angles_and_rates(harmonics: NDArray, time: NDArray) -> tuple[NDArray, NDArray]:
-    """Angles ψ, ϑ, γ (N, 3) and body rates (N, 3) of a harmonic motion at times (N,)."""
+    """Return angles ψ, ϑ, γ (N, 3) and body rates (N, 3) of a harmonic motion at times (N,)."""
     amplitude, frequency, phase = np.moveaxis(harmonics, 2, 0)
     argument = frequency * time[:, None, None] + phase
     angles = (amplitude * np.sin(argument)).sum(axis=2)
@@ -369,24 +371,24 @@ def angles_and_rates(harmonics: NDArray, time: NDArray) -> tuple[NDArray, NDArra
 
 
 def without_coning(increment: NDArray, coefficient: float) -> NDArray[np.float64]:
-    """Increments (N, 3) that lack c γ' × γ, γ' being the increment before: as one that sums rates has them."""
+    """Return increments (N, 3) that lack c γ' × γ, with γ' the previous increment: those of a unit that sums rates."""
     before = np.vstack([increment[:1], increment[:-1]])
     return increment - coefficient * np.cross(before, increment)
 
 
 def flicker_noise(rng: np.random.Generator, rows: int, period: float, coefficient: float) -> NDArray[np.float64]:
-    """Flicker noise (rows, 3): a sum of bounded processes of the first order, with time constants from rows to record.
+    """Draw flicker noise (rows, 3): a sum of bounded processes of the first order, time constants from rows to record.
 
     The period is in s; the coefficient is the flat part of the noise's Allan deviation, in its unit.
     """
     total = np.zeros((rows, 3))
-    # Flicker noise has as much mean square in each octave of time; its Allan variance is 2 ln 2 of that in e-folds.
+    # Flicker noise has equal mean square in each octave of time; its Allan variance is 2 ln 2 of that in e-folds.
     amplitude = coefficient * math.sqrt(math.log(OCTAVES) / (2.0 * math.log(2.0)))
     time = 2.0 * period
     while time < 2.0 * rows * period:
         decay = math.exp(-period / time)
         drive = rng.uniform(-1.0, 1.0, (rows, 3)) * math.sqrt(3.0 * (1.0 - decay**2))
-        # The state at the start is drawn as the process has it at any time.
+        # Draw the initial state from the process's stationary distribution.
         drive[0] = rng.uniform(-math.sqrt(3.0), math.sqrt(3.0), 3)
         total += amplitude * np.asarray(lfilter([1.0], [1.0, -decay], drive, axis=0))
         time *= OCTAVES

@@ -1,4 +1,4 @@
-"""A case: an instrument with its secret; and what a suite of cases is to be drawn from."""
+"""A case: an instrument with its secret; and the options of a suite of cases."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,77 +12,78 @@ from .sizes import Hidden
 MODES = ("clean", "single", "between", "pairs")
 NOISES = ("uniform", "edge", "correlated")
 NOT_DRAWN = ("exchanged-readings",)
-"""What no suite of a table's positions hides: exchanged channels have no size that could be near that of detection."""
+"""Effects that no suite of a table's positions hides: exchanged channels have no size near that of detection."""
 TAKEN_OUT = ("gyro-bias",)
-"""The mean over the rests is taken out of every record before anything is judged: such a bias shows nowhere."""
+"""Effects that never show: the mean over the rests is subtracted from every record before the judgement."""
 IN_MOTION = tuple(name for name, effect in CATALOGUE.items() if effect.in_motion)
 """Effects that only a record in motion shows."""
 OF_SEVERAL, MOST_RECORDS = ("pairs", "clean"), 10
-"""Modes of several records of one instrument, and how many there are at most."""
+"""Modes of several records of one instrument, and the largest number of records."""
 BLOCK_SIZES = (2.0, 3.0)
-"""Sizes relative to that of sure detection, of records of a moved block."""
+"""Range of sizes relative to that of sure detection, in records of a moved block."""
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A record to be made: an instrument with its secret."""
+    """A record to make: an instrument with its secret."""
 
     seed: int
     index: int | None
-    """of the case in its suite, with the seed it decides everything; None: a record by itself"""
+    """number of the case in its suite, where the seed decides everything; None: a single record"""
     instrument: Any
     """`TrialBench` with a table, or `Block` moved by hand"""
     hidden: tuple[Hidden, ...] = ()
-    """empty for a clean record"""
+    """hidden effects; empty for a clean record"""
     redrawn: int = 0
-    """effects that were drawn and put aside, as no possible size would do"""
+    """number of effects that were drawn and rejected because no possible size fits"""
     days: tuple[TrialBench, ...] = ()
-    """of several records of one block: the bench of each day, the first one the instrument"""
+    """for several records of one block: the bench of each day; the first one is the instrument"""
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:
-        """What is hidden."""
+        """Places of the hidden effects."""
         places = []
         for hidden in self.hidden:
             places.append(hidden.place)
         return tuple(places)
 
     def measured(self, *, progress: bool = False) -> Any:
-        """The record, of positions or strapdown, or several by label: what a laboratory would hand over."""
+        """Return the record, of positions or strapdown, or several by label, as a laboratory would hand it over."""
         if self.days:
             return measured_on_days(self.days, self.seed, self.index, self.hidden, progress=progress)
         return self.instrument.measured(self.seed, self.index, self.hidden, progress=progress)
 
     def answer(self) -> dict[str, Any]:
-        """The secret, for whoever wants to compare."""
+        """Return the secret, for a comparison."""
         return self.instrument.answer(self.seed, self.index, self.hidden)
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is drawn."""
+    """Options for drawing cases."""
 
     mode: str = "single"
-    """of `MODES` "clean"; "single": one effect at `ABOVE` times the size that excludes every rival, in a block one of
-    `BLOCK_SIZES`; of benches "between": one between that size and the one of sure detection; "pairs": two at such
-    sizes"""
+    """one of `MODES`: "clean"; "single", one effect at `ABOVE` times the size that excludes every rival, in a block one
+    of `BLOCK_SIZES`; for benches "between", one between that size and the size of sure detection; "pairs", two at
+    these sizes"""
     effects: tuple[str, ...] = ()
     """names to draw from; empty: all that a record can hide"""
     positions: tuple[int, int] = (12, 100)
-    """of a table: fewest and most"""
+    """fewest and most positions of a table"""
     noise: str = "all"
-    """of benches: "uniform", "edge" (every error at ±σ), "correlated" (it wanders within ±σ) or "all", one after the
-    other"""
+    """noise of benches: "uniform", "edge" (every error at ±σ), "correlated" (it wanders within ±σ) or "all", one after
+    the other"""
     size: tuple[float, float] | None = None
     """sizes relative to that of sure detection, in place of those of the mode"""
     strapdown: bool = False
-    """records of a block moved by hand; else of a table's positions"""
+    """True for records of a block moved by hand, False for a table's positions"""
     records: int = 1
-    """of one block at a table on so many days; of several, "pairs" is one effect in all and one of a record alone"""
+    """number of days of one block at a table; with several, "pairs" is one effect in all records and one in a single
+    record"""
     own: OwnEffects | None = None
-    """a file of effects of the user's own, which are tried, too, and may be hidden"""
+    """a file of the user's own effects, which are tried too, and may be hidden"""
     whole: bool = False
-    """records of a whole bench, with gyros that see the table turn"""
+    """True for records of a whole bench, with gyros that sense the table's turns"""
 
     def __post_init__(self) -> None:
         if self.strapdown:
@@ -133,12 +134,12 @@ class Options:
 
 
 def hidden_effects() -> tuple[str, ...]:
-    """What a suite of a table's positions hides."""
+    """Return the effects that a suite of a table's positions hides."""
     return tuple(name for name in POSITION_EFFECTS if name not in NOT_DRAWN)
 
 
 def hideable_in_block() -> tuple[str, ...]:
-    """Names of effects that some record of a moved block can hide."""
+    """Return the names of effects that some record of a moved block can hide."""
     names = []
     for effect in STRAPDOWN_EFFECTS.values():
         if effect.variants is None and effect.name not in TAKEN_OUT:

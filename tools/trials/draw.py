@@ -1,4 +1,4 @@
-"""Cases drawn from a seed: an instrument, what is hidden in it, and how large that is against what must be seen."""
+"""Draw cases from a seed: an instrument, its hidden effects, and their sizes relative to those of sure detection."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -46,25 +46,25 @@ from .hiding import TRIES, Drawing, draw_place, draw_shared_and_own, faultless_m
 from .sizes import Hidden, KnownBench, draw_direction, drawn_time
 
 BLOCK_TRIES = 40
-"""Effects that are drawn for one moved block."""
+"""Number of effects that are drawn for one moved block."""
 MOST_BENCHES = 60
-"""Benches that are drawn for one case."""
+"""Number of benches that are drawn for one case."""
 ALONE_SIZES = (3.0, 6.0)
-"""Sizes relative to that of sure detection, of a single record of a bench."""
+"""Range of sizes relative to that of sure detection, of a single record of a bench."""
 RATES_HZ = (50.0, 100.0, 200.0)
 BASELINE = {"gravity": "calibrated", "truth": "nominal"}
-"""What the diagnosis of a moved block takes for known, by the record's reference."""
+"""Baseline of a moved block's diagnosis, by the record's reference."""
 UNSEEN_BETWEEN_RESTS = ("lag", "latency", "latency-step")
-"""A lag turns nothing from one rest to the next."""
+"""Effects that rests do not show: a lag turns nothing from one rest to the next."""
 
 
 def draw_case(options: Options, seed: int, index: int) -> Case:
-    """Draw case `index` of a suite; it does not depend on how many cases there are.
+    """Draw case `index` of a suite; it does not depend on the number of cases.
 
     Raises
     ------
     InputError
-        no bench that was drawn can hide such effects at such sizes, or the record of the moved block cannot show them
+        if no drawn bench can hide such effects at such sizes, or if the record of the moved block cannot show them
     """
     if options.strapdown and not options.whole and options.records == 1:
         clean = draw_clean_block(seed, index)
@@ -97,7 +97,8 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
 
 
 def _clean_bench(rng: np.random.Generator, options: Options, noise: str, case: Case) -> Case:
-    """A case of the seed and index of `case`, with a bench, a whole bench, or one block's benches of several days."""
+    """Return a case with the seed and index of `case`, with a bench, a whole bench, or one block's benches of
+    several days."""
     if options.whole:
         return replace(case, instrument=draw_whole(rng))
     if options.records > 1:
@@ -108,7 +109,7 @@ def _clean_bench(rng: np.random.Generator, options: Options, noise: str, case: C
 
 
 def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[tuple[Hidden, ...] | None]:
-    """What is drawn to be hidden in a clean case, again and again; None where it cannot be."""
+    """Yield hidden effects drawn for a clean case, again and again; None for an impossible draw."""
     if options.whole:
         hidden = hidden_in(rng, clean.instrument, clean.measured(), options)
         yield None if hidden is None else (hidden,)
@@ -134,29 +135,34 @@ def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[
 
 
 def _as_it_can_be_read(clean: Case, hidden: Sequence[Hidden]) -> Case:
-    """The case with uniform noise where something rounds or clips: it has to act on errors that are there already."""
+    """Return the case with uniform noise if something rounds or clips: it must act on existing errors."""
     if clean.days or all(effect.place.definition.linear for effect in hidden):
         return clean
     return replace(clean, instrument=replace(clean.instrument, noise="uniform"))
 
 
 def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False) -> Case:
-    """Draw truth, effect and size of a record by itself.
+    """Draw truth, effect and size of a single record.
 
     Parameters
     ----------
     seed : int
         from 0 to 2**31 - 1; the same seed gives the same case
     effects : sequence of str, optional
-        names to draw from; an empty one gives a clean record; by default every effect of accelerometers and table
+        names to draw from; an empty sequence gives a clean record; by default every effect of accelerometers and table
         that the baseline lacks
     symmetric : bool
-        the block's scale factors do not depend on the sign
+        True if the block's scale factors do not depend on the sign
+
+    Returns
+    -------
+    Case
+        the single record to make
 
     Raises
     ------
     InputError
-        an unknown name, or a seed out of range
+        for an unknown name, or a seed out of range
     """
     check_seed(seed)
     rng = np.random.default_rng(seed)
@@ -167,7 +173,7 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     bench = plain_bench(truth, alpha, beta, symmetric=symmetric)
     model = faultless_model({"identity": np.eye(3)}, alpha, beta, symmetric=symmetric)
     hours = np.arange(len(alpha)) * (DWELL_S + 4.0) / 3600.0
-    # About as the bench will run.
+    # Approximately the way of the bench.
     circumstances = Circumstances(hours, temperature_at(hours), senses_of(alpha), senses_of(beta), True)
     rows = KnownBench(model, circumstances).rows
     basis, _ = np.linalg.qr(model.jacobian)
@@ -198,9 +204,9 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
 
 
 def _sure_size(nominal: NDArray, unit: NDArray, bound: float) -> float:
-    """Size of an effect from which it is surely detected: twice the bound over the distance of its unit.
+    """Return the size of sure detection of an effect: twice the bound over the distance of its unit.
 
-    That distance, in the maximum norm, is from all that the nominal model can say; nominal (M, P), unit (M,).
+    The distance, in the maximum norm, is from the range of the nominal model; nominal (M, P), unit (M,).
     """
     radius, _, _ = chebyshev_radius(nominal, unit, np.ones(len(unit)))
     if radius > 1e-9:
@@ -212,9 +218,9 @@ def _sure_size(nominal: NDArray, unit: NDArray, bound: float) -> float:
 
 
 def draw_clean_block(seed: int, index: int, reference: Reference | None = None) -> Case:
-    """A case with nothing hidden; by default every second one has the true attitude.
+    """Draw a case without hidden effects; by default every second one has the true attitude.
 
-    Before a camera the gyros are delivered with scale factors that are right.
+    With a true attitude the gyros have correct scale factors.
     """
     chosen: Reference = reference or ("truth" if index % 2 else "gravity")
     rng = np.random.default_rng([seed, index])
@@ -233,7 +239,7 @@ def draw_clean_block(seed: int, index: int, reference: Reference | None = None) 
 
 
 def _hidden_in_block(clean: Case, options: Options) -> Case:
-    """The case with an effect of a size relative to that of sure detection."""
+    """Return the case with an effect of a size relative to that of sure detection."""
     block, index, model = clean.instrument, clean.index, block_model(clean)
     rng = np.random.default_rng([clean.seed, index or 0, 1])
     if model is None:
@@ -270,7 +276,7 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
 
 
 def block_model(case: Case) -> Carried | None:
-    """The model of which a diagnosis of the record of a moved block begins; None where it can make none."""
+    """Return the nominal model for the diagnosis of a moved block's record; None if the record allows none."""
     inspection, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.instrument.reference
     if reference == "gravity" and norm_values(inspection.accelerometers) is None:
         return None
@@ -278,9 +284,9 @@ def block_model(case: Case) -> Carried | None:
 
 
 def size_in_block(rows: Rows, place: EffectPlace, direction: NDArray) -> float:
-    """The size, along a direction of the coefficients, from which the record surely disproves the model.
+    """Return the size, along a direction of the coefficients, from which the record surely disproves the model.
 
-    Beside what the effect contains: where that does as well, it is what is named.
+    The model includes the effects that this effect contains: the diagnosis would name one of them if it does as well.
     """
     contained = []
     for p in rows.places:
@@ -290,7 +296,7 @@ def size_in_block(rows: Rows, place: EffectPlace, direction: NDArray) -> float:
 
 
 def _jitter_of(clean: Case, place: EffectPlace, wanted: float) -> float | None:
-    """How far time stamps must jitter, while the sampling does not, for the size; None where that is too far."""
+    """Return the jitter of time stamps for the size, with regular sampling [periods]; None if it is too large."""
     furthest = replace(
         clean, instrument=replace(clean.instrument, jitter=FURTHEST_STAMP), hidden=(Hidden(place, (1.0,)),)
     )

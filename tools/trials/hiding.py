@@ -1,4 +1,4 @@
-"""What could be known of a bench at best, and what is hidden in it: an effect, its place, its size."""
+"""The model of a bench at its true parameters, and the hidden effect, its place and its size."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -47,15 +47,15 @@ from .sizes import (
 )
 
 ABOVE = 1.5
-"""So many times the size that excludes every rival an effect has, where it is to be named."""
+"""Size of an effect that a diagnosis must name, relative to the size that excludes every rival."""
 MOST_ABOVE = 30.0
-"""So many times the size of sure detection is the most where nothing else limits it."""
+"""Default largest size, relative to that of sure detection."""
 TRIES = 10
-"""Effects that are drawn for one bench before another one is drawn; levels that are drawn for one effect."""
+"""Number of effects drawn for one bench before the next bench, and of levels drawn for one effect."""
 
 
 def faultless_record(bench: TrialBench) -> PositionRecord:
-    """What the bench would read without secret and without noise, in about the circumstances of its run."""
+    """Return the bench's record without secret and noise, in approximately the circumstances of its run."""
     reading = np.zeros((len(bench.alpha), 3))
     for k, name in enumerate(bench.mountings):
         rows = bench.mounting == k
@@ -87,18 +87,19 @@ def faultless_record(bench: TrialBench) -> PositionRecord:
 
 
 def expected(bench: TrialBench) -> KnownBench:
-    """The model at the truth, and the circumstances of the rows."""
+    """Return the model at the truth, and the circumstances of the rows."""
     record = faultless_record(bench)
     model = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
     return KnownBench(model, circumstances_of(record))
 
 
 def faultless_model(mountings: Mapping[str, NDArray], alpha: NDArray, beta: NDArray, *, symmetric: bool):
-    """The model linearised at a faultless bench, at positions in the first mounting.
+    """Return the model linearised at a faultless bench, at positions in the first mounting.
 
     Returns
     -------
     Linearisation
+        the linear model
     """
     p = parametrise(mountings, symmetric=symmetric)
     count = len(alpha)
@@ -107,7 +108,7 @@ def faultless_model(mountings: Mapping[str, NDArray], alpha: NDArray, beta: NDAr
 
 
 def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
-    """Effects that are linear, sorted into what these mountings can tell apart."""
+    """Return the linear effects, sorted into classes that these mountings can tell apart."""
     return _classes_with(mountings, tuple(POSITION_EFFECTS.values()), symmetric)
 
 
@@ -125,7 +126,7 @@ def _classes_with(mountings: tuple[str, ...], effects: tuple[Effect, ...], symme
 
 
 def places_of_classes(classes: Classes) -> list[EffectPlace]:
-    """Every place of the classes, those that stand for another one too."""
+    """Return every place of the classes, including represented ones."""
     places: list[EffectPlace] = []
     for first in classes.places:
         places += classes.whole_class(first)
@@ -134,7 +135,7 @@ def places_of_classes(classes: Classes) -> list[EffectPlace]:
 
 @dataclass(frozen=True)
 class Drawing:
-    """What is known of a bench at best, and effects drawn for it: None where no possible size would do."""
+    """The model of a bench at its truth, and effects drawn for it: None if no possible size fits."""
 
     rng: np.random.Generator
     options: Options
@@ -143,12 +144,12 @@ class Drawing:
 
     @staticmethod
     def of(rng: np.random.Generator, options: Options, bench: TrialBench) -> "Drawing":
-        """The drawing of effects for a bench."""
+        """Return the drawing of effects for a bench."""
         return Drawing(rng, options, expected(bench), classes_with(bench.mountings, symmetric=bench.symmetric))
 
     @cached_property
     def linear(self) -> list[EffectPlace]:
-        """Every linear effect that is not wholly in the nominal model, those that stand for another one too."""
+        """Every linear effect that is not wholly in the nominal model, including represented ones."""
         return places_of_classes(self.classes)
 
     @cached_property
@@ -164,14 +165,15 @@ class Drawing:
         return tuple(name for name in hidden_effects() if name in hideable)
 
     def drawn(self) -> tuple[EffectPlace, NDArray]:
-        """One of the effects at one of its places, and a direction of its coefficients."""
+        """Draw one of the effects at one of its places, and a direction of its coefficients."""
         name = self.names[self.rng.integers(len(self.names))]
         return draw_place(self.rng, name, self.linear, len(self.known.model.reading))
 
     def sizes(
         self, place: EffectPlace, direction: NDArray, apart: Sequence[EffectPlace], beside: Sequence[EffectPlace] = ()
     ) -> SureSizes:
-        """The sizes of an effect against one rival of each class that is that of none of some effects."""
+        """Return the sizes of an effect against one rival of each class, without the classes of the effects in
+        `apart`."""
         rivals, ways = [], []
         if apart:
             for rival in self.classes.places:
@@ -182,7 +184,7 @@ class Drawing:
 
     @cached_property
     def ways(self) -> list[Way]:
-        """Every effect with an unknown number, in each cell of it."""
+        """Return every effect with an unknown number, in each cell of it."""
         ways: list[Way] = []
         for effect in POSITION_EFFECTS.values():
             for place in effect.places if effect.searched is not None else ():
@@ -191,16 +193,16 @@ class Drawing:
         return ways
 
     def other_ways(self, place: EffectPlace) -> list[Way]:
-        """Ways of all effects but an effect itself and those that contain it, which are no rivals."""
+        """Return the ways of all rivals: neither the effect itself nor effects that contain it."""
         return [way for way in self.ways if way[0] != place and not contains([way[0]], [place])]
 
     def in_way(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
-        """An effect that is not linear in one of its ways, at a size of the mode."""
+        """Return an effect that is not linear in one of its ways, at a size of the mode."""
         ways, options = [way for nonlinear, way in self.ways if nonlinear == place], self.options
         way = ways[self.rng.integers(len(ways))]
         unit = np.eye(way.columns.shape[2])[0] * self.rng.choice([-1.0, 1.0])
         if way.one_sign and len(way.directions) > 1:
-            # What it was before is somewhere between the ends of what it may have been.
+            # Its previous value is anywhere within its possible range.
             unit = self.rng.dirichlet(np.ones(len(unit))) * unit.sum()
         if place.definition.stage == "geometry_effects":
             unit = self.rng.normal(size=len(unit))
@@ -226,7 +228,7 @@ class Drawing:
             warm = (first, float(warmth[0]))
         hidden = Hidden(place, values, float(size), sizes).since(-self.known.circumstances.began / 3600.0, warm)
         if "settling" in hidden.parameters and warmth is not None:
-            # Then, too, the lag was where it may have been.
+            # At that time, too, the lag had one of its possible values.
             begun = first + hidden.parameters["settling"] / hidden.parameters["coefficient"]
             low, high = warmth[0] + beginnings(warmth)
             if not low <= begun <= high:
@@ -234,7 +236,7 @@ class Drawing:
         return (hidden,)
 
     def single(self) -> tuple[Hidden, ...] | None:
-        """One effect at a size of the mode."""
+        """Return one effect at a size of the mode."""
         place, direction = self.drawn()
         if any(nonlinear == place for nonlinear, _ in self.ways):
             return self.in_way(place)
@@ -256,7 +258,7 @@ class Drawing:
         return (hidden,)
 
     def pair(self) -> tuple[Hidden, ...] | None:
-        """Two effects, each at a size at which nothing can stand for it even when the other one is free."""
+        """Return two effects, each at a size at which no rival can replace it even when the other one is free."""
         (first, along), (second, across) = self.drawn(), self.drawn()
         if self.classes.whole_class(first)[0] == self.classes.whole_class(second)[0]:
             return None
@@ -270,7 +272,7 @@ class Drawing:
         return tuple(pair)
 
     def level(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
-        """An effect that is not linear, at a level of which the mode's sizes are true."""
+        """Return an effect that is not linear, at a level at which the mode's sizes hold."""
         parameter, options = place.definition.parameters[0], self.options
         largest = min(parameter.largest, float(np.abs(self.known.model.prediction[:, place.index]).max()))
         low = max(parameter.smallest or 0.0, 1e-3 * largest)
@@ -294,7 +296,7 @@ class Drawing:
 def draw_place(
     rng: np.random.Generator, name: str, places: Sequence[EffectPlace], positions: int
 ) -> tuple[EffectPlace, NDArray]:
-    """One of an effect's places, or any reading for an outlier, and a direction of its coefficients."""
+    """Return one of an effect's places, or any reading for an outlier, and a direction of its coefficients."""
     if name == "outlier":
         place = place_of(int(rng.integers(positions)) + 1, int(rng.integers(3)) + 1)
     else:
@@ -304,12 +306,12 @@ def draw_place(
 
 
 def relative_size(rng: np.random.Generator, sizes: SureSizes, relative: tuple[float, float]) -> float:
-    """A size between two that are relative to that of sure detection, every decade as likely as another."""
+    """Draw a size between two that are relative to that of sure detection, uniform in its logarithm."""
     return sizes.detected * float(np.exp(rng.uniform(*np.log(relative))))
 
 
 def hidden_at(place: EffectPlace, direction: NDArray, size: float, sizes: SureSizes) -> Hidden | None:
-    """The effect at a size along a direction of its coefficients; None where that is not a possible one."""
+    """Return the effect at a size along a direction of its coefficients; None if that is impossible."""
     if not np.isfinite(size) or size > largest_possible_size(plain(place), direction):
         return None
     return Hidden(place, place.definition.from_coefficients(size * direction), float(size), sizes)
@@ -318,9 +320,10 @@ def hidden_at(place: EffectPlace, direction: NDArray, size: float, sizes: SureSi
 def draw_shared_and_own(
     rng: np.random.Generator, joint: Joint, names: Sequence[str] = ()
 ) -> tuple[Hidden, Hidden] | None:
-    """An effect in all records and one of a record alone, of these names if any; the records, of `joint`, are clean.
+    """Draw an effect of all records and one of a single record, of these names if any; the records of `joint` are
+    clean.
 
-    Each is `ABOVE` times as large as excludes every other effect beside the two; None where that is not possible.
+    Each has `ABOVE` times the size that excludes every other effect beside the two. Returns None if that is impossible.
     """
     places = []
     for place in joint.classes.places:
@@ -347,7 +350,7 @@ def draw_shared_and_own(
 
 
 def _beside(rng: np.random.Generator, joint: Joint, place: EffectPlace, other: EffectPlace) -> Hidden | None:
-    """An effect that no third one, and no reading that is off, can stand for beside another; None where too large."""
+    """Return an effect that no third one, and no outlier, can replace beside another; None if it is too large."""
     direction = draw_direction(rng, plain(place))
     same = {*joint.classes.whole_class(place), *joint.classes.whole_class(other)}
     rivals = {rival.title: joint.columns_of([rival]) for rival in joint.classes.places if rival not in same}
@@ -357,9 +360,9 @@ def _beside(rng: np.random.Generator, joint: Joint, place: EffectPlace, other: E
 
 
 def hidden_in(rng: np.random.Generator, bench: TrialBench, clean: PositionRecord, options: Options) -> Hidden | None:
-    """An effect for a whole bench whose clean record is given, at a size of the mode; None where none is possible.
+    """Return an effect for a whole bench with this clean record, at a size of the mode; None if none is possible.
 
-    It is linear, at its time where it sets in; by default `ABOVE` times as large as excludes each other one.
+    The effect is linear, with a time if it sets in; by default it has `ABOVE` times the size that excludes every rival.
     """
     model = whole_evidence(clean, bench.place, noise_bound=NOISE_BOUND).model
     classes = model.classes
@@ -383,7 +386,7 @@ def hidden_in(rng: np.random.Generator, bench: TrialBench, clean: PositionRecord
             if place not in classes.whole_class(rival):
                 columns[rival.title] = model.columns_of([rival])
         for rival in model.starting:
-            # What contains it comes behind it.
+            # An effect that contains it comes later.
             if rival != place and place.effect not in rival.definition.contains:
                 columns[rival.title] = most_alike(model, rival, change)
     sizes = sizes_of_change(model.rows.nominal, change, columns)
@@ -394,7 +397,7 @@ def hidden_in(rng: np.random.Generator, bench: TrialBench, clean: PositionRecord
         return None
     values = at_time.values_of([place], np.append(np.zeros(len(at_time.names)), size * direction))[place]
     hidden = Hidden(place, values, float(size), sizes)
-    # What acts at rest counts from the first rest on.
+    # An effect at rest counts from the first rest on.
     began = model.rests.readings.circumstances.began / 3600.0
     if in_time and acts_at_rest(place):
         return hidden.since(-began)

@@ -1,4 +1,4 @@
-"""What a diagnosis made of a case, held against the secret."""
+"""The outcome of a case: its diagnosis compared with the secret."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,77 +12,77 @@ from .case import Case
 from .sizes import Hidden, Secret
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
-"""What can come of a case.
+"""Possible outcomes of a case.
 
 right
-    named, all of it and nothing else, up to effects that no measurement on the bench could tell apart; or, of a clean
+    named, all of it and nothing else, up to effects that no measurement on the bench could tell apart; or, for a clean
     record, nothing named
 candidate
     several sets remain, and the true one is among them
 part
-    an effect of several is named, and nothing that is not there
+    one effect of several is named, and no false one
 wrong
-    something is named that is not there, or the sets that remain are all wrong
+    a false effect is named, or all remaining sets are wrong
 unexplained, consistent, insufficient
-    the verdict, where something is hidden
+    the verdict, if an effect is hidden
 """
 NOTHING = "nothing"
-"""Stands for the secret of a clean record."""
+"""Word for the secret of a clean record."""
 
 
 class Outcome(Told):
-    """What came of a case. Keys that one kind of record has, a table's or a block's, are left out of the other's."""
+    """Outcome of a case. Keys of only one kind of record, a table's or a block's, are left out of the other's."""
 
     seed: int
     case: int
-    """of the suite, and of the case in it"""
+    """seed of the suite, and number of the case in it"""
     records: int = ABSENT
-    """of one instrument, where they are several"""
+    """number of records of one instrument, if several"""
     positions: int = ABSENT
     mountings: tuple[str, ...] = ABSENT
     baseline: str = ABSENT
     noise: str = ABSENT
-    """of a table"""
+    """noise of a table's record"""
     reference: str = ABSENT
-    """of a block moved by hand: "gravity" or "truth", as what follows up to `rows`, but for what is hidden"""
+    """reference of a block moved by hand: "gravity" or "truth"; so are the next keys up to `rows`, except `hidden`"""
     hidden: tuple[Secret, ...] | dict[str, Any] | None
-    """of a table; of a block the effect as a scenario file writes it"""
+    """effects of a table; the effect of a block as in a scenario file"""
     size: float = ABSENT
-    """relative to that of sure detection"""
+    """size relative to that of sure detection"""
     stamps_jitter_periods: float = ABSENT
     gyros: dict[str, Any] = ABSENT
     accelerometers: dict[str, Any] = ABSENT
-    """parameters of the components that are no secret"""
+    """known parameters of the components"""
     rows: int = ABSENT
     redrawn: int
-    """effects that were put aside"""
+    """number of rejected effects"""
     radius: float | None
-    """that the nominal model leaves, in units of the bound"""
+    """radius of the nominal model, in units of the bound"""
     verdict: str
-    """of the diagnosis"""
+    """verdict of the diagnosis"""
     outcome: str
     """one of `KINDS`"""
     named: tuple[NamedEffect, ...]
-    """the set that was named, or the best of those that remain"""
+    """the named set, or the best of the remaining ones"""
     inside: bool | None
-    """whether the true parameters are inside their intervals; None where the effect was not named by its own name"""
+    """True if the true parameters are inside their intervals; None if the effect was not named by its own name"""
     errors: tuple[float, ...] = ABSENT
-    """of a table: relative error of each estimated size"""
+    """relative error of each estimated size, for a table"""
     error: float | None = None
-    """of a block: relative error of the size, along the true effect"""
+    """relative error of the size, along the true effect, for a block"""
     why: str = ABSENT
-    """of a block: what the diagnosis says beside its verdict"""
+    """remark of the diagnosis beside its verdict, for a block"""
 
     @property
     def secrets(self) -> tuple[Secret, ...]:
-        """What was hidden in a bench, with its sizes."""
+        """Effects hidden in a bench, with their sizes."""
         if self.hidden is None or self.reference is not None:
             return ()
         return tuple(self.hidden)  # type: ignore[arg-type]
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:
-        """What was hidden."""
+        """Places of the hidden effects."""
         if self.reference is None:
             return tuple(secret.place for secret in self.secrets)
         if self.hidden is None:
@@ -91,7 +91,7 @@ class Outcome(Told):
 
     @property
     def relative_size(self) -> float | None:
-        """Size of the first effect over that of sure detection; None of a clean record."""
+        """Size of the first effect over that of sure detection; None for a clean record."""
         if not self.places:
             return None
         if self.secrets:
@@ -109,12 +109,12 @@ class Outcome(Told):
 
     @property
     def hidden_words(self) -> str:
-        """The secret in words: the names of the effects."""
+        """Names of the hidden effects."""
         return _names(self.places) or NOTHING
 
     @property
     def named_words(self) -> str:
-        """What was made of it in words: names of the effects, or the verdict where there is none."""
+        """Names of the named effects, or the verdict if there are none."""
         if self.outcome == "candidate":
             return "ambiguous, among them"
         if self.verdict == "ambiguous":
@@ -128,7 +128,7 @@ class Outcome(Told):
         return self.verdict
 
     def titles(self, *, named: bool, between: str = " + ") -> str:
-        """What was hidden, or what was named, by effect and place."""
+        """Return effects and places of the secret or of the diagnosis, as a title."""
         if named:
             return between.join(effect.place.title for effect in self.named)
         return between.join(place.title for place in self.places)
@@ -139,7 +139,7 @@ def _names(effects: Iterable[EffectPlace | NamedEffect]) -> str:
 
 
 def diagnosed_case(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis:
-    """The diagnosis of a case's record, or records; of a bench σ, the mountings and the kind of block are known."""
+    """Return the diagnosis of a case's record or records, with σ, the mountings and the kind of block of a bench."""
     if case.days:
         alone = {label: diagnose(day, rerun=rerun, noise_bound=NOISE_BOUND) for label, day in record.items()}
         return diagnosed_together(alone, rerun=rerun)
@@ -147,7 +147,7 @@ def diagnosed_case(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis
 
 
 def judged_case(case: Case, result: Diagnosis) -> Outcome:
-    """Hold a diagnosis against the secret of its case."""
+    """Compare a diagnosis with the secret of its case."""
     instrument, secrets = case.instrument, case.hidden
     sets = [finding.causes for finding in result.findings]
     if case.days:
@@ -188,10 +188,10 @@ def outcome_kind(
     equivalent_sets: Iterable[Iterable[EffectPlace]] = (),
     containing: Iterable[Iterable[EffectPlace]] = (),
 ) -> str:
-    """One of `KINDS`, for the places of what is hidden and the verdict of a diagnosis.
+    """Return one of `KINDS`, for the places of the hidden effects and the verdict of a diagnosis.
 
-    `sets` are the one that is named, or those that remain, the best one first; `equivalent_sets` are whole sets that
-    cannot be told from the one that is named, `containing` such as are not excluded beside it, as they contain it.
+    `sets` are the named one, or the remaining ones, the best first; `equivalent_sets` are whole sets that cannot be
+    told from the named one; `containing` are sets that contain it and are therefore not excluded.
     """
     if verdict in ("consistent", "insufficient", "unexplained"):
         if not places and verdict != "unexplained":
@@ -216,12 +216,12 @@ def _is_among(places: Sequence[EffectPlace], sets: Iterable[Iterable[EffectPlace
 
 
 def _alike(cause: Cause) -> set[EffectPlace]:
-    """A cause and what no measurement on the bench could tell from it."""
+    """Return a cause and all effects that no measurement on the bench could tell from it."""
     return {cause.place, *cause.alike}
 
 
 def _is_same(causes: Sequence[Cause], places: Sequence[EffectPlace]) -> bool:
-    """Whether a set of causes is a set of effects, in some order, up to those that cannot be told apart."""
+    """Return True if a set of causes equals a set of effects, in any order, up to indistinguishable effects."""
     if not causes:
         return not places
     for number, place in enumerate(places):
@@ -235,7 +235,7 @@ def _is_same(causes: Sequence[Cause], places: Sequence[EffectPlace]) -> bool:
 def _held_against(
     hidden: Sequence[Hidden], kind: str, sets: Sequence[Sequence[Cause]], table: Mapping[str, Any] | None = None
 ) -> tuple[bool | None, tuple[float, ...]]:
-    """Whether the true parameters are inside their intervals, and errors of the sizes, of effects named as they are."""
+    """Return True if the true parameters are inside their intervals, and the errors of the sizes, for named effects."""
     if kind != "right" or not sets:
         return None, ()
     inside, errors = True, []
@@ -249,10 +249,10 @@ def _held_against(
 
 
 def as_readings_tell(hidden: Hidden, table: Mapping[str, Any] | None) -> tuple[float, ...]:
-    """True parameters as far as readings can tell them, which show neither Δg/g nor Δβ of the table.
+    """Return the true parameters as readings show them, without Δg/g and Δβ of the table, which readings do not show.
 
     The components' inputs are in units of the model's g: they have the factor 1 − Δg/g. Harmonics of the inner axis are
-    functions of the true angle, the encoder reading less Δβ, so that a phase of order h is known up to h Δβ.
+    functions of the true angle, the encoder reading less Δβ, so a phase of order h is known up to h Δβ.
     """
     if table is None:
         return hidden.values
@@ -271,7 +271,7 @@ def as_readings_tell(hidden: Hidden, table: Mapping[str, Any] | None) -> tuple[f
 
 
 def is_inside(values: Iterable[float], cause: Cause) -> bool:
-    """Whether true parameters are inside a cause's intervals, phases up to whole turns."""
+    """Return True if true parameters are inside a cause's intervals, phases up to whole turns."""
     for value, (low, high), parameter in zip(values, cause.intervals, cause.place.definition.parameters, strict=True):
         if parameter.name.endswith("phase"):
             turns = (-1, 0, 1)
@@ -283,7 +283,7 @@ def is_inside(values: Iterable[float], cause: Cause) -> bool:
 
 
 def relative_error(hidden: Hidden, cause: Cause) -> float:
-    """Error of the estimated size, along the true effect, as a part of the true size."""
+    """Return the error of the estimated size, along the true effect, relative to the true size."""
     names = list(hidden.parameters)
     true, estimate = _vector(names, hidden.values), _vector(names, cause.values)
     along = sum(e * t for e, t in zip(estimate, true, strict=True))
@@ -291,7 +291,7 @@ def relative_error(hidden: Hidden, cause: Cause) -> float:
 
 
 def _vector(names: Sequence[str], values: Sequence[float]) -> list[float]:
-    """Parameters as a vector in which errors add: amplitudes and phases by their components; times are not in it."""
+    """Return parameters as a vector in which errors add: amplitudes and phases by components, without times."""
     vector: list[float] = []
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         if name.endswith("amplitude"):

@@ -1,11 +1,11 @@
-"""Hidden effects, and the two sizes with a theory: surely detected, and surely not taken for another effect.
+"""Hidden effects, and the two sizes with a theory: sure detection, and sure exclusion of every rival.
 
-Let d be what the unit effect adds to the readings, J the derivatives of the nominal model at its relinearised point and
-b the bounds. Noise within its bounds can hide what is nearer to the model than the bounds, and the model may use up the
-bounds once more, so that an effect is surely *detected* from the size 2 / min over x of max |d − J x| / b (2 σ over the
-Chebyshev distance; b is wider where a sign is open). No parameters of a rival with columns C can mend the record from
-2 / min over x, y of max |d − J x − C y| / b; the greatest such size over all rivals outside the effect's class surely
-*excludes* them.
+Let d be the change of the readings by the unit effect, J the derivatives of the nominal model at its relinearised point
+and b the bounds. Noise within its bounds can hide an effect nearer to the model than the bounds, and the model may use
+up the bounds once more. An effect is therefore surely *detected* from the size 2 / min over x of max |d − J x| / b (2 σ
+over the Chebyshev distance; b is wider where a sign is open). No parameters of a rival with columns C can mend the
+record from 2 / min over x, y of max |d − J x − C y| / b. The greatest of these sizes over all rivals outside the
+effect's class surely *excludes* them.
 """
 
 import math
@@ -33,18 +33,18 @@ from ..result import finite_or_none
 RECORD_DECIMALS = 9
 """Decimals of a record's numbers, as laboratories write them."""
 NOTHING_LEFT = 1e-8
-"""A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""
+"""Distance, relative to the effect's largest reading, below which it is rounding: the effect lies in the model."""
 TOLERANCE = 1e-3
-"""By so small a part a rival may be nearer than the one that is called the last to be excluded."""
+"""Relative tolerance with which the last excluded rival is chosen."""
 ROUNDS = 12
-"""Rounds of Lawson's algorithm in which a rival may be found too far away to matter."""
+"""Rounds of Lawson's algorithm in which a rival may prove too far away to matter."""
 DIRECTIONS = 16
-"""Directions of an effect's coefficients among which the worst is sought."""
+"""Number of directions of an effect's coefficients among which the worst is sought."""
 MIDDLE_OF_RECORD = 0.2, 0.8
-"""Parts of the times at which an effect may set in."""
+"""Range of times at which an effect may set in, relative to the record."""
 SHORT_OF_RECORD = 0.02, 0.4
-"""Parts of the record's length between which time constants are, evenly in their logarithm; of longer ones hardly more
-than a drift shows."""
+"""Range of time constants, relative to the record's length, uniform in their logarithm; longer ones show little more
+than a drift."""
 
 
 Way = tuple[EffectPlace, Cell]
@@ -53,14 +53,14 @@ Way = tuple[EffectPlace, Cell]
 
 @dataclass(frozen=True)
 class SureSizes:
-    """Sizes of an effect, as lengths of its vector of linear coefficients; infinite where there is none."""
+    """Sizes of an effect, as lengths of its vector of linear coefficients; infinite for none."""
 
     detected: float
-    """from here the nominal model is surely falsified"""
+    """least size at which the nominal model is surely falsified"""
     excluded: float
-    """from here no single rival leaves a radius of 1 or less; never below `detected`"""
+    """least size at which every single rival leaves a radius above 1; never below `detected`"""
     rival: str | None
-    """the rival that is excluded last; None where the model itself is"""
+    """the rival that is excluded last; None if it is the model itself"""
 
 
 UNIT_SIZES = SureSizes(detected=1.0, excluded=1.0, rival=None)
@@ -72,15 +72,15 @@ class Hidden:
 
     place: EffectPlace
     values: tuple[float, ...]
-    """its parameters, by the clock of the run"""
+    """its parameters, on the clock of the run"""
     size: float = 1.0
     """length of the vector of its linear coefficients, or in units of `sizes`; 1 for an effect that is not linear"""
     sizes: SureSizes = UNIT_SIZES
-    """SureSizes: from which it is surely detected, and every rival excluded, in the same measure"""
+    """sizes of sure detection and of sure exclusion of every rival, in the same measure"""
 
     @property
     def relative_size(self) -> float:
-        """Size over that of sure detection."""
+        """Size relative to that of sure detection."""
         return self.size / self.sizes.detected
 
     @property
@@ -91,23 +91,23 @@ class Hidden:
 
     @property
     def entry(self) -> dict[str, Any]:
-        """The effect as a scenario file writes it."""
+        """The effect as in a scenario file."""
         return {**NamedEffect.keys(self.place), **self.parameters}
 
     def since(self, hours: float, temperature: tuple[float, float] | None = None) -> "Hidden":
-        """The same effect by a clock that begins so long [h] after this one, as that of a record's first row does.
+        """Return the same effect on a clock that begins this time [h] later, like that of a record's first row.
 
-        `temperature` [degC] at the earlier beginning and at the later one, between which it is linear in time; None
-        where a record has none.
+        `temperature` [degC] is that at the earlier beginning and at the later one, linear in time between them; None
+        for a record without temperature.
         """
         values = self.parameters
         if "start" in values:
             values["start"] -= hours
         if self.place.effect == "warm-up":
-            # What has settled by then is part of the bias there.
+            # The part that has settled by then belongs to the bias.
             values["size"] *= math.exp(-hours / values["time_constant"])
         if self.place.effect == "thermal-lag" and temperature is not None:
-            # What the lag is ahead at the later beginning fades from there on, too.
+            # The lead of the lag at the later beginning also decays from there on.
             times, constant = np.array([0.0, abs(hours)]), np.array([values["time_constant"]])
             ahead = float(lagged(times, np.array(temperature), constant)[0][1, 0]) - temperature[1]
             offset, decay = values["coefficient"] * ahead, math.exp(-hours / constant[0])
@@ -116,20 +116,20 @@ class Hidden:
 
 
 class Secret(NamedEffect):
-    """What was hidden in a bench: the effect, its parameters, and its size against the two that have a theory."""
+    """A hidden effect of a bench: the effect, its parameters, and its size relative to the two sizes with a theory."""
 
     parameters: dict[str, float]
     size: float
     """length of the vector of its linear coefficients; 1 for an effect that is not linear"""
     surely_detected: float | None
     rivals_excluded: float | None
-    """sizes in the same measure; None where there is none"""
+    """sizes in the same measure; None for none"""
     last_rival: str | None
     """the rival that is excluded last"""
 
     @staticmethod
     def hidden(hidden: Hidden) -> "Secret":
-        """What was hidden."""
+        """Return the secret of a hidden effect."""
         return Secret(
             **NamedEffect.keys(hidden.place),
             parameters=hidden.parameters,
@@ -141,7 +141,7 @@ class Secret(NamedEffect):
 
     @property
     def relative_size(self) -> float:
-        """Size over that of sure detection."""
+        """Size relative to that of sure detection."""
         if self.surely_detected is None:
             return 0.0
         return self.size / self.surely_detected
@@ -149,14 +149,14 @@ class Secret(NamedEffect):
 
 @dataclass(frozen=True, eq=False)
 class KnownBench:
-    """What could be known of a bench at best: the model with bounds of its readings, and its rows' circumstances."""
+    """The model of a bench at its truth, with bounds of its readings, and its rows' circumstances."""
 
     model: Linearisation
     circumstances: Circumstances
 
     @cached_property
     def rows(self) -> Rows:
-        """What effects see of the rows."""
+        """The rows as effects take them."""
         return Visits.of(self.model, self.circumstances).rows(self.model.point)
 
     def sure_sizes(
@@ -168,24 +168,30 @@ class KnownBench:
         beside: Sequence[EffectPlace] = (),
         ways: Sequence[Way] = (),
     ) -> SureSizes:
-        """Sizes from which an effect is surely detected and from which every rival is surely excluded.
+        """Return the sizes from which an effect is surely detected and from which every rival is surely excluded.
 
         Parameters
         ----------
         place : EffectPlace
-            linear in its coefficients, or an outlier
+            the effect, linear in its coefficients, or an outlier
         rivals : sequence of EffectPlace
-            outside the effect's class; an outlier at every other reading is one too
+            effects outside the effect's class; an outlier at every other reading is one too
         direction : (K,) array, optional
-            of the effect's coefficients, of length one; by default the worst of `DIRECTIONS`, each size for itself
+            direction of the effect's coefficients, of length one; by default the worst of `DIRECTIONS`, each size for
+            itself
         beside : sequence of EffectPlace
-            effects that the model has too, whatever their size: with those of a pair the sizes say from where the other
-            one cannot be replaced
+            further effects of the model, of any size: with one of a pair, no rival replaces the other one from these
+            sizes on
         ways : sequence of Way
-            in which effects that are not linear, rivals too, add columns
+            ways in which effects that are not linear, rivals too, add columns
+
+        Returns
+        -------
+        SureSizes
+            sizes of sure detection and of sure exclusion
         """
         columns = signature_columns([place], self.rows)
-        # Readings on which the effect acts in a way that the record does not tell prove nothing.
+        # Readings with an unknown effect on them prove nothing.
         nominal = [self.model.jacobian, _untold_columns([place], self.rows)]
         for companion in beside:
             nominal.append(_freed_columns(companion, self.rows))
@@ -206,16 +212,18 @@ class KnownBench:
         return replace(worst, detected=detected)
 
     def sizes_of_way(self, change: NDArray, rivals: Sequence[EffectPlace], ways: Sequence[Way]) -> SureSizes:
-        """Sizes as of `sure_sizes` of what an effect that is not linear adds to the readings (N, 3) [g] in a way."""
+        """Return sizes as `sure_sizes` does, for the change of the readings (N, 3) [g] by an effect that is not
+        linear."""
         return _sizes_of_change(self.model.jacobian, change.ravel(), self.model.bound, self._rivals(rivals, ways))
 
     def level_margins(
         self, place: EffectPlace, levels: Sequence[float], rivals: Sequence[EffectPlace]
     ) -> list[SureSizes]:
-        """For each level of an effect that is not linear, factors of its change that surely detect it, exclude rivals.
+        """Return, for each level of an effect that is not linear, the factors of its change that detect it and exclude
+        rivals.
 
-        The change grows in jumps with the level, so levels are scanned: at one whose factor is 1 or less the effect is
-        surely detected, or every linear rival surely excluded.
+        The change grows in jumps with the level, so levels are scanned: at a factor of 1 or less the effect is surely
+        detected, or every linear rival surely excluded.
         """
         margins = []
         for level in levels:
@@ -223,7 +231,7 @@ class KnownBench:
         return margins
 
     def _rivals(self, rivals: Sequence[EffectPlace], ways: Sequence[Way]) -> "list[_Rival]":
-        """What could stand for an effect: other effects, and ways of such as are not linear."""
+        """Return the rivals of an effect: other effects, and ways of effects that are not linear."""
         possible = []
         for rival in rivals:
             possible.append(_Rival(rival.title, _freed_columns(rival, self.rows)))
@@ -234,14 +242,15 @@ class KnownBench:
 
 @dataclass(frozen=True, eq=False)
 class _Rival:
-    """What could stand for an effect: columns (M, K), and whether their coefficients all have one sign."""
+    """A rival of an effect: columns (M, K), and a flag for coefficients of one sign."""
 
     title: str
     columns: NDArray
     one_sign: bool = False
 
     def distance(self, model: NDArray, target: NDArray, own: NDArray) -> float:
-        """Distance of a target (M,) from a model (M, P) with the rival's columns (M, K), all in units of the bounds."""
+        """Return the distance of a target (M,) from a model (M, P) with the rival's columns (M, K), in units of the
+        bounds."""
         columns, ones = np.hstack((model, own)), np.ones(len(target))
         if not self.one_sign:
             return chebyshev_radius(columns, target, ones)[0]
@@ -252,16 +261,16 @@ class _Rival:
 
 
 ONE_READING = _Rival("outlier", np.zeros((0, 1)))
-"""One reading left out, whichever it is."""
+"""Any one reading left out."""
 
 
 def _untold_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
-    """One column (3 N, U) for each reading on which an effect acts in a way that the record does not tell."""
+    """Return one column (3 N, U) for each reading on which an effect acts in a way that the record does not show."""
     return np.eye(3 * len(rows.hours))[:, untold_readings(places, rows)]
 
 
 def _freed_columns(place: EffectPlace, rows: Rows) -> NDArray:
-    """Signature of an effect, and a column for each reading that it leaves free."""
+    """Return the signature of an effect, and a column for each reading that it leaves free."""
     return np.hstack((signature_columns([place], rows), _untold_columns([place], rows)))
 
 
@@ -273,9 +282,9 @@ def _sizes_of_change(
     *,
     own_reading: int | None = None,
 ) -> SureSizes:
-    """Factors of a change (M,) of the readings from which it is surely detected, and every rival surely excluded.
+    """Return the factors of a change (M,) of the readings from which it is surely detected, and every rival excluded.
 
-    One reading left out is a rival besides, but not the change's own reading.
+    Leaving out one reading is a further rival, except the change's own reading.
     """
     model, target = nominal / bound[:, None], change / bound
     scale = float(np.abs(target).max(initial=0.0))
@@ -289,7 +298,7 @@ def _sizes_of_change(
     least, nearest = alone, None
     scaled = [rival.columns / bound[:, None] for rival in rivals]
     bounds, candidates = _least_square_bounds(model, target, scaled, own_reading)
-    # The others prove what is left without a reading that the proof does not use.
+    # The other readings prove the rest without a reading that the proof does not use.
     bounds[len(rivals) :] = np.maximum(bounds[len(rivals) :], np.where(duals == 0.0, alone, 0.0))
     for k in np.argsort(bounds, kind="stable"):
         if bounds[k] >= (1.0 - TOLERANCE) * least:
@@ -322,7 +331,8 @@ def _sizes_of_change(
 
 
 def sizes_of_change(nominal: NDArray, change: NDArray, rivals: Mapping[str, NDArray]) -> SureSizes:
-    """Factors of a change (M,) of rows in units of their bounds that surely detect it, and exclude rivals by title."""
+    """Return the factors of a change (M,) of rows over their bounds that surely detect it, and exclude rivals by
+    title."""
     possible = []
     for title, columns in rivals.items():
         possible.append(_Rival(title, columns))
@@ -332,7 +342,8 @@ def sizes_of_change(nominal: NDArray, change: NDArray, rivals: Mapping[str, NDAr
 def _least_square_bounds(
     model: NDArray, target: NDArray, rivals: Sequence[NDArray], own_reading: int | None
 ) -> tuple[NDArray, list[NDArray]]:
-    """Lower bounds of the distances with each rival's columns, then with each reading's own column, and the columns."""
+    """Return lower bounds of the distances with each rival's columns, then with each reading's own column, and the
+    columns."""
     count = len(target)
     basis = column_space(model)
     remainder = target - basis @ (basis.T @ target)
@@ -353,7 +364,7 @@ def _least_square_bounds(
 
 
 def _is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray) -> bool:
-    """Whether Lawson's algorithm, from weights `first`, proves soon that columns come no nearer than `least`."""
+    """Return True if Lawson's algorithm, from weights `first`, soon proves that columns come no nearer than `least`."""
     weights = 0.9 * first / first.sum() + 0.1 / len(target)
     for _ in range(ROUNDS):
         root = np.sqrt(weights)
@@ -367,12 +378,12 @@ def _is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray)
 
 
 def level_change(place: EffectPlace, level: float, rows: Rows) -> NDArray:
-    """What an effect that is not linear changes in the readings (N, 3) [g] at a level, by its own kernel."""
+    """Return the change of the readings (N, 3) [g] by an effect that is not linear at a level, by its own kernel."""
     return acted_on([(place, (level,))], rows, rows.prediction) - rows.prediction
 
 
 def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
-    """A direction of an effect's coefficients, of length one; one that only grows is positive."""
+    """Draw a direction of an effect's coefficients, of length one; positive for an effect that only grows."""
     direction = rng.normal(size=coefficient_count(place))
     direction /= np.linalg.norm(direction)
     only_grow = all(parameter.smallest == 0.0 for parameter in place.definition.linear_parameters)
@@ -382,9 +393,9 @@ def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
 
 
 def drawn_time(rng: np.random.Generator, model: SettingIn, place: EffectPlace) -> int:
-    """The row, or the number of the time constant, from which on an effect that sets in acts in a record.
+    """Draw the row, or the number of the time constant, from which an effect that sets in acts in a record.
 
-    At any but near the ends, where it shows in hardly any piece.
+    Rows near the ends are excluded: the effect would show in hardly any piece.
     """
     cells = model.cells[place]
     if place.definition.searched == TIME_CONSTANT:
@@ -395,7 +406,7 @@ def drawn_time(rng: np.random.Generator, model: SettingIn, place: EffectPlace) -
 
 
 def most_alike(model: SettingIn, place: EffectPlace, change: NDArray) -> NDArray[np.float64]:
-    """Columns (M, K) of an effect that sets in, at the time at which least squares bring it next to a change (M,)."""
+    """Return columns (M, K) of an effect that sets in, at the time with the least squares distance to a change (M,)."""
     cells, candidates = model.cells[place], []
     for row in cells.edges:
         candidates.append(np.nan_to_num(model.over_bounds(cells.columns(row)[0])))
@@ -410,7 +421,7 @@ def most_alike(model: SettingIn, place: EffectPlace, change: NDArray) -> NDArray
 
 
 def largest_possible_size(place: EffectPlace, direction: NDArray) -> float:
-    """The largest possible size along a direction of the coefficients."""
+    """Return the largest possible size along a direction of the coefficients."""
     effect = place.definition
     unit = effect.from_coefficients(direction)
     # Phases do not grow with the size.

@@ -1,4 +1,4 @@
-"""Records with secrets: one that is written, or a suite of many that are diagnosed and counted."""
+"""Records with secrets: a single one, or a suite of many that are diagnosed and counted."""
 
 import csv
 import io
@@ -42,7 +42,7 @@ MOST_CASES, MOST_JOBS = 100_000, 64
 
 @dataclass(frozen=True, repr=False)
 class HiddenRecord:
-    """A "measured" record, and what was hidden in it; printed, it keeps its secret."""
+    """A "measured" record and its secret; printing it does not reveal the secret."""
 
     record: PositionRecord
     secret: dict[str, Any]
@@ -54,14 +54,14 @@ class HiddenRecord:
         return self.record._repr_html_()
 
     def to_polars(self) -> "DataFrame":
-        """The record."""
+        """Return the record."""
         return self.record.to_polars()
 
 
 def hidden_record(
     seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False, progress: bool = False
 ) -> HiddenRecord:
-    """Draw a record of a table's positions by itself, and measure it; arguments as for `draw_alone`."""
+    """Draw a single record of a table's positions, and measure it; arguments as for `draw_alone`."""
     case = draw_alone(seed, effects=effects, symmetric=symmetric)
     return HiddenRecord(case.measured(progress=progress), case.answer())
 
@@ -74,7 +74,7 @@ def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress
     Raises
     ------
     InputError
-        a file that cannot be written; then neither is there
+        if a file cannot be written; then neither is written
     """
     record = case.measured(progress=progress)
     if answer is not None:
@@ -95,17 +95,17 @@ class Detection(Result):
     """Cases within a range of sizes relative to that of sure detection."""
 
     low: float
-    """of the range"""
+    """lower end of the range"""
     high: float | None
-    """None: any larger one"""
+    """upper end; None: any larger size"""
     cases: int
     detected: int
     named: int
-    """how many; in how many the model was falsified; in how many the effect was named rightly"""
+    """number of cases, of falsified models, and of correctly named effects"""
 
 
 class Suite(Told):
-    """A suite of records, and what came of it. Keys that only one kind of record has are left out of the other's."""
+    """A suite of records with its outcomes. Keys of only one kind of record are left out of the other's."""
 
     schema_: Literal["trihedron.hidden-suite/1", "trihedron.hidden-strapdown-suite/1"] = Field(alias="schema")
     mode: str = ABSENT
@@ -116,34 +116,34 @@ class Suite(Told):
     noise: str = ABSENT
     size: tuple[float, float] | None
     seed: int
-    """what was drawn, as in `Options`; of a block moved by hand whether it is clean, and no size where it is"""
+    """options as in `Options`; for a block moved by hand a flag for clean records, which have no size"""
     cases: int
     redrawn: int = ABSENT
-    """how many effects were put aside (of a table)"""
+    """number of rejected effects (of a table)"""
     outcomes: dict[str, int]
-    """how many of each kind, in the order of `KINDS`"""
+    """number of each kind, in the order of `KINDS`"""
     false_alarms: dict[str, int]
-    """clean records, and those on which something was named"""
+    """number of clean records, and of those with a named effect"""
     confusion: dict[str, dict[str, int]]
-    """secret in words -> what was made of it -> how often"""
+    """secret in words -> outcome in words -> count"""
     by_reference: dict[str, dict[str, int]] = ABSENT
-    """of blocks: "gravity", "truth" -> how many of each kind"""
+    """for blocks: "gravity", "truth" -> number of each kind"""
     detection: tuple[Detection, ...] = ABSENT
-    """of a table: single effects by their size; ranges without cases are left out"""
+    """for a table: single effects by their size; ranges without cases are left out"""
     size_errors: dict[str, int | float | None]
-    """estimated sizes against the true ones, relative; how many true values were inside their intervals"""
+    """relative errors of the estimated sizes; number of true values inside their intervals"""
     results: tuple[Outcome, ...]
-    """in the order of the cases"""
+    """outcomes in the order of the cases"""
 
     @property
     def strapdown(self) -> bool:
-        """Whether the records are those of a block moved by hand."""
+        """True for records of a block moved by hand."""
         return self.mode is None
 
 
 @dataclass(frozen=True)
 class NamedSuite:
-    """A suite of `scenarios/hidden/suites.toml`: what is drawn, how many cases, from which seed."""
+    """A suite of `scenarios/hidden/suites.toml`: its options, number of cases, and seed."""
 
     options: Options
     cases: int
@@ -151,7 +151,10 @@ class NamedSuite:
 
 
 def named_suite(name: str) -> NamedSuite:
-    """The suite of that name; InputError where there is none."""
+    """Return the suite of this name.
+
+    Raises InputError if there is none.
+    """
     text = resources.files("trihedron.scenarios").joinpath("hidden", "suites.toml").read_text(encoding="utf-8")
     suites = tomllib.loads(text)
     if name not in suites:
@@ -165,28 +168,35 @@ def named_suite(name: str) -> NamedSuite:
 def run_suite(
     options: Options, cases: int, seed: int, *, records: Path | None = None, jobs: int = 1, progress: bool = False
 ) -> Suite:
-    """Draw, measure and diagnose cases; the diagnosis gets the record and what is known beside it, and nothing else.
+    """Draw, measure and diagnose cases; the diagnosis gets only the record and the known facts beside it.
 
-    A campaign of kind "hidden" runs the same cases into a folder from which it can go on; a suite is one value at its
-    end.
+    A campaign of kind "hidden" runs the same cases into a folder from which it can be resumed; a suite is one value at
+    its end.
 
     Parameters
     ----------
     options : Options
+        options of the cases
     cases : int
-        how many; case i is the same whatever their number
+        number of cases; case i does not depend on it
     seed : int
+        seed of the suite
     records : Path, optional
         existing folder in which every record is written too
     jobs : int
-        processes; 1: this one
+        number of processes; 1: only this one
     progress : bool
-        show a bar on standard error, where that is a terminal
+        show a bar on standard error if that is a terminal
+
+    Returns
+    -------
+    Suite
+        the outcomes and their counts
 
     Raises
     ------
     InputError
-        numbers out of range, or instruments that cannot hide what is asked for
+        for numbers out of range, or instruments that cannot hide such effects
     """
     limits = (("cases", cases, 1, MOST_CASES), ("seed", seed, 0, 2**31 - 1), ("jobs", jobs, 1, MOST_JOBS))
     for name, number, least, most in limits:
@@ -199,8 +209,8 @@ def run_suite(
 
 
 def run_case(options: Options, seed: int, records: Path | None, index: int) -> Outcome:
-    """One case from the drawing to the outcome."""
-    # A worker process knows nothing of the file that the user named.
+    """Run one case from the drawing to the outcome."""
+    # A worker process does not know the user's file of effects.
     with with_effects_of(options.own):
         case = draw_case(options, seed, index)
         record = case.measured()
@@ -216,7 +226,7 @@ def run_case(options: Options, seed: int, records: Path | None, index: int) -> O
 
 
 def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
-    """A suite from the outcomes of its cases, in their order."""
+    """Return a suite from the outcomes of its cases, in their order."""
     clean = []
     for outcome in outcomes:
         if not outcome.places:
@@ -280,7 +290,7 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
 
 
 def kinds(outcomes: Sequence[Outcome]) -> dict[str, int]:
-    """How many of each kind, in the order of `KINDS`."""
+    """Return the number of each kind, in the order of `KINDS`."""
     counts = Counter(outcome.outcome for outcome in outcomes)
     kinds_there = {}
     for kind in KINDS:
@@ -290,7 +300,7 @@ def kinds(outcomes: Sequence[Outcome]) -> dict[str, int]:
 
 
 def confusion(outcomes: Sequence[Outcome]) -> dict[str, Counter[str]]:
-    """Secret in words -> what was made of it -> how often."""
+    """Return secret in words -> outcome in words -> count."""
     table: dict[str, Counter[str]] = {}
     for outcome in sorted(outcomes, key=lambda outcome: outcome.hidden_words):
         table.setdefault(outcome.hidden_words, Counter())[outcome.named_words] += 1
@@ -298,7 +308,7 @@ def confusion(outcomes: Sequence[Outcome]) -> dict[str, Counter[str]]:
 
 
 def detection(outcomes: Sequence[Outcome]) -> list[Detection]:
-    """Single effects counted by their size relative to that of sure detection; ranges without cases are left out."""
+    """Return counts of single effects by their size relative to sure detection; ranges without cases are left out."""
     singles = []
     for outcome in outcomes:
         if len(outcome.secrets) == 1:
@@ -320,7 +330,7 @@ def detection(outcomes: Sequence[Outcome]) -> list[Detection]:
 
 
 def cases_csv(suite: Suite) -> str:
-    """One row for each case."""
+    """Return one row for each case."""
     rows = [_row(outcome) for outcome in suite.results]
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
