@@ -1,4 +1,4 @@
-"""A document for each kind of result, and its pictures."""
+"""The page of each kind of result, and its pictures."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What was measured on a bench, what proves its model false, what to measure next; what results rest on."""
+"""Parts of pages on a bench: the record, the readings that falsify a model, the next positions, the provenance."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def measured_section(record: PositionRecord, result: Calibration) -> Section:
-    """Return the record in words, and where on the sphere it has measured."""
+    """Return the record in words, and its positions on the sphere."""
     seconds = float(np.ptp(record.time_s))
     duration = f"{digits(seconds)} seconds" if seconds < 120.0 else f"{digits(seconds / 60.0)} minutes"
     paragraphs = [
@@ -66,7 +66,7 @@ def temperature_text(temperature: NDArray) -> str:
 
 
 def run_section(table: "DataFrame", gravity: float, files: list[Path]) -> Section:
-    """The position programme that a simulated bench carried out."""
+    """Return the position programme of a simulated bench."""
     time, alpha, beta = table["time_s"].to_numpy(), table["alpha_deg"].to_numpy(), table["beta_deg"].to_numpy()
     readings = np.stack([table[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1) / gravity
     return Section(
@@ -80,12 +80,12 @@ def run_section(table: "DataFrame", gravity: float, files: list[Path]) -> Sectio
 
 
 def basis(result: Calibration) -> str:
-    """Return on what the noise bound rests."""
+    """Return the basis of the noise bound."""
     return "as given" if result.sigma.kind == "bound" else result.sigma.basis
 
 
 def key_figures(result: Calibration) -> dict[str, object]:
-    """Return what stands below the verdict."""
+    """Return the figures below the verdict."""
     figures: dict[str, object] = {}
     if result.positions is not None:
         figures |= {"positions": result.positions, "readings": result.measurements}
@@ -95,7 +95,8 @@ def key_figures(result: Calibration) -> dict[str, object]:
 
 
 def proved(result: Calibration, numbers: NDArray) -> NDArray:
-    """Return which readings (N, 3) prove a falsification, by the record's numbers (N,) of its positions."""
+    """Return a mask of the readings (N, 3) that prove a falsification, by the record's numbers (N,) of its
+    positions."""
     proof = np.zeros((len(numbers), 3), dtype=bool)
     for reading in result.witness:
         proof[numbers == reading.position, reading.accelerometer - 1] = True
@@ -103,7 +104,7 @@ def proved(result: Calibration, numbers: NDArray) -> NDArray:
 
 
 def centre_residual(result: Calibration) -> NDArray:
-    """Return the residuals (N, 3) [g] where the largest of them, in units of its bound, is least."""
+    """Return the residuals (N, 3) [g] for the least largest residual in units of its bound."""
     centre = chebyshev_centre(result.linearised)[1]
     return readings_at(result.linearised, centre)
 
@@ -119,7 +120,7 @@ def bounds_of_readings(linearised: Linearisation) -> NDArray:
 
 
 def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
-    """Return the readings that prove that no parameters fit; None where there are none."""
+    """Return the readings that prove that no parameters fit; None if there are none."""
     if not result.witness:
         return None
     linearised = result.linearised
@@ -143,12 +144,12 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
 
 OPTIONAL = ("mounting", "hours", "repeats", "approach_alpha", "approach_beta")
 MOST_LABELS = 24
-"""Up to so many positions are numbered in the picture."""
+"""Largest number of positions that have numbers in the picture."""
 SENSES = {1: "forwards", -1: "backwards"}
 
 
 def next_positions_csv(positions: Sequence[Mapping[str, Any]]) -> str:
-    """Return positions as CSV: number, both angles [deg], and mounting and senses of the approach where they matter."""
+    """Return positions as CSV: number, both angles [deg], and mounting and senses of the approach if they matter."""
     present = set()
     for position in positions:
         present |= position.keys()
@@ -162,7 +163,7 @@ def next_positions_csv(positions: Sequence[Mapping[str, Any]]) -> str:
 
 
 def next_sections(linearised: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Section]:
-    """Return the proposed positions on the sphere, as a table and as a file; none where none are proposed."""
+    """Return the proposed positions on the sphere, as a table and as a file; empty if there are none."""
     if not positions:
         return []
     alpha = np.radians([position["alpha_deg"] for position in positions])
@@ -206,19 +207,19 @@ def next_sections(linearised: Linearisation, positions: Sequence[Mapping[str, An
 
 
 def _optional_text(name: str, value: Any) -> str:
-    """Return what an optional column says of a proposed position."""
+    """Return an optional column's text for a proposed position."""
     if name.startswith("approach"):
         return SENSES[value]
     return exactly(float(value)) if name == "hours" else str(value)
 
 
 def deciding(linearised: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The positions at which two candidates surely differ."""
+    """Return the positions at which two candidates surely differ."""
     return [p for p in positions if p.get("apart_g") is not None and p["apart_g"] > 2.0 * linearised.bound.min()]
 
 
 def provenance(result: Calibration, seeds: Mapping[str, object] | None = None) -> dict[str, object]:
-    """Return what a result rests on: record, options, versions; the same inputs give the same page."""
+    """Return the provenance of a result: record, options, versions; the same inputs give the same page."""
     facts: dict[str, object] = {}
     source = result.provenance
     if source is not None:
@@ -240,7 +241,7 @@ def provenance(result: Calibration, seeds: Mapping[str, object] | None = None) -
 
 
 def calibration_sources(result: Calibration) -> list[str]:
-    """Return where the methods of a calibration are published."""
+    """Return the publications of the methods of a calibration."""
     falsified = result.verdict == "falsified"
     return cited("guaranteed", "simplex", falsified and "chebyshev", "Allan" in result.sigma.basis and "allan")
 
@@ -263,22 +264,22 @@ PHYSICAL_WORDS = (
     (r"outer-angle-offset", "zero of the outer angle"),
     (r"axis-nonorthogonality", "non-orthogonality of the axes"),
 )
-"""A target's name, and what an engineer calls it."""
+"""A target's name, and its technical term."""
 
 
 def physical_words(name: str) -> str:
-    """A target's name in words: "bias-1" is "bias of accelerometer 1"; the name of a mounting stays behind it."""
+    """Return a target's name in words: "bias-1" is "bias of accelerometer 1", followed by the name of a mounting."""
     for pattern, words in PHYSICAL_WORDS:
         name = re.sub(pattern, words, name)
     return name
 
 
 MOST_NAMED = 5
-"""So many targets that are open are named in a sentence."""
+"""Largest number of undetermined targets that a sentence names."""
 
 
 def open_targets(result: Calibration) -> str:
-    """What the measurements leave open, in a sentence."""
+    """Return the undetermined targets, for a sentence."""
     gaps = result.missing
     if not gaps:
         falsified = result.radius is not None and result.radius > 1.0
@@ -291,7 +292,7 @@ def open_targets(result: Calibration) -> str:
 
 
 def missing_texts(result: Calibration) -> list[str]:
-    """Return in sentences what the measurements leave open; none where nothing is."""
+    """Return sentences on the undetermined targets; empty if there are none."""
     if not result.missing:
         return []
     if len(result.missing) == len(result.targets):
@@ -304,7 +305,7 @@ def missing_texts(result: Calibration) -> list[str]:
 
 
 def cause_lines(causes: "Sequence[Cause]") -> list[str]:
-    """Return what each effect adds, as MathML; none for an effect without a formula."""
+    """Return the formula of each effect as MathML; empty for an effect without a formula."""
     lines = []
     for cause in causes:
         texts = {}
@@ -319,9 +320,9 @@ def cause_lines(causes: "Sequence[Cause]") -> list[str]:
 def correction_terms(
     correction: "Correction", bound: float | None = None, below: str = ""
 ) -> list[tuple[str, str, str, str]]:
-    """Return for each accelerometer its input, the reading less what is known of it, and the scales of either sign.
+    """Return for each accelerometer its input, the reading less its known errors, and the scales of either sign.
 
-    Numbers have the digits that a bound [g] justifies, twelve where none is known.
+    Numbers have the digits that a bound [g] justifies, twelve without a bound.
     """
 
     def text(value: float) -> str:

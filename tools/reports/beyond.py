@@ -1,4 +1,4 @@
-"""What is told whatever the law, in words and on a page: place and quantity, the band, laws in it, what extends."""
+"""Proofs and laws outside the catalogue, in words and on a page: place and quantity, band, laws, extension."""
 
 import math
 
@@ -28,12 +28,12 @@ POINTS = "Each point is a reading: what it says of the function, the model witho
 
 
 def is_angular(where: str) -> bool:
-    """Whether what errs at a place is an angle."""
+    """Return True if the error at a place is an angle."""
     return where.endswith("axis") or where == "base"
 
 
 def extension_texts(result: Diagnosis) -> list[str]:
-    """Return in sentences what extends the model beyond the catalogue, and its gain."""
+    """Return sentences on the extension of the model beyond the catalogue, and its gain."""
     law = result.extension
     if law is None:
         return []
@@ -56,24 +56,24 @@ def extension_texts(result: Diagnosis) -> list[str]:
 
 
 def _where(law: StatedLaw) -> str:
-    """The place of a law, of a gyro its number."""
+    """Return the place of a law; for a gyro its number."""
     if law.where != GYRO_BLOCK or law.beside or not (law.axes or law.law):
         return law.where
     return f"gyro-{_gyro_of(law)}"
 
 
 def _gyro_of(cause: Cause) -> int:
-    """The number of the gyro that a table or a formula is of."""
+    """Return the gyro number of a table or a formula."""
     return cause.axes[0] if cause.axes else Formula.of(cause.law or "").target.index + 1
 
 
 def _function_of(law: BeyondCatalogue) -> str:
-    """Of what it is a function."""
+    """Return the argument of a law's function."""
     return f"{'functions' if law.beside else 'a function'} of {in_words(law.quantity)}"
 
 
 def beyond_words(result: Diagnosis) -> str:
-    """Return in a sentence that the model is extended by what stands in no catalogue; empty where it is not."""
+    """Return a sentence on the extension of the model beyond the catalogue; empty if there is none."""
     law = result.extension
     if law is None:
         return ""
@@ -86,7 +86,7 @@ def beyond_words(result: Diagnosis) -> str:
 
 
 def _needed(law: BeyondCatalogue) -> str:
-    """By how much larger a noise bound it would stand, where it does not."""
+    """Return the larger noise bound with which a law would explain the record; empty if it does already."""
     if law.noise_bound_needed is None:
         return ""
     return f"; it would stand with a noise bound of {upwards(law.noise_bound_needed, 3)}"
@@ -148,14 +148,14 @@ def _pictured(beyond: Beyond, band: BandOfFunctions, possible: Possible) -> Sect
 
 
 def _scale(where: str) -> tuple[float, str]:
-    """Return by what an error at a place is multiplied to be drawn, and the unit that it has then."""
+    """Return the factor for drawing an error at a place, and the resulting unit."""
     if is_angular(where):
         return ARCSECONDS, "arcsec"
     return (1e3, "1e-3 rad/s") if where in GYROS else (1e5, "1e-5 g")
 
 
 def _unit_of_quantity(quantity: str) -> str:
-    """Return the unit of a quantity that is no angle; of a product that of its factors."""
+    """Return the unit of a quantity that is not an angle; for a product that of its factors."""
     if quantity in UNITS:
         return UNITS[quantity]
     unit = "g"
@@ -167,7 +167,7 @@ def _unit_of_quantity(quantity: str) -> str:
 
 
 def _table(result: Diagnosis) -> Table | None:
-    """Return the laws that stand, and a table that extends the model; None where there are none."""
+    """Return the laws that explain the record, and a table that extends the model; None if there are none."""
     laws = list(result.laws or ())
     extension = result.extension
     if extension is not None and extension.kind == "lookup":
@@ -186,7 +186,7 @@ def _table(result: Diagnosis) -> Table | None:
 
 
 def _law_name(law: StatedLaw, cause: Cause) -> str:
-    """Return a law in words; of laws of several gyros which gyro's this cause is."""
+    """Return a law in words; for laws of several gyros, with the gyro of this cause."""
     is_table = isinstance(law, BeyondCatalogue) and bool(law.knots)
     name = "table" if is_table else law.words
     if not law.beside:
@@ -195,7 +195,7 @@ def _law_name(law: StatedLaw, cause: Cause) -> str:
 
 
 def proven_text(result: Diagnosis) -> str:
-    """Return what is proven, whatever the law; empty where nothing is."""
+    """Return the proof of place and quantity; empty if there is none."""
     proven = result.proven
     if proven is None:
         return ""
@@ -216,7 +216,8 @@ def proven_text(result: Diagnosis) -> str:
 
 
 def bound_text(result: Diagnosis) -> str:
-    """With which noise bound the model without effects would stand; empty where it stands or no single bound is."""
+    """Return the noise bound with which the model without effects would fit; empty if it fits or there is no single
+    bound."""
     if result.noise_bound_needed is None:
         return ""
     needed = upwards(result.noise_bound_needed, 3)
@@ -227,15 +228,15 @@ def bound_text(result: Diagnosis) -> str:
 
 
 def level_texts(result: Diagnosis) -> list[str]:
-    """Return what is proven of place and quantity, and the noise bound that would do without."""
+    """Return the proof of place and quantity, and the noise bound that needs no effects."""
     return [text for text in (proven_text(result), bound_text(result)) if text]
 
 
 def level_section(result: Diagnosis) -> Section | None:
-    """Return what suffices whatever the law; None where the model stands."""
+    """Return the functions that suffice for any law; None if the model fits."""
     paragraphs = [sentence(text) for text in level_texts(result)]
     if not (result.band or result.bands):
-        # The band, where there is one, has the cautions.
+        # If there is a band, it has the cautions.
         paragraphs += [sentence(text) for text in result.caution]
     if not result.suffices and not proven_text(result):
         return None

@@ -32,15 +32,15 @@ from .witnesses import proof_lines
 
 TONES: dict[str, Tone] = {"consistent": "good"}
 MOST_TURNS = 5
-"""Turns that are named in a sentence."""
+"""Largest number of turns that a sentence names."""
 WORDS = {"symbol": symbol_text, "name": bench.physical_words, "unit": unit_text}
-"""How texts of a parameter stand in a table."""
+"""Format of a parameter's texts in a table."""
 
 
 def calibration_page(result: Calibration, record: PositionRecord | None) -> Page:
-    """Return what a calibration says: its parameters, what is open, what it is worth for levelling.
+    """Return the page of a calibration: parameters, open questions, worth for levelling.
 
-    Behind that stand residuals, record, model, evidence and joint sets; those of the record only where it is known.
+    Residuals, record, model, evidence and joint sets follow; those of the record only if it is known.
     """
     answer = target_sections(result) + effect_sections(result) + gyro_sections(result)
     answer += open_sections(result) + levelling_sections(result)
@@ -86,7 +86,7 @@ def effect_sections(result: Calibration) -> list[Section]:
 
 
 def verdict_sentence(result: Calibration) -> str:
-    """The verdict in a sentence with its figures."""
+    """Return the verdict in a sentence with its figures."""
     model = "the model"
     if result.effects:
         model = f"the model with {' and '.join(effect.effect for effect in result.effects)}"
@@ -112,7 +112,7 @@ def verdict_sentence(result: Calibration) -> str:
 
 
 def residual_section(result: Calibration, numbers: NDArray) -> Section:
-    """What is left of the readings: an ideal bench, and the calibrated one, within the noise band."""
+    """Return the residuals of the readings for an ideal bench and for the calibrated one, with the noise band."""
     linearised = result.linearised
     errors = bench.centre_residual(result)
     texts = []
@@ -138,7 +138,7 @@ TOGETHER = (
 
 
 def joint_set_sections(result: Calibration) -> list[Section]:
-    """Pairwise projections of the set of all parameters that the readings leave possible."""
+    """Return pairwise projections of the set of all parameters that the readings leave possible."""
     if result.feasible is None:
         return []
     p = result.linearised.parametrisation
@@ -194,7 +194,7 @@ def levelling_sections(result: Calibration) -> list[Section]:
 
 
 def rest_sections(record: PositionRecord) -> list[Section]:
-    """The rests of a raw record that were left out, each with its picture and its reason."""
+    """Return the rests of a raw record that were left out, each with its picture and its reason."""
     if record.raw is None:
         return []
     raw, refused = record.raw, [rest for rest in record.rests if rest.refused is not None]
@@ -223,7 +223,7 @@ def rest_sections(record: PositionRecord) -> list[Section]:
 def target_sections(
     result: Calibration, truth: Mapping[str, float] | None = None, files: Sequence[Path] = ()
 ) -> list[Section]:
-    """Return the parameters of bench and accelerometers; of a falsified model what stands in place of estimates."""
+    """Return the parameters of bench and accelerometers; for a falsified model, the text in place of estimates."""
     paragraphs = estimator_texts(result)
     if result.verdict == "falsified":
         paragraphs += beside_texts(result)
@@ -234,7 +234,7 @@ def target_sections(
 
 
 def open_sections(result: Calibration) -> list[Section]:
-    """Return what the readings do not determine, and the positions that would; none where nothing is open."""
+    """Return the undetermined targets, and the positions that would determine them; empty if there are none."""
     sections = [Section("What is open", bench.missing_texts(result))]
     if result.linearised is not None:
         sections += bench.next_sections(result.linearised, result.next_positions)
@@ -247,7 +247,7 @@ def target_section(result: Calibration) -> Section:
 
 
 def beside_section(result: Calibration) -> Section | None:
-    """The other estimates beside the one that is stated; those of a falsified model stand in their place."""
+    """Return the other estimates beside the given one; for a falsified model, all estimates."""
     if result.verdict == "falsified" or not stands_beside(result):
         return None
     return Section(
@@ -274,7 +274,7 @@ WHY_OUTSIDE = {
 
 
 def estimator_texts(result: Calibration) -> list[str]:
-    """Return in sentences what the estimates are, or why there are none."""
+    """Return sentences on the kind of estimates, or on the reason for having none."""
     texts = [ESTIMATORS[result.estimator]] if result.estimator in ESTIMATORS else []
     if result.no_estimate:
         texts.append(f"No estimate{' of those' if texts else ''}: {result.no_estimate}.")
@@ -282,7 +282,7 @@ def estimator_texts(result: Calibration) -> list[str]:
 
 
 def beside_texts(result: Calibration) -> list[str]:
-    """Return in sentences what stands beside the estimates, and why it may be outside an interval."""
+    """Return sentences on the other estimates, and on the reason why they may be outside an interval."""
     if not stands_beside(result):
         return []
     texts = [BESIDE]
@@ -294,13 +294,13 @@ def beside_texts(result: Calibration) -> list[str]:
 
 
 def stands_beside(result: Calibration) -> list[Parameter]:
-    """The targets of which other estimates are known; a file of the first schema has no others."""
+    """Return the targets that have other estimates; a file of the first schema has none."""
     estimated = [e for e in result.targets if e.a_priori is not None]
     return estimated if result.estimator != "a priori" else []
 
 
 def few(symbols: Sequence[str]) -> str:
-    """The symbols, or how many they are."""
+    """Return the symbols, or their number."""
     return ", ".join(symbols) if len(symbols) <= bench.MOST_NAMED else f"{len(symbols)} targets"
 
 
@@ -309,7 +309,7 @@ BEFORE_INTERVAL = 4
 
 
 def target_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
-    """Return each target with its interval, drawn in units of σ about its estimate; a truth where it is known."""
+    """Return each target with its interval, drawn in units of σ about its estimate; with its true value if known."""
     true_values = truth or {}
     intervals = []
     for p in result.targets:
@@ -339,7 +339,7 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
 
 
 def _in_sigma(result: Calibration, p: Parameter, value: float | None) -> float | None:
-    """Return a value less the estimate in units of σ; None where either is not known."""
+    """Return a value less the estimate in units of σ; None if either is unknown."""
     return None if value is None or p.central is None else (value - p.central) / result.noise_bound
 
 
@@ -347,7 +347,7 @@ def beside_table(result: Calibration) -> Table:
     """Return each target's estimates by the a-priori weights and by least squares."""
     columns = ["symbol", "name", "central", "a_priori", "guaranteed_error", "least_squares", "standard_error", "unit"]
     if result.verdict == "falsified" or result.sigma.kind == "unknown":
-        # Of a model that the readings contradict, or without a bound of their errors, nothing is guaranteed.
+        # Nothing is guaranteed for a falsified model, or without a bound of the readings' errors.
         columns.remove("guaranteed_error")
     numbers = table_of(result.targets, columns, WORDS)
     rows: list[list[Cell]] = []
@@ -366,11 +366,11 @@ def beside_table(result: Calibration) -> Table:
 
 
 LATITUDE_DEG = 55.75
-"""Where the azimuth's error is told when nothing else is asked for."""
+"""Default latitude for the azimuth's error [deg]."""
 
 
 def gyro_texts(gyros: Gyros, parameters: Sequence[Parameter]) -> list[str]:
-    """Return in sentences what the gyros' calibration rests on, and what their turns say of the bench."""
+    """Return sentences on the basis of the gyros' calibration, and on the bench by their turns."""
     basis = "as given" if gyros.noise_basis == "given" else f"by the {gyros.noise_basis}"
     texts = [
         f"Gyros: {gyros.pieces} rests, moves and parts of moves; their noise {basis}; encoders within "
@@ -415,10 +415,10 @@ HOW = {
 
 
 def applied_page(result: Applied, latitude_deg: float | None = None) -> Page:
-    """Return what was taken out of a record: by a calibration the equation and its worth, by a diagnosis each effect.
+    """Return the correction of a record: for a calibration the equation and its worth, for a diagnosis each effect.
 
-    The latitude is what is given, or what comment lines of the record say, or `LATITUDE_DEG`. An InputError for one at
-    which there is no azimuth to find.
+    The latitude is the given one, or that of the record's comment lines, or `LATITUDE_DEG`. Raises InputError for a
+    latitude without a defined azimuth.
     """
     if result.correction is None:
         return _effects_page(result)
@@ -436,7 +436,7 @@ def applied_page(result: Applied, latitude_deg: float | None = None) -> Page:
 
 
 def _effects_page(result: Applied) -> Page:
-    """Return what became of each effect, and the errors of the simulation without and with them."""
+    """Return the fate of each effect, and the errors of the simulation without and with them."""
     lines = [f"{effect.effect}: {HOW[effect.how]}" for effect in result.effects or ()]
     if result.rms_without is not None:
         rms = f"{digits(result.rms_without)} -> {digits(result.rms_with or 0.0)}"
@@ -476,7 +476,7 @@ def _levelling_lines(result: Applied, latitude_deg: float) -> list[str]:
 
 
 def correction_equation(correction: Correction) -> list[str]:
-    """The correction as equations with their numbers, readings f to inputs n."""
+    """Return the correction as equations with their numbers, readings f to inputs n."""
     lines = [f"g = {exactly(correction.gravity)} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
     for n, terms, plus, minus in bench.correction_terms(correction):
         lines.append(f"{n} = {terms.replace('−', '-')} / ({plus} where {n} > 0, {minus} elsewhere)")

@@ -1,4 +1,4 @@
-"""What campaigns and suites of hidden effects say: text, pages and files."""
+"""Text, pages and files of campaigns and suites of hidden effects."""
 
 import json
 import math
@@ -25,14 +25,14 @@ from .pictures import suites
 from .sources import versions
 
 MOST_ROWS = 24
-"""Lines of one table on a terminal; the page has all."""
+"""Largest number of rows of a table on a terminal; the page has all."""
 CHANGED = ("verdict", "name", "what", "before", "after", "p", "runs")
-"""Columns of what changed between two campaigns, the worst first."""
+"""Columns of the changes between two campaigns, the worst first."""
 RANK = {"worse": 0, "better": 1, "changed": 2, "same": 3}
 
 
 def result_page(result: CampaignResult) -> Page:
-    """Return what was computed over all runs, and what it took, as a terminal shows it."""
+    """Return the results over all runs and their cost, as a terminal shows them."""
     answer = []
     for section in _failures(result) + _computed(result):
         table = section.table
@@ -46,14 +46,14 @@ def result_page(result: CampaignResult) -> Page:
 
 
 def _failures(result: CampaignResult) -> list[Section]:
-    """Return the messages of runs that failed; none where all went well."""
+    """Return the messages of failed runs; empty if there are none."""
     if not result.failures:
         return []
     return [Section("Runs that failed", table=table_of(result.failures, ("runs", "first_run", "message")))]
 
 
 def _computed(result: CampaignResult, results: Results | None = None) -> list[Section]:
-    """Return a section for each table of what a campaign computes; with pictures where its runs are given."""
+    """Return a section for each table of a campaign's computations; with pictures if its runs are given."""
     sections: list[Section] = []
     for item in result.computed:
         outcome = item["result"]
@@ -117,7 +117,7 @@ def _rates(item: Mapping[str, Any], results: Results | None) -> Section:
 
 
 def _confusion(item: Mapping[str, Any], results: Results | None) -> Section:
-    """Return what each true value was taken for, the most frequent first."""
+    """Return the outcomes of each true value, the most frequent first."""
     rows: list[list[Cell]] = []
     for true, counts in item["result"].items():
         ordered = sorted(counts.items(), key=lambda pair: -pair[1])
@@ -168,12 +168,12 @@ def _index_text(numbers: Mapping[str, Any], index: str) -> str:
 
 
 def values_text(item: Mapping[str, Any]) -> str:
-    """The values that a rate counts, in words."""
+    """Return the values that a rate counts, in words."""
     return " or ".join(str(v).lower() if isinstance(v, bool) else str(v) for v in item["is"])
 
 
 def rate_text(entry: Mapping[str, Any]) -> str:
-    """A rate with its interval."""
+    """Return a rate with its interval."""
     if not entry["cases"]:
         return "no cases"
     least, most = entry["interval"]
@@ -182,7 +182,7 @@ def rate_text(entry: Mapping[str, Any]) -> str:
 
 
 def comparison_page(comparison: Comparison) -> Page:
-    """Return what got better or worse."""
+    """Return the better and the worse scalars."""
     counts = [f"{len(comparison.of(kind))} {kind}" for kind in ("worse", "better", "changed", "same")]
     how = "runs of the same number are pairs" if comparison.paired else "two samples of runs"
     changed = [change for change in comparison.changes if change.verdict != "same"]
@@ -203,12 +203,12 @@ WHAT = {
     "hidden": "cases of hidden effects",
 }
 MOST_VALUES = 12
-"""Of a list of values that are shown."""
+"""Largest number of values of a list that are shown."""
 SALTELLI = "Saltelli et al., Computer Physics Communications 181 (2010), 259–270: Sobol indices"
 
 
 def write_campaign_page(folder: Path, path: Path | None = None, comparison: Comparison | None = None) -> Path:
-    """Write the page of the campaign that a folder holds; returns its file, <folder>/index.html by default."""
+    """Write the page of the campaign in a folder; return its file, <folder>/index.html by default."""
     store, manifest = open_result(folder)
     page = folder / PAGE if path is None else path
     write_page(page, campaign_page(store, manifest, comparison))
@@ -216,7 +216,7 @@ def write_campaign_page(folder: Path, path: Path | None = None, comparison: Comp
 
 
 def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Comparison | None = None) -> Page:
-    """The page of a campaign that is complete, as `trihedron.tools.campaign.store.open_result` gives it."""
+    """Return the page of a complete campaign, as `trihedron.tools.campaign.store.open_result` gives it."""
     campaign, results = store.campaign, Results(store)
     summary = summarise(store)
     sections = _changes(comparison)
@@ -264,7 +264,7 @@ def counted(summary: CampaignResult) -> list[str]:
 
 
 def _changes(comparison: Comparison | None) -> list[Section]:
-    """Return every change against another campaign; none where there is no other."""
+    """Return every change against another campaign; empty without one."""
     if comparison is None:
         return []
     pairs = "Runs of the same number are held against each other: " if comparison.paired else "Two samples of runs: "
@@ -313,7 +313,7 @@ SUFFIXES = {"rad": "rad", "radps": "rad/s", "mps2": "m/s²", "deg": "deg", "g": 
 
 
 def scalar_words(name: str) -> tuple[str, str]:
-    """A scalar or a parameter of a campaign in words, and its unit where the name tells it."""
+    """Return a scalar or a parameter of a campaign in words, and its unit if the name has one."""
     symbol, _, what = name.rpartition("_")
     if symbol in NAMES and what in OF_TARGETS:
         target_name, unit = NAMES[symbol]
@@ -331,7 +331,7 @@ SHOWN = {
     "between": "one effect hidden, larger than what is surely detected, smaller than what surely excludes every rival",
     "pairs": "two effects hidden, each at 1.5 times the size at which nothing can stand for it",
 }
-"""What each mode hides, in words."""
+"""Hidden effects of each mode, in words."""
 WHOSE = "an effect of all records and one of a record alone"
 CAPTION = (
     "Rows: what was hidden. Columns: what was made of it. Blue is right, grey left open with the truth among the "
@@ -340,7 +340,7 @@ CAPTION = (
 
 
 def write_suite(suite: Suite, folder: Path) -> list[Path]:
-    """Write suite.json, cases.csv and the page index.html into a folder; returns the files."""
+    """Write suite.json, cases.csv and the page index.html into a folder; return the files."""
     files = [folder / "suite.json", folder / "cases.csv", folder / "index.html"]
     write_text(files[0], json.dumps(suite.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     write_text(files[1], cases_csv(suite))
@@ -349,7 +349,7 @@ def write_suite(suite: Suite, folder: Path) -> list[Path]:
 
 
 def suite_page(suite: Suite) -> Page:
-    """Return what was made of the records of a suite: counts, confusion, errors of sizes, cases named wrongly."""
+    """Return the results of a suite: counts, confusion, errors of sizes, cases named wrongly."""
     bench = not suite.strapdown
     provenance = {"trihedron": versions()["trihedron"], "seed": suite.seed}
     if bench:
@@ -381,7 +381,7 @@ def _outcome_counts(suite: Suite) -> str:
 
 
 def _counts_section(suite: Suite) -> Section:
-    """Return effects that were put aside, false alarms, and how right the estimated sizes are."""
+    """Return rejected effects, false alarms, and errors of the estimated sizes."""
     lines = []
     if suite.redrawn and not suite.strapdown:
         lines.append(f"{suite.redrawn} effects were put aside, as no possible size would do at their positions")
@@ -399,7 +399,7 @@ def _counts_section(suite: Suite) -> Section:
 
 
 def _confusion_sections(suite: Suite) -> list[Section]:
-    """Return what was made of each hidden effect, as a table and a picture; none where nothing was hidden."""
+    """Return the outcomes of each hidden effect, as a table and a picture; empty if nothing was hidden."""
     if suite.false_alarms["clean"] >= suite.cases:
         return []
     counts = confusion(suite.results)
@@ -414,7 +414,7 @@ def _confusion_sections(suite: Suite) -> list[Section]:
 
 
 def _size_sections(suite: Suite) -> list[Section]:
-    """Return from which size effects are seen, and how right the estimated sizes are; of positions alone."""
+    """Return the sizes from which effects are seen, and errors of the estimated sizes; only for positions."""
     if suite.strapdown:
         return []
     sections = []
@@ -477,7 +477,7 @@ def _failure_section(suite: Suite) -> Section:
 
 
 def _all_failures(suite: Suite) -> Section:
-    """Return every case that was not named rightly, with what its diagnosis says."""
+    """Return every case that was not named rightly, with the text of its diagnosis."""
     rows: list[list[Any]] = []
     for outcome in suite.results:
         if outcome.outcome != "right":
@@ -489,7 +489,7 @@ def _all_failures(suite: Suite) -> Section:
 
 
 def _about_section(suite: Suite) -> Section:
-    """Return how the records of a suite were made."""
+    """Return a description of the records of a suite."""
     about = _about_block(suite) if suite.strapdown else _about_bench(suite)
     return Section("How the records were made", about)
 

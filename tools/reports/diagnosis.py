@@ -1,4 +1,4 @@
-"""The page of a diagnosis, whatever the record."""
+"""The page of a diagnosis of any record."""
 
 import math
 from pathlib import Path
@@ -25,15 +25,15 @@ ANSWERS = {
     "cannot be told": "cannot be told: the model has the same in it, or the record is too short",
 }
 OF_RECORD = ("sigma", "rows", "stretch", "break")
-"""Kinds of explanations that say of themselves what is wrong: with the record, not with the simulation."""
+"""Kinds of explanations that name a fault of the record, not of the simulation."""
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 
 
 def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
-    """Return what a diagnosis says, whatever the record.
+    """Return the page of a diagnosis of any record.
 
-    The answer is the cause or the candidates, the gain, the first residuals and what to bear in mind; behind it stand
-    record, model, evidence, and what is excluded. `record` is that of positions, where the diagnosis is of one.
+    The answer is the cause or the candidates, the gain, the first residuals and the cautions. Record, model, evidence
+    and excluded effects follow. `record` is the record of positions, if the diagnosis has one.
     """
     if result.sources is None:
         return _page_of_file(result)
@@ -54,7 +54,7 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
 
 
 def _page_of_file(result: Diagnosis) -> Page:
-    """Return what a diagnosis that came from its file says: the verdict, and the causes with their intervals."""
+    """Return the page of a diagnosis read from its file: the verdict, and the causes with their intervals."""
     rows: list[list[Cell]] = []
     texts = []
     for number, explanation in enumerate(result.explanations, start=1):
@@ -77,14 +77,14 @@ def _page_of_file(result: Diagnosis) -> Page:
 
 
 def answer_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
-    """Return the cause with its size, what it gains, and the residuals; `files` belong to the cause."""
+    """Return the cause with its size, its gain, and the residuals; `files` belong to the cause."""
     sections = [cause_section(result, files or []), gain_section(result)]
     sections += _errors(result)[:1]
     return [section for section in sections if section is not None]
 
 
 def remarks_of(result: Diagnosis) -> list[Section]:
-    """Return what to bear in mind, the answers to hypotheses, and what to measure next."""
+    """Return the cautions, the answers to hypotheses, and the next measurements."""
     remarks = []
     for text in (result.not_named or ())[:MOST_SETS]:
         remarks.append(sentence(f"not named: {text}"))
@@ -110,7 +110,7 @@ def remarks_of(result: Diagnosis) -> list[Section]:
 
 
 def sections_of(result: Diagnosis) -> list[Section]:
-    """Return what stands behind the answer: further pictures of residuals, evidence, what is excluded."""
+    """Return the details: further pictures of residuals, evidence, excluded effects."""
     sections: list[Section | None] = []
     sections += _errors(result)[1:]
     sections.append(beyond.level_section(result))
@@ -126,7 +126,7 @@ def sections_of(result: Diagnosis) -> list[Section]:
 
 
 def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
-    """Return the cause that is named, or the candidates that remain; None where there are neither."""
+    """Return the named cause, or the remaining candidates; None if there are neither."""
     sets = sets_of(result)
     if not sets:
         return None
@@ -156,7 +156,8 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
 
 
 def _cause_remarks(result: Diagnosis) -> list[str]:
-    """Return in sentences further sets, what the cause cannot be told from, and what would tell candidates apart."""
+    """Return sentences on further sets, effects indistinguishable from the cause, and measurements that separate
+    candidates."""
     remarks = []
     further = len(sets_of(result)) - MOST_SETS
     if further > 0:
@@ -178,7 +179,7 @@ def _cause_remarks(result: Diagnosis) -> list[str]:
 
 
 def gain_section(result: Diagnosis) -> Section | None:
-    """Return what the extended simulation gains on parts of the record that were not used; None without a gain."""
+    """Return the gain of the extended simulation on unused parts of the record; None without a gain."""
     gain = result.gain
     if gain is None:
         return None
@@ -216,12 +217,12 @@ def gain_section(result: Diagnosis) -> Section | None:
     return Section("The gain on what was not used", [text], picture, caption, Table(header, rows))
 
 
-# What stands on a page follows from what the result holds: residuals of readings where the calibration is linearised,
-# errors of the attitude where a block was carried.
+# The content of the result selects the sections: residuals of readings for a linearised calibration, errors of the
+# attitude for a carried block.
 
 
 def _inspection(result: Diagnosis) -> Inspection | None:
-    """Return what was seen of a record of gyros and accelerometers; None of another record."""
+    """Return the inspection of a record of gyros and accelerometers; None for another record."""
     return getattr(result.sources, "found", None)
 
 
@@ -254,7 +255,7 @@ def _key(result: Diagnosis) -> dict[str, object]:
 
 
 def _provenance(result: Diagnosis) -> dict[str, object]:
-    """Return what a diagnosis rests on: the record, options, versions."""
+    """Return the provenance of a diagnosis: the record, options, versions."""
     nominal, inspection = result.calibration, _inspection(result)
     if inspection is None:
         shuffled = result.witness is not None and result.witness.shuffles
@@ -277,17 +278,17 @@ def _provenance(result: Diagnosis) -> dict[str, object]:
 
 
 def _record_sections(result: Diagnosis, record: PositionRecord | None) -> list[Section]:
-    """Return what was measured."""
+    """Return the description of the record."""
     inspection = _inspection(result)
     if inspection is not None:
-        # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
+        # If gravity is the reference, the accelerometers are among the block's own parameters, better known.
         forces = not any(p.symbol.startswith("accelerometer") for p in result.stated.parameters)
         return record_sections(inspection, result.warnings, forces=forces, gaps_named=bool(result.missing))
     return [] if record is None else [bench.measured_section(record, result.calibration)]
 
 
 def _errors(result: Diagnosis) -> list[Section]:
-    """Return what is left of the record, the first section over the record."""
+    """Return the residuals of the record, beginning with those over the record."""
     if result.calibration.linearised is not None:
         return evidence.residual_sections(result)
     if _inspection(result) is not None and result.sources.rows.parts:
@@ -296,7 +297,7 @@ def _errors(result: Diagnosis) -> list[Section]:
 
 
 def _values(result: Diagnosis) -> list[Section | None]:
-    """Return what is fitted, and what proves it false."""
+    """Return the fitted parameters, and the proof of a falsification."""
     nominal = result.calibration
     if nominal.linearised is None:
         return [evidence.parameter_section(result)]
@@ -305,7 +306,7 @@ def _values(result: Diagnosis) -> list[Section | None]:
 
 
 def _remarks(result: Diagnosis) -> list[str]:
-    """Return what two witnesses say, what has no gain, what is to be added, and what the record cannot show."""
+    """Return remarks on the two witnesses, a missing gain, missing data, and effects that the record cannot show."""
     gain = result.gain
     if result.calibration.linearised is not None:
         remarks = witnesses.two_witnesses(result)
@@ -331,7 +332,7 @@ def _remarks(result: Diagnosis) -> list[str]:
 
 
 def sources(result: Diagnosis) -> list[str]:
-    """Return where the methods of a diagnosis are published."""
+    """Return the publications of the methods of a diagnosis."""
     witness = result.witness
     judged = bool(result.judgement)
     shuffled = judged and (witness is None or witness.shuffles)
@@ -359,17 +360,17 @@ def _sources_of_model(result: Diagnosis) -> list[str]:
     return first + cited("gyros", "attitude", "simplex", result.tried and "chebyshev", "fmi")
 
 
-# The verdict in words: what is named, what else would do, what was not tried
+# The verdict in words: the named effects, other possible ones, untried ones
 
 FEW_RIVALS = 3
-"""Up to so many sets of effects are named in the verdict."""
+"""Largest number of sets of effects that the verdict names."""
 OTHERS_MAY = "and others may that were not tried: the search was cut off"
 MOST_SETS = 6
-"""So many sets that remain are printed."""
+"""Largest number of remaining sets that are printed."""
 
 
 def diagnosis_sentence(result: Diagnosis) -> str:
-    """The verdict, with the cause when one is named, and on whose word it rests."""
+    """Return the verdict, with the named cause and the assumption on which it rests."""
     proviso = evidence.proviso_of(result)
     return f"{_verdict(result)} {sentence(proviso)}" if proviso else _verdict(result)
 
@@ -395,7 +396,7 @@ def _verdict(result: Diagnosis) -> str:
 
 
 def _ambiguous(result: Diagnosis) -> str:
-    """Return which sets would explain the record, and what speaks against the first."""
+    """Return the sets that would explain the record, and the objection to the first."""
     text = f"{LACKS}, and the record does not say what: {rivals(result)}"
     others = [explanation.sentence for explanation in result.explanations if not explanation.causes]
     if not sets_of(result):
@@ -408,7 +409,7 @@ def _ambiguous(result: Diagnosis) -> str:
 
 
 def _unexplained(result: Diagnosis) -> str:
-    """Return what is known of a record that nothing explains: an objection, a cut-off, a place, or the residual."""
+    """Return a sentence on an unexplained record: an objection, a cut-off, a place, or the residual."""
     least = f"with the best parameters its largest error is {residual(result.radius or 0.0)} times its bound"
     if result.not_named:
         return f"{LACKS}: {least}, and {result.not_named[0]}."
@@ -422,7 +423,7 @@ def _unexplained(result: Diagnosis) -> str:
 
 
 def missing_words(result: Diagnosis) -> str:
-    """Return what is to be added, or which targets are left open."""
+    """Return the missing data, or the undetermined targets."""
     texts = [gap for gap in result.missing or () if isinstance(gap, str)]
     if texts:
         return f"to add: {'; '.join(texts)}"
@@ -430,7 +431,7 @@ def missing_words(result: Diagnosis) -> str:
 
 
 def rivals(result: Diagnosis) -> str:
-    """Return the sets of effects that remain, few by their names, and what further positions would do."""
+    """Return the remaining sets of effects, few by their names, and the use of further positions."""
     sets = sets_of(result)
     text = f"{len(sets)} sets of effects would explain it"
     if len(sets) <= FEW_RIVALS:
@@ -450,40 +451,40 @@ def rivals(result: Diagnosis) -> str:
 
 
 def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
-    """The sets that remain, the best first; one where a cause is named."""
+    """Return the remaining sets, the best first; only one if a cause is named."""
     return result.findings if result.verdict in ("explained", "ambiguous") else ()
 
 
 def cause_sentence(cause: Cause, result: Diagnosis) -> str:
-    """What an engineer is told of a cause; latency also in samples."""
+    """Return a cause in a sentence; latency also in samples."""
     if cause.place.effect == "latency":
         return f"{cause.sentence}, {digits(abs(cause.values[0]) / result.sources.found.sampling.period)} samples"
     return cause.sentence
 
 
 def sentences_of(finding: Finding, result: Diagnosis) -> str:
-    """What an engineer is told of the causes of a set."""
+    """Return the causes of a set in a sentence."""
     return "; ".join(cause_sentence(cause, result) for cause in finding.causes)
 
 
 def cut_off(size: int) -> str:
-    """That the search was cut off among sets of a size, and after what."""
+    """Return a sentence on a search that was cut off among sets of this size."""
     smaller = {1: "", 2: "no single effect will do; ", 3: "no set of one or two effects will do; "}[size]
     sets = {1: "single effects", 2: "sets of two", 3: "sets of three"}[size]
     return f"the search was cut off: {smaller}{sets} were not all tried"
 
 
 def only_unlisted(result: Diagnosis) -> bool:
-    """Whether a record is ambiguous only by what is in no catalogue."""
+    """Return True if a record is ambiguous only because of faults outside the catalogue."""
     alone = result.verdict == "ambiguous" and len(result.sets) < 2 and result.complete is not False
     return alone and bool(result.caution)
 
 
-# Formulas that a person states
+# Formulas that the user states
 
 
 def hypothesis_sections(result: Diagnosis) -> list[Section]:
-    """Return the formulas that were asked about, with their answers; none where none were."""
+    """Return the user's formulas, with their answers; empty without any."""
     if not result.hypotheses:
         return []
     rows: list[list[Cell]] = []
@@ -512,7 +513,7 @@ def hypothesis_sections(result: Diagnosis) -> list[Section]:
 
 
 def _besides(hypothesis: Hypothesis, unit: str) -> list[str]:
-    """Return what was left out says of a formula, what it is by another name, and what would do as well."""
+    """Return the result of held-out parts for a formula, its other names, and equally good alternatives."""
     texts = [f"against it: {text}" for text in hypothesis.objections]
     gain = hypothesis.gain
     if gain is not None:

@@ -1,4 +1,4 @@
-"""What speaks for a diagnosis: what is left, what mends it, what looks like it, what was left out or is excluded."""
+"""The evidence for a diagnosis: residuals, alternatives, confusions, left-out parts, exclusions."""
 
 import math
 import re
@@ -30,11 +30,11 @@ from .witnesses import turn_sections
 MOST_RANKED = 16
 MOST_BARS = 18
 MOST_NEVER = 4
-"""So many pairs that a record never shows are named in a line."""
+"""Largest number of never observed pairs that a line names."""
 
 
 def first_words(result: Diagnosis) -> str:
-    """What figures with the effects are of: the effects that were named, or the first of the sets that remain."""
+    """Return the subject of figures with effects: the named effects, or the first of the remaining sets."""
     if result.verdict == "unexplained":
         return "the set that is not named"
     if result.verdict != "explained":
@@ -77,7 +77,7 @@ def residual_sections(result: Diagnosis) -> list[Section]:
 
 
 def proviso_of(result: Diagnosis) -> str:
-    """On whose word a verdict rests that what is stated of the true attitude decides; empty where it rests on none."""
+    """Return the assumption on the true attitude's error on which a verdict rests; empty if there is none."""
     if result.reference_bound_arcmin is None or result.verdict in ("unexplained", "insufficient"):
         return ""
     places = result.findings[0].fit.places if result.findings else ()
@@ -90,13 +90,13 @@ def proviso_of(result: Diagnosis) -> str:
 
 
 def quoted_words(result: Diagnosis) -> str:
-    """The pieces whose errors are quoted."""
+    """Return the name of the pieces whose errors are quoted."""
     part = result.sources.quoted_part
     return "moves" if part.pieces.kind == "moves" else f"windows of {part.label}"
 
 
 def error_pictures(result: Diagnosis) -> dict[str, Picture]:
-    """Errors of pieces without and with the effects over time, and over what they may depend on, as SVG."""
+    """Return errors of pieces without and with the effects over time, and over possible causes, as SVG."""
     sources = result.sources
     part, time = sources.quoted_part, sources.found.record.time_s
     middle = 0.5 * (time[part.pieces.first] + time[part.pieces.last])
@@ -108,7 +108,7 @@ def error_pictures(result: Diagnosis) -> dict[str, Picture]:
 
 
 def bias_texts(result: Diagnosis) -> list[str]:
-    """Return in a sentence the gyros' mean at rest that was taken out."""
+    """Return a sentence on the gyros' mean at rest that was subtracted."""
     if result.bias_at_rest is None:
         return []
     rates = ", ".join([digits(math.degrees(rate), 4) for rate in result.bias_at_rest.radps])
@@ -119,7 +119,7 @@ def bias_texts(result: Diagnosis) -> list[str]:
 
 
 def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
-    """Errors of pieces without and with the effects; `bias` says what was taken out of the gyros."""
+    """Return errors of pieces without and with the effects; `bias` is the text on the subtracted mean of the gyros."""
     what, errors = quoted_words(result), error_pictures(result)
     carried = (
         "The simulation carries the direction of gravity from rest to rest"
@@ -158,7 +158,7 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
 
 
 def moved_targets_section(result: Diagnosis) -> Section | None:
-    """Return what the effects do to the calibration; None where there are none."""
+    """Return the change of the calibration by the effects; None if there are none."""
     if not result.targets:
         return None
     nominal = result.calibration
@@ -194,7 +194,7 @@ def moved_targets_section(result: Diagnosis) -> Section | None:
 
 
 def parameter_section(result: Diagnosis) -> Section | None:
-    """Return the own parameters of a block that is carried, each with its interval; None where there are none."""
+    """Return the parameters of a carried block, each with its interval; None if there are none."""
     parameters = result.stated.parameters
     if not parameters:
         return None
@@ -234,7 +234,7 @@ def _interval_bars(parameters: Sequence[Any]) -> list[Cell]:
 
 
 def ranking_section(result: Diagnosis) -> Section | None:
-    """Return what each effect by itself would leave; None where that was not tried."""
+    """Return the remaining residual with each single effect; None if none were tried."""
     if not result.tried:
         return None
     best = result.tried[:MOST_RANKED]
@@ -267,7 +267,7 @@ def ranking_section(result: Diagnosis) -> Section | None:
 
 
 def confusion_section(result: Diagnosis) -> Section | None:
-    """Return what could be taken for what in this record, and the classes; None of fewer than two effects."""
+    """Return possible confusions in this record, and the classes; None for fewer than two effects."""
     titles = [title for title, _ in result.tried]
     sets = [finding.fit.places for finding in result.findings]
     places = compared_places(result.sources.model.classes.places, sets, titles) if titles else ()
@@ -307,7 +307,7 @@ def _equivalent_rows(result: Diagnosis) -> list[list[Cell]]:
 
 
 def length_section(result: Diagnosis) -> Section | None:
-    """Return what each length says, and the order of the effects; None where there is one length."""
+    """Return the results for each length, and the order of the effects; None if there is one length."""
     if not result.lengths:
         return None
     rows: list[list[Cell]] = []
@@ -354,7 +354,7 @@ def orders_of(result: Diagnosis) -> list[tuple[str, Any]]:
 
 
 def structure_section(result: Diagnosis) -> Section | None:
-    """What a residual that is not explained depends on."""
+    """Return the quantities on which an unexplained residual depends."""
     if not result.residual_structure:
         return None
     entries = sorted(result.residual_structure, key=lambda entry: -float(entry["explained"]))[:MOST_BARS]
@@ -374,11 +374,11 @@ COLUMNS = {
     "accelerometers": ("accelerometer 1", "accelerometer 2", "accelerometer 3"),
     "table": ("outer axis", "inner axis", "base", "mounting"),
 }
-"""The parts of which effects are, and the places of each."""
+"""Parts of a system that effects act on, and the places of each."""
 
 
 def excluded_sections(result: Diagnosis) -> list[Section]:
-    """Return upper bounds of what was not found, a column for each place; and effects that cannot be seen."""
+    """Return upper bounds of effects that were not found, a column for each place; and effects that cannot be seen."""
     bounds: dict[str, dict[tuple[str, str, str], dict[str, Cell]]] = {part: {} for part in COLUMNS}
     for entry in result.excluded or ():
         part, words, parameter, column = excluded_words(entry)
@@ -413,11 +413,11 @@ OWN_QUANTITIES = {
     ("gyro", "a"): "own angular acceleration",
     ("gyro", "n"): "own specific force",
 }
-"""What is one quantity whichever instrument it is of."""
+"""Quantities that have one name for every instrument."""
 
 
 def power_section(result: Diagnosis) -> Section | None:
-    """Return from which size on what is in no catalogue would have shown; None where that is not known."""
+    """Return the detection limits of faults outside the catalogue; None if they are unknown."""
     sizes: dict[tuple[str, str, str], dict[str, Cell]] = {}
     for entry in result.power or ():
         key = (_quantity_words(entry, "quantity"), _quantity_words(entry, "factor"), unit_text(entry["unit"]))
@@ -465,7 +465,7 @@ def _quantity_words(entry: Mapping[str, Any], key: str) -> str:
 
 
 def power_texts(result: Diagnosis) -> list[str]:
-    """Return in a sentence from which size on the worst smooth fault that shows at all would have shown."""
+    """Return a sentence on the detection limit of the worst smooth fault that shows at all."""
     texts = []
     for unit, where in (("g", "an accelerometer"), ("rad", "an axis"), ("rad/s", "a gyro")):
         sizes = []
@@ -485,18 +485,18 @@ def power_texts(result: Diagnosis) -> list[str]:
 
 
 def _of_words(entry: Mapping[str, Any]) -> str:
-    """The quantity, and the factor, of which a fault is a function."""
+    """Return the quantity, and the factor, on which a fault depends."""
     factor = f"{_in_short(entry['factor'])} times " if entry.get("factor") else ""
     return factor + _in_short(entry["quantity"])
 
 
 def _in_short(quantity: str) -> str:
-    """A quantity as tables have it."""
+    """Return a quantity as tables have it."""
     return quantity.replace("hours", "time").replace("alpha", "α").replace("beta", "β")
 
 
 def excluded_words(entry: Mapping[str, Any]) -> tuple[str, str, str, str]:
-    """Of which part an effect is, itself and its parameter in words, and the column that says how large it can be."""
+    """Return an effect's part, its name and parameter in words, and the column of its largest possible size."""
     column = entry["where"].replace("-", " ")
     part = next((part for part, columns in COLUMNS.items() if column in columns), "gyros")
     if part == "gyros":
@@ -508,7 +508,7 @@ def excluded_words(entry: Mapping[str, Any]) -> tuple[str, str, str, str]:
 
 
 def gyro_parameter_words(parameter: str) -> tuple[str, str]:
-    """A parameter without its gyro, and the gyro's number: "gamma_12" is "gamma, axis 2" of gyro 1."""
+    """Return a parameter without its gyro, and the gyro's number: "gamma_12" is "gamma, axis 2" of gyro 1."""
     match = _OF_A_GYRO.fullmatch(parameter)
     if match is None:
         return parameter, ""

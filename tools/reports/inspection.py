@@ -1,4 +1,4 @@
-"""What strapdown records say: what they support, the attitude that their gyros give, how algorithms compare."""
+"""Pages of strapdown records: their content, the attitude from their gyros, a comparison of algorithms."""
 
 import math
 import re
@@ -23,13 +23,13 @@ from .pictures.records import allan_picture, attitude_picture
 BY_CHANCE = 0.05
 """Chance that the bound of a mean at rest is not widened enough."""
 FEWEST_FOR_NOISE = 5
-"""Fewer rests tell an Allan deviation at their length by chance."""
+"""Smallest number of rests for a credible Allan deviation at their length."""
 DIGITS_OF_STAMPS = 1e-6
-"""Jitter of so small a part of the period is in the last digits of the time stamps."""
+"""Relative jitter below which it is the rounding of the time stamps."""
 
 
 def inspection_page(result: Inspection) -> Page:
-    """Return what a strapdown or bench record supports, and its Allan deviation."""
+    """Return the content of a strapdown or bench record, and its Allan deviation."""
     lines = sampling_lines(result) + rest_lines(result)
     first = lines.pop(0)
     if result.at_table is not None:
@@ -44,7 +44,7 @@ def inspection_page(result: Inspection) -> Page:
 
 
 def table_line(at_table: AtTable) -> str:
-    """The accelerometers of a bench record against the table's angles."""
+    """Return the result of the accelerometers of a bench record against the table's angles."""
     head = f"accelerometers against the table's angles: {at_table.verdict}"
     if at_table.radius is None or at_table.noise_bound is None:
         return f"{head}: {at_table.lacks}"
@@ -56,7 +56,7 @@ def table_line(at_table: AtTable) -> str:
 
 
 def sampling_lines(inspection: Inspection) -> list[str]:
-    """Return rows, time stamps, and what is wrong with columns, in lines."""
+    """Return rows, time stamps, and faults of columns, in lines."""
     record, sampling = inspection.record, inspection.sampling
     kind = "increments" if record.rate is None else "rates"
     length = float(record.time_s[-1] - record.time_s[0])
@@ -79,7 +79,7 @@ def sampling_lines(inspection: Inspection) -> list[str]:
 
 
 def rest_lines(inspection: Inspection) -> list[str]:
-    """Return rests, moves, excitation, and what noise leaves of a mean at rest, in lines."""
+    """Return rests, moves, excitation, and the noise of a mean at rest, in lines."""
     rests = inspection.rests
     if not len(rests):
         return ["no rests: neither gyros nor accelerometers can be judged at rest"]
@@ -127,7 +127,7 @@ def norm_page(result: Calibration, _: object = None) -> Page:
 
 
 def _norm_summary(result: Calibration) -> str:
-    """Return the verdict on the accelerometers, and the radius where there is one."""
+    """Return the verdict on the accelerometers, and the radius if there is one."""
     radius = "" if result.radius is None else f", radius {residual(result.radius)}"
     return f"accelerometers by the norm of gravity: {result.verdict}{radius}"
 
@@ -160,7 +160,7 @@ GYRO_VERDICTS = {
 
 
 def gyro_lines(gyros: GyrosAtRest) -> list[str]:
-    """Return what the gyros' means at rest do, in lines."""
+    """Return the model of the gyros' means at rest, in lines."""
     summary = GYRO_VERDICTS[gyros.verdict]
     if gyros.verdict in ("named", "ambiguous"):
         summary += "; ".join([model.title for model in gyros.standing])
@@ -178,9 +178,9 @@ def gyro_lines(gyros: GyrosAtRest) -> list[str]:
 def record_sections(
     inspection: Inspection, warnings: Sequence[str] = (), *, forces: bool, gaps_named: bool
 ) -> list[Section]:
-    """The record, and what its rests say of accelerometers, with `forces`, and gyros.
+    """Return the record, and the results at rest for gyros and, with `forces`, accelerometers.
 
-    `told` where it is said elsewhere what is missing.
+    `gaps_named`: another section names the missing measurements.
     """
     lines = sampling_lines(inspection) + rest_lines(inspection)
     lines[0] = lines[0].removeprefix(f"{inspection.record.path.name}: ")
@@ -202,7 +202,7 @@ def record_sections(
 
 
 def _gyros(gyros: GyrosAtRest) -> Section:
-    """Return the models of the gyros' means at rest, and how well each explains them."""
+    """Return the models of the gyros' means at rest, and the fit of each."""
     paragraphs = [sentence(gyro_lines(gyros)[0])]
     for reason in gyros.not_tried:
         paragraphs.append(sentence(f"not tried: {reason}"))
@@ -223,7 +223,7 @@ HOW_RATES_ARE_TAKEN = {
 
 
 def attitude_page(run: AttitudeRun) -> Page:
-    """Return what was run, and how large the error is."""
+    """Return the run and the size of its error."""
     lines = error_lines(run)
     for file in run.files:
         lines.append(str(file))
@@ -277,14 +277,14 @@ def rms_degrees(angles: NDArray) -> float:
 
 
 def distrust(run: AttitudeRun | AttitudeComparison, name: str) -> str:
-    """One line, where a gyro of the record of that name is at its limit; else nothing."""
+    """Return one line if a gyro of the record of that name is at its limit; else an empty string."""
     if run.trusted_until is None:
         return ""
     return f"{name}: attitudes after {downwards(run.trusted_until, 9)} s are not to be trusted: a gyro is at its limit"
 
 
 def care_lines(run: AttitudeRun | AttitudeComparison) -> list[str]:
-    """What stamps, limits of the gyros and bridged gaps mean for the attitude."""
+    """Return lines on the effect of stamps, gyro limits and bridged gaps on the attitude."""
     lines = list(run.warnings)
     if run.trusted_until is not None:
         limits = [line for line in run.warnings if line.startswith("w")]
@@ -296,7 +296,7 @@ def care_lines(run: AttitudeRun | AttitudeComparison) -> list[str]:
 
 
 def split_lines(run: AttitudeRun) -> list[str]:
-    """The error as a slowly growing and a periodic part; nothing where the run is too short to tell them apart."""
+    """Return the error as a slowly growing and a periodic part; empty if the run is too short to separate them."""
     judged = run.judged
     try:
         split = split_error(run.time_s[judged], np.degrees(run.error_rad[judged]))
@@ -325,7 +325,7 @@ _OWN = re.compile(r"(?P<sensor>accelerometer|gyro) (?P<kind>gamma|bias)_(?P<firs
 
 
 def own_words(name: str) -> str:
-    """A parameter of the block in words: "gyro gamma_12" is the misalignment of gyro 1 towards axis 2."""
+    """Return a parameter of the block in words: "gyro gamma_12" is the misalignment of gyro 1 towards axis 2."""
     match = _OWN.fullmatch(name)
     if match is None:
         return name

@@ -1,4 +1,4 @@
-"""The page of a table of columns: what is numbers in it as lines over time, a picture for each unit."""
+"""The page of a table of columns: numbers as lines over time, a picture for each unit."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,13 +18,13 @@ from .pictures.records import MOST_LINES, TRUTH, Line, lines_picture
 from .sources import versions
 
 MOST_PANELS = 60
-"""So many panels of lines are drawn, the first ones."""
+"""Largest number of panels of lines that are drawn."""
 
 
 def split(column: str, units: Mapping[str, str]) -> tuple[str, str]:
-    """The name of a column without the suffix of its unit, and the unit; "" for a pure number.
+    """Return the name of a column without the suffix of its unit, and the unit; "" for a pure number.
 
-    `units` are those of columns whose suffix is none of ours.
+    `units` are those of columns whose suffix is not one of ours.
     """
     stem, _, suffix = column.rpartition("_")
     unit_and_factor = column_units().get(suffix)
@@ -37,7 +37,7 @@ def split(column: str, units: Mapping[str, str]) -> tuple[str, str]:
 
 
 def lines_page(title: str, sentence: str, table: pl.LazyFrame, units: Mapping[str, str]) -> Page:
-    """The page of a table whose first column is `time_s`; its columns are read one by one."""
+    """Return the page of a table whose first column is `time_s`; its columns are read one by one."""
     sections, rows, not_drawn = _drawn(table, units)
     if rows:
         sections.append(Section("Columns", table=Table(["column", "first", "least", "largest", "last"], rows)))
@@ -51,7 +51,7 @@ def lines_page(title: str, sentence: str, table: pl.LazyFrame, units: Mapping[st
 def _drawn(
     table: pl.LazyFrame, units: Mapping[str, str], title: str = ""
 ) -> tuple[list[Section], list[list[Cell]], list[str]]:
-    """A section for each unit, a row of figures for each column, and what is not drawn."""
+    """Return a section for each unit, a row of figures for each column, and the columns that are not drawn."""
     schema = table.collect_schema()
     times = table.select("time_s").collect()["time_s"].to_numpy()
     by_unit: dict[str, dict[str, list[str]]] = {}
@@ -61,7 +61,7 @@ def _drawn(
             continue
         if kind.is_numeric() or kind == pl.Boolean:
             stem, unit = split(name, units)
-            # What is numbered stands together.
+            # Numbered columns share a panel.
             array = by_unit.setdefault(TRUTH if kind == pl.Boolean else unit, {})
             array.setdefault(re.sub(r"(\[\d+\]|\d+)$", "", stem), []).append(name)
         else:
@@ -95,7 +95,7 @@ SPREAD = {"least": 0.0, "5 %": 0.05, "median": 0.5, "95 %": 0.95, "largest": 1.0
 
 
 def spread_over_time(table: pl.LazyFrame, caption: str) -> list[Section]:
-    """Of each column of numbers its quantiles over runs at each time, a picture for each unit.
+    """Return quantiles over runs of each column of numbers at each time, a picture for each unit.
 
     `table` has rows of many runs, with columns `run` and `time_s`.
     """
@@ -128,11 +128,11 @@ MATCHED = {
     "position": "positions of the same numbers",
     "time": "the second interpolated at the times of the first",
 }
-"""How rows of two runs belong together."""
+"""Matching of the rows of two runs, in words."""
 
 
 def compared_page(result: Compared) -> Page:
-    """Return the verdict and the differences by column; behind them pictures of the differences, and of both."""
+    """Return the verdict and the differences by column; then pictures of the differences, and of both."""
     beyond = sum(not difference.within for difference in result.columns)
     columns = ("column", "largest", "time_s", "first", "second", "rms")
     differences = table_of(result.columns, columns)
@@ -161,7 +161,7 @@ def compared_page(result: Compared) -> Page:
 
 
 def _compared(result: Compared, beyond: int) -> str:
-    """What was compared, and how many columns differ by more than is allowed."""
+    """Return the subject of a comparison, and the number of columns with too large differences."""
     what = f"{result.first} and {result.second}, {result.rows} rows ({MATCHED[result.matched]})"
     if beyond:
         return f"{what}; {beyond} of {len(result.columns)} columns differ by more than is allowed"
@@ -171,7 +171,7 @@ def _compared(result: Compared, beyond: int) -> str:
 
 
 def _apart(result: Compared) -> list[str]:
-    """Columns that could not be compared."""
+    """Return the columns that could not be compared."""
     lines = []
     for words, columns in (
         ("only in the first", result.only_first),
@@ -184,7 +184,7 @@ def _apart(result: Compared) -> list[str]:
 
 
 def _panels(arrays: Iterable[Sequence[str]]) -> list[list[str]]:
-    """Columns by panels: arrays whole where they fit."""
+    """Return columns by panels: whole arrays if they fit."""
     panels: list[list[str]] = []
     for names in arrays:
         for k in range(0, len(names), MOST_LINES):
@@ -205,22 +205,25 @@ def write_plot(
     ----------
     path : Path
         .html or .pdf
-    title, said : str
-        what it is, in a few words and in a sentence
+    title, sentence : str
+        title, and description in a sentence
     table : polars.LazyFrame or DataFrame
-        units are the suffixes of its columns' names
+        the columns; the suffixes of their names are units
     units : mapping, optional
-        column -> unit, of those whose suffix is none of ours
+        column -> unit, for columns whose suffix is not one of ours
 
     Raises
     ------
     InputError
-        where the file cannot be written, or the page not be printed
+        if the file cannot be written, or the page cannot be printed
     """
     write_page(path, lines_page(title, sentence, table.lazy(), units or {}))
 
 
 def write_plot_of_run(path: Path, run: Simulation) -> None:
-    """Write what a simulation has recorded as lines over time; an InputError where it cannot be written."""
+    """Write the recorded columns of a simulation as lines over time.
+
+    Raises InputError if the file cannot be written.
+    """
     sentence = f"{run.rows} rows up to {digits(run.final_time_s, 9)} s. {run.ended}".strip()
     write_plot(path, run.title or "A run without a title", sentence, run.rows_of_file(), run.units)

@@ -1,4 +1,4 @@
-"""What a measurement at the table says, while it is made and when it has ended: sentences for every view."""
+"""Sentences on a measurement at the table, during it and after its end, for every view."""
 
 from ..document.blocks import Page, Section
 from ..document.notation import listed
@@ -7,18 +7,18 @@ from ..rounding import digits, exactly, residual, upwards
 
 
 def angles_text(alpha_deg: float, beta_deg: float) -> str:
-    """Two angles of the table."""
+    """Return two angles of the table."""
     return f"α {exactly(round(alpha_deg, 4))}°, β {exactly(round(beta_deg, 4))}°"
 
 
 def setting_text(session: Session, setting: TableSetting) -> str:
-    """A position of the plan with its number in the order of measurement, of how many."""
+    """Return a position of the plan with its number in the order of measurement, and the total."""
     number = [planned.number for planned in session.programme.settings].index(setting.number) + 1
     return f"position {number} of {len(session.programme.settings)}: {angles_text(setting.alpha_deg, setting.beta_deg)}"
 
 
 def next_text(session: Session) -> str:
-    """Where the table has to go."""
+    """Return the next position of the table."""
     remaining = session.left
     if not remaining:
         return "all positions are measured"
@@ -27,7 +27,7 @@ def next_text(session: Session) -> str:
 
 
 def promise_text(session: Session) -> str:
-    """How far the promise is, or that it is reached and one can stop."""
+    """Return the distance to the promise, or that it is reached and the operator can stop."""
     standing, worst = session.standing, session.worst
     if standing.trouble:
         return standing.trouble
@@ -51,14 +51,14 @@ def promise_text(session: Session) -> str:
 
 
 def shares_text(session: Session) -> str:
-    """The guaranteed errors over what is promised, target by target."""
+    """Return the guaranteed errors over the promised ones, target by target."""
     shares = ((name, session.share(name)) for name in session.programme.promised)
     texts = [f"{name} {'open' if share is None else upwards(share, 3)}" for name, share in shares]
     return "error/promise: " + ", ".join(texts)
 
 
 def against_text(session: Session) -> str:
-    """Which readings prove the model wrong; empty where none do."""
+    """Return the readings that prove the model wrong; empty if there are none."""
     against = session.standing.against
     if not against:
         return ""
@@ -69,7 +69,7 @@ def against_text(session: Session) -> str:
 
 
 def present_text(session: Session, present: Present) -> str:
-    """How the table stands now, and whether it may go on."""
+    """Return the present state of the table, and whether it may go on."""
     if present.state == "waiting":
         return "waiting for readings"
     alpha, beta = session.angles_deg(present.alpha, present.beta)
@@ -87,7 +87,7 @@ def present_text(session: Session, present: Present) -> str:
 
 
 def visit_text(session: Session, visit: RestVisit) -> str:
-    """What became of a rest."""
+    """Return the result of a rest."""
     alpha, beta = session.visit_angles_deg(visit)
     at = angles_text(alpha, beta)
     number = session.setting_of[visit.number - 1]
@@ -104,7 +104,7 @@ def visit_text(session: Session, visit: RestVisit) -> str:
 
 
 def measured_page(result: Measured) -> Page:
-    """Return what a session came to: positions, promise, rests that do not count, verdict, files."""
+    """Return the result of a session: positions, promise, rests that do not count, verdict, files."""
     lines = []
     if result.left_out:
         lines.append(f"{result.left_out} lines were left out: they are no rows of a record")

@@ -1,4 +1,4 @@
-"""The page of each kind of result: what a terminal, a notebook, HTML, PDF and figures show is made from it."""
+"""The page of each kind of result: source of terminal, notebook, HTML, PDF and figures."""
 
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -59,9 +59,9 @@ BY_FIELD = {
     },
     "Diagnosis": {"records": ("several", "several_page")},
 }
-"""Page of a result of one kind by the first of its fields that holds something."""
+"""Page of a result of one kind by the first of its fields that is not empty."""
 OF_RECORDS = ("calibration_page", "diagnosis_page")
-"""Pages that show the record that the result was made from, too."""
+"""Pages that also show the result's record."""
 
 
 def page_of(result: Result, record: Any = None) -> Page | None:
@@ -69,8 +69,15 @@ def page_of(result: Result, record: Any = None) -> Page | None:
 
     Parameters
     ----------
+    result : Result
+        the result
     record : PositionRecord, StrapdownRecord, optional
-        what the result was made from, where that is not known to the result
+        the result's record, if the result does not know it
+
+    Returns
+    -------
+    Page or None
+        the page
     """
     maker_of_kind = _maker(result)
     if maker_of_kind is None:
@@ -83,7 +90,7 @@ def page_of(result: Result, record: Any = None) -> Page | None:
 
 
 def _maker(result: Result) -> tuple[str, str] | None:
-    """Return the module and the function that make the page of a result; None where it has none."""
+    """Return the module and the function that make the page of a result; None if it has none."""
     kind = type(result).__name__
     for field, maker in BY_FIELD.get(kind, {}).items():
         if getattr(result, field):
@@ -96,11 +103,13 @@ def shown(result: Result, medium: str, *options: Any) -> Any:
 
     Parameters
     ----------
+    result : Result
+        the result
     medium : str
-        "text" and "notebook" return what these show; "page" writes a file, "figures" returns the pictures, and "sheet"
-        writes the sheet of a calibration
+        "text" and "notebook" return a text; "page" writes a file, "figures" returns the pictures, and "sheet" writes
+        the sheet of a calibration
     options
-        for a page its path and the record, for figures the record, for a sheet path, record and what is known
+        for a page its path and the record, for figures the record, for a sheet path, record and known facts
 
     Raises
     ------
@@ -126,12 +135,12 @@ def shown(result: Result, medium: str, *options: Any) -> Any:
 
 
 def write_report(path: Path, result: Result, record: Any = None) -> None:
-    """Write the page of a result as HTML, or as PDF where the name ends so.
+    """Write the page of a result as HTML, or as PDF if the name ends so.
 
     Raises
     ------
     InputError
-        where the file cannot be written, or the page not be printed
+        if the file cannot be written, or the page cannot be printed
     TypeError
         for a part of a result, which has no page
     """
@@ -148,7 +157,10 @@ def figures(result: Result, record: Any = None) -> "dict[str, Figure]":
 
 
 def _page_with_record(result: Result, record: Any) -> Page:
-    """Return the page of a result; an InputError where it needs a record that is not known."""
+    """Return the page of a result.
+
+    Raises InputError if it needs a record that is not known.
+    """
     has_record = record is not None or getattr(result, "made_of", None) is not None
     if not has_record and _maker(result) == PAGES["Calibration"]:
         raise InputError("the page of a calibration from a file needs the record that it was made from")
@@ -180,7 +192,7 @@ def check_page(result: "Check") -> Page:
 
 
 def exported_page(result: "Exported") -> Page:
-    """Return the FMUs that were written, a line each."""
+    """Return the written FMUs, a line each."""
     first, *further = [fmu.file for fmu in result.fmus]
     return plain_page("FMUs", first, further)
 
@@ -195,7 +207,7 @@ def installation_page(result: "Installation") -> Page:
 
 
 def import_page(result: "Imported") -> Page:
-    """Return what became of a file: how it was read, its columns, what was left out, the first rows as understood."""
+    """Return the result of an import: format, columns, left-out parts, the first rows as understood."""
     rows = f"{result.rows} rows"
     if result.readings != result.rows:
         rows += f" of {result.readings} readings"
@@ -225,7 +237,7 @@ def _cell_text(value: float | str) -> str:
 
 
 def simulation_page(result: "Simulation") -> Page:
-    """Return what was run, what it recorded, and where that is."""
+    """Return the run, its recorded columns, and its files."""
     title = result.title or "a scenario without a title"
     lines = []
     if result.rests is not None:

@@ -1,4 +1,4 @@
-"""What is said of published tables that were computed again."""
+"""Pages of published tables that were computed again."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ from ..rounding import digits, downwards, exactly, to_bound, upwards
 from .pictures.suites import published_and_reproduced
 
 AS_PRINTED = 0.1
-"""The paper has two decimals, as of an accuracy that is known to so much."""
+"""Bound that fixes the digits of a printed number: the paper has two decimals."""
 
 
 def published_page(result: PublishedCalibration) -> Page:
@@ -64,7 +64,7 @@ def published_page(result: PublishedCalibration) -> Page:
 
 
 def reproduction_page(result: Reproduction) -> Page:
-    """Return every row, what each cause does, scores, and what is not reproduced."""
+    """Return every row, the effect of each cause, scores, and rows that are not reproduced."""
     rows: list[list[Cell]] = []
     not_reproduced = [f"not reproduced within {digits(100.0 * TOLERANCE)} %"]
     for row in result.rows:
@@ -110,7 +110,7 @@ def _ratios(values: Sequence[float] | np.ndarray) -> str:
 
 
 def write_reproduction(result: Reproduction, out: Path) -> list[Path]:
-    """Write attitude.csv and attitude.svg into a folder; returns the files."""
+    """Write attitude.csv and attitude.svg into a folder; return the files."""
     with whole_folder(out) as beside:
         write_text(beside / "attitude.csv", result.to_polars().write_csv())
         write_text(beside / "attitude.svg", published_and_reproduced(result).svg())
@@ -118,7 +118,7 @@ def write_reproduction(result: Reproduction, out: Path) -> list[Path]:
 
 
 def word_length_page(result: WordLength) -> Page:
-    """Return a table of attitude errors for each motion, and what it shows."""
+    """Return a table of attitude errors for each motion, and its result."""
     errors = {}
     for entry in result.errors:
         errors[entry.motion, entry.rounding, entry.arithmetic] = np.degrees(entry.error)
@@ -154,7 +154,7 @@ def word_length_page(result: WordLength) -> Page:
 
 
 def _gain(errors: dict[tuple[str, str, str], float], arithmetic: str) -> float:
-    """How many times an arithmetic betters plain single, over the roundings: geometric mean."""
+    """Return the gain of an arithmetic over plain single, over the roundings: geometric mean."""
     ratios = []
     for rounding in ROUNDINGS:
         ratios.append(errors[REPEATING, rounding, "single"] / errors[REPEATING, rounding, arithmetic])

@@ -1,4 +1,4 @@
-"""What plans say: text, pages, and the files to carry one out."""
+"""Text, pages and working files of plans."""
 
 import math
 from math import degrees
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 COST = 11
 """Digits of a cost, which is proven to more."""
 UNCERTAIN = 1e-8
-"""A relative gap above this is said in words."""
+"""Relative gap above which the text mentions it."""
 POSITIONS_DRAWN = (
     "Left: the angles, joined in the order of measurement; grey: not to be used. "
     "Right: the vertical in the inner frame."
@@ -40,7 +40,7 @@ CURVE_DRAWN = "Cost above the optimum against the number of positions, with the 
 
 
 def plans_page(plans: Plans) -> Page:
-    """Return the costs of all targets; of one target its readings and weights; then each target's estimator."""
+    """Return the costs of all targets; for one target its readings and weights; then each target's estimator."""
     first = plans[0]
     where = "all angles" if first.grid_deg is None else f"a grid of {exactly(first.grid_deg)}°"
     rows: list[list[Cell]] = []
@@ -93,7 +93,7 @@ def plans_page(plans: Plans) -> Page:
 
 
 def _certain_signs(plan: Plan) -> str:
-    """Return by which rule the signs of inputs are certain, with its bounds."""
+    """Return the rule by which the signs of inputs are certain, with its bounds."""
     if plan.baseline == "symmetric":
         return "not asked for: one scale factor for both signs"
     rule = "(1.7) as printed" if plan.admissible == "paper" else "(1.7) with the bias rows, as the published tables"
@@ -126,7 +126,7 @@ def estimator_section(plan: Plan) -> Section:
 
 
 def positions_page(plan: "PositionPlan") -> Page:
-    """Return the positions in the order of measurement, the costs, and what is proven."""
+    """Return the positions in the order of measurement, the costs, and the proven bound."""
     u, v = plan.bounds
     rule = " with the bias rows" if plan.admissible == "tables" else ""
     key = {
@@ -164,7 +164,7 @@ def _order_section(plan: "PositionPlan") -> Section:
 
 
 def cost_section(plan: "PositionPlan") -> Section:
-    """Return the guaranteed error of each target beside its optimum, and what is proven of the set."""
+    """Return the guaranteed error of each target beside its optimum, and the proven bound of the set."""
     rows: list[list[Cell]] = []
     for target, cost, best in zip(plan.task.targets, plan.costs.values(), plan.optima.values(), strict=True):
         row: list[Cell] = [symbol_text(target.symbol), physical_words(target.name)]
@@ -178,7 +178,7 @@ def cost_section(plan: "PositionPlan") -> Section:
 
 
 def _bound_texts(plan: "PositionPlan") -> list[str]:
-    """Return in sentences what is proven of all sets of so many positions."""
+    """Return sentences on the proven bound of all sets of this number of positions."""
     if plan.bound is None:
         return []
     texts = [
@@ -197,7 +197,7 @@ def _bound_texts(plan: "PositionPlan") -> list[str]:
 
 
 def _detection_sections(plan: "PositionPlan") -> list[Section]:
-    """Return how far effects are from the model with further positions; none where none are asked for."""
+    """Return the distances of effects from the model with further positions; empty without such a request."""
     if not plan.detection:
         return []
     text = (
@@ -209,7 +209,7 @@ def _detection_sections(plan: "PositionPlan") -> list[Section]:
 
 
 def wanted_lines(plan: "PositionPlan") -> list[str]:
-    """What the set is for, what it stands on, and what it stands."""
+    """Return the purpose of the set, its basis, and the errors that it keeps."""
     lines = []
     if plan.measured:
         lines.append(f"{plan.measured} positions that are measured already count beside these")
@@ -238,7 +238,7 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
 
 
 def curve_page(curve: "Curve") -> Page:
-    """Return the worst and the mean cost against the number of positions, and what is proven."""
+    """Return the worst and the mean cost against the number of positions, and the proven bound."""
     columns = ("positions", "readings", "worst", "mean", "bound", "pool")
     section = Section("Curve", picture=curve_picture(curve), caption=CURVE_DRAWN, table=table_of(curve.points, columns))
     return Page("Number of positions", f"{len(curve.points)} sets of positions, each the best found.", [section])
@@ -253,7 +253,7 @@ ADVICE = {
 
 
 def setting_page(check: "SettingCheck") -> Page:
-    """Return what errors of setting do to each target, and what to do about them."""
+    """Return the consequence of setting errors for each target, with advice."""
     columns = ("target", "planned", "bias", "compensated", "solved", "advice")
     text = f"Bias bounded by Σ|b| X^max, σ = {upwards(check.noise_bound, 6)}; all in units of σ."
     warnings = []
@@ -271,13 +271,13 @@ def setting_page(check: "SettingCheck") -> Page:
 
 
 READ, ROOM = "_" * 10, "_" * 22
-"""Where an operator writes an encoder's reading, and a remark."""
+"""Blanks for an encoder's reading, and for a remark."""
 MOST_DECIMALS = 4
-"""Of the angles [deg]: finer than any table is set."""
+"""Largest number of decimals of the angles [deg]: finer than any table is set."""
 
 
 def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
-    """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
+    """Return the programme row by row with room for notes, the picture, and the value of the plan, as HTML."""
     several = len(plan.mountings) > 1
     header = ["no.", "α [deg]", "β [deg]", "mounting", "dwell [s]", "α read [deg]", "β read [deg]", "remarks", "done"]
     rows: list[list[Cell]] = []
@@ -324,7 +324,7 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
 
 
 def _kept_out(plan: "PositionPlan") -> list[str]:
-    """What an operator is told of keep-outs."""
+    """Return the operator's text on keep-outs."""
     if not plan.keep_out:
         return []
     arcs = [
@@ -335,19 +335,28 @@ def _kept_out(plan: "PositionPlan") -> list[str]:
 
 
 def write_plan(plan: "PositionPlan", folder: Path, *, dwell_s: float) -> list[Path]:
-    """Write everything that is needed to carry a plan out.
+    """Write all files that are needed to carry out a plan.
 
-    `programme.csv` is a position programme for a scenario's table (one file for each mounting where there are
-    several), `table.csv` the list for a real table, `angles.csv` the file for `--check`, where the actual angles are
-    filled in, `operator.html` a page to print, `positions.svg` the picture, `plan.json` the plan.
+    - `programme.csv`: a position programme for a scenario's table, one file for each mounting if there are several
+    - `table.csv`: the list for a real table
+    - `angles.csv`: the file for `--check`, in which the operator fills in the actual angles
+    - `operator.html`: a page to print
+    - `positions.svg`: the picture
+    - `plan.json`: the plan
 
     Parameters
     ----------
     plan : PositionPlan
+        the plan
     folder : Path
-        made where it is missing
+        folder of the files, made if it is missing
     dwell_s : float
         time at each position [s]
+
+    Returns
+    -------
+    list of Path
+        the files
 
     Raises
     ------
@@ -412,7 +421,7 @@ def _written(files: dict[str, str], folder: Path) -> list[Path]:
 
 
 def ratio_lines(plan: "ImuPlan") -> list[str]:
-    """The worst ratio to what the whole pool would guarantee: of this programme, and of what is usual."""
+    """Return the worst ratio to the guarantee of the whole pool: of this programme, and of usual practice."""
     lines = [
         f"worst ratio to what all {plan.pool} rests and turns of the pool together, and these programmes, would "
         f"guarantee: {upwards(plan.worst_ratio, 4)} ({plan.worst})"
@@ -428,7 +437,7 @@ def ratio_lines(plan: "ImuPlan") -> list[str]:
 
 
 def planned_for(plan: "ImuPlan") -> str:
-    """The bench and the bounds that the programme is planned for."""
+    """Return the bench and the bounds that the programme assumes."""
     return (
         f"σ = {exactly(plan.noise_bound)} g, gyros {exactly(plan.gyro_noise)} rad/s over one second, encoders "
         f"{exactly(plan.encoder_bound)} rad; table {exactly(plan.rate_dps)} deg/s, "
@@ -438,7 +447,7 @@ def planned_for(plan: "ImuPlan") -> str:
 
 
 def way_of(plan: "ImuPlan") -> tuple[NDArray, list[NDArray]]:
-    """Times [min] at which the table arrives and leaves, and both angles [deg] there."""
+    """Return times [min] at which the table arrives and leaves, and both angles [deg] there."""
     rate, time, visit, corners = math.radians(plan.rate_dps), 0.0, plan.programme[0], []
     for stop in plan.programme:
         way = math.radians(max(abs(stop.alpha_deg - visit.alpha_deg), abs(stop.beta_deg - visit.beta_deg)))
@@ -450,7 +459,7 @@ def way_of(plan: "ImuPlan") -> tuple[NDArray, list[NDArray]]:
 
 
 def imu_page(plan: "ImuPlan") -> Page:
-    """Return the programme row by row with room for notes, and what it promises."""
+    """Return the programme row by row with room for notes, and its promised errors."""
     rows: list[list[Cell]] = []
     for number, entry in enumerate(plan.programme, start=1):
         alpha, beta = exactly(entry.alpha_deg), exactly(entry.beta_deg)

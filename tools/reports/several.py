@@ -1,4 +1,4 @@
-"""What several records of one instrument say together: lines for a terminal, and the page."""
+"""Results of several records of one instrument together: lines for a terminal, and the page."""
 
 from collections.abc import Sequence
 
@@ -22,11 +22,11 @@ VERDICTS = {
 }
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 MOST_SETS = 6
-"""So many sets that remain are printed."""
+"""Largest number of remaining sets that are printed."""
 
 
 def helps_lines(result: Diagnosis) -> list[str]:
-    """Return where each effect that was found helps; one that helps nowhere else belongs to its run."""
+    """Return the records that each found effect improves; one that improves no other record belongs to its run."""
     lines = []
     for effect in result.helps or ():
         where = f"helps on {', '.join(effect.on)}" if effect.on else "helps on no other record: it is the run's"
@@ -35,13 +35,13 @@ def helps_lines(result: Diagnosis) -> list[str]:
 
 
 def words(name: str) -> str:
-    """A parameter by its symbol, and in words where it has such."""
+    """Return a parameter by its symbol, and in words if it has any."""
     name_and_unit = NAMES.get(name.partition("@")[0])
     return name if name_and_unit is None else f"{name}, {name_and_unit[0]}"
 
 
 def verdict_line(result: Diagnosis) -> str:
-    """Return the verdict; where records that say too little alone say enough together, that they do."""
+    """Return the verdict; if only the records together determine enough, with a remark on that."""
     text = VERDICTS[result.verdict]
     if result.radius is None:
         text = "insufficient: nothing is said of all together, as fewer than two records can be judged so"
@@ -62,7 +62,7 @@ def verdict_line(result: Diagnosis) -> str:
 
 
 def sentences(result: Diagnosis) -> list[str]:
-    """Return what is found, whose it is, with its sizes."""
+    """Return the found effects with owner and sizes."""
     texts = []
     for number, causes in enumerate(result.sets[:MOST_SETS]):
         for cause in causes:
@@ -80,7 +80,7 @@ def sentences(result: Diagnosis) -> list[str]:
 
 
 def cause_text(cause: Cause) -> str:
-    """A cause with its owner and its sizes."""
+    """Return a cause with its owner and its sizes."""
     owner = "the instrument's" if cause.is_of_instrument else f"the run's, {cause.record} alone"
     sizes = [f"{p.name} {_possible(p, p.unit)}" for p in cause.parameters]
     alike = [place.title for place in cause.alike]
@@ -89,7 +89,7 @@ def cause_text(cause: Cause) -> str:
 
 
 def _possible(parameter: SizedParameter | Parameter, unit: str = "1") -> str:
-    """What is stated, in a unit where one is said, and the ends of what is possible."""
+    """Return an estimate, in a unit if one is given, and the ends of its interval."""
     value, low, high = interval(parameter.estimate, parameter.low, parameter.high)
     return f"{_in_unit(value, unit)} ({low} to {high})"
 
@@ -99,7 +99,7 @@ def _in_unit(number: str, unit: str) -> str:
 
 
 def several_page(result: Diagnosis) -> Page:
-    """Return what the records say together, each by itself, repeatability, and what was shared."""
+    """Return the result of all records, of each by itself, repeatability, and the shared parameters."""
     texts = sentences(result)
     texts += result.not_named or ()
     texts += result.caution
@@ -142,7 +142,7 @@ def several_page(result: Diagnosis) -> Page:
 
 
 def _changes(alone: Calibration | None) -> Section:
-    """Return the instrument's parameters that surely change between records; an empty section where none do."""
+    """Return the instrument's parameters that surely change between records; an empty section if there are none."""
     lines = []
     for change in alone.changes if alone is not None else ():
         if change.of == "instrument" and change.at_least > 0.0:
@@ -160,7 +160,7 @@ def _titles(explanation: Explanation | None) -> str | None:
 
 
 def _gains(result: Diagnosis) -> list[Section]:
-    """Return what was found in one record does to the errors of each; none where there is no such gain."""
+    """Return the change of each record's errors by an effect found in one record; empty without such a gain."""
     if not result.cross_gain:
         return []
     header = ["errors of", "without"]
@@ -185,12 +185,12 @@ def _gains(result: Diagnosis) -> list[Section]:
 
 
 def _typeset(name: str) -> str:
-    """A parameter and its name, the sign of a symbol in typography."""
+    """Return a parameter and its name, the sign of a symbol in typography."""
     return words(name).replace("-X", "−X")
 
 
 def _repeatability(alone: Calibration | None) -> list[Section]:
-    """Return each parameter in each record by itself; none where nothing is repeated."""
+    """Return each parameter in each record by itself; empty if nothing is repeated."""
     if alone is None or not alone.changes:
         return []
     rows: list[list[Cell]] = []
@@ -226,7 +226,7 @@ CALIBRATED = {
 
 
 def joint_calibration_page(result: Calibration, _: object = None) -> Page:
-    """Return what is the instrument's, then what is each record's own."""
+    """Return the parameters of the instrument, then those of each record."""
     missing = []
     for direction in result.open:
         missing += direction.parameters
@@ -255,7 +255,7 @@ def joint_calibration_page(result: Calibration, _: object = None) -> Page:
 
 
 def _joint_table(parameters: Sequence[Parameter]) -> Table | None:
-    """Return parameters with their intervals; None where there are none."""
+    """Return parameters with their intervals; None if there are none."""
     if not parameters:
         return None
     rows = table_of(parameters, ("symbol", "central", "low", "high", "unit"), {"symbol": _typeset, "unit": unit_text})
@@ -263,7 +263,7 @@ def _joint_table(parameters: Sequence[Parameter]) -> Table | None:
 
 
 def entry_page(result: Entry) -> Page:
-    """Return what an entry is, and when and how warm it was measured."""
+    """Return an entry, with date and temperature of its measurement."""
     return Page("An entry", entry_text(result), [])
 
 
@@ -282,7 +282,7 @@ def entries_page(result: Entries) -> Page:
 
 
 def trend_page(result: Calibration, _: object = None) -> Page:
-    """Return which parameters are no constants, with the date since when, and all with their intervals."""
+    """Return the parameters that are not constant, with the date since when, and all with their intervals."""
     changes, constants, judged = [], 0, 0
     for change in sorted(result.changes, key=lambda change: change.of == "run"):
         told_twice = len(result.each(change.symbol)) > 1

@@ -1,4 +1,4 @@
-"""The sheet of a calibration, one A4 page to sign: who measured, the numbers, the correction, what they rest on."""
+"""The sheet of a calibration, one A4 page to sign: operator, numbers, correction, provenance."""
 
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -24,11 +24,14 @@ HEAD: Mapping[str, tuple[str, ...]] = {
     "date": SAID["date"],
     "temperature": SAID["temperature"],
 }
-"""What stands at the head, and the keys of comment lines that say it."""
+"""Fields of the head, and the keys of their comment lines."""
 
 
 def read_about(path: Path) -> dict[str, str]:
-    """Read what a TOML file says of a calibration: keys as of comment lines, texts or numbers; else an InputError."""
+    """Read the fields of a calibration's sheet from a TOML file: keys of comment lines, texts or numbers.
+
+    Raises InputError for any other content.
+    """
     label = f"--about {path}"
     try:
         content = tomllib.loads(bytes_of(path, label=label, most=LARGEST_TEXT).decode("utf-8-sig"))
@@ -50,7 +53,7 @@ def read_about(path: Path) -> dict[str, str]:
 
 
 def sheet_page(result: Calibration, record: PositionRecord | None, about: Mapping[str, str]) -> Page:
-    """Return the sheet; `about` goes before the comment lines of the record, and what nobody says is left to write."""
+    """Return the sheet; `about` overrides the comment lines of the record, and unknown fields are left to write."""
     sections = [_numbers("Calibrated values", result, result.targets)]
     if result.verdict == "consistent":
         sections.append(_correction(result))
@@ -73,7 +76,7 @@ def sheet_page(result: Calibration, record: PositionRecord | None, about: Mappin
 
 
 def _head(record: PositionRecord | None, about: Mapping[str, str]) -> dict[str, str]:
-    """Return who measured what, when and how warm; empty texts where nobody says it."""
+    """Return operator, instrument, date and temperature; empty texts for unknown ones."""
     facts: dict[str, str] = {}
     if record is not None:
         if record.raw is not None:
@@ -103,7 +106,7 @@ def _correction(result: Calibration) -> Section:
 
 
 def _numbers(title: str, result: Calibration, parameters: Sequence[Parameter]) -> Section:
-    """Return each parameter with its guaranteed error and interval; of a falsified model there is none."""
+    """Return each parameter with its guaranteed error and interval; a falsified model has none."""
     if result.verdict == "falsified":
         return Section(title, "No value is guaranteed: no parameters of the model explain the readings.")
     columns = ("symbol", "name", "central", "error_bound", "low", "high", "unit")
@@ -115,22 +118,22 @@ def _numbers(title: str, result: Calibration, parameters: Sequence[Parameter]) -
 def write_sheet(
     path: Path, result: Calibration, record: PositionRecord | None = None, about: Mapping[str, str] | None = None
 ) -> None:
-    """Write the sheet of a calibration as HTML, or as PDF where the name ends so.
+    """Write the sheet of a calibration as HTML, or as PDF if the name ends so.
 
     Parameters
     ----------
     path : Path
         .html or .pdf
     result : Calibration
-        its own record is taken where none is given
+        the calibration
     record : PositionRecord, optional
-        whose comment lines and temperatures say who measured what, and when
+        its record, with comment lines and temperatures; by default the result's own
     about : mapping, optional
-        the same from a person, as of `read_about`
+        fields of the head, as of `read_about`
 
     Raises
     ------
     InputError
-        where the file cannot be written, or the page not be printed
+        if the file cannot be written, or the page cannot be printed
     """
     write_page(path, sheet_page(result, record or result.made_of, about or {}))

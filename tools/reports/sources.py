@@ -1,4 +1,4 @@
-"""What pages rest on: versions of the program and its libraries, and where their methods are published."""
+"""Provenance of pages: versions of the program and its libraries, and the publications of their methods."""
 
 import sys
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ def matrix_text(matrix: Sequence[Sequence[float]]) -> str:
 
 
 def versions() -> dict[str, object]:
-    """Return the versions of the program and of what it computes with."""
+    """Return the versions of the program and of its libraries."""
     major, minor, micro = sys.version_info[:3]
     computed_with = [f"Python {major}.{minor}.{micro}"]
     for name in LIBRARIES:
@@ -86,9 +86,9 @@ SOURCES = {
         "problems. Econometrica 28 (1960), pp. 497–520. doi 10.2307/1910129."
     ),
 }
-"""Methods, each with what it does here and where it is from."""
+"""Methods, each with its use here and its publication."""
 
 
 def cited(*names: str | Any) -> list[str]:
-    """Return the sources of some methods; a name that is false is passed over."""
+    """Return the sources of some methods; false names are skipped."""
     return [SOURCES[name] for name in names if name]

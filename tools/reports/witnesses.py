@@ -1,4 +1,4 @@
-"""Who speaks for an effect: what was left out of the fit, and of a whole bench accelerometers and gyros."""
+"""Witnesses of an effect: left-out parts of the record, and for a whole bench accelerometers and gyros."""
 
 import numpy as np
 
@@ -12,16 +12,17 @@ from ..rounding import digits, residual, upwards
 
 MOST_TURNS = 12
 MOST_READINGS = 6
-"""So many readings that prove a falsification stand in a line."""
+"""Largest number of readings in a line that prove a falsification."""
 
 
 def witnesses_of(result: Diagnosis) -> tuple[EffectWitness, ...]:
-    """What was left out says of each effect of the first set."""
+    """Return the result of the left-out parts for each effect of the first set."""
     return result.judgement if isinstance(result.judgement, tuple) else ()
 
 
 def judgement_section(result: Diagnosis) -> Section | None:
-    """Return what was left out and shuffled says of the effects, and why they are not named; None where nothing was."""
+    """Return the result of left-out and shuffled parts for the effects, with the reasons against naming them; None
+    without any."""
     judgement = result.judgement
     if not judgement and not result.not_named:
         return None
@@ -48,7 +49,7 @@ def judgement_section(result: Diagnosis) -> Section | None:
 
 
 def _joint_texts(witness: Witness) -> list[str]:
-    """Return in sentences what shuffles, and each effect beside the others, say."""
+    """Return sentences on the shuffles, and on each effect beside the others."""
     texts = []
     if witness.shuffles:
         texts.append(
@@ -67,7 +68,7 @@ def _joint_texts(witness: Witness) -> list[str]:
 
 
 def _joint_table(witness: Witness) -> Table | None:
-    """Return the errors of what was left out, without and with the effects; None where nothing could be left out."""
+    """Return the errors of left-out parts, without and with the effects; None if no part could be left out."""
     rows: list[list[Cell]] = []
     for name, score in (("every fifth position", witness.folds), ("every quarter of the time", witness.blocks)):
         if score is not None:
@@ -80,12 +81,12 @@ def _joint_table(witness: Witness) -> Table | None:
 
 
 def _turns(result: Diagnosis) -> TurnErrors | None:
-    """Errors of the turns between positions, without and with the first set of effects, where gyros have seen them."""
+    """Return errors of the turns between positions, without and with the first set of effects, if gyros sensed them."""
     return result.sources.turns_of(result.findings[0].fit if result.findings else None)
 
 
 def two_witnesses(result: Diagnosis) -> list[str]:
-    """Return what gyros say of the turns, and accelerometers of the rests, each by itself, in a sentence."""
+    """Return a sentence on the gyros during turns, and on the accelerometers at rests, each by itself."""
     turns = _turns(result)
     if turns is None:
         return []
@@ -101,7 +102,7 @@ def two_witnesses(result: Diagnosis) -> list[str]:
 
 
 def turn_sections(result: Diagnosis) -> list[Section]:
-    """Return what is left of the turns between positions, where gyros have seen them."""
+    """Return the residuals of the turns between positions, if gyros sensed them."""
     turns = _turns(result)
     if turns is None:
         return []
@@ -125,7 +126,7 @@ def turn_sections(result: Diagnosis) -> list[Section]:
 
 
 def evidence_lines(result: Diagnosis) -> list[str]:
-    """Return in a line each what proves the falsification, what was left out, lengths, and where the residual lies."""
+    """Return lines on the proof of falsification, the left-out parts, the lengths, and the place of the residual."""
     lines = proof_lines(result.calibration)
     witness = result.witness
     if witness is not None:
@@ -149,7 +150,7 @@ def evidence_lines(result: Diagnosis) -> list[str]:
 
 
 def proof_lines(calibration: Calibration) -> list[str]:
-    """Return which readings prove that no parameters fit; none where nothing does."""
+    """Return the readings that prove that no parameters fit; empty if there are none."""
     if not calibration.witness:
         return []
     readings = [f"f{reading.accelerometer} at {reading.position}" for reading in calibration.witness]
@@ -157,7 +158,7 @@ def proof_lines(calibration: Calibration) -> list[str]:
 
 
 def _left_out_lines(witness: Witness) -> list[str]:
-    """Return what every fifth position, and every quarter of the time, says of the effects together."""
+    """Return the result of every fifth position, and of every quarter of the time, for the effects together."""
     lines = []
     for name, score in (("every fifth position", witness.folds), ("every quarter of the time", witness.blocks)):
         if score is not None:

@@ -1,4 +1,4 @@
-"""How pictures are drawn: colours, typography, sheets of panels, marks that mean something, rows with names, legends.
+"""The style of pictures: colours, typography, sheets of panels, markers, rows with names, legends.
 
 A figure of matplotlib becomes SVG text: the same bytes each time.
 """
@@ -48,13 +48,13 @@ AXES = (FIRST, SECOND, THIRD)
 """Colours of the three axes or accelerometers."""
 
 DASHES = ("solid", (0, (5, 1.6)), (0, (1.4, 1.2)))
-"""Lines of the three axes: the pictures can be read without colours."""
+"""Line styles of the three axes: the pictures can be read without colours."""
 
 WIDTH = 7.2
 """Width of every picture [in]."""
 
 FONTS = "'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
-"""What a browser sets the text in; laid out with DejaVu Sans, which is wider than all of them."""
+"""Fonts for browsers; the layout uses DejaVu Sans, which is wider than all of them."""
 
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
@@ -103,7 +103,7 @@ STYLE: dict[str, Any] = {
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Within it, figures take the house style whatever the user's own settings are."""
+    """Draw the block's figures in the house style, independent of the user's own settings."""
     import matplotlib
 
     with matplotlib.rc_context(), warnings.catch_warnings():
@@ -115,15 +115,15 @@ def drawing() -> Iterator[None]:
 
 
 def svg_text(figure: "Figure", label: str) -> str:
-    """A figure, drawn inside `drawing`, as an `<svg>` element; `label` is for those who cannot see it.
+    """Return a figure, drawn inside `drawing`, as an `<svg>` element; `label` is its text for screen readers.
 
-    It is well-formed XML without prologue, transparent, with its own rule for dark pages; its ids are its own, so that
-    several pictures can stand in one page.
+    It is well-formed XML without prologue, transparent, with its own rule for dark pages. Its ids are its own, so one
+    page can hold several pictures.
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     stream = io.StringIO()
-    # `savefig` goes through the whole figure once more before it draws; its layout is found in the one drawing too.
+    # `savefig` traverses the whole figure once more before it draws; the single drawing finds the layout too.
     metadata = {"Date": None, "Creator": None, "Format": None, "Type": None}
     FigureCanvasSVG(figure).print_svg(stream, metadata=metadata)
     text = stream.getvalue()
@@ -147,7 +147,7 @@ def _without_colours(match: re.Match[str]) -> str:
 
 
 def _shortened(match: re.Match[str]) -> str:
-    """Coordinates to a hundredth of a point: finer cannot be seen."""
+    """Round coordinates to a hundredth of a point: finer differences are invisible."""
     return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", match[0])
 
 
@@ -161,7 +161,7 @@ def _dark_rules() -> str:
 
 
 def _own_ids(text: str) -> str:
-    """Drop the ids that nothing refers to, and make the others this picture's own."""
+    """Drop unused ids, and make the others unique to this picture."""
     mark = hashlib.sha256(text.encode()).hexdigest()[:10]
     references = dict.fromkeys(re.findall(r'(?:url\(#|href="#)([^)"]+)', text))
     fresh = {name: f"p{mark}-{number}" for number, name in enumerate(references)}
@@ -174,18 +174,18 @@ def _own_ids(text: str) -> str:
 
 
 def say_empty(axes: "Axes", text: str = "no data") -> None:
-    """Say in the middle of the axes that there is nothing to show."""
+    """Write in the middle of the axes that there is no data."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=MUTED.light)
 
 
 def power_of_ten(value: float, _: object = None) -> str:
-    """A label of a logarithmic axis."""
+    """Return a label of a logarithmic axis."""
     return raised(round(float(np.log10(value))))
 
 
 P = ParamSpec("P")
 Drawn: TypeAlias = "tuple[Figure, str]"
-"""A figure, and what it shows, for those who cannot see it. Matplotlib is loaded when the first one is drawn."""
+"""A figure, and its description for screen readers. Matplotlib is loaded with the first one."""
 
 BEFORE: dict[str, Any] = {
     "linestyle": "none", "marker": "o", "markersize": 4.2, "markerfacecolor": "none", "color": SECOND.light
@@ -197,11 +197,11 @@ PROOF: dict[str, Any] = {
     "linestyle": "none", "marker": "D", "markersize": 7.6, "markerfacecolor": "none", "markeredgewidth": 1.2,
     "color": ALERT.light,
 }  # fmt: skip
-"""Marks of what is left without effects, of what is left with them, and of what proves that no parameters fit."""
+"""Markers of residuals without effects, of residuals with them, and of the proof that no parameters fit."""
 
 
 def drawn(draw: "Callable[P, Drawn]") -> Callable[P, Picture]:
-    """Make a picture of a function that draws a figure and says what it shows; it is drawn when first looked at."""
+    """Decorate a function that draws and describes a figure: return a picture that is drawn at its first use."""
 
     @wraps(draw)
     def picture(*arguments: P.args, **options: P.kwargs) -> Picture:
@@ -217,7 +217,7 @@ def drawn(draw: "Callable[P, Drawn]") -> Callable[P, Picture]:
 
 
 def sheet(height: float, rows: int = 1, columns: int = 1, **shared: Any) -> "tuple[Figure, NDArray[Any]]":
-    """A figure so high [in], and its panels (rows, columns)."""
+    """Return a figure of this height [in], and its panels (rows, columns)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
@@ -225,7 +225,7 @@ def sheet(height: float, rows: int = 1, columns: int = 1, **shared: Any) -> "tup
 
 
 def legend(figure: "Figure", columns: int = 4, **how: Any) -> None:
-    """What was drawn with a label, each label once, above the panels."""
+    """Draw a legend above the panels, each label once."""
     handles: dict[str, Any] = {}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -236,12 +236,12 @@ def legend(figure: "Figure", columns: int = 4, **how: Any) -> None:
 
 
 def legend_beside(axes: "Axes", columns: int) -> None:
-    """The legend of one panel, in a line with its title."""
+    """Draw the legend of one panel, in a line with its title."""
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderpad=0.0, borderaxespad=0.35)
 
 
 def named_rows(axes: "Axes", labels: Sequence[str], *, lines: bool = False, **ticks: Any) -> None:
-    """Rows with names, the first above, whatever stands in them; `lines` between them or none."""
+    """Name the rows of a panel, the first above; `lines` between them or none."""
     axes.set_yticks(np.arange(len(labels)), labels)
     axes.tick_params(axis="y", length=0, labelcolor=INK.light, **ticks)
     axes.set_ylim(max(len(labels), 2) - 0.4, -0.6)
@@ -252,20 +252,20 @@ def named_rows(axes: "Axes", labels: Sequence[str], *, lines: bool = False, **ti
 
 
 def zero_line(axes: "Axes") -> None:
-    """Zero, and the band of a noise bound about it, one in its units."""
+    """Draw zero, and the band of a noise bound about it, one in its units."""
     axes.axhspan(-1.0, 1.0, color=BAND.light, linewidth=0, zorder=0, label="within ±σ")
     axes.axhline(0.0, color=MUTED.light, linewidth=0.6)
 
 
 def one_turn(axes: "Axes", angle: NDArray, of: str = "x", room: float = 8.0) -> None:
-    """An axis of angles [deg] shows a whole turn, unless they lie beyond it."""
+    """Set an axis of angles [deg] to a whole turn, unless they lie beyond it."""
     finite = angle[np.isfinite(angle)]
     if not finite.size or (finite.min() >= -1.0 and finite.max() <= 361.0):
         axes.set(**{f"{of}lim": (-room, 360.0 + room), f"{of}ticks": range(0, 361, 90)})
 
 
 def log_ticks(axes: "Axes", ticks: Iterable[float]) -> None:
-    """Plain numbers at some places of a logarithmic axis, as far as it reaches."""
+    """Set plain numbers at some places of a logarithmic axis, as far as it reaches."""
     low, high = axes.get_xlim()
     visible = [tick for tick in ticks if low <= tick <= high]
     axes.set_xticks(visible, [f"{tick:g}" for tick in visible])
@@ -273,6 +273,6 @@ def log_ticks(axes: "Axes", ticks: Iterable[float]) -> None:
 
 
 def farthest(*values: NDArray | None) -> float:
-    """The largest size of finite values; zero where there is none."""
+    """Return the largest size of finite values; zero if there are none."""
     sizes = np.abs(np.concatenate([np.ravel(v) for v in values if v is not None]))
     return float(np.max(sizes[np.isfinite(sizes)], initial=0.0))

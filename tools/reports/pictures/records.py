@@ -1,4 +1,4 @@
-"""Pictures of what was measured, and where: runs, attitude errors, Allan deviations, rests, positions of the table."""
+"""Pictures of records: runs, attitude errors, Allan deviations, rests, positions of the table."""
 
 import textwrap
 from collections.abc import Sequence
@@ -50,11 +50,11 @@ if TYPE_CHECKING:
 
 
 MOST_POINTS = 2000
-"""A line of more points is drawn through the least and the largest value of each of half as many intervals."""
+"""Largest number of points of a line; longer ones show the least and the largest value of intervals."""
 
 
 def thinned(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A line with fewer points that looks the same: least and largest value of each interval, gaps kept."""
+    """Return a line with fewer points that looks the same: least and largest value of each interval, gaps kept."""
     if len(time) <= MOST_POINTS:
         return time, value
     edges = np.linspace(0, len(time), MOST_POINTS // 2 + 1).astype(np.int64)
@@ -83,7 +83,8 @@ def _three_lines(axes: "Axes", time: NDArray, values: NDArray, label: str) -> No
 
 @drawn
 def bench_tour(time: NDArray, angles_deg: Sequence[NDArray], readings_g: NDArray) -> Drawn:
-    """The table's programme over time, and what the three accelerometers read; SVG, as of every function here.
+    """Draw the table's programme over time, and the readings of the three accelerometers; SVG, as in all functions
+    here.
 
     Times (N,) [s], angles (N,) of the outer and of the inner axis [deg], readings (N, 3) [g].
     """
@@ -106,7 +107,7 @@ def _two_angles(axes: "Axes", time: NDArray, angles_deg: Sequence[NDArray]) -> N
 
 @drawn
 def programme_tour(minutes: NDArray, angles_deg: Sequence[NDArray]) -> Drawn:
-    """What a table is to do: angles (N,) of both axes [deg] over time (N,) [min]."""
+    """Draw a table's programme: angles (N,) of both axes [deg] over time (N,) [min]."""
     figure, ((axes,),) = sheet(2.6)
     _two_angles(axes, minutes, angles_deg)
     axes.set(xlabel="time [min]", xlim=(float(minutes[0]), float(minutes[-1])))
@@ -115,7 +116,7 @@ def programme_tour(minutes: NDArray, angles_deg: Sequence[NDArray]) -> Drawn:
 
 @drawn
 def attitude_picture(run: "AttitudeRun") -> Drawn:
-    """The attitude's error over time, its angle and about each axis [deg]."""
+    """Draw the attitude's error over time, its angle and about each axis [deg]."""
     figure, ((axes,),) = sheet(3.1)
     axes.axhline(0.0, color=INK.light, linewidth=0.7)
     axes.plot(*thinned(run.time_s, np.degrees(run.error_angle)), color=INK.light, linewidth=2.0, label="angle")
@@ -128,13 +129,13 @@ def attitude_picture(run: "AttitudeRun") -> Drawn:
 PER_OCTAVE = 4
 """Averaging times in each octave."""
 FEWEST_PAIRS = 4
-"""Of averages side by side that do not overlap; fewer show chance."""
+"""Smallest number of pairs of neighbouring averages without overlap; fewer show chance."""
 
 
 def allan_curve(values: NDArray, rows: Sequence[slice], period: float) -> tuple[NDArray, NDArray]:
-    """Averaging times (m,) [s] and Allan deviations (m, 3) of readings (N, 3), all rests together.
+    """Return averaging times (m,) [s] and Allan deviations (m, 3) of readings (N, 3), all rests together.
 
-    The longest is the one of which the rests hold four pairs of averages; there is none where they hold too few rows.
+    The longest time has four pairs of averages in the rests; there is none if the rests have too few rows.
     """
     pieces = [values[r] for r in rows]
     longest = max((len(piece) for piece in pieces), default=0) // 2
@@ -152,7 +153,8 @@ def allan_curve(values: NDArray, rows: Sequence[slice], period: float) -> tuple[
 
 @drawn
 def allan_picture(inspection: "Inspection") -> Drawn:
-    """Allan deviation over the averaging time, gyros above and accelerometers below; the rests' length is marked."""
+    """Draw the Allan deviation over the averaging time, gyros above and accelerometers below; mark the rests'
+    length."""
     record, rests, period = inspection.record, inspection.rests, inspection.sampling.period
     figure, panels = sheet(5.2, 2, sharex=True)
     sensors = ((rates_of(record), "gyros, rad/s"), (record.specific_force, "accelerometers, m/s²"))
@@ -182,11 +184,11 @@ def allan_picture(inspection: "Inspection") -> Drawn:
 
 IN_ONE_PICTURE = 6
 MOST_OF_A_REST = 400
-"""Points: more rows are thinned out, as a line has no more places in print."""
+"""Largest number of points; more rows are thinned out to the resolution of print."""
 
 
 def refused_rests(raw: RawRecord, rests: Sequence[Rest]) -> list[Picture]:
-    """Each refused rest of all those of a record, a few to a picture: angles and readings, less their medians."""
+    """Draw each refused rest of a record, a few to a picture: angles and readings, less their medians."""
     refused = [rest for rest in rests if rest.refused is not None]
     return [_refused(raw, refused[k : k + IN_ONE_PICTURE]) for k in range(0, len(refused), IN_ONE_PICTURE)]
 
@@ -211,7 +213,7 @@ def _refused(raw: RawRecord, rests: Sequence[Rest]) -> Drawn:
         settled = 1e6 * raw.specific_force[rest.kept_first : rest.kept_last + 1] / STANDARD_GRAVITY - middle
         low, high = float(settled.min()), float(settled.max())
         if high > low:
-            # what was dropped as unsettled would hide what is left
+            # the unsettled part that was dropped would hide the rest
             reading_axes.set_ylim(low - 0.25 * (high - low), high + 0.25 * (high - low))
         unsettled = float(raw.time_s[rest.kept_first] - raw.time_s[rest.first])
         for axes, name in ((angle_axes, "angle [arcsec]"), (reading_axes, "reading [µg]")):
@@ -226,19 +228,19 @@ def _refused(raw: RawRecord, rests: Sequence[Rest]) -> Drawn:
 
 
 STEP_DEG = 2.0
-"""Of the grid on which it is shown where a sign is certain."""
+"""Step of the grid of certain signs [deg]."""
 
 
 @drawn
 def plan_picture(plan: "Plan") -> Drawn:
-    """The paper's figure for any target and mounting: where signs are certain, and the plan's readings with weights."""
+    """Draw the paper's figure for any target and mounting: certain signs, and the plan's readings with weights."""
     best = plan.optimum
     which, alpha, beta, weights = best.accelerometer + 1, best.alpha_deg, best.beta_deg, best.weights
     grid = np.radians(np.arange(0.0, 360.0 + STEP_DEG / 2, STEP_DEG))
     fields: dict[int, NDArray] = {}
     for region in sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible):
         inside = clearance(region, grid[:, None], grid[None, :])
-        # Certain is certain, whichever sign the input has.
+        # Either sign of the input counts if it is certain.
         fields[region.accelerometer + 1] = np.maximum(fields.get(region.accelerometer + 1, -np.inf), inside)
     accelerometers = [number for number in sorted(fields) if (which == number).any()]
     count = len(accelerometers)
@@ -273,7 +275,7 @@ def plan_picture(plan: "Plan") -> Drawn:
 
 @drawn
 def positions_picture(plan: "PositionPlan") -> Drawn:
-    """The positions in the plane of the two angles, and where they put the vertical in the inner frame."""
+    """Draw the positions in the plane of the two angles, and their directions of the vertical in the inner frame."""
     alpha = np.array([position.alpha_deg for position in plan.positions])
     beta = np.array([position.beta_deg for position in plan.positions])
     programme = [at - 1 for at in plan.programme]
@@ -309,7 +311,7 @@ def positions_picture(plan: "PositionPlan") -> Drawn:
 
 @drawn
 def curve_picture(curve: "Curve") -> Drawn:
-    """Cost above the optimum against the number of positions, with the proven bound."""
+    """Draw the cost above the optimum against the number of positions, with the proven bound."""
     figure, ((axes,),) = sheet(3.6)
     count = [point.positions for point in curve.points]
     for ratio, label, colour, marker in (
@@ -327,13 +329,13 @@ def curve_picture(curve: "Curve") -> Drawn:
 
 LOOKS = [(colour, dash) for dash in DASHES[:2] for colour in AXES]
 MOST_LINES = len(LOOKS)
-"""So many lines of a panel can be told apart, by colour and by dashes."""
+"""Largest number of lines in a panel that can be told apart, by colour and by dashes."""
 LETTERS, MARK = 88, 9
-"""So many letters of names stand beside each other above a panel; the mark before each takes the room of so many."""
+"""Number of letters that fit in a line above a panel, and the width of a marker in letters."""
 TRUTH = "True or false"
-"""What stands in place of a unit."""
+"""Text in place of a unit for flags."""
 LARGEST_DRAWN = 1e300
-"""Beyond it there are no ticks of an axis that are numbers: a line has a gap there, its ends stand beside it."""
+"""Largest value with ticks on an axis: beyond it a line has a gap, with its ends written beside it."""
 
 
 @dataclass(frozen=True)
@@ -347,7 +349,7 @@ class Line:
 
     @classmethod
     def of(cls, name: str, time: np.ndarray, value: np.ndarray) -> "Line":
-        """Of values (N,) at times (N,) [s]; where one is not known the line has a gap."""
+        """Return the line of values (N,) at times (N,) [s]; it has a gap at an unknown value."""
         finite = value[np.isfinite(value)]
         least, largest = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
         drawable = np.where(np.abs(value) < LARGEST_DRAWN, value, np.nan)
@@ -357,7 +359,7 @@ class Line:
 
 @drawn
 def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
-    """A panel for each group of lines, one above the other, all over the same time; SVG."""
+    """Draw a panel for each group of lines, one above the other, all over the same time; SVG."""
     columns_of, names, rows_of_names = [], [], 0
     for lines in panels:
         of_panel = [line.name for line in lines]

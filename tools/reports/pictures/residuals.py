@@ -1,4 +1,4 @@
-"""Pictures of what is left: of readings and pieces, of what was not used, of targets; of a function in no catalogue."""
+"""Pictures of residuals: of readings and pieces, of unused parts, of targets; of a function outside the catalogue."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -46,15 +46,16 @@ if TYPE_CHECKING:
 
 
 MOST_LINES = 3
-"""So many laws are drawn."""
+"""Largest number of laws that are drawn."""
 
 
 @drawn
 def residuals(positions: Positions, before: NDArray, after: NDArray | None, proof: NDArray) -> Drawn:
-    """Residuals (N, 3) of the three accelerometers over the two angles of N positions; SVG, as of every function here.
+    """Draw residuals (N, 3) of the three accelerometers over the two angles of N positions; SVG, as in all functions
+    here.
 
-    They are in units of σ, NaN where a reading is not used; `after` are those of the extended model, and `proof`
-    (N, 3) of bool are the measurements that prove that no parameters fit the model.
+    They are in units of σ, NaN for an unused reading; `after` are those of the extended model, and `proof` (N, 3) of
+    bool are the measurements that prove that no parameters fit the model.
     """
     angles = np.degrees([positions.alpha, positions.beta])
     figure, panels = sheet(5.4, 3, 2, sharex="col", sharey=True)
@@ -73,7 +74,7 @@ def residuals(positions: Positions, before: NDArray, after: NDArray | None, proo
 
 @drawn
 def residuals_over_inputs(inputs: NDArray, before: NDArray, after: NDArray | None, proof: NDArray) -> Drawn:
-    """Residuals of each accelerometer against its own input (N, 3) [g]; the others as for `residuals`."""
+    """Draw residuals of each accelerometer against its own input (N, 3) [g]; the others as for `residuals`."""
     figure, (panels,) = sheet(2.7, 1, 3, sharey=True)
     for p, axes in enumerate(panels):
         _readings(axes, inputs[:, p], p, before, after, proof)
@@ -84,7 +85,7 @@ def residuals_over_inputs(inputs: NDArray, before: NDArray, after: NDArray | Non
 
 
 def _readings(axes: "Axes", x: NDArray, p: int, before: NDArray, after: NDArray | None, proof: NDArray) -> None:
-    """Residuals of accelerometer p over x (N,)."""
+    """Draw residuals of accelerometer p over x (N,)."""
     zero_line(axes)
     axes.plot(x, before[:, p], **BEFORE, label="residual" if after is None else "before")
     if after is not None:
@@ -99,7 +100,7 @@ def _readings(axes: "Axes", x: NDArray, p: int, before: NDArray, after: NDArray 
 def next_directions(
     alpha: NDArray, beta: NDArray, next_alpha: NDArray, next_beta: NDArray, labels: Sequence[str] = ()
 ) -> Drawn:
-    """Directions of the vertical in the inner frame, of angles [rad]; areas on the sphere are as on paper.
+    """Draw directions of the vertical in the inner frame, for angles [rad]; areas on the sphere are as on paper.
 
     They were measured (N,), or are proposed (K,), with labels beside them.
     """
@@ -123,12 +124,12 @@ def next_directions(
 
 
 MOST_LABELS = 32
-"""So many labels stand beside each other; of more, every second, third, ... is shown."""
+"""Largest number of labels beside each other; of more, every second, third, ... is shown."""
 
 
 @drawn
 def held_out(before: NDArray, after: NDArray, labels: Sequence[object]) -> Drawn:
-    """Errors (N, 3) in units of σ of prediction at N positions that were not used, without the effects and with them.
+    """Draw prediction errors (N, 3) in units of σ at N unused positions, without the effects and with them.
 
     `labels` are the names of the positions.
     """
@@ -154,15 +155,15 @@ def held_out(before: NDArray, after: NDArray, labels: Sequence[object]) -> Drawn
 
 @drawn
 def errors_over_time(time: NDArray, before: NDArray, after: NDArray | None, bound: NDArray, label: str) -> Drawn:
-    """Errors (S, d) [rad] of each piece over the time (S,) of its middle [s], with their bounds (S, d) [rad].
+    """Draw errors (S, d) [rad] of each piece over the time (S,) of its middle [s], with their bounds (S, d) [rad].
 
-    `after` is None where nothing was found; `label` says what the pieces are.
+    `after` is None if nothing was found; `label` names the pieces.
     """
     figure, ((axes,),) = sheet(2.8)
     _pieces(axes, time, before, after)
     limit = bound.max(axis=1) / ARCMIN
     axes.plot(time, limit, color=ALERT.light, linewidth=1.2, drawstyle="steps-mid", label="bound about each axis")
-    # All of the bound is shown, unless the errors would then be dots at the bottom.
+    # Show the whole bound, unless the errors would then be dots at the bottom.
     reach, highest = farthest(sizes(before)), farthest(limit)
     axes.set_ylim(0.0, 1.08 * max(reach, highest if highest < 6.0 * reach else float(np.median(limit))))
     axes.set(xlabel="time, s", ylabel="error, arcmin")
@@ -172,7 +173,7 @@ def errors_over_time(time: NDArray, before: NDArray, after: NDArray | None, boun
 
 @drawn
 def errors_over_quantities(quantities: Mapping[str, NDArray], before: NDArray, after: NDArray | None) -> Drawn:
-    """Errors of each piece against mean rate, turn, orientation and, where the record has it, temperature."""
+    """Draw errors of each piece against mean rate, turn, orientation and, if the record has it, temperature."""
     quantities_drawn = [
         ("mean rate, deg/s", np.degrees(np.linalg.norm(quantities["rate"], axis=1))),
         ("turn, deg", np.degrees(np.linalg.norm(quantities["turn"], axis=1))),
@@ -190,12 +191,12 @@ def errors_over_quantities(quantities: Mapping[str, NDArray], before: NDArray, a
 
 
 def sizes(errors: NDArray) -> NDArray[np.float64]:
-    """Sizes (S,) of errors (S, d), arcminutes."""
+    """Return sizes (S,) of errors (S, d), arcminutes."""
     return np.linalg.norm(errors, axis=1) / ARCMIN
 
 
 def _pieces(axes: "Axes", x: NDArray, before: NDArray, after: NDArray | None) -> None:
-    """Sizes of errors (S, d) [rad] against x (S,)."""
+    """Draw sizes of errors (S, d) [rad] against x (S,)."""
     axes.plot(x, sizes(before), **BEFORE, label="the block without effects")
     if after is not None:
         axes.plot(x, sizes(after), **AFTER, label="with them")
@@ -204,7 +205,7 @@ def _pieces(axes: "Axes", x: NDArray, before: NDArray, after: NDArray | None) ->
 
 @drawn
 def gain_picture(before: NDArray, after: NDArray, label: str) -> Drawn:
-    """Shares of the pieces that were not used whose error is at most so large, without the effects and with."""
+    """Draw the cumulative shares of unused pieces over their error, without the effects and with them."""
     figure, ((axes,),) = sheet(2.7)
     for errors, colour, dash, name in (
         (before, SECOND, DASHES[1], "the block without effects"),
@@ -226,7 +227,7 @@ MARKERS = ("o", "s", "^", "D", "v")
 
 @drawn
 def order_picture(orders: Sequence[tuple[str, "OrderOfEffects"]]) -> Drawn:
-    """What is left of errors that were left out, effect after effect, for each length."""
+    """Draw the held-out errors that remain, effect after effect, for each length."""
     figure, ((axes,),) = sheet(2.9)
     names: list[str] = []
     most = 0
@@ -257,12 +258,12 @@ def order_picture(orders: Sequence[tuple[str, "OrderOfEffects"]]) -> Drawn:
 
 
 ROUNDING = 1e-6
-"""How far beyond 1 a radius still counts as 1: the digits of a linear programme."""
+"""Margin above 1 within which a radius counts as 1: the precision of a linear programme."""
 
 
 @drawn
 def candidates(names: Sequence[str], radius: Sequence[float]) -> Drawn:
-    """What each of N candidate effects, by name and place, leaves of the misfit; the best is shown first.
+    """Draw the misfit that remains with each of N candidate effects, by name and place; the best is first.
 
     `radius` (N,) is the least max |residual| in units of its bound; the data are explained up to 1.
     """
@@ -285,7 +286,7 @@ def candidates(names: Sequence[str], radius: Sequence[float]) -> Drawn:
 
 @drawn
 def shares(entries: Sequence[Mapping[str, Any]], of: str) -> Drawn:
-    """What each quantity predicts of what is left of an accelerometer or an axis, before what is predictable at all."""
+    """Draw the share of a residual that each quantity predicts, before the share that is predictable at all."""
     figure, ((axes,),) = sheet(1.05 + 0.24 * max(len(entries), 2))
     y = np.arange(len(entries))
     possible = [entry["explainable"] for entry in entries]
@@ -300,12 +301,12 @@ def shares(entries: Sequence[Mapping[str, Any]], of: str) -> Drawn:
 
 SHOWN_FROM = 0.005
 CLOSE = 0.9
-"""From here on a field is marked: the two are hard to tell apart."""
+"""Likeness from which a field is marked: the two are hard to tell apart."""
 
 
 @drawn
 def likeness_picture(labels: Sequence[str], alike: NDArray) -> Drawn:
-    """The lower half of a symmetric matrix (K, K), from 0 to 1: how alike each two of K effects look."""
+    """Draw the lower half of a symmetric matrix (K, K), from 0 to 1: the likeness of each two of K effects."""
     count = len(labels)
     from matplotlib.patches import Rectangle
 
@@ -329,7 +330,7 @@ def likeness_picture(labels: Sequence[str], alike: NDArray) -> Drawn:
 
 @drawn
 def joint_set(pairs: Sequence[PairSet], estimates: Mapping[str, float], noise_bound: float) -> Drawn:
-    """Pairwise projections of the set of all parameters that the readings leave possible: every pair of a group once.
+    """Draw pairwise projections of the set of possible parameters: every pair of a group once.
 
     The panels are about the targets' estimates, by symbol; σ is the unit of their axes.
     """
@@ -373,10 +374,11 @@ def joint_set(pairs: Sequence[PairSet], estimates: Mapping[str, float], noise_bo
 
 @dataclass(frozen=True, eq=False)
 class BandDrawn:
-    """The possible functions, as they are drawn: in units of one `unit` at `at`, in the quantity's own unit.
+    """The possible functions for a drawing: in units of one `unit` at `at`, in the quantity's own unit.
 
-    `at` (k,), `low`, `high` (k,) of all functions; `readings` are values (n,) of the quantity and what readings say of
-    the function there (n,); `lines` are names with a function (K,) at `knots` (K,); `steps`: functions jump.
+    `at` (k,), `low`, `high` (k,) are those of all functions. `readings` are values (n,) of the quantity and the
+    readings of the function there (n,). `lines` are names with a function (K,) at `knots` (K,). `steps`: functions
+    jump.
     """
 
     at: NDArray[np.float64]
@@ -393,7 +395,7 @@ class BandDrawn:
 
 @drawn
 def band_picture(band: BandDrawn) -> Drawn:
-    """The band with the laws in it and the readings; SVG."""
+    """Draw the band with the laws in it and the readings; SVG."""
     figure, ((axes,),) = sheet(3.6)
     axes.fill_between(band.at, band.low, band.high, color=BAND.light, linewidth=0, label="possible")
     for end in (band.low, band.high):
@@ -406,7 +408,7 @@ def band_picture(band: BandDrawn) -> Drawn:
     axes.set(xlabel=band.quantity, ylabel=band.error)
     if band.circle:
         one_turn(axes, band.at)
-    # A reading that tells little may lie far off: the band and the laws fill the picture.
+    # A reading with a large error may lie far off: the band and the laws fill the picture.
     ends = np.concatenate([band.low, band.high, *(values for _, values in band.lines[:MOST_LINES])])
     reach = 0.35 * float(np.ptp(ends))
     axes.set_ylim(float(ends.min()) - reach, float(ends.max()) + reach)
@@ -415,7 +417,7 @@ def band_picture(band: BandDrawn) -> Drawn:
 
 
 MOST_ROWS = 30
-"""So many parameters are drawn."""
+"""Largest number of parameters that are drawn."""
 
 
 def drawable(alone: Calibration) -> list[ParameterChange]:
@@ -429,7 +431,7 @@ def drawable(alone: Calibration) -> list[ParameterChange]:
 
 @drawn
 def repeatability_picture(alone: Calibration) -> Drawn:
-    """A row for each parameter, a bar for each record in their order; each row in its own scale, about its middle."""
+    """Draw a row for each parameter, a bar for each record in order; each row in its own scale, about its middle."""
     rows = drawable(alone)
     labels = list(alone.of_record)
     figure, ((axes,),) = sheet(0.9 + 0.34 * len(rows))

@@ -1,4 +1,4 @@
-"""Pictures of many: confusion, rates, sizes; distributions and sensitivities of campaigns; published tables."""
+"""Pictures of many runs: confusion, rates, sizes; distributions and sensitivities of campaigns; published tables."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -34,15 +34,15 @@ from . import (
 )
 
 LEAST_SHADE, MOST_SHADE = 0.15, 0.5
-"""Of a cell with few and with all of its row's cases: numbers can be read on both."""
+"""Shades of a cell with few and with all of its row's cases: numbers are readable on both."""
 DASHED = (0, (5, 2))
 
 
 @drawn
 def confusion_picture(table: Mapping[str, Mapping[str, int]]) -> Drawn:
-    """How often each secret (rows) was given each name or verdict (columns); SVG, as of every function here.
+    """Draw the count of each name or verdict (columns) for each secret (rows); SVG, as in all functions here.
 
-    What was named rightly stands on the diagonal in one colour, all else in another.
+    The diagonal of correct names has one colour, everything else another.
     """
     rows = list(table)
     names: set[str] = set()
@@ -70,7 +70,7 @@ def confusion_picture(table: Mapping[str, Mapping[str, int]]) -> Drawn:
 
 @drawn
 def size_errors_picture(size: Sequence[float], error: Sequence[float]) -> Drawn:
-    """Errors (K,) of the estimated sizes of effects that were named rightly, against their true sizes (K,).
+    """Draw errors (K,) of the estimated sizes of correctly named effects, against their true sizes (K,).
 
     An error is estimate over truth, less one; sizes are relative to that of sure detection.
     """
@@ -92,17 +92,17 @@ def size_errors_picture(size: Sequence[float], error: Sequence[float]) -> Drawn:
 
 BINS = 40
 DECADES = 2.0
-"""Positive values that span more decades are drawn against their logarithm."""
+"""Number of decades from which positive values are drawn against their logarithm."""
 MOST_TICKS = 5
 MOST_DRAWN = 12
-"""Scalars or parameters that one picture shows."""
+"""Largest number of scalars or parameters in one picture."""
 
 
 @drawn
 def distributions_picture(
     columns: Mapping[tuple[str, str], NDArray], marks: Mapping[tuple[str, str], Sequence[float]]
 ) -> Drawn:
-    """A histogram of the finite values of each scalar, in words and with its unit, with lines at its quantiles."""
+    """Draw a histogram of the finite values of each scalar, in words and with its unit, with lines at its quantiles."""
     names = list(columns)[:MOST_DRAWN]
     rows = max(-(-len(names) // 2), 1)
     figure, panels = sheet(0.5 + 1.75 * rows, rows, 2 if len(names) > 1 else 1)
@@ -150,10 +150,10 @@ def distributions_picture(
 def rates_picture(
     curves: Mapping[str, Sequence[Mapping[str, Any]]], against: str, of: str = "runs", sure: str = ""
 ) -> Drawn:
-    """Rates over ranges of a scalar, each with its interval of 95 %.
+    """Draw rates over ranges of a scalar, each with its interval of 95 %.
 
-    `curves` gives by label ranges with low, high, cases, rate and interval; `of` is what is counted; `sure` is what
-    begins where the scalar is one, marked by a line: "" where nothing does.
+    `curves` gives by label ranges with low, high, cases, rate and interval; `of` names the counted things. `sure` is
+    the label of a line at one, "" for none.
     """
     figure, ((axes,),) = sheet(3.0)
     drawn_ranges = [entry for ranges in curves.values() for entry in ranges if entry["cases"]]
@@ -161,7 +161,7 @@ def rates_picture(
     for k, (label, ranges) in enumerate(curves.items()):
         filled = [entry for entry in ranges if entry["cases"]]
         x = np.array([_middle(entry["low"], entry["high"], positive=positive) for entry in filled])
-        # Side by side, so that none hides another where both are the same.
+        # Side by side, so that no marker hides an equal one.
         x = x * 1.02 ** (2 * k - len(curves) + 1) if positive else x
         look: dict[str, Any] = {"color": AXES[k % 3].light, "marker": "os^"[k % 3], "markersize": 4.2}
         ends = np.array([entry["interval"] for entry in filled]).reshape(-1, 2)
@@ -190,15 +190,15 @@ def _middle(low: float, high: float, *, positive: bool) -> float:
 
 
 def chance_of(runs: int) -> float:
-    """Within so much of zero 95 % of the rank correlations stay where there is no connection; one at most."""
+    """Return the size below which 95 % of rank correlations lie without a connection; at most one."""
     return min(1.0, 1.96 / math.sqrt(max(runs - 1, 1)))
 
 
 @drawn
 def sensitivity_picture(name: str, sensitivity: Mapping[str, Any], runs: int) -> Drawn:
-    """How a scalar depends on the parameters: Sobol indices with their intervals, or rank correlations.
+    """Draw the dependence of a scalar on the parameters: Sobol indices with their intervals, or rank correlations.
 
-    `found` is what `trihedron.tools.campaign.summary.sensitivity` says of it, of so many runs.
+    `sensitivity` is the result of `trihedron.tools.campaign.summary.sensitivity` over this number of runs.
     """
     sobol = sensitivity["method"] == "sobol"
     key = "total" if sobol else "correlation"
@@ -225,12 +225,13 @@ def sensitivity_picture(name: str, sensitivity: Mapping[str, Any], runs: int) ->
 
 
 LEAST_RATIO, LARGEST_RATIO = 0.25, 4.0
-"""Ratios that the picture shows; what lies outside stands at its edge."""
+"""Range of ratios in the picture; ratios outside it are drawn at its edge."""
 
 
 @drawn
 def published_and_reproduced(result: Reproduction) -> Drawn:
-    """Ratio of reproduced to published error for every row, and below it how far the method's own error lies."""
+    """Draw the ratio of reproduced to published error for every row; below it the published and the method's own
+    errors."""
     numbers = np.array([row.row for row in result.rows])
 
     ratios = np.array([row.ratio for row in result.rows]).reshape(-1, 3)
