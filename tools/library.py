@@ -1,9 +1,9 @@
-"""What `import trihedron as th` gives: a function for each thing that the program does.
+"""Functions of `import trihedron as th`: one for each task of the program.
 
-Those of a measured record are in `measured`, plans in `planning.library`. Each is documented once: the command of the
-same name takes its options, their defaults and their words from it. Results print themselves and show themselves in a
-notebook; those of a published schema go to JSON by `to_json`. What a function needs is imported when it is called:
-`--help`, a mistake and a notebook's first line need none of it.
+Functions on measured records are in `measured`, plans in `planning.library`. Each is documented once: the command of
+the same name takes its options, their defaults and their words from it. Results print themselves and show themselves in
+a notebook; those of a published schema convert to JSON by `to_json`. A function imports its modules when it is called,
+so `--help`, a mistake and a notebook's first line do not wait for them.
 """
 
 import sys
@@ -61,6 +61,11 @@ def simulate(
     plot : path, optional
         Write what was recorded as lines over time, by unit, to this page, .html or .pdf.
 
+    Returns
+    -------
+    Simulation
+        The run, with its columns and files.
+
     Raises
     ------
     InputError
@@ -107,6 +112,11 @@ def export(
     out : path
         Folder for the FMUs.
 
+    Returns
+    -------
+    Exported
+        The FMUs that were written.
+
     Raises
     ------
     InputError
@@ -129,7 +139,7 @@ def hide(
     baseline: Baseline = "asymmetric",
     effects_from: EffectsFrom = None,
 ) -> "trials.HiddenRecord":
-    """A "measured" record with one hidden effect, and the secret.
+    """Draw a "measured" record with one hidden effect, and its secret.
 
     Parameters
     ----------
@@ -139,6 +149,11 @@ def hide(
         Draw from these only.
     baseline : str
         "symmetric" lets scale-asymmetry be hidden.
+
+    Returns
+    -------
+    HiddenRecord
+        The record and its secret.
 
     Raises
     ------
@@ -168,7 +183,7 @@ def run_campaign(
     resume: bool = False,
     progress: Progress = False,
 ) -> "campaigns.CampaignResult":
-    """Carry out a campaign: thousands of runs of a scenario, a calibration, an attitude algorithm or hidden effects.
+    """Run a campaign: thousands of runs of a scenario, a calibration, an attitude algorithm or hidden effects.
 
     Parameters
     ----------
@@ -186,6 +201,11 @@ def run_campaign(
         Go on with what the folder holds already.
     progress : bool
         Show how far it is on standard error, where that is a terminal.
+
+    Returns
+    -------
+    CampaignResult
+        The results over all runs, and the failures.
 
     Raises
     ------
@@ -220,6 +240,11 @@ def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> li
     positions : int
         Positions of a scenario or record, 6 to 30.
 
+    Returns
+    -------
+    list of Path
+        The files that were written.
+
     Raises
     ------
     InputError
@@ -247,6 +272,11 @@ def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_
     noise_bound : float, optional
         Bound of one averaged reading's error, a fraction of g, for the calls in it.
 
+    Returns
+    -------
+    Path
+        The notebook.
+
     Raises
     ------
     InputError
@@ -263,10 +293,10 @@ def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_
 
 
 def compare(first: Any, second: Any, *, within: Sequence[str] = ()) -> "Compared":
-    """Hold two runs or records against each other: by how much each column differs, and when.
+    """Compare two runs or records: the largest difference of each column, and its time.
 
-    Rows belong together by their times, those of position records by their numbers; of other times the second is
-    interpolated. Angles differ the shorter way round (359° and 1° by 2°), and q and -q are one attitude.
+    Times match rows, numbers match positions; at other times the second is interpolated. Angles differ by the shorter
+    way round (359° and 1° by 2°), and q and -q are one attitude.
 
     Parameters
     ----------
@@ -275,6 +305,11 @@ def compare(first: Any, second: Any, *, within: Sequence[str] = ()) -> "Compared
     within : sequence of str
         What columns may differ by, in the units of their names: 1e-6 for all, f1_mps2=1e-6 for one; may be repeated.
         Without it nothing.
+
+    Returns
+    -------
+    Compared
+        The verdict and the differences by column.
 
     Raises
     ------
@@ -303,6 +338,11 @@ def plot(run: Any, page: str | Path) -> Path:
     page : path
         .html, or .pdf
 
+    Returns
+    -------
+    Path
+        The page.
+
     Raises
     ------
     InputError
@@ -316,7 +356,13 @@ def plot(run: Any, page: str | Path) -> Path:
 
 
 def doctor() -> "Installation":
-    """Say what is installed and for which platforms FMUs can be exported, and try a run."""
+    """Check the installation: libraries, platforms for exported FMUs, and a test run.
+
+    Returns
+    -------
+    Installation
+        The verdict and the findings.
+    """
     from .installation import doctor as look
 
     return look()
@@ -342,10 +388,10 @@ def measure(
     port: int = 0,
     progress: bool = False,
 ) -> "measuring.Measured":
-    """Accompany a measurement at the table: which rest is good, what is next, when one can stop, what is wrong.
+    """Accompany a measurement at the table: judge each rest, name the next position, say when to stop.
 
-    Readings are kept as they come, and the rests in them judged; after each the guaranteed errors are computed. It ends
-    where the source does, on the operator's word, or when `patience_s` is over; then the positions are diagnosed.
+    Readings are kept as they come; after each rest the guaranteed errors are computed. The measurement ends with the
+    source, by the operator's word, or after `patience_s` without readings. Then the positions are diagnosed.
 
     Parameters
     ----------
@@ -378,6 +424,11 @@ def measure(
         Of the page; 0 is any that is free.
     progress : bool
         Show on standard error what happens, and hear words that are typed.
+
+    Returns
+    -------
+    Measured
+        The session with its rests, errors and verdict.
 
     Raises
     ------

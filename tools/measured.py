@@ -1,6 +1,6 @@
-"""What `import trihedron as th` does with what was measured: read, import, check, calibrate, diagnose, correct it.
+"""Functions of `import trihedron as th` on measured records: read, import, check, calibrate, diagnose, correct.
 
-The functions are as in `library`: documented once, and what one needs is imported when it is called.
+As in `library`, each function is documented once and imports its modules when it is called.
 """
 
 from collections.abc import Mapping, Sequence
@@ -45,7 +45,7 @@ def import_record(
 ) -> "foreign.Imported":
     """Make a record of a measured file as a laboratory writes it: CSV of Windows, Excel, LabVIEW.
 
-    Nothing is guessed silently: what the file does not say is asked for, all at once, with the options that answer.
+    Nothing is guessed silently: all open questions are asked at once, with the options that answer them.
 
     Parameters
     ----------
@@ -57,6 +57,11 @@ def import_record(
         A mapping to use, as an import proposed it and you edited it.
     answers : mapping, optional
         KEY=VALUE: an answer, as units.force=g or dates=day-first; may be repeated.
+
+    Returns
+    -------
+    Imported
+        The record, and the columns it was made from.
 
     Raises
     ------
@@ -77,12 +82,17 @@ def import_record(
 
 
 def check(file: str | Path, *, channels: Channels = (), stamps: Stamps = None, trust: Trust = False) -> "checks.Check":
-    """Say everything that is wrong with a file, with lines; nothing is run.
+    """List all problems of a file, with lines; nothing is run.
 
     Parameters
     ----------
     file : path
         Scenario, campaign, record, programme, calibration, diagnosis, plan, proof of a bound, mounting, FMU, SSP.
+
+    Returns
+    -------
+    Check
+        The kind of file and its problems.
 
     Raises
     ------
@@ -100,14 +110,19 @@ def inspect(
     stamps: Stamps = None,
     trust: Trust = False,
 ) -> "motion.Inspection":
-    """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
+    """Inspect a strapdown record: sampling, rests, moves, and the instruments at its rests.
 
-    Of a bench record the accelerometers are judged against the table's angles, as `calibrate` does without options.
+    In a bench record the accelerometers are compared with the table's angles, as `calibrate` does without options.
 
     Parameters
     ----------
     record : path, table in memory or record
         Strapdown record or bench record, CSV or Parquet.
+
+    Returns
+    -------
+    Inspection
+        Sampling, rests, and the instruments at rest.
 
     Raises
     ------
@@ -136,9 +151,9 @@ def attitude_of_record(
     out: Path | None = None,
     progress: Progress = False,
 ) -> "motion.AttitudeRun":
-    """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
+    """Run a strapdown record through the attitude computer's FMU; compare with the true attitude if it is known.
 
-    A gyro at its limit makes every attitude behind it worthless: it is marked as not to be trusted.
+    A gyro at its limit makes every later attitude worthless: it is marked as not to be trusted.
 
     Parameters
     ----------
@@ -152,6 +167,11 @@ def attitude_of_record(
         Rate that is taken out of every sample [rad/s].
     out : path, optional
         Folder for the computed attitude, or for the comparison.
+
+    Returns
+    -------
+    AttitudeRun
+        The attitudes, and their errors if the true attitude is known.
 
     Raises
     ------
@@ -202,6 +222,11 @@ def calibrate(
         Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are calibrated
         too. By default what its comment lines say.
 
+    Returns
+    -------
+    Calibration
+        Verdict, estimates with error bounds, and exact intervals.
+
     Raises
     ------
     InputError
@@ -246,7 +271,7 @@ def bench_at(
     encoder_bound: float | None = None,
     rates: Rates = "instantaneous",
 ) -> "calibrations.Bench | None":
-    """Where a bench stands and how well it measures turns; None where nothing is said.
+    """Return the place of a bench and the accuracy of its turns; None if nothing is given.
 
     Parameters
     ----------
@@ -263,6 +288,11 @@ def bench_at(
         Bound of an encoder's error [rad]; by default σ, of which it is a part.
     rates : str
         What a rate in a bench record means.
+
+    Returns
+    -------
+    Bench or None
+        The place and the bounds.
 
     Raises
     ------
@@ -288,10 +318,10 @@ def apply(
     stamps: Stamps = None,
     trust: Trust = False,
 ) -> "calibrations.Applied":
-    """Correct the readings of a record by a calibration, or by what a diagnosis of another record names.
+    """Correct the readings of a record by a calibration, or by the effects that a diagnosis of another record names.
 
-    By a calibration: the equation, and what it is worth for levelling. By a diagnosis: what its effects add is taken
-    out of the readings where that is possible, and the record simulated by the extended FMUs, without and with them.
+    A calibration gives the equation and its worth for levelling. With a diagnosis, the effects are subtracted from the
+    readings where that is possible, and the extended FMUs simulate the record without and with them.
 
     Parameters
     ----------
@@ -303,6 +333,11 @@ def apply(
         Position, raw or strapdown record, CSV or Parquet.
     noise_bound : float
         Bound of the readings' own errors, a fraction of g, for the bound; of a diagnosis by default its own.
+
+    Returns
+    -------
+    Applied
+        The corrected record, and the errors before and after.
 
     Raises
     ------
@@ -366,6 +401,11 @@ def diagnose(
         Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are held against
         the table, too.
 
+    Returns
+    -------
+    Diagnosis
+        Verdict, and the causes with their intervals.
+
     Raises
     ------
     InputError
@@ -422,6 +462,11 @@ def calibrate_together(
     first, others : path, table in memory or record
         Position records or raw records, two at least.
 
+    Returns
+    -------
+    Calibration
+        Parameters of the instrument, and those of each record.
+
     Raises
     ------
     InputError
@@ -461,17 +506,22 @@ def diagnose_together(
     own: Own = (),
     progress: Progress = False,
 ) -> "diagnosis.Diagnosis":
-    """Say what several records of one instrument have in common, and what is of one run alone.
+    """Diagnose several records of one instrument: separate their common effects from those of one run.
 
-    Each is diagnosed by itself; then all together, with one value for each parameter of the instrument; then the
-    smallest set of effects, of all records or of one, and of parameters that differ in one, with which all stand.
-    Options are the same for all records; one that has a meaning for one kind only is for those of that kind.
+    Each is diagnosed by itself; then all together, with one value for each parameter of the instrument. Then the
+    smallest set of effects is searched that explains all records: effects of all or of one, and parameters that differ
+    in one. All records have the same options; an option for one kind of record applies only to that kind.
 
     Parameters
     ----------
     first, others : path, table in memory or record
         Records of one instrument, of positions (or raw), strapdown, or some of both, two at least. Files are called by
         their names, others by their numbers.
+
+    Returns
+    -------
+    Diagnosis
+        Verdict, common causes, and causes of single records.
 
     Raises
     ------
@@ -512,7 +562,10 @@ def diagnose_together(
 def _several(
     sources: Sequence["records.Source"], kinds: tuple[type, ...], channels: Sequence[str], stamps: str | None
 ) -> dict[str, Any]:
-    """Several records by what they are called; an InputError for fewer than two, or for one that is given twice."""
+    """Return several records by label.
+
+    Raises InputError for fewer than two, and for one that is given twice.
+    """
     if len(sources) < 2:
         raise InputError("several records are needed, two at least")
     runs = [records.read_record(source, *kinds, channels=channels, stamps=stamps) for source in sources]

@@ -1,6 +1,6 @@
-"""Options that several functions share: what each means, and how it is typed at a terminal.
+"""Options that several functions share, with their meaning and their form at a terminal.
 
-A function of the library has the type of an option as its annotation and says nothing else of it; `completed` adds the
+A function of the library has the type of an option as its annotation and does not describe it; `completed` adds the
 words to its docstring, and the command line takes name, type and words from it.
 """
 
@@ -26,11 +26,11 @@ class Option:
     Attributes
     ----------
     words : str
-        what it means
+        its meaning
     name : str
-        at a terminal, where it is not the parameter's
+        its name at a terminal, if that differs from the parameter's
     typed : type or None
-        at a terminal, where Python takes more
+        its type at a terminal, if Python accepts more
     """
 
     words: str = ""
@@ -153,7 +153,7 @@ Progress = Annotated[bool, Option("Show a bar on standard error, where that is a
 
 
 def option_of(annotation: Any) -> Option | None:
-    """The option that an annotation names, if any."""
+    """Return the option that an annotation names, if any."""
     if get_origin(annotation) is Annotated:
         for part in get_args(annotation)[1:]:
             if isinstance(part, Option):
@@ -162,9 +162,9 @@ def option_of(annotation: Any) -> Option | None:
 
 
 def docstring_words(function: Callable[..., Any]) -> tuple[str, dict[str, str]]:
-    """What stands before the sections of a numpydoc docstring, and the words of each parameter.
+    """Return the text before the sections of a numpydoc docstring, and the words of each parameter.
 
-    What the docstring says of a parameter goes before what its option says.
+    A parameter's words in the docstring override those of its option.
     """
     head, parameters, _ = _parts(function)
     words = {}
@@ -196,7 +196,7 @@ def completed(function: Callable[..., Any]) -> str:
 
 
 def _parts(function: Callable[..., Any]) -> tuple[str, list[str], list[str]]:
-    """Of a numpydoc docstring: what stands before the sections, the entries of the parameters, the other sections."""
+    """Split a numpydoc docstring: the text before the sections, the entries of the parameters, the other sections."""
     head, *sections = re.split(r"\n\n(?=\w+\n-{3,}\n)", inspect.getdoc(function) or "")
     if not sections or not sections[0].startswith("Parameters\n"):
         return head, [], sections

@@ -1,4 +1,4 @@
-"""The case study of the four BROAD records: whose latency and misalignments are, and which errors are counted."""
+"""The case study of the four BROAD records: the owners of latency and misalignments, and the counted errors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,31 +28,32 @@ INDEPENDENT = {
     "08": (83.0, 32.3, 47.1, 19.9),
     "21": (86.2, 46.9, 34.2, 68.7),
 }
-"""By another program [arcmin]: without, with what was found in 03, with the latency of 06, with that of 08."""
+"""Errors by another program [arcmin]: without corrections, with those found in 03, with the latency of 06, with that
+of 08."""
 SLOW = 0.1
-"""A window in which the gyros turn by less, on average [rad/s], is at rest."""
+"""Mean rate below which a window counts as rest [rad/s]."""
 TRIED, STATED = 30.0, 60.0
 """Bounds of the cameras' errors at any row that are tried, and that are quoted [arcmin]."""
 BOTH = [LATENCY, SCALE]
 ELEMENT = 7
-"""Of the nine: gyro 3 feels a turn about axis 2."""
+"""Index among the nine: gyro 3 senses a turn about axis 2."""
 Sizes = Mapping[EffectPlace, NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
 class OfRecord:
-    """One of the records: its evidence, and what helps most by itself."""
+    """One of the records: its evidence, and its most helpful effects."""
 
     evidence: Evidence
 
     @property
     def rows(self) -> Rows:
-        """The rows of its windows."""
+        """Rows of its windows."""
         return self.evidence.rows
 
     @cached_property
     def order(self) -> OrderOfEffects:
-        """In which order effects help over windows of the middle length."""
+        """Order of the effects over windows of the middle length."""
         return order_of_effects(self.rows.select(self.evidence.model.quoted), self.evidence.model.classes.places)
 
     @cached_property
@@ -64,12 +65,12 @@ class OfRecord:
 
     @cached_property
     def latency(self) -> Sizes:
-        """The latency alone, as it is found beside the others."""
+        """The latency alone, as found beside the other effects."""
         return {LATENCY: self.sizes[LATENCY]}
 
     @cached_property
     def in_motion(self) -> NDArray[np.bool_]:
-        """Which windows (S,) of the quoted length are in motion."""
+        """Mask of the windows (S,) of the quoted length in motion."""
         model = self.evidence.model
         motion, pieces = model.motion, self.rows.parts[model.quoted].pieces
         speed = np.linalg.norm(motion.rate - model.gyros.bias, axis=1)
@@ -77,36 +78,37 @@ class OfRecord:
         return (path[pieces.last] - path[pieces.first]) / pieces.durations(motion.time_s) > SLOW
 
     def errors(self, sizes: Sizes) -> NDArray[np.float64]:
-        """Errors (S, 3) of the quoted windows by the FMUs with effects of some sizes [arcmin]."""
+        """Return errors (S, 3) of the quoted windows by the FMUs with effects of some sizes [arcmin]."""
         rerun: Any = self.evidence.reader.rerun
         return rerun.errors(sizes) / ARCMIN
 
     @cached_property
     def linear(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Columns (3 S, 10) of latency and misalignments, and errors (3 S,) of the quoted windows [arcmin]."""
+        """Return columns (3 S, 10) of latency and misalignments, and errors (3 S,) of the quoted windows [arcmin]."""
         part = self.rows.parts[self.evidence.model.quoted]
         numbers = self.rows.numbers_of([LATENCY, SCALE])
         return part.columns[..., numbers].reshape(part.error.size, -1) / ARCMIN, part.error.ravel() / ARCMIN
 
     def residual(self, solution: NDArray) -> float:
-        """Errors, rms, with a latency and misalignments (10,), to first order [arcmin]."""
+        """Return the rms of the errors with a latency and misalignments (10,), to first order [arcmin]."""
         columns, error = self.linear
         return rms_size((error - columns @ solution).reshape(-1, 3))
 
 
 def quoted(errors: Sequence[NDArray]) -> list[str]:
-    """Sizes of errors (S, 3), over all windows, root mean square."""
+    """Return the root mean square of errors (S, 3) over all windows, as texts."""
     return [digits(rms_size(error)) for error in errors]
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     return "\n".join(lines + ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows])
 
 
 def with_own_frame(record: OfRecord, solution: NDArray) -> float:
-    """Errors, rms, with given latency and misalignments but a turn of the cameras' frame that is the record's own."""
+    """Return the rms of the errors with given latency and misalignments but the record's own turn of the cameras'
+    frame."""
     columns, error = record.linear
     turns = np.zeros((9, 3))
     for k, (i, j) in enumerate(((2, 1), (0, 2), (1, 0))):
@@ -118,13 +120,13 @@ def with_own_frame(record: OfRecord, solution: NDArray) -> float:
 
 
 def needed(radii: tuple[float, float]) -> str:
-    """What the cameras would have to err by for a radius of 1 [arcmin]: its inverse is linear in what is stated."""
+    """Return the error of the cameras that gives a radius of 1 [arcmin]: its inverse is linear in the assumed one."""
     low, high = (1.0 / radius for radius in radii)
     return digits(TRIED + (STATED - TRIED) * (1.0 - low) / (high - low), 2)
 
 
 def stated(records: Mapping[str, StrapdownRecord]) -> str:
-    """Whether latency and misalignments can be the same in all records, by what the cameras would have to err."""
+    """Return the errors of the cameras with which all records can share latency and misalignments."""
     lower = {name: carried_evidence(record, reference_bound=TRIED) for name, record in records.items()}
     upper = {name: carried_evidence(record, reference_bound=STATED) for name, record in records.items()}
     pairs: dict[str, tuple[Any, Any]] = {name: (lower[name], upper[name]) for name in records}
@@ -159,7 +161,7 @@ it is, cameras that err or misalignments that change, these records do not tell;
 
 
 def page(records: Mapping[str, StrapdownRecord]) -> str:
-    """The case study."""
+    """Return the case study."""
     entries: dict[str, OfRecord] = {}
     for name, record in records.items():
         entries[name] = OfRecord(carried_evidence(record))

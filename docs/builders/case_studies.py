@@ -34,7 +34,10 @@ CAPTIONS = {
 
 
 def read(folder: Path, name: str) -> StrapdownRecord:
-    """One of the records; InputError where it is not there."""
+    """Return one of the records.
+
+    Raises InputError if it is missing.
+    """
     path = folder / f"{name}.strapdown.csv"
     if not path.exists():
         raise InputError(f"{path}: is not there; the case studies need the measured records")
@@ -44,13 +47,13 @@ def read(folder: Path, name: str) -> StrapdownRecord:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     return "\n".join(lines + ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows])
 
 
 def order_text(order: OrderOfEffects | None) -> str:
-    """An order of effects with the errors that are left, arcminutes."""
+    """Return an order of effects with the remaining errors, arcminutes."""
     if order is None:
         return "–"
     steps = [f"{step.effect} → {digits(step.held_out_rms_arcmin)}" for step in order.steps]
@@ -58,7 +61,7 @@ def order_text(order: OrderOfEffects | None) -> str:
 
 
 def picture_lines(written: Sequence[Path], stem: str) -> str:
-    """The pictures, with their captions."""
+    """Return the pictures with their captions."""
     names = [path.stem.removeprefix(f"{stem}-") for path in written]
     return "\n\n".join(
         f"![{CAPTIONS[name]}](pictures/{path.name})\n\n*{CAPTIONS[name]}*"
@@ -67,7 +70,7 @@ def picture_lines(written: Sequence[Path], stem: str) -> str:
 
 
 def gain_table(result: Diagnosis) -> str:
-    """Errors of parts that were not used."""
+    """Return the errors of unused parts."""
     assert result.gain is not None
     summary = result.gain.to_json()
     rows = [
@@ -83,7 +86,7 @@ def gain_table(result: Diagnosis) -> str:
 
 
 def excluded_table(result: Diagnosis) -> str:
-    """The largest size of each effect of the gyros that the record leaves possible."""
+    """Return the largest size of each effect of the gyros that the record leaves possible."""
     largest: dict[tuple[str, str], float] = {}
     for entry in result.excluded or ():
         if entry["where"] in ("gyro-block", "attitude-computer"):
@@ -94,7 +97,7 @@ def excluded_table(result: Diagnosis) -> str:
 
 
 def left_over(result: Diagnosis, helps: str) -> str:
-    """What is left of the errors at each length after the effects that help, and what grows so with the length."""
+    """Return the remaining errors at each length after the helpful effects, and the cause of their growth."""
     lengths = [length for length in result.lengths or () if length.order is not None and length.order.steps]
     remaining = [length.order.steps[-1].held_out_rms_arcmin for length in lengths if length.order is not None]
     seconds = [float(length.over.split()[0]) for length in lengths]
@@ -115,7 +118,8 @@ The record alone cannot tell that from an effect that is not in the catalogue.""
 
 
 def stated_bounds(result: Diagnosis) -> list[float]:
-    """Bounds of the cameras' error to be tried: what all effects need, what those need that help, and a fifth more."""
+    """Return the bounds of the cameras' error to try: the need of all effects, that of the helpful ones, and a fifth
+    more."""
     sources, lengths = result.sources, result.lengths or ()
     order = lengths[len(lengths) // 2].order
     chosen = () if order is None else tuple(step.place for step in order.steps)
@@ -124,12 +128,12 @@ def stated_bounds(result: Diagnosis) -> list[float]:
 
 
 def sets_of(result: Diagnosis) -> list[Sequence[Cause]]:
-    """The sets that remain, the best first."""
+    """Return the remaining sets, the best first."""
     return list(result.sets)
 
 
 def stated_text(stated: Sequence[Diagnosis]) -> str:
-    """What is named where the cameras' error is stated, and the first that is explained in detail."""
+    """Return the causes for each assumed error of the cameras, and the first explanation in detail."""
     rows = [
         [
             digits(diagnosis.reference_bound_arcmin),
@@ -162,7 +166,7 @@ With {digits(explained.reference_bound_arcmin)} arcmin stated:
 
 
 def broad_page(result: Diagnosis, stated: Sequence[Diagnosis], pictures: str) -> str:
-    """The case study of BROAD 03: without a bound of the cameras' error, and with several that are stated."""
+    """Return the case study of BROAD 03: without a bound of the cameras' error, and with several."""
     inspection = result.sources.found
     record = inspection.record
     period = inspection.sampling.period
@@ -260,7 +264,7 @@ Data 6(7):72, 2021, trial 03, CC BY 4.0; other file format, magnetometer and pos
 
 
 def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], pictures: str) -> str:
-    """The case study of the three MPU-9150 logs."""
+    """Return the case study of the three MPU-9150 logs."""
     names = [r.sources.found.record.path.name.removesuffix(".strapdown.csv") for r in results]
     rows = [
         [
@@ -355,7 +359,7 @@ accelerometer data", ICINS 2020; columns reordered, time added.
 
 
 def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
-    """The case study of the Xsens unit of imu_tk."""
+    """Return the case study of the Xsens unit of imu_tk."""
     inspection = result.sources.found
     record, rests = inspection.record, inspection.rests
     lengths = result.lengths or ()
@@ -461,7 +465,7 @@ with the factory's nominal values; the stamps are as logged, and jitter.
 
 
 def write_pictures(result: Diagnosis, folder: Path, stem: str) -> list[Path]:
-    """Write the pictures of a carried block's errors as <stem>-<name>.svg into a folder."""
+    """Write the pictures of a carried block's errors as <stem>-<name>.svg into a folder; return the files."""
     from trihedron.tools.reports import evidence
     from trihedron.tools.reports.pictures.residuals import gain_picture, order_picture
 

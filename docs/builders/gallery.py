@@ -1,4 +1,4 @@
-"""The gallery of the site: each verdict with its page, of records that stand in docs/gallery."""
+"""The gallery of the site: a page for each verdict, from the records in docs/gallery."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,11 +12,11 @@ RECORDS = Path(__file__).resolve().parents[1] / "gallery"
 CALIBRATIONS = {"insufficient": "insufficient", "explained": "falsified", "consistent": "consistent"}
 """Record -> verdict of its calibration."""
 DIAGNOSES = ("consistent", "explained", "ambiguous", "unexplained", "insufficient")
-"""Records, called by the verdict of their diagnosis."""
+"""Records, named by the verdict of their diagnosis."""
 
 
 def pages(*, quick: bool = False) -> Iterator[tuple[str, str]]:
-    """Name and content of every page; `quick`: the first."""
+    """Yield name and content of every page; `quick`: only the first."""
     from trihedron.tools.document.page import html
 
     for record, verdict in list(CALIBRATIONS.items())[: 1 if quick else None]:
@@ -32,7 +32,10 @@ def _named(command: str, verdict: str) -> str:
 
 
 def _page(result: Any, verdict: str) -> Page:
-    """Return the page of a result; a ValueError where its verdict is another one than its record is for."""
+    """Return the page of a result.
+
+    Raises ValueError if its verdict is not that of its record.
+    """
     from trihedron.tools.reports import page_of
 
     if result.verdict != verdict:
@@ -52,11 +55,11 @@ SAID = {
     "diagnose unexplained": "Nothing in the catalogue mends it: the place and quantity that are proven, and the band.",
     "diagnose insufficient": "Too little to falsify anything; what to add.",
 }
-"""Command and verdict -> what its page shows."""
+"""Command and verdict -> description of its page."""
 
 
 def gallery_page() -> str:
-    """The list of them, in Markdown."""
+    """Return the list of the pages, in Markdown."""
     lines = [
         "# Gallery",
         "",

@@ -1,4 +1,4 @@
-"""A notebook as a page of the site: its cells are executed, one after another, and what they show stands below them."""
+"""Make a page of the site from a notebook: execute its cells in order, with their output below them."""
 
 import ast
 import base64
@@ -15,7 +15,7 @@ from typing import Any
 
 @contextmanager
 def _elsewhere() -> Iterator[None]:
-    """An empty folder as the current one."""
+    """Change to an empty folder for the block."""
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
@@ -26,7 +26,7 @@ def _elsewhere() -> Iterator[None]:
 
 
 def page_of(notebook: Path, *, execute: bool = True) -> str:
-    """The notebook in Markdown with what its cells show; whatever a cell raises is raised."""
+    """Return the notebook in Markdown with the output of its cells; an exception of a cell is passed on."""
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     names: dict[str, Any] = {"__name__": "__main__"}
     lines: list[str] = []
@@ -41,7 +41,7 @@ def page_of(notebook: Path, *, execute: bool = True) -> str:
 
 
 def _shown(source: str, names: dict[str, Any]) -> list[str]:
-    """Execute a cell; what it prints, and its last expression as a notebook shows it."""
+    """Execute a cell; return its printed output, and its last expression as a notebook shows it."""
     tree = ast.parse(source)
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     printed, value = io.StringIO(), None

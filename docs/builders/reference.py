@@ -41,7 +41,7 @@ from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
 
 PICTURE_SEED = 2026
-"""Of the record that the README shows."""
+"""Seed of the record in the README."""
 
 POINTS = 181
 COLUMNS = 4
@@ -56,15 +56,15 @@ SHOWN_LEVELS = {
     "warm-up": (1.0, 0.25),
     "thermal-lag": (0.1, 0.0, 0.1),
 }
-"""Levels [g], and times [h], at which effects that are not linear are drawn: coarse ones, so that they can be seen."""
+"""Levels [g], and times [h], at which effects that are not linear are drawn: coarse, to be visible."""
 SHOWN_ORDER = 2
 READINGS = np.array([[1.0, 0.15], [0.25, 1.0], [0.75, -0.85]])
-"""How three readings depend on two parameters."""
+"""Dependence of three readings on two parameters."""
 TRUTH = np.array([0.2, 0.1])
 ERRORS = np.array([-0.6, 0.5, 0.8])
-"""In units of σ."""
+"""Errors of the readings in units of σ."""
 MOVED = np.array([0.0, 0.0, 2.2])
-"""By which what the model lacks moves the readings, in units of σ."""
+"""Change of the readings by the missing effect, in units of σ."""
 REACH = 3.1
 
 
@@ -74,11 +74,11 @@ EFFECTS_INTRODUCTION = (
     "",
     "![Effects](pictures/effects.svg)",
 )
-"""What stands above the table of effects."""
+"""Text above the table of effects."""
 
 
 def reference_page() -> str:
-    """The components with their variables, and the catalogue of effects, in Markdown."""
+    """Return the components with their variables, and the catalogue of effects, in Markdown."""
     parts = [
         "# Reference: components and effects",
         "",
@@ -100,7 +100,7 @@ def reference_page() -> str:
 
 
 def component_lines(component: Component) -> list[str]:
-    """A component's equations and its table of variables."""
+    """Return a component's equations and its table of variables."""
     return [
         f"## {component.name}",
         "",
@@ -118,7 +118,7 @@ def component_lines(component: Component) -> list[str]:
 
 
 def variable_line(variable: Variable) -> str:
-    """A row of the table of variables."""
+    """Return a row of the table of variables."""
     name = f"`{variable.name}[1..{variable.size}]`" if variable.size else f"`{variable.name}`"
     unit = UNITS[variable.unit].name if variable.type == "real" and variable.unit != "1" else variable.type
     unit = "" if unit == "real" else unit
@@ -130,7 +130,7 @@ def variable_line(variable: Variable) -> str:
 
 
 def effect_line(effect: Effect) -> str:
-    """A row of the table of effects."""
+    """Return a row of the table of effects."""
     places: dict[str, list[str]] = {}
     parameters: dict[str, EffectParameter] = {}
     for place in effect.places:
@@ -150,7 +150,7 @@ def effect_line(effect: Effect) -> str:
 
 
 def formula_text(effect: Effect) -> str:
-    """What an effect adds, with its parameters' names; where it differs between the places, each formula."""
+    """Return an effect's formula with its parameters' names; if places differ, each formula."""
     letters = {"p": "p", "i": "i", "j": "j", "angle": "angle", "order": "order"}
     names = {p.name: p.name for place in effect.places for p in effect.at(place).parameters}
     names |= {p.name: p.name for p in effect.parameters}
@@ -164,16 +164,18 @@ def formula_text(effect: Effect) -> str:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A row of positions along which one thing changes.
+    """A row of positions along which one quantity changes.
 
     Attributes
     ----------
     label : str
-        what changes, with its unit
+        the quantity, with its unit
     along : (N,) array
         its values
     at : Positions
+        the positions
     circumstances : Circumstances
+        times, temperatures and senses of approach
     """
 
     label: str
@@ -183,13 +185,13 @@ class Sweep:
 
 
 def shown_place(effect: Effect) -> EffectPlace:
-    """The place at which an effect is drawn: the first, of second order where it has orders."""
+    """Return the place at which an effect is drawn: the first, of second order if it has orders."""
     places = [place for place in effect.places if place.order in (None, SHOWN_ORDER)]
     return (places or [EffectPlace("outlier", "position-91", None, (1,))])[0]
 
 
 def sweep_of(effect: Effect, place: EffectPlace) -> Sweep:
-    """Along what an effect is drawn: time, temperature, an angle of the table, or the input of the accelerometer."""
+    """Return the sweep for an effect: time, temperature, an angle of the table, or the input of the accelerometer."""
     steps = np.linspace(0.0, 1.0, POINTS)
     turn, still, ones = 2.0 * math.pi * steps, np.zeros(POINTS), np.ones(POINTS)
     hours, temperature, senses = still, 20.0 * ones, ones
@@ -225,7 +227,7 @@ def sweep_of(effect: Effect, place: EffectPlace) -> Sweep:
 
 
 def change_along(effect: Effect, place: EffectPlace, sweep: Sweep) -> NDArray:
-    """Changes (N, 3) of the readings, over the size of a linear effect [g per unit], or at a level [g]."""
+    """Return changes (N, 3) of the readings, over the size of a linear effect [g per unit], or at a level [g]."""
     here = perfect_bench(sweep.at)
     rows = Visits(here.parametrisation, sweep.at, sweep.circumstances).rows(here.point)
     if not effect.linear:
@@ -235,26 +237,31 @@ def change_along(effect: Effect, place: EffectPlace, sweep: Sweep) -> NDArray:
             return rows.by_slip @ np.array(turns) * (rows.hours > start)[:, None]
         return acted_on([(place, SHOWN_LEVELS[effect.name])], rows, clean) - clean
     if effect.name == "hysteresis":
-        # One axis moves, and the way there and back of the input is known.
+        # One axis moves, and the input's way there and back is known.
         rows = replace(rows, input_sense=np.repeat(sweep.circumstances.sense_beta[:, None], 3, axis=1))
     columns = signature_columns([place], rows)
     return columns[:, 0].reshape(-1, 3)
 
 
 def perfect_bench(at: Positions) -> Linearisation:
-    """A bench without errors."""
+    """Return a bench without errors."""
     p = parametrise({"identity": np.eye(3)})
     count = len(at.alpha)
     return linearise(p, at, np.zeros((count, 3)), np.zeros(len(p.symbols)), np.ones(3 * count))
 
 
 def effect_sheet(effects: Sequence[Effect] | None = None) -> str:
-    """Every effect of the catalogue, one small picture each (SVG).
+    """Return every effect of the catalogue, one small picture each (SVG).
 
     Parameters
     ----------
     effects : sequence of Effect, optional
         by default those that a record of positions can show
+
+    Returns
+    -------
+    str
+        the SVG
     """
     shown = list(POSITION_EFFECTS.values()) if effects is None else list(effects)
     lines = -(-len(shown) // COLUMNS)
@@ -277,7 +284,7 @@ def effect_sheet(effects: Sequence[Effect] | None = None) -> str:
 
 
 def strips_picture() -> str:
-    """Three readings with their bounds in the plane of two parameters: consistent, and falsified (SVG)."""
+    """Draw three readings with their bounds in the plane of two parameters: consistent, and falsified (SVG)."""
     with drawing():
         figure = Figure(figsize=(WIDTH, 3.5), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
@@ -289,7 +296,7 @@ def strips_picture() -> str:
 
 
 def interval_picture() -> str:
-    """What a guaranteed error and an exact interval are, on the set of possible parameters (SVG)."""
+    """Draw a guaranteed error and an exact interval on the set of possible parameters (SVG)."""
     reading = READINGS @ TRUTH + ERRORS
     with drawing():
         figure = Figure(figsize=(WIDTH, 4.6), layout="constrained")
@@ -324,7 +331,7 @@ def interval_picture() -> str:
 
 
 def _strips(axes: Axes, reading: NDArray) -> NDArray:
-    """Draw the strips |r − f·x| ≤ 1 and their common points; the corners (K, 2) of these."""
+    """Draw the strips |r − f·x| ≤ 1 and their common points; return the corners (K, 2) of these."""
     colours = (FIRST, SECOND, THIRD)
     for row, value, colour in zip(READINGS, reading, colours, strict=True):
         along = np.array([-row[1], row[0]]) / np.linalg.norm(row)
@@ -349,7 +356,8 @@ def _strips(axes: Axes, reading: NDArray) -> NDArray:
 
 
 def _corners(reading: NDArray) -> NDArray:
-    """Corners (K, 2) of the polygon where all strips meet, in order around it; none where they do not."""
+    """Return the corners (K, 2) of the polygon in which all strips meet, in order around it; none if they do not
+    meet."""
     found = []
     for i in range(len(READINGS)):
         for j in range(i):
@@ -366,7 +374,7 @@ def _corners(reading: NDArray) -> NDArray:
 
 
 def _best_weights(target: NDArray) -> NDArray:
-    """Weights (3,) of least sum of absolute values with which the rows add up to a target: two of them."""
+    """Return weights (3,) of least sum of absolute values with which the rows add up to a target: two of them."""
     best = np.full(len(READINGS), np.inf)
     for i in range(len(READINGS)):
         for j in range(i):
@@ -378,7 +386,7 @@ def _best_weights(target: NDArray) -> NDArray:
 
 
 def readme_picture() -> str:
-    """Residuals of a record with a hidden effect, before and after the simulation was extended (SVG)."""
+    """Draw residuals of a record with a hidden effect, before and after the extension of the simulation (SVG)."""
     record = draw_alone(PICTURE_SEED, effects=["quadratic"]).measured()
     sections = residual_sections(diagnose(record, noise_bound=NOISE_BOUND, rerun=False))
     picture = sections[0].picture
@@ -386,7 +394,7 @@ def readme_picture() -> str:
 
 
 def main(arguments: list[str]) -> None:
-    """Write reference.md and its pictures into the folder that is named."""
+    """Write reference.md and its pictures into the named folder."""
     docs = Path(arguments[0]) if arguments else Path("docs")
     write_text(docs / "reference.md", reference_page())
     write_text(docs / "pictures" / "residuals.svg", readme_picture())

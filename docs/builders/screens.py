@@ -1,4 +1,4 @@
-"""The README's pictures: a terminal and a page as they look, of a record of the gallery. Needs Playwright and Chromium.
+"""Make the README's pictures: a terminal and a page of a record of the gallery. Needs Playwright and Chromium.
 
 python docs/builders/screens.py docs
 """
@@ -23,7 +23,7 @@ SCREEN = {"width": 1100, "height": 980}
 
 
 def terminal(output: str) -> str:
-    """What a command prints, as a terminal shows them; SVG without fonts from elsewhere."""
+    """Return the output of a command as a terminal shows it; SVG without external fonts."""
     console = Console(width=LETTERS, record=True, file=io.StringIO(), force_terminal=True)
     console.print(Text(f"$ {COMMAND}", style="bold"))
     console.print(Text(output.rstrip(), overflow="fold"))
@@ -32,7 +32,7 @@ def terminal(output: str) -> str:
 
 
 def screen(page: Path) -> bytes:
-    """The first screen of a page, PNG."""
+    """Return the first screen of a page, PNG."""
     program = shutil.which("chromium") or shutil.which("chrome") or shutil.which("google-chrome")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])

@@ -15,18 +15,19 @@ from trihedron.tools.files import write_text
 
 PAGE = "velocity.md"
 PHASES = (0.2, 0.4, 0.8)
-"""Ω Δt of one sample [rad], but for what makes a whole number of steps a period."""
+"""Approximate Ω Δt of one sample [rad]; adjusted so that a whole number of steps makes a period."""
 TURN = 1e-5
 """A: amplitude of the turn [rad]."""
 
 
 def nearest_phase(algorithm: Algorithm, phase: float) -> float:
-    """The phase of a sample with which a whole number of steps makes a period."""
+    """Return the nearest phase of a sample with which a whole number of steps makes a period."""
     return 2.0 * math.pi / algorithm.samples / round(2.0 * math.pi / (phase * algorithm.samples))
 
 
 def products_by_distance(algorithm: Algorithm) -> dict[int, float]:
-    """Sums of the k_ij over pairs of one distance; of an iteration, those of the polynomial through its increments."""
+    """Return sums of the k_ij over pairs of one distance; for an iteration, those of the polynomial through its
+    increments."""
     products = [(i, j, float(k)) for i, j, k in algorithm.products]
     if not products and algorithm.samples > 1:
         count = algorithm.samples
@@ -44,7 +45,7 @@ def products_by_distance(algorithm: Algorithm) -> dict[int, float]:
 
 
 def theory(algorithm: Algorithm, phase: float) -> float:
-    """Relative drift: (Σ k_p 4 sin²(x/2) sin(p x) - (N x - sin N x)/2) / (N x/2)."""
+    """Return the relative drift: (Σ k_p 4 sin²(x/2) sin(p x) - (N x - sin N x)/2) / (N x/2)."""
     samples, factors = algorithm.samples, products_by_distance(algorithm)
     if algorithm.number == 27 and phase > 0.6:
         # Not smooth: each increment is a step, with those before it.
@@ -55,7 +56,8 @@ def theory(algorithm: Algorithm, phase: float) -> float:
 
 
 def measured(algorithm: Algorithm, phase: float) -> float:
-    """Relative drift over a second period of θ = A sin Ωt and f = B sin Ωt across it, by the computer itself."""
+    """Return the relative drift over a second period of θ = A sin Ωt and f = B sin Ωt across it, by the computer
+    itself."""
     count = round(2.0 * math.pi / phase)
     model, at = instantiate(VELOCITY_COMPUTER), references(VELOCITY_COMPUTER)
     model.set(at["algorithm"], algorithm.number)
@@ -68,12 +70,13 @@ def measured(algorithm: Algorithm, phase: float) -> float:
         model.set(at["velocity_increment[2]"], 2.0 * math.sin(0.5 * (begin + end)) * math.sin(0.5 * phase))
         assert model.do_step(float(k), 1.0) == 0
         reached.append(model.get(at["velocity[3]"]))
-    # B J1(A), but for A²/8 of it.
+    # B J1(A), except for A²/8 of it.
     return (reached[-1] - reached[count - 1]) / (math.pi * TURN) - 1.0
 
 
 def drift_table() -> str:
-    """Markdown: drift that is left, of the drift to compute, for each family of products and each iteration."""
+    """Return the remaining drift over the drift to compute, for each family of products and each iteration, in
+    Markdown."""
     lines = [
         "| algorithm, and those that share its products | order | "
         + " | ".join(f"Ω Δt = {p:g}: measured | theory" for p in PHASES)
@@ -103,7 +106,10 @@ def make_page(docs: Path) -> Path:
 
 
 def between_marks(text: str, name: str, table: str) -> str:
-    """Replace the text between `<!-- name -->` and `<!-- end of name -->`; a ValueError where the marks are missing."""
+    """Replace the text between `<!-- name -->` and `<!-- end of name -->`.
+
+    Raises ValueError if the marks are missing.
+    """
     first, last = f"<!-- {name} -->", f"<!-- end of {name} -->"
     begin, end = text.index(first) + len(first), text.index(last)
     return f"{text[:begin]}\n{table}\n{text[end:]}"

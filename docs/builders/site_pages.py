@@ -1,4 +1,4 @@
-"""Pages that are made whenever the site is built: commands, library, a notebook that is executed, the gallery.
+"""Pages that are made with every build of the site: commands, library, an executed notebook, the gallery.
 
 mkdocs calls the functions that begin with `on_` (mkdocs.yml, `hooks`).
 """
@@ -19,11 +19,11 @@ import gallery
 import notebooks
 
 WIDTH = 100
-"""Of the commands' help, in letters."""
+"""Width of the commands' help [characters]."""
 
 
 def commands_page() -> str:
-    """Every command with its options, as `--help` prints it, in Markdown."""
+    """Return every command with its options, as `--help` prints it, in Markdown."""
     from trihedron.tools.cli import app
 
     lines = [
@@ -40,14 +40,14 @@ def commands_page() -> str:
 
 
 def help_text(app: Any, name: str) -> str:
-    """What `trihedron NAME --help` prints, without colours."""
+    """Return the output of `trihedron NAME --help`, without colours."""
     file = io.StringIO()
     app.help_print([name], console=Console(file=file, width=WIDTH, no_color=True, force_terminal=False))
     return "\n".join(line.rstrip() for line in file.getvalue().strip().splitlines())
 
 
 def api_page() -> str:
-    """What `import trihedron as th` offers, in Markdown: signatures and docstrings."""
+    """Return the library in Markdown: signatures and docstrings."""
     import trihedron
 
     lines = ["# From Python", "", "`import trihedron as th`; made from the docstrings.", ""]
@@ -68,7 +68,7 @@ def api_page() -> str:
 
 
 def result_classes() -> list[Any]:
-    """Every class of results that has a document, and its parts behind it."""
+    """Return every class of results that has a page, and its parts behind it."""
     from trihedron import tools
     from trihedron.tools.reports import PAGES
     from trihedron.tools.result import Result
@@ -94,7 +94,7 @@ def result_classes() -> list[Any]:
 
 
 def subclasses(kind: Any) -> list[Any]:
-    """Every class below one."""
+    """Return all subclasses of a class."""
     below = []
     for subclass in kind.__subclasses__():
         below.append(subclass)
@@ -103,14 +103,14 @@ def subclasses(kind: Any) -> list[Any]:
 
 
 def parts_of(annotation: Any) -> list[Any]:
-    """The classes in an annotation: alone, in lists, in unions."""
+    """Return the classes in an annotation: alone, in lists, in unions."""
     if isinstance(annotation, type) and not get_args(annotation):
         return [annotation]
     return [part for inner in get_args(annotation) for part in parts_of(inner)]
 
 
 def class_lines(kind: Any) -> list[str]:
-    """What a class of results is, and its published fields with their types and units."""
+    """Return a class of results in Markdown: its docstring, and its published fields with types and units."""
     head, *sections = re.split(r"\n\n(?=\w+\n-{3,}\n)", inspect.getdoc(kind) or "")
     said: dict[str, str] = {}
     for section in sections:
@@ -128,7 +128,7 @@ def class_lines(kind: Any) -> list[str]:
 
 
 def type_text(annotation: Any) -> str:
-    """A type as one reads it."""
+    """Return a type in words."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return type_text(parts[0])
@@ -141,7 +141,7 @@ def type_text(annotation: Any) -> str:
 
 
 def definition(name: str, thing: Any) -> list[str]:
-    """The call, with the parameters' names and defaults."""
+    """Return the call, with the parameters' names and defaults."""
     if inspect.isclass(thing):
         return []
     signature = inspect.signature(thing)
@@ -151,7 +151,7 @@ def definition(name: str, thing: Any) -> list[str]:
 
 
 def docstring_lines(text: str) -> list[str]:
-    """A numpydoc docstring as Markdown: sections in bold, parameters as a list."""
+    """Return a numpydoc docstring as Markdown: sections in bold, parameters as a list."""
     lines: list[str] = []
     section = ""
     rows = text.splitlines()
@@ -177,7 +177,7 @@ def docstring_lines(text: str) -> list[str]:
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the pages to those of the folder; TRIHEDRON_SITE=quick leaves out what takes long, for tests."""
+    """Add the pages to those of the folder; TRIHEDRON_SITE=quick leaves out slow ones, for tests."""
     from mkdocs.structure.files import File
 
     quick = os.environ.get("TRIHEDRON_SITE") == "quick"

@@ -32,6 +32,11 @@ def plan(
     grid : float or None
         Step of the grid of positions [deg]; 1 by default. None: all angles.
 
+    Returns
+    -------
+    Plans
+        The optimal plan of each target, with its proof.
+
     Raises
     ------
     InputError
@@ -133,6 +138,11 @@ def plan_positions(
     progress : bool
         Show bars on standard error, where that is a terminal.
 
+    Returns
+    -------
+    PositionPlan
+        The positions with their costs, bound and order.
+
     Raises
     ------
     InputError
@@ -175,6 +185,11 @@ def plan_check(
         σ, as a fraction of g.
     keep_out : sequence of str
         Angles that no row may have: alpha:LOW:HIGH or beta:LOW:HIGH [deg].
+
+    Returns
+    -------
+    SettingCheck
+        Bias and noise for each target, with advice.
 
     Raises
     ------
@@ -235,6 +250,11 @@ def plan_imu(
         Least rest at a position [s].
     progress : bool
         Show bars on standard error, where that is a terminal.
+
+    Returns
+    -------
+    ImuPlan
+        The programme with its promised errors.
 
     Raises
     ------
