@@ -31,8 +31,8 @@ def clean_record(seed: int, count: int, errors: str, repeated: int = 0) -> Posit
 
 def false_alarms(seeds: range, count: int, errors: str, repeated: int = 0) -> int:
     """How many clean records a calibration falsifies, with σ by repeats, or by the standard deviation without such."""
-    known = {} if repeated else {"noise_sd": DEVIATION}
+    deviation = None if repeated else DEVIATION
     verdicts = []
     for seed in seeds:
-        verdicts.append(th.calibrate(clean_record(seed, count, errors, repeated), **known).verdict)
+        verdicts.append(th.calibrate(clean_record(seed, count, errors, repeated), noise_sd=deviation).verdict)
     return verdicts.count("falsified")

@@ -17,7 +17,8 @@ from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
-from ..sieve import Simple, simple_faults
+from ..rounding import exactly
+from ..sieve import Simple, simple_faults, too_small_bounds
 from .beyond import Beyond, keys_of
 from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, finding_of
 from .dependence import Dependence, Proven, Standing, Suffices, dependence, residual_structure
@@ -198,8 +199,10 @@ class Procedure:
     @cached_property
     def simple(self) -> tuple[Simple, ...]:
         """The simple faults of the record with which the model stands."""
-        if self.objections or self.evidence.model.radius < NOTHING_PROVEN:
+        if self.objections:
             return ()
+        if self.evidence.model.radius < NOTHING_PROVEN:
+            return too_small_bounds(self.evidence)
         return tuple(sorted(simple_faults(self.evidence), key=lambda fault: (fault.numbers, fault.radius)))
 
     @cached_property
@@ -550,7 +553,10 @@ class Procedure:
 
 
 def _again(fault: Simple) -> tuple[str, ...]:
-    """What to measure next, where rows are wrong."""
+    """What to do next, where rows are wrong, or the noise bound is."""
+    if fault.kind == "sigma":
+        bound = exactly(fault.change["noise_bound"])
+        return (f"find why errors reach {bound} g; if that is the noise, give --noise-bound {bound}",)
     if not fault.rows:
         return ()
     if len(fault.rows) == 1:

@@ -578,10 +578,14 @@ def in_present_schema(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def simplest_first(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
-    """Return explanations by the numbers that they need, then by their radius; one without a radius comes last."""
+    """Return explanations by the numbers that they need, then by their radius; one without a radius comes last.
 
-    def rank(explanation: Explanation) -> tuple[int, float]:
-        return explanation.numbers, math.inf if explanation.radius is None else explanation.radius
+    Of those that need as many a larger noise bound comes first: it claims least.
+    """
+
+    def rank(explanation: Explanation) -> tuple[int, bool, float]:
+        radius = math.inf if explanation.radius is None else explanation.radius
+        return explanation.numbers, explanation.kind != "sigma", radius
 
     return tuple(sorted(explanations, key=rank))
 

@@ -1,9 +1,120 @@
-"""A noise bound that is too small."""
+"""A noise bound that is too small: with a larger one the model stands, by itself or with one effect beside it."""
 
+from dataclasses import replace
+
+import numpy as np
+
+from ...models.effects import EffectPlace
+from ..bounded.programmes import SolverError
+from ..calibrated import Sigma
+from ..errors import InputError
 from ..evidence.evidence import Evidence
+from ..evidence.fit import Fit
+from ..records import PositionRecord
+from ..rounding import upwards
+from .leading import Candidates, Residual
 from .simple import Simple
+
+MOST = 2.0
+"""So many times too small a noise bound is looked for."""
+APPARENT = 1.3
+"""A smaller radius proves no effect."""
+MOST_WITH_EFFECT = 1.5
+"""The same beside an effect."""
+APART = 9.0
+"""Effects that explain so much less, in variances, are told apart from the best one."""
+MOST_RIVALS = 4
+"""Effects of which one is named beside a larger noise bound."""
 
 
 def too_small_bounds(evidence: Evidence) -> tuple[Simple, ...]:
-    """The least noise bound with which the model stands, where it is the simplest explanation."""
-    return ()
+    """The least noise bound with which the model stands, where the misfit looks like noise.
+
+    That is so where no function of one quantity, break or single reading explains more of its squares than of noise;
+    where one effect does, the same is asked of what it leaves.
+    """
+    if evidence.source is None or not isinstance(evidence.source.record, PositionRecord):
+        return ()
+    candidates = Candidates(evidence)
+    residual = candidates.residual
+    if evidence.model.radius <= MOST and candidates.is_noise(residual):
+        return _alone(evidence)
+    if evidence.model.radius < APPARENT:
+        return ()
+    return _with_effect(evidence, candidates, residual)
+
+
+def _alone(evidence: Evidence) -> tuple[Simple, ...]:
+    sigma = _rounded_up(evidence, evidence.model.radius)
+    wider = _with_bound(evidence, sigma)
+    if wider is None or wider.model.falsified:
+        return ()
+    sentence = f"Nothing simple is wrong. With σ = {upwards(sigma)} g the record fits."
+    return (_simple(wider, 1, wider.model.radius, sentence, sigma),)
+
+
+def _with_effect(evidence: Evidence, candidates: Candidates, residual: Residual) -> tuple[Simple, ...]:
+    """A larger noise bound and the effect that explains most, with those that can hardly be told from it."""
+    places = list(candidates.effects)
+    if not places:
+        return ()
+    explained = residual.of_blocks(list(candidates.effects.values()))
+    best = int(np.argmax(explained))
+    left = residual.beside(candidates.effects[places[best]])
+    if np.sqrt(left.squares / len(left.errors)) > MOST_WITH_EFFECT or not candidates.is_noise(left):
+        return ()
+    variance = left.squares / left.freedom
+    near = np.flatnonzero(explained >= explained[best] - APART * variance)
+    ranked = near[np.argsort(-explained[near])][:MOST_RIVALS]
+    found = []
+    for number in ranked.tolist():
+        simple = _beside(evidence, places[number])
+        if simple is not None:
+            found.append(simple)
+    return tuple(found)
+
+
+def _beside(evidence: Evidence, place: EffectPlace) -> Simple | None:
+    """A larger noise bound and one effect; None where they do not do, or the effect does without."""
+    fit = _fit_of(evidence, place)
+    if fit is None or not evidence.model.limit < fit.radius <= MOST_WITH_EFFECT:
+        return None
+    sigma = _rounded_up(evidence, fit.radius)
+    wider = _with_bound(evidence, sigma)
+    again = None if wider is None else _fit_of(wider, place)
+    if wider is None or again is None or again.radius > wider.model.limit:
+        return None
+    numbers = 2 + len(place.definition.parameters) + (place.order is not None)
+    sentence = f"With σ = {upwards(sigma)} g and {place.title} the record fits."
+    simple = _simple(wider, numbers, again.radius, sentence, sigma)
+    return replace(simple, where=("sigma", place.where), fit=again)
+
+
+def _simple(wider: Evidence, numbers: int, radius: float, sentence: str, sigma: float) -> Simple:
+    return Simple("sigma", numbers, ("sigma",), sentence, radius, wider, change={"noise_bound": sigma})
+
+
+def _fit_of(evidence: Evidence, place: EffectPlace) -> Fit | None:
+    """The fit of one effect; None where it cannot be tried."""
+    try:
+        return evidence.model.refit([place])
+    except (SolverError, ValueError):
+        return None
+
+
+def _rounded_up(evidence: Evidence, times: float) -> float:
+    """So many times the noise bound, to two digits."""
+    return float(upwards(times * evidence.model.calibration.noise_bound, 2))
+
+
+def _with_bound(evidence: Evidence, sigma: float) -> Evidence | None:
+    """The evidence with another noise bound, which nobody gave; None where it cannot be made."""
+    assert evidence.source is not None
+    try:
+        wider = evidence.source.again(noise_bound=sigma, noise_sd=None)
+    except InputError:
+        return None
+    basis = "the least with which the model stands"
+    calibration = wider.model.calibration.model_copy(update={"sigma": Sigma.of(sigma, basis)})
+    model = replace(wider.model, calibration=calibration)
+    return Evidence(model, replace(wider.reader, model=model), wider.source)

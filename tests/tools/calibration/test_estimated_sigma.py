@@ -56,7 +56,7 @@ def test_a_standard_deviation_says_which_sigma_it_makes(tmp_path, capsys):
 
 def test_several_records_have_the_sigma_of_all_their_positions():
     record = clean_record(3, 48, "Gaussian")
-    records = [record.selected(slice(0, 24)), record.selected(slice(24, 48))]
+    records = [record.selected(np.arange(24)), record.selected(np.arange(24, 48))]
     together = th.calibrate_together(*records, noise_sd=5e-6)
     assert together.verdict == "consistent"
     for own in together.of_record.values():

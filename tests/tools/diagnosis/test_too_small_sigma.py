@@ -1,0 +1,69 @@
+"""A noise bound that is too small is said to be so, and no physics is named in its place."""
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from field_files import field_file
+from gaussian_records import ERRORS, clean_record
+from generator.positions import Session
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.cli import main
+from trihedron.tools.diagnosis import diagnose
+
+QUADRATIC = EffectPlace("quadratic", "accelerometer-2")
+
+
+def with_effect(seed: int, place: EffectPlace, size: float, count: int = 48):
+    """A record with one effect and uniform errors within 1e-5 g."""
+    rng = np.random.default_rng(seed)
+    session = Session.drawn(rng, count)
+    return session.record([(place, (size,))], rng.uniform(-1e-5, 1e-5, (count, 3)))
+
+
+@pytest.mark.parametrize("errors", ["Gaussian", "uniform"])
+@pytest.mark.parametrize(("seed", "count", "too_small"), [(11, 36, 1.4), (12, 48, 1.9), (13, 100, 1.6)])
+def test_a_clean_record_asks_for_a_larger_bound(seed, count, too_small, errors):
+    record = clean_record(seed, count, errors)
+    least = 1e-5 * th.calibrate(record, noise_bound=1e-5).radius
+    diagnosis = diagnose(record, noise_bound=least / too_small, rerun=False)
+    first = diagnosis.explanations[0]
+    assert (diagnosis.verdict, first.kind, first.numbers, diagnosis.causes) == ("explained", "sigma", 1, ())
+    bound = first.change["noise_bound"]
+    assert least <= bound < 1.1 * least
+    assert first.sentence.startswith("Nothing simple is wrong. With σ = ")
+    assert first.calibration.sigma.kind == "estimated"
+    assert th.calibrate(record, noise_bound=bound).verdict == "consistent"
+
+
+def test_a_record_of_the_field_with_half_its_bound(tmp_path, capsys):
+    path = field_file("o12_clean_bound_half.csv", tmp_path)
+    assert main(["diagnose", str(path), "--noise-bound", "5e-6"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("Nothing simple is wrong. With σ = 8.8e-6 g the record fits.")
+    assert "give --noise-bound 8.8e-6" in out
+
+
+@pytest.mark.parametrize("seed", [21, 22])
+def test_beside_an_effect_both_are_named(seed):
+    record = with_effect(seed, QUADRATIC, 4e-4)
+    diagnosis = diagnose(record, noise_bound=1e-5 / 1.35, rerun=False)
+    first = diagnosis.explanations[0]
+    assert (first.kind, first.where) == ("sigma", ("sigma", "accelerometer-2"))
+    assert "quadratic accelerometer-2" in first.sentence
+    assert [cause.place for cause in first.causes] == [QUADRATIC]
+    # nothing is named without the larger bound
+    assert diagnosis.verdict in ("explained", "ambiguous")
+    assert all(explanation.numbers >= first.numbers for explanation in diagnosis.explanations)
+
+
+@pytest.mark.parametrize("size", [6e-5, 1.5e-4, 4e-4])
+def test_an_effect_with_the_right_bound_is_no_noise(size):
+    diagnosis = diagnose(with_effect(31, QUADRATIC, size), noise_bound=1e-5, rerun=False)
+    assert diagnosis.calibration.radius > 1.0
+    assert all(explanation.kind != "sigma" for explanation in diagnosis.explanations)
+
+
+def test_errors_are_those_that_were_asked_for():
+    drawn = ERRORS["Gaussian"](np.random.default_rng(1), (4000, 3))
+    assert np.std(drawn) == pytest.approx(1.0, abs=0.03)
