@@ -291,6 +291,8 @@ ARRAY_MATH = SimpleNamespace(
 """What restricted Python has of `math`, for arrays."""
 PORTS = {"encoder_effects": 2, "geometry_effects": 7, "reading_effects": 3, "final_effects": 3, "increment_effects": 3}
 """To how many values the effects of a stage add."""
+ALIKE = 0.1
+"""Axes about which turns differ by so little of themselves are one."""
 SHORT = 1e-6
 """A unit of a delay [s]: it stays within a step."""
 ONSET, TIME_CONSTANT = "onset", "time constant"
@@ -408,6 +410,13 @@ def small_turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[n
     small = np.zeros((len(added), 7, added.shape[2]))
     small[:, [1, 3]] = -added
     return small
+
+
+def is_inner_axis(rows: Rows, k: int) -> bool:
+    """Whether an axis of the block, counted from 0, is the inner axis at all rows, but for errors of the mounting."""
+    by_axis, by_inner = rows.by_slip[:, :, k], rows.by_beta
+    apart = min(np.linalg.norm(by_axis - by_inner), np.linalg.norm(by_axis + by_inner))
+    return bool(apart <= ALIKE * np.linalg.norm(by_inner))
 
 
 def signature(effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows) -> NDArray[np.float64]:

@@ -348,8 +348,10 @@ class Procedure:
 
     @cached_property
     def _of_functions(self) -> Sequence[Standing]:
-        """Functions of one quantity with which the record stands, the least complex first."""
-        return () if self.dependence is None else self.dependence.standing
+        """Functions of one quantity with which the record stands, the least complex first; of time no break is one."""
+        standing = () if self.dependence is None else self.dependence.standing
+        broken = {fault.where for fault in self.simple if fault.kind == "break"}
+        return [one for one in standing if one.pair.quantity != "hours" or (one.pair.where,) not in broken]
 
     def _of_physics(self) -> Diagnosis:
         """What follows from effects of the simulation alone."""
@@ -553,10 +555,12 @@ class Procedure:
 
 
 def _again(fault: Simple) -> tuple[str, ...]:
-    """What to do next, where rows are wrong, or the noise bound is."""
+    """What to do next: with wrong rows, a wrong noise bound, or both sides of a break."""
     if fault.kind == "sigma":
         bound = exactly(fault.change["noise_bound"])
         return (f"find why errors reach {bound} g; if that is the noise, give --noise-bound {bound}",)
+    if fault.before_row is not None:
+        return (f"calibrate the rows before row {fault.before_row} and those from it on apart from each other",)
     if not fault.rows:
         return ()
     if len(fault.rows) == 1:

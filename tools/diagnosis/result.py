@@ -55,6 +55,8 @@ class Explanation(Told):
         numbers of wrong rows as in the file
     change : mapping
         what makes a row fit, or what changes at a break: {"alpha_deg": -0.4002}
+    within : mapping
+        ends of what the record leaves possible of a change, where σ is a bound
     before_row, time_s : int, float
         where a break lies
     """
@@ -69,6 +71,7 @@ class Explanation(Told):
     extension: BeyondCatalogue | None = None
     rows: tuple[int, ...] | None = None
     change: Mapping[str, Any] | None = None
+    within: Mapping[str, tuple[Number, Number]] | None = None
     before_row: int | None = None
     time_s: Number | None = None
 
@@ -94,7 +97,7 @@ class Explanation(Told):
     @staticmethod
     def of_simple(simple: Simple) -> "Explanation":
         """A simple fault of the record, with the effects beside it."""
-        keys = {"rows": simple.rows, "change": simple.change, "before_row": simple.before_row, "time_s": simple.time_s}
+        keys = {name: getattr(simple, name) for name in ("rows", "change", "within", "before_row", "time_s")}
         return Explanation(
             kind=simple.kind,
             numbers=simple.numbers,

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import MotionRows, Rows
+from ...models.effects.columns import is_inner_axis
 from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
 from ...models.effects.lookup import FROM, TURNS
 from ...models.effects.mounting import MOUNTING
@@ -30,8 +31,6 @@ AROUND = 144
 """Nodes of a function of an angle of the whole bench: knots of all pieces round a circle are among them."""
 BLUR = 2e-3
 """Of functions on nodes, and of turns between rows that are looked at, about so much is not exact."""
-ALIKE = 0.1
-"""Axes about which turns differ by so little of themselves are one, but for errors of the mounting."""
 COMMON: Mapping[str, str] = {"w1": "rate", "dw1": "acceleration", "n1": "force"}
 """A quantity of gyro 1 alone, and the same where each gyro has its own."""
 
@@ -131,9 +130,7 @@ class Way:
     def of_block(rows: Rows, slow: Iterable[str]) -> "Iterator[Way]":
         """Yield turns of the block about its axes, but about one that is the inner axis: the table can do the same."""
         for k, factor in enumerate(TURNS):
-            by_axis, by_inner = rows.by_slip[:, :, k], rows.by_beta
-            apart = min(np.linalg.norm(by_axis - by_inner), np.linalg.norm(by_axis + by_inner))
-            if apart > ALIKE * np.linalg.norm(by_inner):
+            if not is_inner_axis(rows, k):
                 for quantity in ("n1", "n2", "n3", "alpha", "beta", *slow):
                     yield Way(MOUNTING, quantity, 4 + k, f"{MOUNTING} {factor}", factor)
 

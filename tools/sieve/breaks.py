@@ -1,9 +1,305 @@
 """A break: something of bench or block changes once, between two rows."""
 
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import EffectPlace, Rows
+from ...models.effects.columns import is_inner_axis
+from ...models.effects.definition import ACCELEROMETERS, AXES
+from ...models.effects.mounting import MOUNTING
+from ..bounded.programmes import column_space
+from ..bounded.sets import EffectSet, Problem, Work, linear_radius, sets_of_size
+from ..calibrated import Calibration
+from ..evidence.bench import Bench, BenchReader
+from ..evidence.bench_visits import signature_columns
+from ..evidence.cells import FEWEST_ROWS
 from ..evidence.evidence import Evidence
+from ..evidence.fit import Fit, estimated
+from ..rounding import Stated
 from .simple import Simple
+
+NEAR = 1.3
+"""Below this radius a slightly larger noise bound does as well: nothing is proven."""
+ROUNDS = 8
+"""Rounds of least squares in which rows that misfit lose their weight."""
+MOST_SLACK = 2.0
+"""The linear model, about a fit to most of the rows, may be wrong by so many bounds at most."""
+MOST_EXACT = 6
+"""So many gaps in a row, the most promising first, are fitted without success."""
+FROM_THE_FIRST = -1.0
+"""A time [h] before every record."""
+ROW = 4
+"""Numbers that one wrong row costs."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One number of bench or block that may change: a function that jumps, by its place and what it is multiplied by.
+
+    `key` is its name in results with the unit, `catalogued` the effect of the catalogue that is the same.
+    """
+
+    where: str
+    factor: str
+    key: str
+    unit: str
+    catalogued: str = ""
+
+    def jumping(self, hours: float) -> EffectPlace:
+        """The change after a time [h], as an effect."""
+        times = f"{self.factor} times " if self.factor else ""
+        return EffectPlace("lookup", self.where, law=f"{times}hours jumps at {hours!r}")
+
+
+BIASES = tuple(Part(where, "", f"bias_{p}_g", "g", "bias-step") for p, where in enumerate(ACCELEROMETERS, start=1))
+SCALES = tuple(
+    Part(where, f"n{p}", f"scale_factor_{p}", "", "scale-step") for p, where in enumerate(ACCELEROMETERS, start=1)
+)
+ANGLES = tuple(Part(MOUNTING, f"turn {k}", f"mounting_{k}_rad", "rad") for k in (1, 2, 3))
+OUTER_ZERO, INNER_ZERO = (
+    Part(where, "", f"{angle}_zero_rad", "rad") for where, angle in zip(AXES, ("alpha", "beta"), strict=True)
+)
+PUT_BACK = "Taken off and put back, or slipped."
+SWITCHED = "Switched off and on, or knocked."
+LOST_COUNTS = "An encoder that lost counts, or slipped."
+
+
+@dataclass(frozen=True)
+class Group:
+    """What changes together at a break.
+
+    `words` begin the sentence, `supposed` ends it; `catalogued` is the effect of the catalogue that is the same, `same`
+    are other parts that no record tells from these.
+    """
+
+    words: str
+    parts: tuple[Part, ...]
+    supposed: str
+    catalogued: str = ""
+    same: tuple[Part, ...] = ()
+
+    @property
+    def numbers(self) -> int:
+        """Coefficients, and one for the gap."""
+        return len(self.parts) + 1
+
+    @property
+    def where(self) -> tuple[str, ...]:
+        """The places that change."""
+        return tuple(dict.fromkeys(part.where for part in self.parts))
+
+    def is_part_of(self, group: "Group") -> bool:
+        """Whether another group can always change so."""
+        parts = set(group.parts)
+        return set(self.parts) <= parts or bool(self.same and set(self.same) <= parts)
+
+    def jumping(self, hours: float) -> tuple[EffectPlace, ...]:
+        """The change after a time [h], as effects."""
+        return tuple(part.jumping(hours) for part in self.parts)
+
+
+def groups_of(rows: Rows, listed: Collection[str]) -> tuple[Group, ...]:
+    """The groups, those of fewest numbers first, but for those that are effects of the catalogue that are `listed`."""
+    groups = [Group(f"the bias of accelerometer {p}", (BIASES[p - 1],), SWITCHED, "bias-step") for p in (1, 2, 3)]
+    groups += [Group(f"the scale factor of accelerometer {p}", (SCALES[p - 1],), "", "scale-step") for p in (1, 2, 3)]
+    inner, same = "the zero of the inner axis", []
+    for k, angle in enumerate(ANGLES):
+        if is_inner_axis(rows, k):
+            same.append(angle)
+            inner += f", or (no record tells them apart) the mounting about axis {k + 1} of the block,"
+        else:
+            groups.append(Group(f"the mounting about axis {k + 1} of the block", (angle,), PUT_BACK))
+    groups.append(Group("the zero of the outer axis", (OUTER_ZERO,), LOST_COUNTS))
+    groups.append(Group(inner, (INNER_ZERO,), LOST_COUNTS, same=tuple(same)))
+    groups.append(Group("the biases", BIASES, SWITCHED))
+    groups.append(Group("the scale factors", SCALES, ""))
+    groups.append(Group("the mounting", ANGLES, PUT_BACK, "mounting-slip"))
+    groups.append(Group("the biases and the mounting", BIASES + ANGLES, PUT_BACK))
+    return tuple(group for group in groups if group.catalogued not in listed)
 
 
 def breaks(evidence: Evidence) -> tuple[Simple, ...]:
     """The smallest breaks with which the model stands."""
-    return ()
+    if not isinstance(evidence.model, Bench) or evidence.model.radius < NEAR:
+        return ()
+    search, found = Search(evidence, Work()), []
+    contained: list[Group] = []
+    for group in search.groups:
+        if any(smaller.is_part_of(group) for smaller in contained):
+            continue
+        if fits := search.standing(group):
+            contained.append(group)
+            found.append(search.simple(group, fits))
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class BrokenReader(BenchReader):
+    """The reader of a bench of which something changed once, by a fit."""
+
+    broken: Fit
+
+    def calibration_of(self, fit: Fit | None = None) -> Calibration:
+        """What the record says of the parameters beside the change."""
+        return super().calibration_of(fit or self.broken)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A gap between two rows: their numbers, from 0, of the order of time, and a time [h] between them."""
+
+    before: int
+    after: int
+    hours: float
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """The search for breaks in the rows of a bench, linear about a fit in which rows that misfit have little weight."""
+
+    evidence: Evidence
+    work: Work
+
+    @property
+    def model(self) -> Bench:
+        """The model without a break."""
+        return self.evidence.model
+
+    @cached_property
+    def rows(self) -> Rows:
+        """What signatures see at that fit."""
+        return self.model.readings.rows(self.point)
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """What may change together."""
+        return groups_of(self.rows, {place.effect for place in self.model.places})
+
+    @cached_property
+    def order(self) -> NDArray[np.int_]:
+        """The rows (N,) in the order of time."""
+        return np.argsort(self.hours, kind="stable")
+
+    @property
+    def hours(self) -> NDArray[np.float64]:
+        """Times (N,) of the rows [h]."""
+        return self.model.readings.circumstances.hours
+
+    @cached_property
+    def gaps(self) -> list[Gap]:
+        """All gaps with enough rows on each side."""
+        hours, gaps = self.hours[self.order], []
+        for after in range(FEWEST_ROWS, len(hours) - FEWEST_ROWS + 1):
+            if hours[after] > hours[after - 1]:
+                gaps.append(Gap(after - 1, after, float(0.5 * (hours[after] + hours[after - 1]))))
+        return gaps
+
+    @cached_property
+    def point(self) -> NDArray[np.float64]:
+        """Parameters (P,) of a fit to most of the rows."""
+        point = self.model.here.point
+        for _ in range(ROUNDS):
+            at = self.model.about((), point, np.zeros(0))
+            misfit = np.linalg.norm((at.residual / at.bound).reshape(-1, 3), axis=1)
+            scale = 1.0 / (at.bound * np.repeat(np.sqrt(np.maximum(misfit, 1.0)), 3))
+            point = point + estimated(at.jacobian * scale[:, None], at.residual * scale)
+        return point
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The model without a break, about that fit."""
+        at = self.model.about((), self.point, np.zeros(0))
+        return Problem.of(at.residual / at.bound, column_space(at.jacobian / at.bound[:, None]), ())
+
+    @cached_property
+    def slack(self) -> float:
+        """What the linear model may be wrong by, in bounds."""
+        largest = float(np.abs(self.problem.residual).max())
+        return self.model.limit - 1.0 + min(MOST_SLACK, self.model.curvature * largest**2)
+
+    def columns(self, group: Group) -> list[NDArray[np.float64]]:
+        """What a change at each gap adds to the rows (M, k), in units of their bounds."""
+        places = group.jumping(FROM_THE_FIRST)
+        columns = signature_columns(places, self.rows) / self.model.rows.bound[:, None]
+        return [columns * np.repeat(self.hours > gap.hours, 3)[:, None] for gap in self.gaps]
+
+    def promising(self, group: Group) -> list[Gap]:
+        """Gaps at which no bound refuses a change of the linear model, those that leave least first."""
+        blocks = self.columns(group)
+        problem = Problem.of(self.problem.residual, self.problem.nominal, blocks, alike=len(blocks))
+        radii = {}
+        for chosen in sets_of_size(problem, 1, self.slack, 0, self.work):
+            (number,) = chosen.effects
+            radii[number] = linear_radius(problem, EffectSet((number,)))
+        return [self.gaps[number] for number in sorted(radii, key=lambda number: radii[number])]
+
+    def standing(self, group: Group) -> list[tuple[Gap, Fit]]:
+        """Gaps at which the exact model stands with a change, with its fits, the least radius first."""
+        standing, failed = [], 0
+        for gap in self.promising(group):
+            fit = self.fitted(group.jumping(gap.hours))
+            if fit is not None:
+                standing.append((gap, fit))
+            failed += fit is None
+            if failed == MOST_EXACT:
+                break
+        return sorted(standing, key=lambda gap_and_fit: gap_and_fit[1].radius)
+
+    def fitted(self, places: Sequence[EffectPlace]) -> Fit | None:
+        """The exact model with a change; None where it does not stand."""
+        try:
+            fit = self.model.refit(places)
+        except ValueError:
+            return None
+        return fit if fit.radius <= self.model.limit else None
+
+    def simple(self, group: Group, standing: Sequence[tuple[Gap, Fit]]) -> Simple:
+        """A break as a fault of the record."""
+        (gap, best), *others = standing
+        fit = replace(best, also=tuple(fit for _, fit in others)).centred(self.model.room)
+        intervals, change, ends = fit.intervals(self.model.room), {}, {}
+        for part, (value,), ((low, high),) in zip(group.parts, fit.values(), intervals, strict=True):
+            change[part.key], ends[part.key] = min(max(value, low), high), (low, high)
+        first, last = min(gap.before for gap, _ in standing), max(gap.after for gap, _ in standing)
+        sentence = f"{self.between(first, last)} {group.words} changed by {said(group, change, ends)}; "
+        sentence += f"before and after one bench fits. {group.supposed}"
+        beyond = min(gap.after, len(self.hours) - gap.after)
+        numbers = group.numbers
+        if 2 * len(group.parts) >= 3 * beyond:
+            # So few rows at an end say hardly more than the change has numbers: they may be wrong themselves.
+            numbers = max(numbers, ROW * beyond)
+        reader = BrokenReader(self.model, fit)
+        is_bound = self.model.calibration.sigma.kind == "bound"
+        return Simple(
+            kind="break",
+            numbers=numbers,
+            where=group.where,
+            sentence=sentence.strip(),
+            radius=best.radius,
+            evidence=Evidence.of(reader, self.evidence.source),
+            change=change,
+            within=ends if is_bound else {},
+            before_row=int(self.order[gap.after]) + 1,
+            time_s=float(self.model.readings.circumstances.began + 3600.0 * gap.hours),
+        )
+
+    def between(self, first: int, last: int) -> str:
+        """Between which rows, as in the file."""
+        return f"Between rows {self.order[first] + 1} and {self.order[last] + 1}"
+
+
+def said(group: Group, change: dict[str, float], ends: dict[str, tuple[float, float]]) -> str:
+    """The changes in words, each with its unit."""
+    by_unit: dict[str, list[str]] = {}
+    for part in group.parts:
+        value = Stated(change[part.key], *ends[part.key])
+        by_unit.setdefault(part.unit, []).append(f"{value:+.3g}")
+    texts = []
+    for unit, values in by_unit.items():
+        text = values[0] if len(values) == 1 else f"({', '.join(values)})"
+        texts.append(f"{text} {unit}".strip())
+    return " and ".join(texts)

@@ -32,6 +32,8 @@ class Simple:
         numbers of wrong rows as in the file
     change : mapping
         what makes a row fit, or what changes at a break, by name with its unit: {"alpha_deg": -0.4002}
+    within : mapping
+        ends of what the record leaves possible of a change, where σ is a bound
     before_row, time_s : int, float
         where a break lies
     fit : Fit or None
@@ -46,6 +48,7 @@ class Simple:
     evidence: Evidence
     rows: tuple[int, ...] = ()
     change: Mapping[str, Any] = field(default_factory=dict)
+    within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     before_row: int | None = None
     time_s: float | None = None
     fit: Fit | None = None

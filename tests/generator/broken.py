@@ -1,0 +1,82 @@
+"""Sessions of which something changes once, between two rows: what nobody tells the product."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from generator import SIGMA
+from generator.positions import Session, errors
+from trihedron.tools.records import PositionRecord
+
+GROUPS = (
+    "bias",
+    "scale factor",
+    "mounting angle",
+    "outer zero",
+    "inner zero",
+    "biases",
+    "mounting",
+    "scale factors",
+    "biases and mounting",
+)
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A record, what changed in it, the first row (from 1) after the change, and by how much (K,) [g], [rad], [1]."""
+
+    record: PositionRecord
+    group: str
+    before_row: int
+    change: np.ndarray
+
+
+def sizes(rng: np.random.Generator, count: int, size: float) -> np.ndarray:
+    """Changes (K,) of about so many σ, none of them small."""
+    return SIGMA * size * rng.choice([-1.0, 1.0], count) * rng.uniform(0.6, 1.4, count)
+
+
+def changed(stand: Any, group: str, change: np.ndarray, rng: np.random.Generator) -> Any:
+    """The stand after a change."""
+    one = np.zeros(3)
+    one[rng.integers(3)] = change[0]
+    if group == "bias":
+        return replace(stand, bias=stand.bias + one)
+    if group == "biases":
+        return replace(stand, bias=stand.bias + change[:3])
+    if group == "scale factor":
+        return replace(stand, plus=stand.plus + one, minus=stand.minus + one)
+    if group == "scale factors":
+        return replace(stand, plus=stand.plus + change[:3], minus=stand.minus + change[:3])
+    if group == "outer zero":
+        return replace(stand, alpha_error=stand.alpha_error + change[0])
+    if group == "inner zero":
+        return replace(stand, beta_error=stand.beta_error + change[0])
+    if group == "mounting angle":
+        return replace(stand, theta=stand.theta + one)
+    if group == "mounting":
+        return replace(stand, theta=stand.theta + change[:3])
+    return replace(stand, bias=stand.bias + change[:3], theta=stand.theta + change[3:])
+
+
+NUMBERS = {"biases": 3, "mounting": 3, "scale factors": 3, "biases and mounting": 6}
+
+
+def joined_readings(session: Session, stands: list[Any], rows: list[int]) -> np.ndarray:
+    """Readings (N, 3) [g] of a session whose stand is another one from each of some rows on."""
+    reading = session.read()[1]
+    for stand, row in zip(stands, rows, strict=True):
+        reading[row:] = replace(session, stand=stand).read()[1][row:]
+    return reading
+
+
+def broken_record(seed: int, group: str, count: int = 48, size: float = 6.0, row: int | None = None) -> Broken:
+    """A record of a drawn session with a break of a group before a row, by default a drawn one."""
+    rng = np.random.default_rng([seed, count, GROUPS.index(group)])
+    session = Session.drawn(rng, count)
+    row = int(rng.integers(count // 5, count - count // 5)) if row is None else row
+    change = sizes(rng, NUMBERS.get(group, 1), size)
+    reading = joined_readings(session, [changed(session.stand, group, change, rng)], [row])
+    angles = np.stack([session.alpha, session.beta], axis=1)
+    return Broken(session.recorded(angles, reading + errors(rng, count)[0]), group, row + 1, change)

@@ -1,0 +1,100 @@
+"""Something of bench or block that changes once, between two rows, is named: the gap, what changed, and by how much."""
+
+from typing import Any
+
+import pytest
+
+from diagnoses import diagnosed
+from field_files import field_file
+from generator import SIGMA
+from generator.broken import Broken, broken_record
+from trihedron import read_record
+
+KEYS = {
+    "outer zero": ("alpha_zero_rad",),
+    "inner zero": ("beta_zero_rad",),
+    "biases": ("bias_1_g", "bias_2_g", "bias_3_g"),
+    "scale factors": ("scale_factor_1", "scale_factor_2", "scale_factor_3"),
+    "biases and mounting": (
+        *("bias_1_g", "bias_2_g", "bias_3_g"),
+        *("mounting_1_rad", "mounting_2_rad", "mounting_3_rad"),
+    ),
+}
+LISTED = {"bias": "bias-step", "scale factor": "scale-step", "mounting": "mounting-slip"}
+"""What the catalogue has as an effect: it keeps its name."""
+SECOND = 5e-8
+"""A large error of the mounting turns a small change so far [rad]."""
+
+
+def assert_broken(result: Any, broken: Broken) -> None:
+    """The break alone explains the record, and its intervals hold the change."""
+    assert result.verdict == "explained", str(result)
+    explanation = result.explanations[0]
+    assert (explanation.kind, explanation.before_row, result.causes) == ("break", broken.before_row, ())
+    assert tuple(explanation.change) == KEYS[broken.group]
+    for key, size in zip(explanation.change, broken.change, strict=True):
+        low, high = explanation.within[key]
+        assert low - SECOND <= size <= high + SECOND
+        assert low <= explanation.change[key] <= high
+    assert explanation.calibration.verdict == "consistent"
+    assert explanation.calibration.radius == explanation.radius <= 1.0 + 1e-6
+
+
+CASES = [("outer zero", 1, 48), ("inner zero", 2, 36), ("biases", 3, 24), ("scale factors", 4, 48)]
+CASES += [("biases and mounting", 5, 48)]
+
+
+@pytest.mark.parametrize(("group", "seed", "count"), CASES)
+def test_a_break_is_named_with_its_gap_and_its_size(group, seed, count):
+    broken = broken_record(seed, group, count, 8.0)
+    assert_broken(diagnosed(broken.record), broken)
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("group", KEYS)
+def test_breaks_of_drawn_records_are_named(group):
+    named = 0
+    for seed in range(8):
+        broken = broken_record(100 + seed, group, (24, 48, 100)[seed % 3], 8.0)
+        result = diagnosed(broken.record)
+        first = result.explanations[0]
+        near = first.before_row is not None and abs(first.before_row - broken.before_row) <= 1
+        assert result.verdict != "explained" or (first.kind == "break" and near), str(result)
+        named += result.verdict == "explained"
+    assert named >= 6
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+def test_one_angle_of_the_mounting_changes(axis):
+    seed = {1: 11, 2: 13}[axis]
+    broken = broken_record(seed, "mounting angle", 48, 8.0)
+    explanation = diagnosed(broken.record).explanations[0]
+    assert (explanation.kind, explanation.before_row) == ("break", broken.before_row)
+    (size,) = explanation.change.values()
+    assert abs(size - broken.change[0]) < 2.0 * SIGMA
+
+
+@pytest.mark.parametrize("group", LISTED)
+def test_what_the_catalogue_lists_keeps_its_name(group):
+    result = diagnosed(broken_record(21, group, 48, 12.0).record)
+    assert [cause.effect for cause in result.causes] == [LISTED[group]]
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "words"),
+    [("o18_remount_power.csv", 25, "mounting"), ("o19_power.csv", 31, "biases")],
+)
+def test_breaks_of_the_field_are_named(name, row, words, tmp_path):
+    result = diagnosed(read_record(field_file(name, tmp_path)))
+    assert result.verdict == "explained"
+    explanation = result.explanations[0]
+    assert (explanation.kind, explanation.before_row) == ("break", row)
+    assert explanation.sentence.startswith(f"Between rows {row - 1} and {row} ")
+    assert words in explanation.sentence
+
+
+def test_biases_of_the_field_changed_by_what_they_did(tmp_path):
+    explanation = diagnosed(read_record(field_file("o19_power.csv", tmp_path))).explanations[0]
+    for key, size in zip(("bias_1_g", "bias_2_g", "bias_3_g"), (4e-5, -3e-5, 5e-5), strict=True):
+        low, high = explanation.within[key]
+        assert low <= size <= high
