@@ -39,7 +39,7 @@ def packed(members: Members, method: int = zipfile.ZIP_STORED) -> bytes:
 
 
 def with_entry(members: Members, entry: zipfile.ZipInfo, content: bytes) -> bytes:
-    """An archive with one entry more, at a random place of which no checker should think."""
+    """Return an archive with a further entry at a random place."""
     inner = io.BytesIO(packed(members))
     with zipfile.ZipFile(inner, "a") as archive:
         archive.writestr(entry, content)
@@ -47,7 +47,7 @@ def with_entry(members: Members, entry: zipfile.ZipInfo, content: bytes) -> byte
 
 
 def directory_at(archive: bytes, name: str) -> int:
-    """Where the central directory's entry of a member begins."""
+    """Return the offset of a member's entry in the central directory."""
     (at,) = struct.unpack_from("<I", archive, len(archive) - 6)
     while True:
         size, extra, comment = struct.unpack_from("<HHH", archive, at + 28)
@@ -72,7 +72,7 @@ def not_an_archive(members: Members, described: str, rng: random.Random) -> byte
 
 
 def spoilt_content(members: Members, described: str, rng: random.Random) -> bytes:
-    """Bytes of the description changed, so that it is not what its checksum says."""
+    """Return an archive whose description has changed bytes, so that its checksum is wrong."""
     method = rng.choice([zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
     archive = bytearray(packed({described: members[described], **members}, method))
     begin = 30 + len(described)
@@ -246,7 +246,8 @@ def no_library(members: Members, described: str, rng: random.Random) -> bytes:
 
 
 def shortened_library(members: Members, described: str, rng: random.Random) -> bytes:
-    """A library that ends before what its headers say is in it: the loader of Linux would kill the process."""
+    """Return an archive with a library that ends too early for its headers: the loader of Linux would kill the
+    process."""
     share = rng.uniform(0.001, 0.7)
     return packed({n: c[: int(share * len(c))] if n.startswith("binaries/") else c for n, c in members.items()})
 

@@ -43,7 +43,7 @@ def precise_kernels(component: str = "AttitudeComputer") -> dict[str, Any]:
 
 @cache
 def tables(algorithm: Algorithm) -> list:
-    """What an algorithm prepares once."""
+    """Return the tables that an algorithm prepares once."""
     table = [mpf(0)] * TABLE_SIZE
     entries = [Fraction(x) for product in algorithm.products for x in (algorithm.number, *product)]
     catalogue = [mpf(x.numerator) / x.denominator for x in entries]

@@ -1,4 +1,4 @@
-"""A real browser without a window (Playwright on an installed Chromium): how a page looks, what it complains of."""
+"""A real browser without a window (Playwright on an installed Chromium): the look of a page, and its errors."""
 
 from __future__ import annotations
 

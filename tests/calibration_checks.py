@@ -1,4 +1,4 @@
-"""What a calibration promises, compared with the truth."""
+"""Comparison of a calibration's promises with the truth."""
 
 from collections.abc import Iterable
 
@@ -30,7 +30,7 @@ def guaranteed(estimate: Parameter) -> float:
 
 
 def misses(result: Calibration, truth: Iterable[float]) -> list[str]:
-    """Symbols of which something that was promised does not hold: interval, error bound, guaranteed error."""
+    """Return the symbols with a broken promise: interval, error bound, guaranteed error."""
     assert result.verdict == "consistent"
     missed = []
     for e, x in zip(result.parameters, truth, strict=True):

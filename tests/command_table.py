@@ -155,5 +155,5 @@ def make_inputs(folder: Path) -> None:
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """What is in a folder and below it."""
+    """Return the content of a folder and its subfolders."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}

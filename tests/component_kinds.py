@@ -83,7 +83,7 @@ def title(component: Component) -> str:
 
 
 def draw_parameters(component: Component, rng: random.Random) -> dict[str, float]:
-    """Random parameters within what each may be."""
+    """Draw random parameters within their limits."""
     values: dict[str, float] = {}
     for v in component.interface:
         if v.causality != "parameter" or v.name in (

@@ -29,7 +29,7 @@ settings.load_profile("no deadlines")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of a test's cases that are `first(n)`, those after the first n are of the long suites."""
+    """Mark the cases of a test after the first n as long, where the test has the marker `first(n)`."""
     counts = Counter[str]()
     for item in items:
         for marker in item.iter_markers("first"):
@@ -48,7 +48,7 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _ctrl_c_is_heard() -> None:
-    """A shell's background job ignores SIGINT and hands that on to what it starts."""
+    """Restore SIGINT, which a shell's background job ignores and passes on to its children."""
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -86,7 +86,7 @@ def _hasty_compiler(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiler(request: pytest.FixtureRequest, _hasty_compiler: Path | None) -> Iterator[None]:
-    """Native FMUs are compiled in haste where their machine code is not what is tested."""
+    """Compile native FMUs hastily where their machine code is not tested."""
     from trihedron.fmus import host_compiler
 
     with pytest.MonkeyPatch.context() as patch:
@@ -125,7 +125,7 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made, and none is drawn, for tests of what stands beside them."""
+    """Make figures without drawing them, for tests of the text beside them."""
     monkeypatch.setattr("trihedron.tools.reports.pictures.svg_text", lambda figure, label: "<svg />")
 
 

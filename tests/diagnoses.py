@@ -1,4 +1,4 @@
-"""Diagnoses as the tests ask for them, and what they are to say."""
+"""Diagnoses as the tests ask for them, and their expected results."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ Sizes = Sequence[float | tuple[float, float]]
 
 
 def diagnosed(record: Any, **options: Any) -> Any:
-    """The diagnosis of a record, without simulating again what was found."""
+    """Return the diagnosis of a record, without a further simulation of the result."""
     if isinstance(record, PositionRecord):
         options.setdefault("noise_bound", SIGMA)
     return diagnose(record, **{"rerun": False, **options})
@@ -29,7 +29,7 @@ def sets_of(result: Any) -> list[set[EffectPlace]]:
 
 
 def holds(cause: Cause, sizes: Sizes) -> bool:
-    """Whether the true sizes are within the intervals of a cause, phases up to whole turns."""
+    """Return True if the true sizes are within the intervals of a cause, phases up to whole turns."""
     for parameter, size, (low, high) in zip(cause.parameters, sizes, cause.intervals, strict=True):
         least, most = size if isinstance(size, tuple) else (size, size)
         if parameter.name.endswith("phase"):

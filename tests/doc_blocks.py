@@ -88,19 +88,20 @@ def blocks_of(page: Path) -> list[Block]:
 
 
 class Reader:
-    """Someone who does what a page says, in a folder of their own.
+    """A reader who follows a page in a folder of their own.
 
     Parameters
     ----------
     page : Path
+        the page
     folder : Path
-        empty
+        empty folder
     records : Path
-        folder of records that several pages begin with, as `$RECORDS`
+        folder of records with which several pages begin, as `$RECORDS`
     programs : Path
-        folder that stands first on the path
+        first folder of the path
     long : bool
-        whether blocks that take long are run too
+        True to run slow blocks too
     """
 
     def __init__(self, page: Path, folder: Path, records: Path, programs: Path, *, long: bool):
@@ -165,7 +166,7 @@ class Reader:
         self._printed = process.stdout if block.status == 0 else process.stderr
 
     def _known_options(self, block: Block, where: str) -> None:
-        """Of commands that take too long even for a long test: the command and its options exist."""
+        """Check that the command and its options exist, for commands that are too slow even for a long test."""
         for line in block.text.replace("\\\n", " ").splitlines():
             words = line.split()
             if words[:1] != ["trihedron"]:
@@ -195,7 +196,7 @@ class Reader:
         self._printed = content.getvalue()
 
     def _text(self, block: Block, where: str) -> None:
-        """What the block directly above printed, or a file where it has a title; elsewhere it is text."""
+        """Compare with the output of the block directly above, or a file if it has a title; elsewhere it is text."""
         if block.title:
             self._file(block)
             return
@@ -225,7 +226,7 @@ class Reader:
 
 
 def matches(wanted: str, printed: str) -> bool:
-    """Whether lines stand in what was printed as a page shows them; a line of three dots is any lines."""
+    """Return True if printed lines match a page's; a line of three dots matches any lines."""
     pattern = "".join(
         r"(?:[^\n]*\n)*?" if line.strip() == "..." else re.escape(line.rstrip()) + r"[ ]*\n"
         for line in wanted.splitlines()

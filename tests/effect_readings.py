@@ -1,4 +1,4 @@
-"""What table and block, extended by effects, read at given encoder readings, times, temperatures and senses."""
+"""Readings of table and block, extended by effects, at given encoder readings, times, temperatures and senses."""
 
 from functools import cache
 

@@ -24,24 +24,24 @@ from typing import Any, TextIO
 
 @dataclass(frozen=True)
 class Strike:
-    """What happens at the n-th call, of Python's functions and of C's, that is made within one of some functions.
+    """A blow at the n-th call, of Python's functions and of C's, within one of some functions.
 
-    Or, where `stored` is said, some seconds after the first file of that name is there.
+    With `stored`, the blow comes some seconds after the first file of that name appears.
 
     Attributes
     ----------
     within : str
-        name of a function of the product, "" for what is in none of `among`
+        name of a function of the product, "" for calls in none of `among`
     among : tuple of str
-        the functions that are told apart; the innermost counts
+        the distinguished functions; the innermost counts
     number : int
-        from 1; 0: nothing happens, calls are counted
+        from 1; 0: no blow, calls are counted
     blow : str
         a name of `BLOWS`
     stored : str
         pattern of a file's name below the command's folder, as "out/runs/part-*"
     delay : float
-        seconds [s] from when there is one
+        delay after the file appears [s]
     """
 
     within: str
@@ -54,9 +54,9 @@ class Strike:
 
 @dataclass(frozen=True)
 class Done:
-    """What came of a command: exit status (less than 0: the signal that ended it), what it said, what it took.
+    """Result of a command: exit status (below 0: the signal that ended it), output, time and memory.
 
-    `seconds` are by the clock, `cpu_seconds` of the processor.
+    `seconds` are wall-clock time, `cpu_seconds` processor time.
     """
 
     status: int
@@ -119,7 +119,8 @@ class ForkedCommands:
 
 
 def with_temporary_folder(folder: Path) -> ForkedCommands:
-    """Commands whose temporary folder is `temporary` in a folder that is there, so that a test sees what they leave."""
+    """Return commands whose temporary folder is `temporary` in an existing folder, so that a test sees their
+    leftovers."""
     (folder / "temporary").mkdir()
     environment = {**os.environ, "TMPDIR": str(folder / "temporary"), "PYTHONWARNINGS": "ignore"}
     return ForkedCommands(environment, folder / "said")

@@ -17,7 +17,7 @@ NUMBERS = (
     *("", " ", "null", "None", "true", "TRUE", "abc", "-", "=1+1", "#N/A", "1°30'", "10:00", "2026-01-01", "\u202e1"),
     *("9007199254740993", "18446744073709551616", "-9223372036854775809", "1e3000000", "%s", "{0}", "'", '"', "\\"),
 )
-"""What a person, a program or nobody writes in place of a number."""
+"""Replacements for a number by people, programs or nobody."""
 BYTES = (
     b"\0",
     b"\xff",
@@ -100,7 +100,7 @@ NEAR = (1.0 + 1e-9, 1.0 - 1e-6, 1.0001, 1.0001, 1.01, 2.0, -1.0, 0.0)
 
 
 def near_number(text: str, rng: random.Random) -> str:
-    """Numbers are a little different: what is read goes through, and is computed with."""
+    """Change numbers a little: they are still read, and used in computations."""
     result = list(re.finditer(r"-?\d+\.\d+(?:[eE][-+]?\d+)?", text))
     for match in sorted(rng.sample(result, min(len(result), rng.choice([1, 3, 20]))), key=lambda m: -m.start()):
         text = text[: match.start()] + repr(float(match[0]) * rng.choice(NEAR)) + text[match.end() :]
@@ -120,7 +120,7 @@ def near_cells(text: str, rng: random.Random) -> str:
 
 
 def scaled_numbers(text: str, rng: random.Random) -> str:
-    """All numbers of a place in the line are so many times as large, or all the same."""
+    """Scale all numbers of a place in the line by one factor, or make them all the same."""
     place, factor = rng.randrange(8), rng.choice([0.0, -1.0, 1e-320, 1e-12, 1e6, 1e300, 57.29577951308232])
 
     def changed(line: str) -> str:
@@ -203,7 +203,7 @@ WORDS: tuple[Text, ...] = (
 
 
 def other_value(value: Any, rng: random.Random) -> Any:
-    """What could stand in place of a value of a file of JSON."""
+    """Return another value for a value of a JSON file."""
     variants: list[Any] = [
         None,
         True,
@@ -363,7 +363,7 @@ FORMULAS = (
 
 
 def option(name: str, value: str, rng: random.Random) -> str:
-    """What is typed after an option in place of a value."""
+    """Return another value for an option."""
     if name == "--hypothesis":
         return rng.choice(["f1 += ", "f2 += ", "w1 += ", "q += ", "f1 = ", ""]) + rng.choice(FORMULAS)
     if name in ("--json", "--out", "--report", "--allan", "--ssv", "--export", "--picture", "--answer"):

@@ -1,4 +1,4 @@
-"""Clean records of positions whose errors are Gaussian, heavy-tailed or uniform, and what is made of them."""
+"""Clean records of positions with Gaussian, heavy-tailed or uniform errors, and their verdicts."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -20,7 +20,7 @@ ERRORS: Mapping[str, Callable[[np.random.Generator, tuple[int, int]], Any]] = {
 
 
 def clean_record(seed: int, count: int, errors: str, repeated: int = 0) -> PositionRecord:
-    """A record of so many positions, of which some are visited twice."""
+    """Return a record of this number of positions, some of which are visited twice."""
     rng = np.random.default_rng([seed, count])
     session = Session.drawn(rng, count)
     order = rng.permutation(count)
@@ -30,7 +30,8 @@ def clean_record(seed: int, count: int, errors: str, repeated: int = 0) -> Posit
 
 
 def false_alarms(seeds: range, count: int, errors: str, repeated: int = 0) -> int:
-    """How many clean records a calibration falsifies, with σ by repeats, or by the standard deviation without such."""
+    """Return the number of clean records that a calibration falsifies, with σ by repeats, or by the standard
+    deviation."""
     deviation = None if repeated else DEVIATION
     verdicts = []
     for seed in seeds:

@@ -1,4 +1,4 @@
-"""What the gyro block, extended by effects, reads over a lively motion with uneven steps."""
+"""Readings of the gyro block, extended by effects, over a lively motion with uneven steps."""
 
 from collections.abc import Sequence
 

@@ -1,6 +1,6 @@
-"""Measured files as laboratories write them, from clean arrays: many dialects, each with what has to be said of it.
+"""Measured files as laboratories write them, from clean arrays: many dialects, each with its necessary answers.
 
-Nothing here knows the product: numbers are written by Python's own formatting, and every factor is spelled out again.
+This module does not use the product: Python formats the numbers, and every factor is written again.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Laboratories' files imported in tests: what is asked, what is refused, whether the record is the clean one."""
+"""Imports of laboratories' files in tests: questions, refusals, and comparison with the clean record."""
 
 import re
 from pathlib import Path
@@ -29,7 +29,7 @@ def written(folder: Path, content: bytes | str, name: str = "lab.csv") -> Path:
 
 
 def imported(folder: Path, content: bytes | str, answers: dict[str, str] | None = None, **options: Any):
-    """What an import makes of this content."""
+    """Import this content."""
     name = options.pop("name", "lab.csv")
     return th.import_record(written(folder, content, name), answers=answers, **options)
 
@@ -49,9 +49,9 @@ def asked(path: Path, answers: dict[str, str] | None = None) -> tuple[set[str], 
 
 
 def imported_as_asked(folder: Path, file: LabFile) -> tuple[Any, Any]:
-    """The import of a file, and the record that is read from what it writes.
+    """Import a file with the requested answers, and read the record that it writes.
 
-    Exactly what the file does not say is asked for, in its number of rounds.
+    Each missing fact is asked for, and no other, in the file's number of rounds.
     """
     path = written(folder, file.content, f"lab{file.suffix}")
     answers: dict[str, str] = {}

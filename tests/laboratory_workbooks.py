@@ -33,7 +33,7 @@ def rows_of(bench: Bench, scale: float = 1.0) -> Cells:
 
 
 def xlsx(sheets: dict[str, Cells], *, chart: bool = False) -> bytes:
-    """A workbook of the new kind; what is a datetime is a date cell."""
+    """Return a workbook of the new kind; a datetime becomes a date cell."""
     stream = io.BytesIO()
     book = xlsxwriter.Workbook(stream, {"in_memory": True, "default_date_format": "dd.mm.yyyy hh:mm:ss"})
     for name, rows in sheets.items():

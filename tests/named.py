@@ -68,7 +68,7 @@ class Named:
         return self
 
     def refusal(self, message: int) -> str:
-        """What a message of its kernels says."""
+        """Return the text of a message of its kernels."""
         assert message > 0
         return self.component.messages[message - 1]
 

@@ -17,7 +17,7 @@ from native_driver import DISCARD, ERROR, OK, Library
 
 @dataclass(frozen=True)
 class Entry:
-    """A variable: what it is and what it starts with."""
+    """A variable: its kind and its start value."""
 
     name: str
     kind: str
@@ -134,7 +134,7 @@ def calls(subject: Subject) -> dict[str, Callable[[int], int]]:
 
 
 def check_every_call_in_every_phase(subject: Subject) -> None:
-    """What the state machine allows is done, what it does not is refused; the instance can be used on."""
+    """Allowed calls are done, others refused; the instance remains usable."""
     library = subject.library
     for phase in PHASES:
         for name, call in calls(subject).items():
@@ -339,7 +339,7 @@ def check_states(subject: Subject) -> None:
 
 
 def check_logging(subject: Subject) -> None:
-    """Told is what is of a chosen category; unknown ones are refused; FMI 3.0 is silent with logging off."""
+    """Only chosen categories are logged; unknown ones are refused; FMI 3.0 is silent with logging off."""
     library = subject.library
     instance = subject.new()
     yes, no = (ct.c_bool(True), ct.c_bool(False)) if library.fmi == 3 else (1, 0)
@@ -366,7 +366,7 @@ def check_logging(subject: Subject) -> None:
 
 
 def check_what_is_lacking(subject: Subject) -> None:
-    """Functions of what the FMU has not refuse."""
+    """Functions for missing features refuse."""
     library = subject.library
     instance = subject.new()
     library.start(instance)

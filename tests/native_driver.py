@@ -143,7 +143,7 @@ class Library:
 
     @property
     def state_word(self) -> str:
-        """How this version spells a state."""
+        """Spelling of a state in this version."""
         return "FMUstate" if self.fmi == 2 else "FMUState"
 
     def save(self, instance: int | None) -> ct.c_void_p:

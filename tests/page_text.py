@@ -78,7 +78,7 @@ MAKERS: dict[str, Callable[[], tuple[Result, Any]]] = {
 
 
 WATCHED: dict[str, Watched] = {name: Watched() for name in MAKERS}
-"""What was rounded for each document."""
+"""Rounded numbers of each document."""
 
 
 @cache
@@ -91,7 +91,7 @@ def shown(name: str) -> tuple[Any, Any]:
 
 @cache
 def page_of(name: str) -> Page:
-    """What stands on its page, all of its sections made."""
+    """Return the text of its page, with all sections made."""
     with WATCHED[name]():
         page = reports.page_of(*shown(name))
         assert page is not None

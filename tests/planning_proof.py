@@ -9,7 +9,7 @@ from trihedron.tools.planning.forms import dual_forms
 from trihedron.tools.planning.targets import PositionGrid
 
 LEVELS = (2e-11, 1e-10, 5e-10, 9e-10, 1e-8, 1e-6)
-"""By how much |F'y| may exceed one, tried in turn: the lower bound is divided by what is proven."""
+"""Excesses of |F'y| over one, tried in turn: the lower bound is divided by the proven one."""
 BIAS = 1e-11
 
 
@@ -18,9 +18,9 @@ class ProofError(ValueError):
 
 
 def proven_gap(plan: Plan) -> float:
-    """How much less than this plan another could cost, relative; its `optimum.lower_bound` is not used.
+    """Return the largest relative gain of another plan; the plan's `optimum.lower_bound` is not used.
 
-    A ProofError when the weights are biased, a reading is not admissible, or |F'y| exceeds one somewhere.
+    Raises ProofError if the weights are biased, a reading is not admissible, or |F'y| exceeds one somewhere.
     """
     best, target = plan.optimum, expression_weights(plan.target, plan.parametrisation)
     block = sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible)
@@ -44,7 +44,7 @@ def proven_gap(plan: Plan) -> float:
 
 
 def _ceiling(block: list[SignSheet], dual: np.ndarray) -> float:
-    """What |F'y| is proven not to exceed over all angles."""
+    """Return a proven bound of |F'y| over all angles."""
     for excess in LEVELS:
         bounded = ceiling(block, dual, 1.0 + excess)
         if not len(bounded.violations):

@@ -21,7 +21,7 @@ def tables_task(**options: Any) -> Task:
 
 
 def stored(count: int) -> Places:
-    """The set of so many positions that the package holds."""
+    """Return the package's set of this number of positions."""
     places = stored_positions(count)
     assert places is not None
     assert len(places) == count

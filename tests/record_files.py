@@ -17,7 +17,7 @@ VALID = "\n".join([POSITION_HEADER, *ROWS, ""])
 
 
 def reader(path: Path) -> Callable:
-    """A function that writes what it is given to the path and reads it as a record."""
+    """Return a function that writes its argument to the path and reads it as a record."""
 
     def read(content: str | bytes):
         path.write_bytes(content.encode() if isinstance(content, str) else content)

@@ -1,6 +1,6 @@
-"""What may be done to a record that must not change what is found in it, or only as is said: metamorphic relations.
+"""Metamorphic relations: changes of a record that do not change the result, or change it in a known way.
 
-Each takes a table of a record and gives another one, with the options that go with it.
+Each takes a table of a record and returns another one, with the options for it.
 """
 
 from collections.abc import Callable, Mapping
@@ -71,7 +71,7 @@ def axes_renamed(table: pl.DataFrame) -> Changed:
 
 
 def channels_renamed(table: pl.DataFrame) -> Changed:
-    """The file's channels stand in another order with another sign, and it is said."""
+    """Reorder and reverse the file's channels, with the option that corrects it."""
     new = [pl.col("f3_mps2").alias("f1_mps2"), -pl.col("f1_mps2").alias("f2_mps2"), pl.col("f2_mps2").alias("f3_mps2")]
     return Changed(table.with_columns(new), {"channels": ("-2,3,1",)})
 
@@ -89,7 +89,7 @@ def two_mountings(table: pl.DataFrame) -> Changed:
 
 
 def _inner_turn(degrees: float) -> np.ndarray:
-    """The mounting with which the block stands as before when the inner axis's angle is so many degrees less."""
+    """Return the mounting that keeps the block's attitude when the inner axis's angle is smaller by these degrees."""
     from trihedron.models.bench import nominal_input
 
     alpha, beta = np.radians([10.0, 50.0, 200.0, 300.0]), np.radians([20.0, 110.0, 240.0, 30.0])
@@ -106,7 +106,7 @@ EXACT: dict[str, Change] = {
     "columns in another order": other_columns,
     "channels renamed": channels_renamed,
 }
-"""What is found is the same, number by number."""
+"""Changes that leave the result the same, number by number."""
 SAME: dict[str, Change] = {
     "angles of whole turns more": whole_turns,
     "another unit of force": stronger_gravity,
@@ -114,11 +114,11 @@ SAME: dict[str, Change] = {
     "positions permuted": another_order,
     "base turned with the mounting": base_turned,
 }
-"""What is found is the same but for rounding."""
+"""Changes that leave the result the same except for rounding."""
 
 
 def differences(one: Any, other: Any, tolerance: float, path: str = "") -> list[str]:
-    """Where two plain values differ by more than a part `tolerance` of their size."""
+    """Return the differences of two plain values beyond the relative `tolerance`."""
     if isinstance(one, dict) and isinstance(other, dict):
         keys = sorted({*one, *other})
         return [d for k in keys for d in differences(one.get(k), other.get(k), tolerance, f"{path}.{k}")]

@@ -20,7 +20,7 @@ def scenario(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
 
 
 def here(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
-    """The same in this process: for what is no matter of where an FMU runs, as a process for each takes long."""
+    """Return the same scenario in this process: a process for each FMU is slow, and its place does not matter here."""
     settings = {"in_process": True, **sections.pop("run", ONE_SECOND)}
     return scenario(folder, fmus, run=settings, **sections)
 

@@ -1,8 +1,8 @@
-"""What a document shows of the bounds of its result: each is rounded to its own side, wherever it stands.
+"""The bounds of a result as a document shows them: each is rounded to its own side, everywhere.
 
-Whatever is shown goes through `trihedron.tools.rounding`; `Watched` takes down what goes in and what comes out while a
-document is made. Bounds of the result are known by their keys in its JSON. `rows_of_page` reads the tables of a page as
-a person does, from its HTML alone.
+All shown numbers go through `trihedron.tools.rounding`; `Watched` records its inputs and outputs while a document is
+made. Bounds of the result are known by their keys in its JSON. `rows_of_page` reads the tables of a page as a person
+does, from its HTML alone.
 """
 
 import json
@@ -24,9 +24,9 @@ UP = {
     *("held_out_max_before", "held_out_max_after", "max_before", "max_after", "maximum", "largest"),
     "bridged_bound",
 }
-"""Keys of what is at most so much."""
+"""Keys of upper bounds."""
 DOWN = {"low", "lower_bound", "distance_before", "distance_after", "apart_g"}
-"""Keys of what is at least so much."""
+"""Keys of lower bounds."""
 BOTH = {"radius"}
 """Up to 1 at most, above 1 at least."""
 UNITS = (1.0, 100.0, 60.0, 3600.0, 180.0 / math.pi, 10800.0 / math.pi, 648000.0 / math.pi)
@@ -35,7 +35,7 @@ UNITS = (1.0, 100.0, 60.0, 3600.0, 180.0 / math.pi, 10800.0 / math.pi, 648000.0 
 
 @dataclass
 class Watched:
-    """What was rounded: the number, the way, the text."""
+    """Rounded values: the number, the direction, the text."""
 
     seen: list[tuple[float, str, str]] = field(default_factory=list)
 

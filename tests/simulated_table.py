@@ -79,7 +79,7 @@ class SimulatedTable:
         return result
 
     def go(self, alpha_deg: float, beta_deg: float, dwell_s: float = 6.0, *, knocked: bool = False) -> None:
-        """Go to a position, rest there, and append what is read; a knock spoils one row of the rest."""
+        """Go to a position, rest there, and append the readings; a knock spoils one row of the rest."""
         rows = self.rows(alpha_deg, beta_deg, dwell_s)
         if knocked:
             rows[-len(rows) // 8, 4] += 150.0

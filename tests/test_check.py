@@ -121,7 +121,7 @@ def test_a_check_runs_nothing_and_writes_nothing(tmp_path: Path, monkeypatch: py
 
 
 def test_a_check_agrees_with_the_run(tmp_path: Path):
-    """What a check lets through is run; what a run refuses, a check finds."""
+    """A checked file runs; every refusal of a run is also found by the check."""
     for right, wrong in (
         ("step_s = 0.1", "step_s = 0.0"),
         ('to = "block.dwell"', 'to = "block.specific_force"'),
@@ -203,7 +203,7 @@ def test_a_good_record_says_what_is_in_it(record: Path):
 
 
 def test_a_channel_at_its_limit_is_a_warning_of_series_of_every_kind(tmp_path: Path):
-    """A sine that is clipped at 80 %; without the clip nothing is said."""
+    """Clip a sine at 80 %; without the clip there is no warning."""
     time = 0.01 * np.arange(3000)
     rate = np.sin(np.outer(time, [1.0, 1.3, 0.7]) + np.array([0.0, 1.0, 2.0]))
     force = 9.8 * np.stack([np.sin(0.4 * time), np.cos(0.4 * time), 0.1 * np.sin(0.9 * time)], axis=1)
@@ -218,7 +218,7 @@ def test_a_channel_at_its_limit_is_a_warning_of_series_of_every_kind(tmp_path: P
 
 
 def test_results_are_as_their_schemas_say(record: Path, tmp_path: Path):
-    """What the program writes, it lets through; what is changed by hand is found, with the line."""
+    """The check passes the program's own files; changes by hand are found, with the line."""
     results = {
         "calibration": th.calibrate(record, noise_bound=1e-5).json_text(),
         "diagnosis": th.diagnose(record, noise_bound=1e-5).json_text(),

@@ -1,4 +1,4 @@
-"""What a wheel holds: every package and every file that the program reads; one version everywhere."""
+"""The content of a wheel: every package and every file that the program reads; one version everywhere."""
 
 import re
 import tomllib

@@ -17,11 +17,11 @@ from trihedron.tools.trials import NOISE_BOUND, Case, Options, draw_case
 from trihedron.tools.trials.hiding import classes_with
 
 LEAST_RADIUS = 1.5
-"""What the catalogue's best set of three leaves, at least, in units of σ."""
+"""Least radius of the catalogue's best set of three, in units of σ."""
 BEAM = 40
-"""So many singles and pairs, the best ones, are grown."""
+"""Number of best singles and pairs that are grown."""
 EXACT = 12
-"""So many triples, the best ones by least squares, are judged exactly."""
+"""Number of best triples, by least squares, that are judged exactly."""
 
 
 def on(p: int, values: NDArray) -> NDArray:
@@ -130,7 +130,7 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
 
 
 def is_beyond_three(case: Case, record: PositionRecord) -> bool:
-    """Whether no set of three keeps every residual within 1.5 σ."""
+    """Return True if no set of three keeps every residual within 1.5 σ."""
     bench = case.instrument
     bound = LEAST_RADIUS * NOISE_BOUND
     wide = diagnose(record, noise_bound=bound, baseline=bench.baseline, mounting=bench.matrices, rerun=False)
@@ -172,7 +172,7 @@ def nearest_triple(case: Case, record: PositionRecord, change: NDArray | None = 
 
 
 def taken_by(columns: NDArray, left: NDArray) -> float:
-    """What columns take off a sum of squares."""
+    """Return the reduction of a sum of squares by columns."""
     u, values, _ = np.linalg.svd(columns, full_matrices=False)
     retained = u[:, values > 1e-6 * max(float(values.max(initial=0.0)), 1e-3)]
     return float(np.sum((retained.T @ left) ** 2))

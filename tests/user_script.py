@@ -35,7 +35,7 @@ def bench(folder: Path) -> float:
 
 
 def wrong() -> str:
-    """What is said of a file that is not there."""
+    """Return the refusal of a missing file."""
     try:
         th.calibrate("missing.csv")
     except th.InputError as error:

@@ -62,7 +62,7 @@ def warm_commands(folder: Path, environment: Mapping[str, str]) -> Iterator[Path
 
 
 def import_all() -> None:
-    """Import the product, and what it imports where it needs it."""
+    """Import the product, and the modules that it imports lazily."""
     package = importlib.import_module("trihedron")
     product_modules = [result.name for result in pkgutil.walk_packages(package.__path__, "trihedron.")]
     product = ("trihedron.models", "trihedron.fmus", "trihedron.tools")

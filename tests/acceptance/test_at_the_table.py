@@ -1,7 +1,7 @@
-"""A measurement from its first reading to its verdict, by an operator who does what he is told: page and terminal.
+"""A measurement from its first reading to its verdict, by an operator who follows the view: page and terminal.
 
-The table is made of the FMUs, and goes where the view says. One rest is bad, the program is killed once and taken up
-again; then the same with an effect hidden in the table.
+The table is made of the FMUs, and goes where the view says. One rest is bad, and the program is killed once and
+resumed; then the same with an effect hidden in the table.
 """
 
 import json
@@ -33,7 +33,7 @@ NEXT = re.compile(r"(next|repeat) position (\d+) of (\d+): α (-?[\d.]+)°, β (
 
 
 def waited(observe: Callable[[], object], what: str) -> object:
-    """What is seen at last."""
+    """Return the first result of an observation."""
     ends = time.monotonic() + SECONDS
     while time.monotonic() < ends:
         if result := observe():
@@ -43,7 +43,7 @@ def waited(observe: Callable[[], object], what: str) -> object:
 
 
 class Program:
-    """`trihedron measure` as a process, with what it says in its terminal."""
+    """`trihedron measure` as a process, with its terminal output."""
 
     def __init__(self, folder: Path, *options: str) -> None:
         command = [sys.executable, "-m", "trihedron.tools.cli", "measure", str(PLAN), "--from", "growing.csv"]
@@ -154,7 +154,7 @@ def operator(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callabl
 
 
 def measured(operator: Terminal | Page, table: SimulatedTable, count: int, *, knocked: int | None = None) -> list[str]:
-    """Go where it is said, so many times; gives where that was."""
+    """Go to the next position, this number of times; return the positions."""
     missing: list[str] = []
     for _ in range(count):
         output = str(waited(lambda: NEXT.match(operator.next()) and operator.next(), "where to go"))

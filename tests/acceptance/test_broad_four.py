@@ -1,4 +1,4 @@
-"""The matrix of docs/case-study-broad-four.md: what was found in one BROAD record, applied to another by the FMUs."""
+"""The matrix of docs/case-study-broad-four.md: effects found in one BROAD record, applied to another by the FMUs."""
 
 import re
 from pathlib import Path

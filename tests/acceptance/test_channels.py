@@ -23,7 +23,7 @@ def advised(record: PositionRecord) -> str:
 
 
 def is_spotted(record: PositionRecord, matrix: np.ndarray) -> bool:
-    """Whether the order that reads the record right is among those that are listed."""
+    """Return True if the order that reads the record correctly is among the listed ones."""
     result = re.findall(r'--channels (?:"([^"]*)"|([^\s;)]+))', re.sub(r"--mounting[^;]*", "", advised(record)))
     listed = [Channels.given([quoted or plain]) for quoted, plain in result]
     orders = [entry for entry in listed if entry.alpha == entry.beta == 1 and not entry.radians]
@@ -47,7 +47,8 @@ def test_no_right_record_is_advised_anything() -> None:
 
 
 def is_mended(record: StrapdownRecord, matrix: np.ndarray) -> bool:
-    """Whether gyros exchanged by a signed permutation are said with the order that reads them right, first of all."""
+    """Return True if the first advice on gyros exchanged by a signed permutation is the order that reads them
+    correctly."""
     assert record.rate is not None
     output = " ".join(trust_of(replace(record, rate=record.rate @ matrix.T)).faults)
     return f"read it with --channels w={','.join(map(str, reading_of(matrix)))}" in output

@@ -7,7 +7,7 @@ from gaussian_records import false_alarms
 pytestmark = pytest.mark.acceptance
 SEEDS = range(1000, 1200)
 CHANCE = 6
-"""Of 200 records with a chance of 1 % more are falsified once in 200 times."""
+"""Limit for 200 records with a chance of 1 % each: more are falsified once in 200 times."""
 
 
 @pytest.mark.parametrize("repeated", [0, 3])

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.acceptance
 SHARE = float(os.environ.get("TRIHEDRON_SUITE_SHARE", "1"))
 SEED = 4000
 PAGES = 4
-"""Of one record in so many the page is read, too."""
+"""Interval of the records whose page is read too."""
 WITHIN = re.compile(r"^  (\S+) .*within \[([^,\]]+), ([^\]]+)\]")
 NO_SIZES = ("phase", "start", "time_constant")
 Numbers = list[dict[str, Any]]
@@ -38,9 +38,9 @@ def ends_of(parameter: dict[str, Any]) -> tuple[float, float]:
 
 
 def may_be_zero(parameters: Numbers) -> bool:
-    """Whether every size of a cause may be nothing at all.
+    """Return True if every size of a cause may be zero.
 
-    What has no size, as readings that are exchanged from a time on, is not nothing.
+    A cause without a size, such as readings exchanged from a time on, is not zero.
     """
     sizes = [ends_of(p) for p in parameters if not p["name"].endswith(NO_SIZES)]
     return bool(sizes) and all(low <= 0.0 <= high for low, high in sizes)

@@ -31,7 +31,7 @@ FROM = int(os.environ.get("TRIHEDRON_FUZZ_FROM", "0"))
 FOUND = (2756, 3887, 3900, 6789, 8568, 21469, 23453)
 """Seeds that found a fault: they are tried first."""
 MOST_SECONDS, MOST_BYTES = 60, 3 << 30
-"""Of the processor, and of memory."""
+"""Limits of processor time [s] and memory [bytes]."""
 STANDSTILL = 3600.0
 """Seconds by the clock after which a command is ended that waits for something: other programs may run beside it."""
 BATCH = 500
@@ -114,7 +114,7 @@ SINCE = {
     "instrument trend unit --json out.json --report out.html": (6, UNIT),
     "instrument show unit --out out.json": (4, UNIT),
 }
-"""The same of commands that came later, tried by part of the seeds: what a seed of FOUND tries stays as it was."""
+"""The same for later commands, tried by part of the seeds: a seed of FOUND keeps its trials."""
 PART_SINCE = 0.12
 WORDS = {
     "record": ("scenario", "raw-record", "strapdown-record", "mounting", "recrd"),
@@ -180,7 +180,7 @@ def drawn(seed: int, inputs: Path) -> Input:
 
 
 def _is_value(words: list[str], k: int) -> bool:
-    """Whether a word is the value of an option, or one of its values."""
+    """Return True if a word is the value of an option, or one of its values."""
     return not words[k].startswith("--") and words[k] != "{}" and any(w.startswith("--") for w in words[1:k])
 
 
@@ -236,7 +236,7 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommand
 
 
 def done_with(case: Input, inputs: Path, folder: Path, commands: ForkedCommands) -> Done:
-    """What comes of an input; the other files are links to the right ones."""
+    """Return the outcome of an input; the other files are links to the correct ones."""
     folder.mkdir()
     for path in inputs.rglob("*"):
         place = folder / path.relative_to(inputs)
@@ -256,9 +256,9 @@ def done_with(case: Input, inputs: Path, folder: Path, commands: ForkedCommands)
 
 
 def fault(outcome: Done, gated: bool = False) -> str:
-    """What is wrong with how a command has ended; nothing where it is refused in one line, or done.
+    """Return the fault in the end of a command; empty if it is refused in one line, or done.
 
-    `gated` are those that were asked to end in 3 where two differ.
+    `gated` commands were asked to end in 3 if two differ.
     """
     if outcome.cpu_seconds > MOST_SECONDS or outcome.seconds > STANDSTILL:
         return f"took {outcome.cpu_seconds:.0f} s of the processor, {outcome.seconds:.0f} s by the clock"
@@ -280,7 +280,7 @@ BATCHES = [SEEDS[k : k + BATCH] for k in range(0, len(SEEDS), BATCH)]
 
 
 class Counts:
-    """What came of the inputs, by command."""
+    """Outcomes of the inputs, by command."""
 
     def __init__(self) -> None:
         self._done: dict[str, list[Done]] = {}

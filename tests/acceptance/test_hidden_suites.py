@@ -1,6 +1,7 @@
-"""The suites of hidden effects, whole: `scenarios/hidden/suites.toml` says what is drawn.
+"""The whole suites of hidden effects of `scenarios/hidden/suites.toml`.
 
-`TRIHEDRON_SUITE_SHARE` runs a part of each, `TRIHEDRON_TRIPLES` so many triples, `TRIHEDRON_TRIPLES_FROM` of a seed.
+`TRIHEDRON_SUITE_SHARE` runs a part of each, `TRIHEDRON_TRIPLES` a number of triples, `TRIHEDRON_TRIPLES_FROM` of a
+seed.
 """
 
 import json
@@ -23,7 +24,7 @@ from unknown_effects import LEAST_RADIUS, draw_unknown
 
 pytestmark = pytest.mark.acceptance
 SHARE = float(os.environ.get("TRIHEDRON_SUITE_SHARE", "1"))
-"""A part of each suite is run where somebody only wants to look; limits are parts of what is run."""
+"""Share of each suite for a quick look; limits scale with it."""
 TRIPLES = int(os.environ.get("TRIHEDRON_TRIPLES", "20"))
 TRIPLES_FROM = os.environ.get("TRIHEDRON_TRIPLES_FROM")
 CURVES = Path(__file__).resolve().parents[2] / "scenarios" / "campaigns" / "hidden-effects.toml"
@@ -78,7 +79,7 @@ def test_hidden_effects_are_named_and_none_wrongly(name, right, wrong, say):
     ("mode", "effects", "cases"), [("single", (), 20), ("clean", (), 20), ("single", ("mounting-slip",), 6)]
 )
 def test_secrets_of_whole_benches_are_named(mode, effects, cases):
-    """What is asked for is 97 % right and 0.5 % wrong of two hundred; slips at any time but near the ends."""
+    """Require 97 % right and 0.5 % wrong of two hundred; slips at any time but near the ends."""
     suite = run_suite(Options(mode, effects, whole=True), cases, 2)
     assert not [entry.case for entry in suite.results if entry.outcome == "wrong"], suite.confusion
     assert sum(entry.outcome == "right" for entry in suite.results) >= 0.97 * cases, suite.confusion
@@ -102,7 +103,7 @@ def test_the_campaign_of_hidden_effects_counts_as_the_suite_does(tmp_path):
 
 
 def test_effects_that_the_catalogue_lacks_get_no_name(say):
-    """Where its best set of three leaves a radius of 1.5 or more."""
+    """Draw effects for which the catalogue's best set of three leaves a radius of 1.5 or more."""
     counts: Counter[str] = Counter()
     for index in range(max(10, round(SHARE * 100))):
         unknown = draw_unknown(500, index, (24, 48))
@@ -152,7 +153,7 @@ def test_measuring_the_proposed_positions_too_leaves_the_right_one(say):
 
 
 def test_held_out_errors_fall_to_the_noise(say):
-    """Of effects that were named: root mean square of the errors at positions that were left out of the fit."""
+    """Compare the rms of the errors at positions left out of the fit, for named effects."""
     suite, ratios = named_suite("single"), []
     for index in range(max(3, round(SHARE * 40))):
         case = draw_case(suite.options, suite.seed + 2, index)

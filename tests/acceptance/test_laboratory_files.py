@@ -1,4 +1,4 @@
-"""Calibration and diagnosis of what was imported are those of the clean record, in every dialect."""
+"""Calibration and diagnosis of imported records are those of the clean record, in every dialect."""
 
 from pathlib import Path
 

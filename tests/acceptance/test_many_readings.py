@@ -1,4 +1,4 @@
-"""The estimate that is stated, of as many readings as a long campaign gives."""
+"""The estimate of a calibration for the number of readings of a long campaign."""
 
 import numpy as np
 import pytest

@@ -20,9 +20,9 @@ from trihedron.tools.records import PositionRecord, StrapdownRecord, read_record
 pytestmark = pytest.mark.acceptance
 SHARE = float(os.environ.get("TRIHEDRON_SUITE_SHARE", "1"))
 MANY, LARGE = 36, 3.0
-"""From so many positions and so many times detection on place and quantity are to be found."""
+"""Number of positions, and multiple of detection, from which place and quantity must be found."""
 PREDICTS = 1.5
-"""Errors of what was left out are to be smaller, root mean square [σ]."""
+"""Largest rms of the errors of left-out readings [σ]."""
 TILTS = ("tilt", "outer tilt")
 
 
@@ -46,14 +46,14 @@ def proven_pairs(proven: dict[str, Any]) -> set[tuple[str, str, str | None]]:
 
 
 def held_out(content: dict[str, Any]) -> float:
-    """Root mean square error of what was left out, with the extension [σ]; infinite where there is none."""
+    """Return the rms error of left-out readings, with the extension [σ]; infinite without an extension."""
     extensions = [explanation["extension"] for explanation in content["explanations"] if explanation.get("extension")]
     gain = next(iter(extensions), {}).get("gain") or content.get("gain") or {}
     return gain.get("held_out_rms_after", float("inf")) / SIGMA
 
 
 def judged(case: Outside, content: dict[str, Any]) -> set[str]:
-    """What is true of what was said of a case."""
+    """Return the true statements of a diagnosis."""
     proven = content.get("proven") or {}
     pairs, same = proven_pairs(proven), set(case.same)
     causes = {(cause["effect"], cause["where"]) for cause in content["causes"]}

@@ -57,7 +57,7 @@ def test_it_is_hidden_found_shown_and_exported(tmp_path, monkeypatch, capsys):
 
 
 def test_the_processes_of_a_suite_know_it(tmp_path, monkeypatch):
-    """Two processes give what one gives, and name it in every record."""
+    """Two processes give the result of one, and name it in every record."""
     monkeypatch.chdir(tmp_path)
     command = [
         "hidden",

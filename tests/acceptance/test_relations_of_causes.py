@@ -1,4 +1,4 @@
-"""Records changed so that what is found in them must be the same: `diagnose`, `attitude`, `plan`, `import`.
+"""Changes of records that must not change the result of `diagnose`, `attitude`, `plan`, `import`.
 
 The relations are those of `tests/relations.py`; the cheap ones are in `make test`.
 """
@@ -32,9 +32,9 @@ EFFECTS = {
     "none": (),
 }
 IN_ORDER = ("outlier", "scale-drift")
-"""What depends on order, time or single positions."""
+"""Effects that depend on order, time or single positions."""
 SHOWN = ("band", "gain", "next_positions", "judgement", "laws", "power", "provenance", "warnings")
-"""Beside what is stated: pictures, advice, and what says where the record came from."""
+"""Keys beside the statements: pictures, advice, and the origin of the record."""
 
 
 def hidden(folder: Path, effect: str) -> pl.DataFrame:
@@ -43,7 +43,7 @@ def hidden(folder: Path, effect: str) -> pl.DataFrame:
 
 
 def stated(table: pl.DataFrame, **options: Any) -> dict:
-    """A diagnosis as plain values, without what is shown beside it."""
+    """Return a diagnosis as plain values, without the keys of `SHOWN`."""
     result = measured.diagnose(table, noise_bound=SIGMA, **options).to_json()
     return {name: without_origin(value) for name, value in result.items() if name not in SHOWN}
 
@@ -64,7 +64,7 @@ def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 
 def causes(diagnosis: dict) -> list[str]:
-    """What is named, in order."""
+    """Return the named causes in order."""
     return [
         str(sorted((k, v) for k, v in cause.items() if isinstance(v, str))) for cause in diagnosis.get("causes", ())
     ]
@@ -126,7 +126,8 @@ SEVERAL = [(EffectPlace("quadratic", "accelerometer-2"), (4e-4,))]
 
 
 def together(tables: Sequence[Any], **options: Any) -> dict:
-    """What several records say together: verdict, causes with whose they are, what is the instrument's, radius."""
+    """Return the joint result of several records: verdict, causes with their owners, state of the instrument,
+    radius."""
     result = th.diagnose_together(*tables, noise_bound=SIGMA, **options)
     titles = sorted((cause.title, cause.is_of_instrument) for cause in result.causes)
     return {"verdict": result.verdict, "causes": titles, "instrument": result.instrument, "radius": result.radius}
@@ -249,7 +250,8 @@ def test_attitude_of_renamed_axes_turns_about_renamed_axes(moved):
 
 
 def test_a_plan_of_renamed_axes_has_the_same_costs():
-    """Of one set for all targets: the worst ratio of cost to optimum; the targets are those of other accelerometers."""
+    """Compare the worst ratio of cost to optimum of one set for all targets; the targets are those of other
+    accelerometers."""
     entry = th.plan("X16", grid=15.0, baseline="symmetric")[0].optimum.cost
     second = th.plan("X17", grid=15.0, baseline="symmetric", mounting=named(CYCLE.T))[0].optimum.cost
     assert second == pytest.approx(entry, rel=1e-6)

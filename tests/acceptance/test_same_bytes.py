@@ -68,7 +68,7 @@ def test_denormal_numbers_are_zeros(least: float, inputs: Path, tmp_path: Path) 
 
 
 def said_by(program: Sequence[str | Path], line: str, inputs: Path, **variables: str) -> bytes:
-    """What a command says on standard output, as JSON."""
+    """Return the standard output of a command, as JSON."""
     command = [*program, "-m", "trihedron.tools.cli", *line.split(), "--quiet", "--json", "-"]
     return subprocess.run(command, cwd=inputs, env={**os.environ, **variables}, capture_output=True, check=True).stdout
 

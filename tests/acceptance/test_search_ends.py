@@ -1,4 +1,4 @@
-"""A diagnosis ends, whatever the record: gross errors of many readings at 24 to 100 positions."""
+"""A diagnosis ends for any record: gross errors of many readings at 24 to 100 positions."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Two hours at 100 Hz: memory does not grow, and what is taken up again is the same."""
+"""Two hours at 100 Hz: memory does not grow, and a resumed session is the same."""
 
 from pathlib import Path
 

@@ -28,9 +28,9 @@ SHARES = {
     ("simulate", "kill"): 0.1,
     ("simulate", "ctrl-c"): 0.05,
 }
-"""How many of the strikes are of which kind."""
+"""Share of each kind of strike."""
 FILES = 7
-"""Of that campaign, which are stored one after the other."""
+"""Files of that campaign, which are stored one after the other."""
 WEIGHTS = {"write": 4, "compute": 2, "write_page": 2, "write_summary": 2}
 SCENARIO = """schema = "trihedron.scenario/1"
 [run]
@@ -59,7 +59,7 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommand
 
 @pytest.fixture
 def fell() -> Iterator[Counter[str]]:
-    """Where the strikes fall; shown at the end, whatever that is."""
+    """Yield the counts of the strikes by place; show them at the end."""
     counted = Counter[str]()
     yield counted
     for place, count in sorted(counted.items()):
@@ -103,7 +103,7 @@ class Campaign:
 
 
 def expected(done: Done, blow: str) -> None:
-    """How the command ends that was struck."""
+    """Check the end of the command that was struck."""
     if blow in ("kill", "kill all"):
         assert done.status == -9, done.err
         assert done.out == ""

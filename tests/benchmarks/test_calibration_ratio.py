@@ -1,4 +1,4 @@
-"""How long a calibration takes: estimates, guaranteed errors, all intervals, of 100 positions and of 100,000."""
+"""Time of a calibration: estimates, guaranteed errors, all intervals, for 100 positions and for 100,000."""
 
 import time
 

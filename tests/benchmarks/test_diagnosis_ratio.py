@@ -32,11 +32,11 @@ EFFECTS = {
 }
 LEAST_RATIO = 100.0
 LEAST_RATIO_OF_RADII = {100: 2.5, 1000: 4.0}
-"""Of least radii by the solver to those by exchange: 4.5 to 7 and 9 were measured."""
+"""Least time of the solver's radii over that by exchange: 4.5 to 7 and 9 were measured."""
 LEAST_RATIO_OF_ENDS = 3.0
-"""Of ends by the warm solver to those by exchange: 7 were measured."""
+"""Least time of the warm solver's ends over that by exchange: 7 were measured."""
 LEAST_RATIO_OF_ALL = 10.0
-"""Of a programme for each set of two to the whole diagnosis: 30 and more."""
+"""Least time of a programme for each set of two over that of the whole diagnosis: 30 and more were measured."""
 
 
 def three_effects(positions: int) -> Case:
@@ -72,7 +72,7 @@ def test_proof_against_a_programme_for_each_set(capsys):
 
 @pytest.mark.parametrize("positions", [100, 1000])
 def test_least_radii_against_the_solver(positions, capsys):
-    """What each effect alone leaves: all rows in the solver at once, and by exchange."""
+    """Compare the radii of each single effect: all rows in the solver at once, and by exchange."""
     case = three_effects(positions)
     evidence: Any = evidence_of(case.measured(), **options_of(case))
     matrices = [
@@ -122,7 +122,7 @@ def test_how_far_a_set_goes_against_the_solver(capsys):
 
 
 def least_radius_of_programme(matrix: NDArray, target: NDArray) -> float:
-    """By HiGHS, whatever the number of rows."""
+    """Return the least radius by HiGHS, for any number of rows."""
     rows, columns = matrix.shape
     free, ones = np.full(columns, np.inf), np.ones((rows, 1))
     size = np.abs(matrix).max(axis=0)
@@ -147,9 +147,9 @@ def options_of(case: Case) -> dict[str, Any]:
 
 @pytest.mark.parametrize("positions", [100, 1000])
 def test_a_whole_diagnosis(positions, capsys):
-    """Falsified, searched to sets of three, judged on what was left out; not simulated again.
+    """Time a diagnosis: falsified, searched to sets of three, judged on left-out readings; not simulated again.
 
-    Against linear programmes for the sets of two alone, of effects and of those that set in, settle or lag.
+    The reference is linear programmes for the sets of two alone, of effects and of those that set in, settle or lag.
     """
     case = three_effects(positions)
     record = case.measured()

@@ -1,4 +1,4 @@
-"""What the master itself costs: three coupled native FMUs that compute next to nothing, seven recorded outputs."""
+"""The cost of the master itself: three coupled native FMUs that compute almost nothing, seven recorded outputs."""
 
 import gc
 import subprocess

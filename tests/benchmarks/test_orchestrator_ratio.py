@@ -138,7 +138,7 @@ def scenario(folder: Path, steps: int, *, in_process: bool = True, **more: objec
 def seconds_of_steps(
     folder: Path, out: Path | None, most: int = STEPS, *, in_process: bool = True
 ) -> tuple[float, np.ndarray]:
-    """Seconds that so many steps more take: starting up is left out, as it is for the other loops."""
+    """Return the seconds for this number of further steps: starting up is excluded, as for the other loops."""
     times, rows = {}, np.zeros(0)
     for steps in (1, most):
         gc.collect()

@@ -1,4 +1,4 @@
-"""The measured records: what is named, what is not, and that the pages of the case studies are what the records say."""
+"""The measured records: named and unnamed effects; the pages of the case studies agree with the records."""
 
 import os
 import re

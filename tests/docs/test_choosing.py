@@ -1,4 +1,4 @@
-"""What the page on choosing an attitude algorithm says is so."""
+"""The statements of the page on choosing an attitude algorithm are true."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""The documentation does what it says: blocks of code run, the site builds strictly and asks nothing of others."""
+"""The documentation works: blocks of code run, the site builds strictly and loads nothing from other hosts."""
 
 import os
 import re
@@ -35,7 +35,7 @@ def records(tmp_path_factory, programs) -> Path:
 
 @pytest.fixture
 def read(tmp_path, records, programs) -> Callable[..., None]:
-    """Do what a page says, in an empty folder."""
+    """Follow a page, in an empty folder."""
 
     def read_page(page: Path, *, long: bool) -> None:
         if page.name == "native-fmus.md" and not shutil.which("cc"):

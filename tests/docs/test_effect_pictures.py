@@ -1,4 +1,4 @@
-"""The sheet of effects: every effect shows, as what it is defined to be."""
+"""The sheet of effects: every effect is visible in its defined form."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the page on velocity says of the drift under sculling is so."""
+"""The statements of the page on velocity about the drift under sculling are true."""
 
 from pathlib import Path
 

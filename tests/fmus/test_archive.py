@@ -1,4 +1,4 @@
-"""What an FMU ships, that it is the same on every build, and that the usual tools take it."""
+"""The content of an FMU: the same on every build, and readable by the usual tools."""
 
 import random
 import shutil
@@ -126,7 +126,7 @@ def test_names_of_types_are_unique_and_no_variable_has_one(fmi, tmp_path, monkey
 
 
 def fmpy_reads(component: Component, fmi: int) -> bool:
-    """Whether FMPy can apply all inputs: in FMI 3.0 it takes no discrete arrays, and one shape of continuous inputs."""
+    """Return True if FMPy can apply all inputs: in FMI 3.0 no discrete arrays, and one shape of continuous inputs."""
     inputs = [v for v in component.interface if v.causality == "input"]
     continuous = {v.size for v in inputs if v.variability == "continuous"}
     return fmi == 2 or (len(continuous) <= 1 and not any(v.size for v in inputs if v.variability == "discrete"))

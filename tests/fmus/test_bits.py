@@ -122,7 +122,7 @@ def test_the_python_flavour_gives_the_bits_of_plain_python(component, tmp_path, 
 @needs_compiler
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
 def test_native_fmus_give_the_bits_of_plain_python(component, tmp_path):
-    """Of one version each: the machine code is of the same C, and `make acceptance` runs every kind in both."""
+    """Test one version each: the machine code comes from the same C, and `make acceptance` runs every kind in both."""
     plain = run_instance(instantiate(component), component, STEPS)
     assert same_bits(run_native(component, tmp_path, STEPS, 3 if component.effects else 2), plain)
 

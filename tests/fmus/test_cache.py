@@ -1,4 +1,4 @@
-"""What is kept between runs: damage is noticed, what others could have put there is not used."""
+"""The cache between runs: damage is noticed, and foreign content is not used."""
 
 import hashlib
 import os

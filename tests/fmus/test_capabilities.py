@@ -1,4 +1,4 @@
-"""What the model description says an FMU can do is tried, for every component and both versions of FMI."""
+"""Every capability in the model description is tried, for every component and both versions of FMI."""
 
 import random
 import zipfile
@@ -77,7 +77,7 @@ class Driven:
         return values
 
     def step(self, time: float, length: float) -> bool:
-        """Whether the step was done."""
+        """Return True if the step was done."""
         self.put(self.over(length))
         if self.model is not None:
             return self.model.library.step(self.model.instance, time, length) == OK
@@ -132,7 +132,7 @@ def test_every_declared_capability_is_there(component, flavour, tmp_path, slaves
 @needs_compiler
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_the_attitude_computer_takes_a_sample_in_parts(fmi, tmp_path):
-    """What the gyros turn over the parts of a sample adds up, also where the last step of a run is a short one."""
+    """The turns of the gyros over the parts of a sample add up, also if the last step of a run is short."""
     component = components()["AttitudeComputer"]
     path = build(component.name, tmp_path, flavour="native", fmi=fmi)
     complete = Driven(component, path, tmp_path / "a")

@@ -19,7 +19,7 @@ FORCE = st.one_of(st.floats(-30.0, 30.0), st.sampled_from([0.0, -0.0, 1e-300, -1
 
 
 def there_and_back(parameters: dict[str, float], force) -> tuple[np.ndarray, np.ndarray]:
-    """The block's readings of a force, and what its inverse makes of them [m/s²]."""
+    """Return the block's readings of a force, and the forces that its inverse recovers [m/s²]."""
     block, inverse = (Named(component, **parameters).begin() for component in (BLOCK, INVERSE))
     reading = block.put(specific_force=force)["reading"]
     return reading, inverse.put(reading=reading)["specific_force"]

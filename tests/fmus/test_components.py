@@ -1,4 +1,4 @@
-"""What every component promises: a complete state, limits that are enforced, a message to a host that errs."""
+"""The promises of every component: a complete state, enforced limits, a message to a host that errs."""
 
 import math
 import random

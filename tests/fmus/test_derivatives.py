@@ -1,4 +1,4 @@
-"""Directional derivatives of native FMUs against differences of what the FMU itself gives, and against formulas."""
+"""Directional derivatives of native FMUs against differences of the FMU's own outputs, and against formulas."""
 
 import ctypes as ct
 import random
@@ -23,7 +23,7 @@ STENCIL = {1: 2 / 3, 2: -1 / 12}
 
 
 class Subject:
-    """An instance in its initialisation, every real input and parameter of which has a value of its own."""
+    """An instance in its initialisation; every real input and parameter has a value of its own."""
 
     def __init__(self, component: Component, fmi: int, folder) -> None:
         self.component = component

@@ -113,7 +113,7 @@ def table(effects: dict[EffectPlace, tuple[float, ...]], **settings) -> Named:
 
 @pytest.mark.parametrize("step", [0.1, 100.0])
 def test_senses_of_axes_are_those_of_their_last_moves(step):
-    """Whether a move takes many steps or begins, turns round and ends within one."""
+    """Test moves that take many steps, and moves that begin, reverse or end within one."""
     effects = {EffectPlace("backlash", axis): (2e-3,) for axis in ("outer-axis", "inner-axis")}
     model = table(effects, encoder_fluctuation_bound=0.0)
     time, recorded = 0.0, [model["angle_reading"]]

@@ -1,4 +1,4 @@
-"""GyroBlock: what it reads, that quanta lose nothing, that errors are bounded."""
+"""GyroBlock: its readings, quanta without loss, bounded errors."""
 
 import math
 

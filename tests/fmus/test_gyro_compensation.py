@@ -28,7 +28,7 @@ INVERTIBLE = [e.places[0] for e in STRAPDOWN_EFFECTS.values() if e.stage == "rea
 
 
 def undone(effects, rows, *, regular: bool = False, calibrated=None) -> np.ndarray:
-    """Rates (N, 3) that the compensation with effects `known` makes of what a block with `effects` reads."""
+    """Return rates (N, 3) that the compensation with `calibrated` effects recovers from the readings of a block."""
     readings = gyro_readings(effects, rows, regular=regular, **ERRORS)
     readings = replace(rows, rate=readings)
     return gyro_readings(
@@ -43,7 +43,7 @@ def test_it_undoes_scale_misalignment_and_bias():
 
 @pytest.mark.parametrize("place", INVERTIBLE, ids=lambda p: p.title)
 def test_it_undoes_effects_to_second_order(place):
-    """What is left falls with the third power of an effect's size, or is nothing but rounding."""
+    """The remainder falls with the third power of an effect's size, or is only rounding."""
     effect, rows = STRAPDOWN_EFFECTS[place.effect], lively_motion()
     regular = place.effect == "jitter"
     scale = 0.2 * PERIOD if place.effect in ("latency", "latency-step", "lag") else 0.02

@@ -83,7 +83,7 @@ def made(library: Library) -> int | None:
 
 
 def columns(rows) -> dict[str, np.ndarray]:
-    """Of FMPy's result, a column for each element, by time; of several rows of one time the last."""
+    """Return a column for each element of FMPy's result, by time; the last of several rows of one time."""
     last = {round(float(row["time"]), 9): row for row in rows}
     flat = [[x for value in row for x in np.atleast_1d(value)] for row in last.values()]
     return {str(i): column for i, column in enumerate(np.array(flat, dtype=float).T)}

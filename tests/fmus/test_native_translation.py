@@ -1,4 +1,4 @@
-"""The translator of restricted Python to C: what it does not know it refuses, and names file, line and construct."""
+"""The translator of restricted Python to C refuses unknown constructs, and names file, line and construct."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Forward differentiation of restricted Python: every construct against differences, what has no tangent refused."""
+"""Forward differentiation of restricted Python: every construct against differences; refusals without a tangent."""
 
 import math
 import re

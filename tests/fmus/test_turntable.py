@@ -128,7 +128,7 @@ SLIP = EffectPlace("mounting-slip", "mounting")
 
 
 def test_a_slip_at_the_end_of_a_step_is_in_one_increment_and_in_the_attitude_there():
-    """Whatever the rounding of hours, and of times that a master counts or adds up."""
+    """The result does not depend on the rounding of hours, or of times that a master counts or adds up."""
     size = np.array([2e-3, -3e-3, 1e-3])
     rng = np.random.default_rng(3)
     for case in range(120):

@@ -1,4 +1,4 @@
-"""Adds up its input, step by step; keeps what its input was when initialisation ended."""
+"""Add up the input, step by step; keep its value at the end of the initialisation."""
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
 

@@ -1,4 +1,4 @@
-"""Puts out what it is told of time: the communication point of its last step, the step, how often it stepped."""
+"""Put out the received times: the communication point of the last step, the step, the number of steps."""
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Integer, Real
 

@@ -69,7 +69,7 @@ def hostile_scenario(folder: Path, name: str, **sections: Any) -> dict[str, Any]
 
 
 def outcome(folder: Path, name: str, out: Path) -> str:
-    """What is said of the run."""
+    """Return the refusal of the run."""
     options = hostile_scenario(folder, name)
     try:
         run_scenario(scenario(folder, options.pop("fmus"), **options), out)

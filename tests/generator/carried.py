@@ -14,7 +14,7 @@ from generator.turns import attitudes, turned_by, up_in_body
 from trihedron.tools.records import StrapdownRecord
 
 PERIOD = 0.01
-"""Of strapdown records [s]."""
+"""Time between the rows of strapdown records [s]."""
 _FACES = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
 _EDGES = [[1, 1, 0], [1, 0, 1], [0, 1, 1], [-1, 1, 0], [-1, 0, 1], [0, -1, 1], [1, 1, -1], [-1, -1, 1]]
 _VERTICALS = np.array([*_FACES, *_EDGES], dtype=float)
@@ -124,7 +124,7 @@ class HandMotion:
     def drawn(
         rng: np.random.Generator, poses: int, rest: float, angles: tuple[float, float], *, fast: float = 1.0
     ) -> "HandMotion":
-        """So many poses, with turns of angles [rad] from the least to the greatest."""
+        """Draw a motion with this number of poses, with turns of angles [rad] from the least to the greatest."""
         turns = rng.normal(size=(poses, 3))
         turns *= (fast * rng.uniform(*angles, poses) / np.linalg.norm(turns, axis=1))[:, None]
         return HandMotion(turns, fast * rng.uniform(-0.8, 0.8, (poses, 3)), rest)
@@ -136,7 +136,7 @@ class HandMotion:
 
     @property
     def times(self) -> np.ndarray:
-        """Of the rows [s], from 0."""
+        """Times of the rows [s], from 0."""
         return PERIOD * np.arange(self.count)
 
     def rate(self, times: np.ndarray) -> np.ndarray:
@@ -218,7 +218,7 @@ GYRO_FAULTS: Sequence[tuple[str, str]] = (
     ("wave", "other"),
     ("knee", "force"),
 )
-"""A shape, and of which quantity of a gyro."""
+"""A shape of a fault, and the gyro's quantity on which it depends."""
 
 
 @dataclass(frozen=True)

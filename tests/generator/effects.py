@@ -1,4 +1,4 @@
-"""What an effect of the catalogue does to the readings of a table's positions, by definitions of its own."""
+"""Changes of the readings of a table's positions by effects of the catalogue, by independent definitions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -75,7 +75,7 @@ AXES = ("outer-axis", "inner-axis")
 
 
 def readings_added(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:
-    """What effects add to the readings (N, 3) [g]."""
+    """Return the change of the readings by effects (N, 3) [g]."""
     added = np.zeros_like(visits.n)
     for place, sizes in hidden:
         if place.effect == "outlier":
@@ -87,7 +87,7 @@ def readings_added(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:
 
 
 def last_stage(visits: Visits, own: np.ndarray, reading: np.ndarray, hidden: Sequence[Sized]) -> np.ndarray:
-    """Readings (N, 3) [g] after what acts on a whole reading; `own` (N, 3) is what each input adds to its channel."""
+    """Return readings (N, 3) [g] after effects on a whole reading; `own` (N, 3) is each input's part in its channel."""
     reading = reading.copy()
     for place, sizes in hidden:
         if place.effect not in ("dead-zone", "saturation", "quantisation", "exchanged-readings"):
@@ -127,7 +127,7 @@ def slipped(visits: Visits, theta: np.ndarray, hidden: Sequence[Sized]) -> np.nd
 
 
 def encoders_off(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:
-    """What effects make the encoders read too much (N, 2) [rad]."""
+    """Return the errors of the encoders by effects, reading less true angle (N, 2) [rad]."""
     off = np.zeros((len(visits.hours), 2))
     for place, sizes in hidden:
         if place.effect == "encoder-harmonic":
@@ -140,7 +140,8 @@ def encoders_off(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:
 
 
 def axes_off(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:
-    """What effects turn the table's frames further (N, 4) [rad]: κ, the outer angle, ε, the inner angle."""
+    """Return the further turns of the table's frames by effects (N, 4) [rad]: κ, the outer angle, ε, the inner
+    angle."""
     off = np.zeros((len(visits.hours), 4))
     alpha, beta = visits.angles.T
     for place, sizes in hidden:

@@ -59,7 +59,7 @@ class Session:
         return senses
 
     def visits(self, n: np.ndarray) -> Visits:
-        """What effects see at inputs (N, 3)."""
+        """Return the circumstances of effects at inputs (N, 3)."""
         offset = self.stand.alpha_error + self.stand.alpha_star, self.stand.beta_error
         angles = np.stack([self.alpha, self.beta], axis=1) - offset
         return Visits(angles, n, self.hours, self.temperature, self.senses)
@@ -152,7 +152,7 @@ def drawn_record(
 
 
 Law = Callable[[Visits], np.ndarray]
-"""What is added (N,) at visits."""
+"""The change (N,) at visits."""
 
 
 def record_with(
@@ -200,7 +200,7 @@ def of_one_instrument(
     shared: Sequence[Sized] = (),
     own: Mapping[int, Sequence[Sized]] | None = None,
 ) -> list[PositionRecord]:
-    """Records of one block, of which bias, mounting and table are the day's; effects in all, and in some by number."""
+    """Return records of one block; bias, mounting and table change daily; effects in all, and in some by number."""
     rng = np.random.default_rng(seed)
     block = Stand.drawn(rng)
     records = []

@@ -1,4 +1,4 @@
-"""Raw records of a table's moves and rests, of which is known what each rest should give."""
+"""Raw records of a table's moves and rests, with the known result of each rest."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ PROGRAMME = [(np.deg2rad(20 + 45 * k), np.deg2rad(beta)) for beta in (25, 145, 2
 
 
 def up(alpha: ArrayLike, beta: ArrayLike) -> np.ndarray:
-    """What an ideal block reads (..., 3) [g]."""
+    """Return the readings of an ideal block (..., 3) [g]."""
     return np.stack([np.sin(alpha) * np.sin(beta), np.sin(alpha) * np.cos(beta), np.cos(alpha)], axis=-1)
 
 

@@ -77,7 +77,7 @@ class Stand:
         return (1.0 - self.gravity_error) * (block @ self.inner_frames(alpha, beta))[:, :, 2]
 
     def own(self, n: np.ndarray) -> np.ndarray:
-        """What each input (N, 3) adds to its own channel [g]."""
+        """Return the part of each input (N, 3) in its own channel [g]."""
         return n * (1.0 + np.diagonal(self.gamma)) + np.where(n > 0.0, self.plus, self.minus) * n
 
     def readings(self, n: np.ndarray) -> np.ndarray:

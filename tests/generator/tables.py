@@ -19,9 +19,9 @@ LATITUDE, AZIMUTH = math.radians(55.75), math.radians(20.0)
 
 @dataclass(frozen=True)
 class Truth:
-    """What a bench and a block are: stand and mounting [rad], Γ and biases of the accelerometers [1], [g], the gyros'
-    bias [rad/s], matrix [1], sensitivity [rad/s per g] and lag [s]; the accelerometers' lag [s] and places (3, 3)
-    [m]."""
+    """True parameters of a bench and a block: bench and mounting [rad], Γ and biases of the accelerometers [1], [g],
+    the gyros' bias [rad/s], matrix [1], sensitivity [rad/s per g] and lag [s]; the accelerometers' lag [s] and
+    places (3, 3) [m]."""
 
     kappa: float
     epsilon: float
@@ -78,7 +78,7 @@ class Truth:
 
     @property
     def lags(self) -> list[float]:
-        """Of the accelerometers behind the encoders, and of the gyros behind the accelerometers."""
+        """Return the lags of the accelerometers behind the encoders, and of the gyros behind the accelerometers [s]."""
         return [self.force_lag, self.lag - self.force_lag]
 
 
@@ -175,7 +175,7 @@ def _increments(truth: Truth, middle: np.ndarray, rate: np.ndarray, force: np.nd
 def bench_record(
     truth: Truth, programme: Programme = PROGRAMME, errors: Errors = Errors(), mounting: ArrayLike | None = None
 ) -> BenchRecord:
-    """What encoders, accelerometers and gyros (increments) say of it."""
+    """Return the record by encoders, accelerometers and gyros (increments)."""
     rng = np.random.default_rng(errors.seed)
     q = np.eye(3) if mounting is None else np.asarray(mounting)
     angle, fine = programme.angles(), programme.step / FINE

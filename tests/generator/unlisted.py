@@ -22,7 +22,7 @@ COUNTS = (16, 20, 24, 30, 36, 48, 60, 100)
 PIECES, LIKE_TRUTH = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24), 0.25
 """Pieces of a function that are tried; so near to the fault [σ] a function stands for it."""
 LARGEST = 3e-3
-"""No fault changes a reading by more [g]: what is larger is no weak fault."""
+"""Largest change of a reading by a fault [g]: a larger fault is not weak."""
 CIRCLES = ("alpha", "beta")
 
 
@@ -37,11 +37,11 @@ class Pair:
 
 @dataclass
 class Fault:
-    """What a fault of unit size does at each of N rows.
+    """Change by a fault of unit size at each of N rows.
 
-    `kind` is smooth, jump, or sharp (a smooth function is no description of it at so few positions). `readings` (N, 3)
-    [g] are added; `encoder` (2, N) [rad] is what outer and inner encoder read too much; `turn` (2, N) [rad] what the
-    axes turn further than they read. `also` are effects of a catalogue that hold it.
+    `kind` is smooth, jump, or sharp (a smooth function cannot describe it at these few positions). `readings` (N, 3)
+    [g] are added. `encoder` (2, N) [rad] is the error of the outer and inner encoder. `turn` (2, N) [rad] is the axes'
+    turn beyond their readings. `also` are effects of a catalogue that contain it.
     """
 
     pair: Pair
@@ -54,7 +54,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Outside:
-    """A record and what is hidden in it; `multiple` is its size in units of detection, `same` are all right answers."""
+    """A record and its hidden fault; `multiple` is its size in units of detection, `same` are all correct answers."""
 
     file: str
     shape: str
@@ -72,7 +72,7 @@ class Outside:
 
 @dataclass(frozen=True)
 class Known:
-    """A session with what its generator knows of it: true inputs (N, 3), and the model's derivatives (3 N, 18)."""
+    """A session with its true inputs (N, 3), and the model's derivatives (3 N, 18)."""
 
     session: Session
     n: np.ndarray
@@ -130,7 +130,7 @@ class Known:
         return (alpha, beta), reading
 
     def change(self, fault: Fault, size: float = 1e-5) -> np.ndarray:
-        """What a fault does to readings beside the model's at the angles that are read (3 N,) [g], by unit size."""
+        """Return a fault's change of the readings against the model at the read angles (3 N,) [g], by unit size."""
         angles, reading = self.read(fault, size)
         stand = self.session.stand
         return ((reading - stand.readings(stand.inputs(*angles))) / size).ravel()
@@ -148,7 +148,7 @@ class Known:
         return {name: (s.readings(s.inputs(x, y)) - nominal) / h for name, (s, x, y) in moved.items()}
 
     def carriers(self) -> Iterator[tuple[Pair, list[np.ndarray]]]:
-        """Each pair with what a function of its quantity is multiplied by, (N, 3) for each component."""
+        """Yield each pair with the factors of a function of its quantity, (N, 3) for each component."""
         turns = self.unit_turns()
         for p in range(3):
             on, own = np.eye(3)[p] * np.ones_like(self.n), f"n{p + 1}"
@@ -165,7 +165,7 @@ class Known:
         yield Pair("inner-axis", "beta", "sin alpha"), [turns["inner"] * np.sin(self.session.alpha)[:, None]]
 
     def pieces(self, quantity: str, count: int) -> np.ndarray:
-        """Hat functions (N, ...) of so many equal pieces; on a circle for an angle."""
+        """Return hat functions (N, ...) of equal pieces; on a circle for an angle."""
         values = self.values(quantity)
         if quantity in CIRCLES:
             at = np.remainder(values, 2.0 * np.pi) / (2.0 * np.pi) * count
@@ -338,7 +338,7 @@ def distance(change: np.ndarray, columns: np.ndarray) -> float:
 
 
 def as_near(change: np.ndarray, columns: np.ndarray, near: float) -> bool:
-    """Whether columns come as near as that; least squares, never above, spare most programmes."""
+    """Return True if columns come within `near`; least squares, never above, spare most programmes."""
     rest = change - columns @ np.linalg.lstsq(columns, change, rcond=1e-10)[0]
     if np.abs(rest).max() <= near:
         return True
@@ -356,7 +356,7 @@ def stands_with_pieces(truth: Known, change: np.ndarray, pair: Pair, carriers: l
 
 
 def stands_with_a_jump(truth: Known, change: np.ndarray, pair: Pair, carriers: list[np.ndarray]) -> bool:
-    """Whether a linear function with one jump stands for the change."""
+    """Return True if a linear function with one jump can replace the change."""
     linear = np.hstack([truth.model, carried(carriers, truth.pieces(pair.quantity, 1))])
     for step in truth.steps(pair.quantity).T:
         if as_near(change, np.hstack([linear, carried(carriers, step[:, None])]), LIKE_TRUTH * SIGMA):

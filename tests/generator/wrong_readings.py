@@ -11,7 +11,7 @@ from generator.carried import drawn_motion
 from trihedron.tools.records import StrapdownRecord
 
 RATE_NOISE, FORCE_NOISE = 2e-3, 0.02
-"""Of a sample [rad/s], [m/s²]."""
+"""Noise of a sample [rad/s], [m/s²]."""
 
 
 def hand_record(seed: int, *, truth: bool, moves: int = 12, period: float = 0.01) -> StrapdownRecord:
@@ -55,7 +55,7 @@ def spiked(seed: int, rows: int = 1) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def overflowing(part: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Readings of 16 bits whose range is this part of what a gyro reads at most."""
+    """Make readings of 16 bits whose range is this part of a gyro's largest reading."""
 
     def change(rate: np.ndarray) -> np.ndarray:
         limit = part * float(np.abs(rate).max())
@@ -65,7 +65,7 @@ def overflowing(part: float) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def losing(rows: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Zeros in place of so many readings of all gyros in the middle of a fast turn."""
+    """Make zeros of this number of readings of all gyros in the middle of a fast turn."""
 
     def change(rate: np.ndarray) -> np.ndarray:
         middle = fastest_row(rate, 0)

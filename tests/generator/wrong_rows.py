@@ -12,7 +12,7 @@ from trihedron.tools.records import PositionRecord
 
 @dataclass(frozen=True)
 class WrongRows:
-    """A record with wrong rows, their numbers from 1, and what is wrong in words."""
+    """A record with wrong rows, their numbers from 1, and the fault in words."""
 
     record: PositionRecord
     rows: tuple[int, ...]
@@ -73,7 +73,7 @@ SPOILED: dict[str, Spoiled] = {
 
 
 def with_wrong_rows(seed: int, what: str, count: int = 36, rows: int = 1) -> WrongRows:
-    """A record of a drawn session in which so many rows are wrong in this way."""
+    """Return a record of a drawn session with this number of rows wrong in this way."""
     rng = np.random.default_rng([seed, count, rows])
     session = Session.drawn(rng, count)
     angles, reading = session.read(error=errors(rng, count)[0])
@@ -85,7 +85,7 @@ def with_wrong_rows(seed: int, what: str, count: int = 36, rows: int = 1) -> Wro
 
 
 def with_wrong_stretch(seed: int, what: str, count: int = 48, length: int = 8) -> WrongRows:
-    """A record of a drawn session in which so many rows one after the other are wrong in the same way."""
+    """Return a record of a drawn session with this number of consecutive rows wrong in the same way."""
     rng = np.random.default_rng([seed, count, length])
     session = Session.drawn(rng, count)
     angles, reading = session.read(error=errors(rng, count)[0])

@@ -1,4 +1,4 @@
-"""The attitude computer with each of its algorithms: what is exact, what is symmetric, and what is refused."""
+"""The attitude computer with each of its algorithms: exactness, symmetry, and refusals."""
 
 import math
 from collections.abc import Callable
@@ -260,7 +260,7 @@ def test_eight_at_a_time_are_taken_of_a_smooth_rate_alone(seed: int) -> None:
 
 def test_products_with_the_eight_before_carry_every_cone_and_every_slow_rate() -> None:
     def products(rates: Callable[[float], np.ndarray]) -> np.ndarray:
-        """Of the last of 16 increments of two rates; the first three places of the space come to nothing else."""
+        """Return the products of the last of 16 increments of two rates."""
         pairs = np.array([rates(float(k)) for k in range(-15, 1)])
         space, result = [0.0] * 96, [0.0] * 4
         place_window(pairs[:8].ravel().tolist(), pairs[8:].ravel().tolist(), OWN, space)

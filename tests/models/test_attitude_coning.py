@@ -156,7 +156,8 @@ def test_drift_on_a_cone_of_one_degree(name: str) -> None:
 
 
 def test_the_adaptive_one_carries_a_cone_of_any_phase() -> None:
-    """Eight at a time where the differences fall; above that, what the products with the eight before leave out."""
+    """Compare eight at a time while the differences fall; above that, the error without the products with the eight
+    before."""
     cone, fixed = BY_NAME["adaptive-degree"], BY_NAME["functional-iteration-8"]
     assert relative_drift(cone, mpf("0.5"), mpf(10) ** -6) == relative_drift(fixed, mpf("0.5"), mpf(10) ** -6)
     for phase in ("0.65", "0.8", "1.0", "1.2", "1.571", "1.8"):

@@ -1,4 +1,4 @@
-"""Rates and mixed inputs of the attitude computer: orders in multiple precision, the computer, what it refuses."""
+"""Rates and mixed inputs of the attitude computer: orders in multiple precision, the computer, refusals."""
 
 from fractions import Fraction
 

@@ -107,7 +107,7 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
 
 @pytest.mark.parametrize("place", [p for p in LINEAR if CATALOGUE[p.effect].turns_table], ids=lambda p: p.title)
 def test_small_turns_are_exact_for_large_effects(place):
-    """With κ, ε and both angles moved by the turns, the exact model gives what the components read, at 8e-3 rad too."""
+    """The exact model with κ, ε and both angles turned gives the components' readings, at 8e-3 rad too."""
     effect = CATALOGUE[place.effect].at(place)
     model, rows = true_bench()
     coefficients = 8e-3 * np.array([0.6, -0.8, -0.5, 0.7])[: len(effect.parameters)]

@@ -210,7 +210,8 @@ def test_what_is_no_formula_is_refused_in_one_line(text):
 
 
 def formulas() -> st.SearchStrategy[str]:
-    """Formulas, and what is nearly one: known and unknown words, operators and brackets, in any order."""
+    """Return a strategy of formulas and near formulas: known and unknown words, operators and brackets, in any
+    order."""
     words = [*QUANTITIES, *FUNCTIONS, *TARGETS, "c", "d", "pi", "9", "1e300", "0", "0.5", "**", "+", "-", "*", "/"]
     words += ["(", ")", ",", "+=", "lambda:", "if", "else", "[", "]", ".", "__class__", "'x'", "\\", "\x00", ":=", ";"]
     texts = st.lists(st.sampled_from(words), max_size=40).map(" ".join)
@@ -223,7 +224,7 @@ def formulas() -> st.SearchStrategy[str]:
 @settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(formulas())
 def test_whatever_is_typed_gives_a_formula_or_one_line(text):
-    """What is accepted has a kernel that runs, units that are known, and a signature of numbers, or a line."""
+    """An accepted formula has a kernel that runs, known units, and a signature of numbers; a refusal is one line."""
     began, refusal = time.process_time(), ""
     try:
         formula = Formula.of(text)

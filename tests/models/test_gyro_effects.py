@@ -130,8 +130,8 @@ def test_late_gyros_read_the_rate_of_a_while_ago(steps):
 
 @pytest.mark.parametrize("steps", [0.3, 0.7, 1.0])
 def test_lagging_gyros_follow_the_rate_through_a_low_pass(steps):
-    """The mean, over each step, of the solution of T y' = ω - y at many points of it; what is older than
-    eight steps, where the rate goes on in a straight line, hardly counts."""
+    """Compare with the mean, over each step, of the solution of T y' = ω - y at many points of it; rates older than
+    eight steps, where the rate continues in a straight line, hardly count."""
     rows = lively_motion(even=True)
     time = steps * rows.step[0]
     measured = gyro_readings([(EffectPlace("lag", "gyro-block"), [time, 0.0, 2.0 * time])], rows)
@@ -151,7 +151,7 @@ def test_lagging_gyros_follow_the_rate_through_a_low_pass(steps):
 
 
 def test_a_long_lag_is_as_long_as_it_says():
-    """Of a rate that grows evenly a low-pass is behind by its time constant, whatever that is."""
+    """A low-pass follows an evenly growing rate with its time constant as delay, for any time constant."""
     rows = lively_motion(even=True)
     growing = replace(rows, rate=np.outer(np.arange(len(rows.rate)), [0.01, -0.02, 0.03]))
     for time in (0.5 * PERIOD, 3.0 * PERIOD, 20.0 * PERIOD):

@@ -1,4 +1,4 @@
-"""The velocity computer: orders and drift under sculling of every algorithm, in multiple precision; what is exact."""
+"""The velocity computer: orders and drift under sculling of every algorithm, in multiple precision; exactness."""
 
 import math
 from collections.abc import Sequence

@@ -299,7 +299,7 @@ def test_folders_may_be_as_deep_as_the_system_lets_them(
 
 
 def tree(folder: Path) -> dict[str, bytes]:
-    """The files of a folder and what each holds."""
+    """Return the files of a folder and their content."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
@@ -308,7 +308,7 @@ PROGRAMME = "alpha_deg,beta_deg\n20,25\n110,35\n"
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Path:
-    """The scenario of a bench whose programme stands beside it."""
+    """Return the scenario of a bench, with its programme beside it."""
     assert cli.main(["new", "scenario", str(tmp_path / "bench.toml"), "-q"]) == 0
     scenario = tmp_path / "bench.toml"
     text = re.sub(r'programme = "[^"]*"', 'programme = "positions.csv"', scenario.read_text())

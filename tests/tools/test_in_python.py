@@ -158,7 +158,7 @@ def test_a_script_as_a_user_writes_it_runs(tmp_path):
 
 
 def test_linear_algebra_has_one_thread_in_a_call_and_its_own_again_after_it():
-    """Of calls side by side the last to end gives it back, whichever that is."""
+    """Among parallel calls, the last one to end gives it back, in any order."""
     libraries = arguments._libraries()
     assert libraries
     before = [get() for get, _ in libraries]

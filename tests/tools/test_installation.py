@@ -1,4 +1,4 @@
-"""`trihedron doctor`: what is installed, and that a run works."""
+"""`trihedron doctor`: the installed parts, and a run that works."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""An instrument's folder: what is put in comes back, the nearest is found, and what is no constant is proven so."""
+"""An instrument's folder: stored records come back, the nearest is found, and parameters that change are proven."""
 
 import json
 from pathlib import Path

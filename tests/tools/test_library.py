@@ -1,4 +1,4 @@
-"""`import trihedron as th`: what a notebook uses; results that show themselves; commands that are thin."""
+"""`import trihedron as th`: the functions of a notebook; results that show themselves; thin commands."""
 
 import inspect
 import json
@@ -32,7 +32,7 @@ def hidden():
 
 @pytest.fixture(scope="module")
 def found(hidden):
-    """What is found in it."""
+    """Return the diagnosis of the hidden record."""
     return th.diagnose(hidden.record, noise_bound=1e-5)
 
 

@@ -1,4 +1,4 @@
-"""Locks hold, and stay; what a killed process left is taken away by the next, and nothing else is."""
+"""Locks hold, and stay; the next process removes the leftovers of a killed one, and nothing else."""
 
 import errno
 import os
@@ -26,7 +26,7 @@ with {what} as folder:
 
 @pytest.fixture
 def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where temporary files go, of this process and of those that it starts."""
+    """Return the folder of temporary files, of this process and of its children."""
     folder = tmp_path / "temporary"
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
@@ -35,7 +35,7 @@ def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def holder(what: str) -> subprocess.Popen[str]:
-    """Another process within a block; its first line is what the block gives."""
+    """Return another process within a block; its first line is the block's value."""
     return subprocess.Popen([sys.executable, "-c", HOLDER.format(what=what)], stdout=subprocess.PIPE, text=True)
 
 

@@ -1,4 +1,4 @@
-"""Records changed so that what is found in them must be the same, or change as is known: the cheap relations.
+"""Changes of records that leave the result the same, or change it in a known way: the cheap relations.
 
 Those of `diagnose`, `attitude` and the search for positions are in `make acceptance`.
 """
@@ -126,7 +126,7 @@ def applied(calibration: Any, table: pl.DataFrame, path: Path) -> np.ndarray:
 
 
 def test_a_correction_is_of_each_row_alone(clean, calibration, tmp_path):
-    """In whatever order rows and columns stand, on which turn of the table, in how many files, of which kind."""
+    """Test any order of rows and columns, any turn of the table, any number of files, of any kind."""
     complete = applied(calibration, clean, tmp_path / "r.csv")
     for table in (clean.select(clean.columns[::-1]), whole_turns(clean).table):
         assert applied(calibration, table, tmp_path / "o.csv") == pytest.approx(complete, rel=1e-12)
@@ -142,7 +142,7 @@ def test_a_correction_is_of_each_row_alone(clean, calibration, tmp_path):
 
 
 def test_csv_and_parquet_are_the_same_record(clean, tmp_path):
-    """What is written in digits may be off by half the last one, and that is paid for."""
+    """Written digits may be off by half the last one, which the bounds include."""
     clean.write_csv(tmp_path / "r.csv")
     clean.write_parquet(tmp_path / "r.parquet")
     csv, parquet = (measured.calibrate(tmp_path / f"r.{form}", noise_bound=SIGMA) for form in ("csv", "parquet"))
@@ -229,7 +229,8 @@ def attitude(table: pl.DataFrame | Path, **options: Any) -> np.ndarray:
 
 
 def test_attitude_is_the_same_of_another_table_of_the_same_motion(moved, tmp_path):
-    """Columns in another order, another kind of file, channels renamed and rates in degrees, which is said."""
+    """Test columns in another order, another kind of file, channels renamed and rates in degrees, with their
+    options."""
     first = attitude(moved)
     assert np.array_equal(attitude(moved.select(moved.columns[::-1])), first)
     moved.write_csv(tmp_path / "r.csv")
@@ -292,7 +293,7 @@ WIRES = (
 
 
 def simulated(folder: Path, fmus: str, wires: str, form: str) -> pl.DataFrame:
-    """What a run has written."""
+    """Return the record that a run has written."""
     (folder / "s.toml").write_text(SYSTEM.format(fmus=fmus, wires=wires, form=form), encoding="utf-8")
     library.simulate(folder / "s.toml", out=folder / form)
     return (pl.read_csv if form == "csv" else pl.read_parquet)(folder / form / f"run.{form}")

@@ -25,7 +25,7 @@ counts = st.integers(1, 12)
 
 
 def stored(value: float) -> Decimal:
-    """What JSON holds."""
+    """Return the value in JSON."""
     return Decimal(repr(value))
 
 

@@ -1,4 +1,4 @@
-"""`trihedron new`: what it writes can be used as the file says."""
+"""`trihedron new`: its files work as they describe."""
 
 import re
 from pathlib import Path
@@ -77,7 +77,7 @@ def test_each_kind_is_written_checked_and_never_over_a_file(kind: str, capsys):
 
 
 def test_all_or_nothing():
-    """Where the programme's name is taken, no scenario is written."""
+    """If the programme's name is taken, no scenario is written."""
     Path("bench-positions.csv").write_text("mine", encoding="utf-8")
     with pytest.raises(th.InputError, match=r"bench-positions\.csv: is there already"):
         th.new("scenario", "bench.toml")

@@ -24,7 +24,7 @@ G = 9.80665
 
 @pytest.mark.acceptance
 def test_a_search_and_a_record_that_moves_are_the_same_bytes(tmp_path, monkeypatch):
-    """The search of what is falsified calls the bounds, the drawn motion the kernels: both are numba's loops."""
+    """The search after a falsification calls the bounds, the drawn motion the kernels: both are numba's loops."""
     rng = np.random.default_rng(3)
     clean = simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3)))
     force = clean.specific_force + 4e-4 * G * np.array([1.0, 0.0, 0.0]) * (clean.specific_force / G) ** 2

@@ -1,4 +1,4 @@
-"""A file of another kind than a command reads: it is said what it is, and the command that reads it."""
+"""A file of another kind than a command reads: the message names the kind, and the command that reads it."""
 
 import json
 from pathlib import Path

@@ -23,7 +23,7 @@ def problem(seed: int, rows: int = 24, columns: int = 4, units=UNITS) -> Bounded
 
 
 def slacks(bounded: Bounded, x: np.ndarray) -> np.ndarray:
-    """Of every row to its bound [1]."""
+    """Return the slack of every row to its bound [1]."""
     return 1.0 - np.abs(bounded.residual - bounded.jacobian @ x) / bounded.bound
 
 

@@ -14,7 +14,7 @@ def hats(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def assert_in_band(functions: Functions, truth: np.ndarray) -> Band:
-    """Every value of the truth, but for what the parameters imitate, is between the ends."""
+    """Check that every value of the truth, without the part that parameters imitate, is between the ends."""
     band, shown = functions.band(np.arange(len(truth))), functions.told(truth)
     assert (band.low - 1e-9 <= shown).all()
     assert (shown <= band.high + 1e-9).all()
@@ -126,7 +126,7 @@ def test_a_step_is_limited_by_its_size_not_by_its_slope():
 
 
 def test_rounding_of_what_parameters_imitate_is_no_freedom_to_bend():
-    """A line and a constant are imitated but for rounding: a function in steps still pays for what it bends."""
+    """Imitate a line and a constant except for rounding: a function in steps still pays for its bends."""
     random = np.random.default_rng(8)
     q = np.linspace(-1.0, 1.0, 60)
     jacobian, unknown = straight(q, steps=True)

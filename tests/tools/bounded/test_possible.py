@@ -1,4 +1,4 @@
-"""What bounded errors leave possible: no bound is too small, and each is nearly attained by something admissible."""
+"""The sets that bounded errors leave possible: no bound is too small, and an admissible point nearly attains each."""
 
 import math
 
@@ -158,7 +158,7 @@ def test_what_nothing_bounds_has_no_ends():
 
 
 def of_points(points: np.ndarray):
-    """How far a polygon with these corners (K, 2) reaches."""
+    """Return the support function of a polygon with these corners (K, 2)."""
     return lambda direction, least=-math.inf: max(least, float((points @ direction).max()))
 
 

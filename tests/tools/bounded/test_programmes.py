@@ -8,7 +8,8 @@ from trihedron.tools.bounded import Growth, Polytope, SolverError, chebyshev_rad
 
 
 def test_two_readings_by_hand():
-    """Of one constant, the half of their distance; a column twice and one of zeros change nothing; any size will do."""
+    """The radius of one constant is half the distance; a repeated column and a zero column change nothing; any size
+    works."""
     radius, x, duals = chebyshev_radius(np.ones((2, 1)), np.array([0.0, 2.0]), np.ones(2))
     assert [radius, *x, *duals] == pytest.approx([1.0, 1.0, -0.5, 0.5], abs=1e-12)
     jacobian = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 2.0, 0.0]])
@@ -98,7 +99,7 @@ def test_taking_in_rows_gives_the_same_as_all_at_once(seed, monkeypatch):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_duals_of_a_programme_bound_the_radius_of_one_nearly_alike(seed):
-    """What is proven is never more than the radius, however far the columns move, and hardly less where little."""
+    """The proven value is never above the radius, for any change of the columns, and close to it for a small one."""
     rng = np.random.default_rng(seed)
     jacobian, residual = rng.normal(size=(30, 4)), rng.normal(size=30)
     column, change = rng.normal(size=30), rng.normal(size=30)
@@ -126,7 +127,7 @@ def test_duals_of_a_programme_bound_the_radius_of_one_nearly_alike(seed):
 
 
 def test_what_goes_round_in_circles_is_a_stated_failure(monkeypatch: pytest.MonkeyPatch):
-    """Of a bench one programme was solved for ever by the usual strategy, and at once by the next one."""
+    """For one bench, the usual strategy cycled for ever on one programme, and the next one solved it at once."""
     rng = np.random.default_rng(3)
     jacobian, residual = rng.normal(size=(60, 8)), 0.1 * rng.normal(size=60)
     ends = residual - 1.0, np.append(residual[1:], np.inf) + 1.0

@@ -65,7 +65,7 @@ def test_bounds_never_exceed_the_radius(seed, rounds, size):
 
 @pytest.mark.parametrize("size", [0, 1, 2, 3])
 def test_a_bound_is_the_least_weighted_mean_square_of_the_readings_that_are_kept(size):
-    """No less than that: what is lost of it, a linear programme has to make up for, set by set."""
+    """The bound is that value and not less: a linear programme has to make up for any loss, set by set."""
     problem = random_problem(5, rows=24, effects=5)
     weights = sharp_weights(problem, np.full(24, 1 / 24), 3)
     sets = every_set(size, 5, 24)[:: 1 + 4 * size]

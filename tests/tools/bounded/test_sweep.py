@@ -1,4 +1,4 @@
-"""The union of what is possible over all values of a number is what a programme at each of them says."""
+"""The union of possible sets over all values of a number agrees with a programme at each of them."""
 
 from collections.abc import Sequence
 
@@ -135,7 +135,7 @@ def test_bounds_that_grow_hold_for_every_value_between(seed: int) -> None:
     st.lists(st.tuples(st.integers(0, 399), st.integers(0, 4)), max_size=8),
 )
 def test_ranges_lose_nothing_that_stands_at_a_value(edges: list[int], standing: list[tuple[int, int]]) -> None:
-    """What stands is refused in no range with its value, whatever else is: so it is in the least range with it."""
+    """A standing value is never refused in a range that contains it, so it is in the least range with it."""
 
     def stands(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
         return [k for k in among if any(begin <= value < end for value, one in standing if one == k)]

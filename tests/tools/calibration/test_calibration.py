@@ -1,4 +1,4 @@
-"""The calibration against simulated benches: truth in every interval, the verdict, what the readings leave open."""
+"""The calibration against simulated benches: truth in every interval, the verdict, undetermined targets."""
 
 import time
 import tracemalloc

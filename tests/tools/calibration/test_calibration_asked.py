@@ -1,4 +1,4 @@
-"""What a person asks of the calibration: expressions of targets, mountings, options; and what is refused."""
+"""The options of a calibration: expressions of targets, mountings; and refusals."""
 
 import numpy as np
 import pytest

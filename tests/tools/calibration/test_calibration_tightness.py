@@ -27,7 +27,7 @@ from trihedron.tools.calibration import (
 )
 
 SIGMA = 1e-7
-"""Small, so that the curvature of the model, (σ·cost)² against σ·cost, is below what is asked."""
+"""Small, so that the curvature of the model, (σ·cost)² against σ·cost, is below the tolerance."""
 IDENTITY = np.eye(3)
 BOUNDS = (3e-3, 1e-2)
 
@@ -59,7 +59,7 @@ def test_a_worst_case_noise_attains_the_guaranteed_error():
 
 @pytest.mark.parametrize("resolution", [0.0, 2e-7])
 def test_a_bench_at_the_end_of_an_interval_explains_the_readings(resolution):
-    """Readings with noise; what they are off by at that bench is σ and half a last digit, no more."""
+    """The misfit of noisy readings at that bench is σ and half a last digit, no more."""
     noise = np.random.default_rng(5).uniform(-SIGMA, SIGMA, (24, 3))
     _, reading, linearised = fitted(3, noise)
     result = calibrate(record(reading, resolution=resolution * GRAVITY), noise_bound=SIGMA, targets=["X4-X5"])

@@ -1,4 +1,4 @@
-"""What a calibration states is possible: one point, within every interval, near the truth; what stands beside it."""
+"""The estimate of a calibration is possible: one point, within every interval, near the truth; other estimates."""
 
 import json
 from collections.abc import Sequence
@@ -65,7 +65,7 @@ def rms(error: np.ndarray) -> float:
     ],
 )
 def test_the_estimate_is_possible_and_near_the_truth(count, noise, part_of_a_priori, estimator):
-    """At once, by the exact model: every reading is within σ of what the stated bench would read."""
+    """The exact model agrees with all readings at once: every reading is within σ of the estimated bench's."""
     truth, measured = random_record(3, count, noise)
     result = calibrated(3, count, noise)[1]
     assert (result.verdict, result.estimator, result.no_estimate) == ("consistent", estimator, "")
@@ -136,7 +136,7 @@ def test_least_squares_and_its_standard_error_are_what_practitioners_know():
 
 
 def test_readings_that_leave_no_freedom_give_no_standard_error():
-    """One axis of the table at rest: what one reading says has no scatter."""
+    """With one axis of the table at rest, the value from one reading has no scatter."""
     measured = record(np.array([[1.0, 0.0, 0.0]]), np.radians([90.0]), np.radians([90.0]))
     by_symbol = {e.symbol: e for e in calibrate(measured, noise_bound=SIGMA, targets=["X4+X16"]).parameters}
     assert by_symbol["X4+X16"].least_squares == pytest.approx(0.0, abs=1e-12)

@@ -48,7 +48,7 @@ def faultless() -> str:
 
 
 def block_readings(bench: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """What the true block reads [g] at inputs n (N, 3) that are fractions of the true g, as it was calibrated."""
+    """Return the readings of the true block [g] at inputs n (N, 3) in units of the true g, as it was calibrated."""
     x = dict(zip(TARGETS, target_values(bench, np.eye(3)), strict=True))
     scale = np.where(n > 0, [x["X4"], x["X9"], x["X14"]], [x["X5"], x["X10"], x["X15"]])
     reading = n * (1 + scale) + [x["X16"], x["X17"], x["X18"]]

@@ -1,4 +1,4 @@
-"""σ that repeats or a standard deviation tell: clean records stand, and the answer says on what it rests."""
+"""σ from repeats or a standard deviation: clean records are consistent, and the answer names the basis."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Calibrations of fresh records by a generator that shares no code with the product: the truth, and what is stated."""
+"""Calibrations of fresh records by a generator that shares no code with the product: the truth, and the result."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Where the record does not tell σ nothing is guaranteed: the answer says so, and how to find σ."""
+"""Without a known σ nothing is guaranteed: the answer says so, and how to find σ."""
 
 import gzip
 import os
@@ -51,7 +51,7 @@ def test_a_series_from_the_field_without_a_bound_is_not_guaranteed(tmp_path):
 
 @pytest.mark.parametrize("count", [5, 10, 40])
 def test_a_deviation_by_few_rests_is_widened_until_it_covers(count):
-    """Of drawn deviations nineteen in twenty are no smaller than the truth once they are widened."""
+    """Nineteen in twenty of the drawn deviations are not below the truth after widening."""
     drawn = np.random.default_rng(count).normal(size=(4000, count))
     widened = deviation_widening(count, 0.05) * np.sqrt(np.mean(drawn**2, axis=1))
     assert np.mean(widened >= 1.0) == pytest.approx(0.95, abs=0.015)

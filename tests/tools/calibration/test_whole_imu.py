@@ -374,7 +374,7 @@ def test_where_a_record_was_measured_its_comment_lines_say(record, tmp_path, cap
 
 
 def test_the_true_attitude_by_the_table_is_that_of_the_bench(record, result, truth, tmp_path):
-    """Any two rows are turned against each other as the exact bench is, within what is stated."""
+    """The turn between any two rows agrees with the exact bench's, within the given bounds."""
     strapdown = strapdown_by_table(result, position_record_of(record), PLACE)
     exact = Rotation.from_matrix(np.swapaxes(attitudes_of(truth, record), 1, 2))
     stated = Rotation.from_quat(strapdown.attitude, scalar_first=True)

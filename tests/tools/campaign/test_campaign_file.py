@@ -1,4 +1,4 @@
-"""Campaign files: what they say, what is refused, and which run is which."""
+"""Campaign files: content, refusals, and the parameters of each run."""
 
 from pathlib import Path
 

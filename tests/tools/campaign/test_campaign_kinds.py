@@ -1,4 +1,4 @@
-"""What one run of a campaign is: the same as the tool does by itself."""
+"""One run of a campaign equals the same run of the tool itself."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is computed over a campaign, its page, and its comparison with another one."""
+"""The computations over a campaign, its page, and its comparison with another one."""
 
 import json
 from pathlib import Path
@@ -146,7 +146,7 @@ def test_quantiles_rates_confusion_and_correlations(tmp_path):
 
 
 def test_wilsons_interval():
-    """Of 0 in 10 and 5 in 10, as published (Wilson 1927)."""
+    """Test 0 in 10 and 5 in 10, as published (Wilson 1927)."""
     assert rate(np.zeros(10, dtype=bool))["interval"] == pytest.approx([0.0, 0.27753], abs=1e-5)
     assert rate(np.arange(10) < 5)["interval"] == pytest.approx([0.23659, 0.76341], abs=1e-5)
     assert rate(np.zeros(0, dtype=bool))["rate"] is None

@@ -63,7 +63,7 @@ def kinds(hint: Any) -> tuple[Any, ...]:
 
 
 def wrong_options(command: Command) -> Iterator[tuple[str, ...]]:
-    """Arguments to add that are wrong whatever else is said."""
+    """Yield additional arguments that are always wrong."""
     yield ("--no-such-option",)
     yield ("--no-such-option", "1")
     app, _ = of_app(command)

@@ -17,7 +17,7 @@ from trihedron.tools.errors import InputError
 
 
 def can_mount() -> bool:
-    """Whether a small file system can be had without being the superuser."""
+    """Return True if a small file system can be mounted without the superuser."""
     if shutil.which("unshare") is None:
         return False
     with tempfile.TemporaryDirectory() as folder:
@@ -30,12 +30,12 @@ LOCK = "campaign.lock"
 SHORT = ("simulate run.toml", "export AccelerometerBlock", "export-ssp run.toml", "new scenario")
 """Commands that a full disk is tried on in each run of the tests."""
 KEPT = ("campaign campaign.toml", "instrument show")
-"""What is kept as it comes, and what writes its object to `--out`."""
+"""Commands that keep files as they come, and commands that write their object to `--out`."""
 ONCE = ("new", "instrument", "completion", "export-notebook")
-"""What is not done twice in one place."""
+"""Commands that cannot run twice in one place."""
 WRITING = [c for c in QUICK if c.arguments[0] not in ("doctor",)]
 TOGETHER = [c for c in WRITING if c.arguments[0] != "measure"]
-"""Commands whose files appear together or not at all; what a measurement has kept stays."""
+"""Commands whose files appear together or not at all; a measurement's kept files stay."""
 FULL = """
 set -e
 mount -t tmpfs -o size=8k tmpfs "$1"

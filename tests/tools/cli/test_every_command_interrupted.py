@@ -1,4 +1,4 @@
-"""Every command and Ctrl-C: what is there afterwards is whole, and the exit status says that it is not all."""
+"""Every command and Ctrl-C: the remaining files are whole, and the exit status marks the interruption."""
 
 import inspect
 import json
@@ -15,12 +15,12 @@ from trihedron.tools import cli
 
 
 def whole(folder: Path) -> bool:
-    """Whether no file is one that a command has begun: those have names that begin with a dot, or say so."""
+    """Return True if no file is incomplete: those have names that begin with a dot, or say so."""
     return not list(folder.rglob(".*")) and not list(folder.rglob("*.incomplete"))
 
 
 def calls_of(command: Command) -> int:
-    """How many calls of our functions a command makes."""
+    """Return the number of calls of our functions in a command."""
     count = 0
 
     def counted(frame: Any, event: str, argument: Any) -> None:
@@ -83,7 +83,7 @@ INTERRUPTIBLE = [c for c in QUICK if c.arguments[0] not in ("completion", "docto
     ids=lambda c: c.title,
 )
 def test_ctrl_c_in_the_middle(command: Command, here: Path, capsys):
-    """At several places of the way: what is there afterwards is whole, and the exit status says that it is not all."""
+    """Interrupt at several places: the remaining files are whole, and the exit status marks the interruption."""
     before = files(here)
     calls = calls_of(command)
     capsys.readouterr()

@@ -1,4 +1,4 @@
-"""What a mistake is answered with: one line that names it, exit status 2 or InputError, and nothing is written."""
+"""The answer to a mistake: one line that names it, exit status 2 or InputError, and no written file."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Where a command writes: nothing of the user's is replaced by mistake, and a full or foreign output is one line."""
+"""The outputs of a command: no file of the user's is replaced by mistake; a full or foreign output gives one line."""
 
 import json
 import os

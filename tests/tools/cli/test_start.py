@@ -14,7 +14,7 @@ SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 HEAVY = ("numpy", "scipy", "polars", "numba", "llvmlite", "matplotlib", "fmpy", "pythonfmu", "pydantic", "highspy",
          "jinja2", "dask", "distributed", "trihedron.tools.records.read", "trihedron.models",
          "trihedron.fmus")  # fmt: skip
-"""What takes its time to import; `--help` and a mistake need none of it."""
+"""Modules that are slow to import; `--help` and a mistake need none of them."""
 
 
 def imported_by(*arguments: str) -> set[str]:

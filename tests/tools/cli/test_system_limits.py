@@ -1,4 +1,4 @@
-"""What the machine does not give ends a command with one line and status 2; its words move no terminal's cursor."""
+"""A limit of the machine ends a command with one line and status 2; its words move no terminal's cursor."""
 
 import errno
 import os
@@ -23,7 +23,7 @@ posix = pytest.mark.skipif(os.name == "nt", reason="limits and folders of POSIX"
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    """What a command says that is refused: one line of printable characters."""
+    """Return the refusal of a command: one line of printable characters."""
     assert main(list(words)) == 2
     return one_printable_line(capsys)
 

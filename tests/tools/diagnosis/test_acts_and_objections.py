@@ -38,7 +38,7 @@ def test_an_effect_acts_where_zero_is_outside_the_interval_of_some_size(place, e
 
 
 def test_every_effect_of_a_set_has_a_size_that_is_not_zero():
-    """A set is as good as its weakest effect, and what is said of it names that one."""
+    """A set is as good as its weakest effect, and the objection names that one."""
     drift = Cause.found(BASE, (), [0.0, 0.0], [(-2e-5, 1e-5), (-1e-5, 2e-5)])
     surely = Cause.found(BASE, (), [5e-6, 0.0], [(1e-6, 1e-5), (-1e-5, 2e-5)])
     hysteresis = Cause.found(HYSTERESIS, (), [5e-5], [(1e-5, 9e-5)])

@@ -1,4 +1,4 @@
-"""What was found in one record, applied to another: taken out of its readings, or simulated."""
+"""Effects found in one record, applied to another: subtracted from its readings, or simulated."""
 
 import json
 from dataclasses import replace
@@ -28,7 +28,7 @@ TRUE_G = (2e-3, 0.0, 0.0, 0.0, -1e-3, 0.0, 0.0, 0.0, 1.5e-3)
 
 
 def days(folder: Path, name: str, *effect: Any) -> Path:
-    """A diagnosis of Monday's record of an instrument; Tuesday's stands beside it."""
+    """Write a diagnosis of Monday's record of an instrument, and Tuesday's record beside it."""
     monday, tuesday = of_one_instrument(5, 2, shared=[effect])
     for day, record in (("monday", monday), ("tuesday", tuesday)):
         write_record(record, folder / f"{name}-{day}.csv")
@@ -52,7 +52,7 @@ def table(tmp_path_factory) -> Path:
 
 @pytest.mark.acceptance
 def test_what_a_block_adds_is_taken_out_of_another_days_readings(folder, capsys):
-    """What is left of it is what the first record leaves open of its size."""
+    """The remainder is the part of its size that the first record leaves open."""
     out, json_file = folder / "corrected.csv", folder / "applied.json"
     command = ["apply", str(folder / "block.json"), str(folder / "block-tuesday.csv"), "--out", str(out)]
     assert main([*command, "--json", str(json_file)]) == 0

@@ -1,4 +1,4 @@
-"""What is in no catalogue: the band holds the truth, laws that stand are told, the model is extended and exported."""
+"""Faults outside the catalogue: the band holds the truth, laws are named, the model is extended and exported."""
 
 import dataclasses
 from functools import cache
@@ -47,7 +47,7 @@ def of_power(power: int) -> Beyond:
 
 
 def beyond_of(record: PositionRecord) -> Beyond:
-    """What a record says of the functions of the pair that it proves, without the catalogue."""
+    """Return the functions of the proven pair of a record, without the catalogue."""
     evidence = bench_evidence(record, noise_bound=NOISE_BOUND)
     function = dependence(evidence)
     assert function is not None
@@ -64,7 +64,8 @@ def of_bump() -> tuple[PositionRecord, Diagnosis]:
 
 
 def truth_and_ends(beyond: Beyond, truth) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The true function at the knots of the band, but for what the model imitates; lower and upper ends."""
+    """Return the true function at the knots of the band, less the part that the model imitates; lower and upper
+    ends."""
     possible, (band,) = beyond.possible, beyond.bands
     truths = possible.every.told(truth(possible.knots))
     at = np.array([knot["at"] for knot in band.knots])
@@ -100,7 +101,7 @@ def with_temperature() -> Evidence:
 
 
 def test_what_the_search_can_prove_a_table_says_with_a_kernel():
-    """Of every place and quantity, with its factor; what a sense does is in the catalogue."""
+    """Test every place and quantity, with its factor; effects of a sense are in the catalogue."""
     evidence = with_temperature()
     pairs = [pair for pair in evidence.reader.pairs if not pair.told]
     assert {pair.factor for pair in pairs} >= {"sin alpha", "outer tilt", "tilt", "hours", "temperature", "n1", ""}

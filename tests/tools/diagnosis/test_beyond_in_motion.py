@@ -1,4 +1,4 @@
-"""What is in no catalogue, of a block that is carried: band, laws, extension and power say what is true."""
+"""Faults outside the catalogue, of a carried block: band, laws, extension and power are true."""
 
 from dataclasses import replace
 from functools import cache

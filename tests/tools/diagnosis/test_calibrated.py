@@ -1,4 +1,4 @@
-"""Several records calibrated in one programme: what is the instrument's is told better, or at all."""
+"""Several records calibrated in one programme: parameters of the instrument are determined better, or at all."""
 
 import json
 import math
@@ -81,7 +81,7 @@ def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_togethe
 
 
 def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, capsys):
-    """A record among them has its own biases, another one those of the last; what it promises is the tighter."""
+    """A record among them has its own biases, another one those of the last; its promise is tighter."""
     *records, another = of_one_instrument(21, 3, positions=20)
     together = calibrate_together(*records, noise_bound=SIGMA)
     for number, record in enumerate(records, start=1):

@@ -1,4 +1,4 @@
-"""A record corrected by a diagnosis says so, keeps what the correction may be wrong by, and is not corrected twice."""
+"""A record corrected by a diagnosis is marked, keeps the correction's uncertainty, and is not corrected twice."""
 
 from functools import cache
 from pathlib import Path

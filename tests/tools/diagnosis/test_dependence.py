@@ -1,4 +1,4 @@
-"""Place and quantity are proven where no other would do, whatever the law; nothing is where something else would."""
+"""Place and quantity are proven for any law if no other pair would do, and otherwise not."""
 
 from functools import partial
 from typing import Any
@@ -25,7 +25,7 @@ evidence_of = partial(bench_evidence, noise_bound=SIGMA)
 
 
 def depending(record: Any, work: Work | None = None) -> Any:
-    """What a record says of the place and the quantity of a function that it lacks."""
+    """Return the place and the quantity of the function that a record lacks."""
     return dependence(evidence_of(record), work)
 
 
@@ -177,7 +177,7 @@ def test_the_work_of_a_hundred_positions_is_small():
 
 @pytest.mark.acceptance
 def test_what_several_effects_do_together_is_one_function_of_one_quantity():
-    """A bump in an encoder, which harmonics imitate: the quantity is proven, of which laws it is made is not."""
+    """A bump in an encoder, which harmonics imitate: the quantity is proven, its laws are not."""
 
     def bump(visits):
         off = np.remainder(visits.alpha - 2.0 + np.pi, 2.0 * np.pi) - np.pi
@@ -230,7 +230,7 @@ def test_complexity_counts_what_is_searched_for():
 
 
 def test_a_rival_is_a_table_of_knots_with_which_the_exact_model_stands():
-    """So that further positions can be found that tell it from what is listed."""
+    """Further positions can then be found that separate it from the listed effects."""
     evidence = evidence_of(record_with([12, 0], {"f1": lambda v: 2e-4 * np.tanh(3.0 * v.n[:, 1])}, 20))
     result: Any = dependence(evidence)
     unlisted = Unlisted(result.standing[:1], None, None)

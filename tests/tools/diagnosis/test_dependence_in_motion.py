@@ -1,4 +1,4 @@
-"""Place and quantity of a block that is carried: what is proven of its gyros and accelerometers is true."""
+"""Place and quantity of a carried block: the proofs for its gyros and accelerometers are true."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ SIZE = 4e-3
 
 
 def filmed(add=None, *, seed: int = 4) -> StrapdownRecord:
-    """A record before a camera; `add` (time (N,), rate (N, 3)) -> (N, 3) is what the gyros read too much [rad/s]."""
+    """Return a record before a camera; `add` (time (N,), rate (N, 3)) -> (N, 3) is the gyros' error [rad/s]."""
     rng = np.random.default_rng(seed)
     time, rate, n, attitude = drawn_motion(rng, moves=8, rest=2.0, period=PERIOD)
     readings = rate if add is None else rate + add(time, rate)
@@ -32,7 +32,7 @@ def filmed(add=None, *, seed: int = 4) -> StrapdownRecord:
 
 
 def between_rests(add=None, forces=None) -> StrapdownRecord:
-    """A record between rests; `forces` is what the accelerometers read too much [g] at inputs (N, 3)."""
+    """Return a record between rests; `forces` is the accelerometers' error [g] at inputs (N, 3)."""
     time, rate, n, _ = drawn_motion(np.random.default_rng(4), moves=20, rest=2.0, period=PERIOD)
     readings = rate if add is None else rate + add(time, rate)
     return strapdown_record((time, readings, n if forces is None else n + forces(n)), rate_noise=7e-4)
@@ -47,7 +47,7 @@ def found_in(record: StrapdownRecord) -> Dependence:
 
 
 def at_gyro(p: int, function):
-    """What one gyro alone reads too much: `function` (time (N,), rate (N, 3)) -> (N,)."""
+    """Return the error of one gyro alone: `function` (time (N,), rate (N, 3)) -> (N,)."""
 
     def add(time, rate):
         added = np.zeros_like(rate)
@@ -108,7 +108,8 @@ def test_a_function_of_the_angular_acceleration_has_laws_and_a_table():
 
 
 def test_functions_that_bend_between_nodes_differ_from_straight_ones_by_what_is_said():
-    """Rows of the exact table, with knots that are no nodes: as far from the straight ones as is said, at most."""
+    """Compare rows of the exact table, with knots that are not nodes: they are within the bound of the straight
+    ones."""
     evidence, rng = carried_evidence(filmed()), np.random.default_rng(5)
     assert isinstance(evidence.model, Carried)
     for quantity in ("w2", "hours"):
@@ -183,7 +184,7 @@ def test_the_linear_functions_of_a_pair_are_the_columns_of_the_catalogue(record_
 
 
 def test_large_errors_prove_nothing():
-    """Where the linear model errs by more than a bound nothing is said."""
+    """There is no result if the linear model errs by more than a bound."""
     evidence = carried_evidence(filmed(lambda time, rate: 60.0 * at_gyro(2, bump)(time, rate)))
     assert isinstance(evidence.model, Carried)
     assert evidence.model.second_order > 1.0
@@ -248,7 +249,7 @@ def test_a_law_of_three_gyros_that_is_named_is_told_beside_those_that_do_as_well
 
 @pytest.mark.acceptance
 def test_what_is_proven_is_no_rival_of_itself():
-    """Of a cube of the input at one gyro effects of the catalogue do as well, which need two and more numbers."""
+    """For a cube of the input at one gyro, effects of the catalogue do as well, with two and more numbers."""
     rng = np.random.default_rng(4)
     time, rate, n, attitude = drawn_motion(rng, moves=8, rest=2.0, period=PERIOD)
     rate[:, 0] += 6e-3 * n[:, 0] ** 3

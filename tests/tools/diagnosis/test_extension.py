@@ -1,4 +1,4 @@
-"""What is exported holds what was found: as they are, without any set, the FMUs give the measured record again."""
+"""The exported FMUs contain the found effects: without any further setting they give the measured record again."""
 
 from dataclasses import replace
 from functools import cache
@@ -53,7 +53,7 @@ def misses(record, again) -> np.ndarray:
 @pytest.mark.first(2)
 @pytest.mark.parametrize("place", HIDDEN, ids=lambda place: place.title)
 def test_the_exported_scenario_gives_the_record_again(place, tmp_path):
-    """Every reading within σ, at the record's times and encoder readings, by simulating what was written."""
+    """The simulation of the export gives every reading within σ, at the record's times and encoder readings."""
     record = hidden_record(17, place, HIDDEN[place])
     result = diagnosed(record)
     assert [cause.place for cause in result.causes] == [place]
@@ -78,7 +78,7 @@ def test_the_exported_scenario_gives_the_record_again(place, tmp_path):
 
 @pytest.mark.acceptance
 def test_a_record_in_two_mountings_has_a_run_for_each(tmp_path):
-    """The FMUs start with the first mounting; the scenario of the other says what is different."""
+    """The FMUs start with the first mounting; the scenario of the other sets the differences."""
     matrices = {"first": np.eye(3), "second": np.roll(np.eye(3), 1, axis=1)}
     rng = np.random.default_rng(8)
     bench, parts = random_bench(rng), []
@@ -107,7 +107,7 @@ def test_a_record_in_two_mountings_has_a_run_for_each(tmp_path):
 
 
 def test_both_flavours_and_fmpy_give_the_same_bits(tmp_path):
-    """FMPy runs the table, and the block on its specific force, with no value of what was found set."""
+    """FMPy runs the table, and the block on its specific force, without setting any found value."""
     runs = {}
     for flavour in ("native", "python"):
         export_extended(with_harmonic(), tmp_path / flavour, flavour)
@@ -128,7 +128,7 @@ def test_both_flavours_and_fmpy_give_the_same_bits(tmp_path):
 
 
 def test_start_values_and_parameter_sets_hold_values_and_intervals(tmp_path):
-    """What the JSON states is what the FMU starts with; the .ssv, valid to SSP's schemas, has its intervals too."""
+    """The FMU's start values are those of the JSON; the .ssv, valid to SSP's schemas, has the intervals too."""
     result, place = with_harmonic(), HARMONIC
     files = export_extended(result, tmp_path)
     assert [path.name for path in files] == [

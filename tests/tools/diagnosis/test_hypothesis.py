@@ -20,7 +20,7 @@ from trihedron.tools.records import PositionRecord, StrapdownRecord, read_record
 
 
 def answer_of(record: PositionRecord, text: str, **options):
-    """What a record of a table says of a formula."""
+    """Return the answer of a table's record to a formula."""
     (answer,) = diagnosed(record, hypotheses=[text], **options).hypotheses
     return answer
 

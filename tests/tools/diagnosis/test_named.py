@@ -35,7 +35,7 @@ def outlier(position: int, accelerometer: int) -> EffectPlace:
 
 @dataclass(frozen=True)
 class Hidden:
-    """Effects in a record of so many positions, with what `drawn_record` is told besides."""
+    """Effects in a record of this number of positions, with further arguments of `drawn_record`."""
 
     effects: Effects
     count: int = 30
@@ -177,7 +177,7 @@ def test_rounded_temperatures_and_angles_do_not_refuse_the_right_name():
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.acceptance) for k in (1, 2, 3))])
 def test_readings_in_steps_are_named_where_noise_at_its_bound_came_after_the_rounding(seed):
-    """Where steps are a multiple of σ, such readings are exact multiples of σ, too."""
+    """If steps are a multiple of σ, such readings are exact multiples of σ, too."""
     rng = np.random.default_rng([seed, 5])
     place, step = on("quantisation", 1 + seed % 3), round(10.0 ** rng.uniform(-3.6, -2.4) / SIGMA) * SIGMA
     record = drawn_record(seed, [(place, (step,))], int(rng.integers(14, 45)), exact=True)

@@ -37,7 +37,7 @@ def test_nothing_is_named_on_a_clean_record(options):
 
 @pytest.mark.parametrize("swapped", [(0, 1), (1, 2)])
 def test_swapped_accelerometers_are_named_nothing(swapped):
-    """They are said to be swapped; of a person who says that they are not, nothing is named."""
+    """The message calls them swapped; if a person denies this, nothing is named."""
     rng = np.random.default_rng(5)
     record = simulated(random_bench(rng), noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
     record.specific_force[:, swapped] = record.specific_force[:, swapped[::-1]]
@@ -63,7 +63,7 @@ def rolled(record: PositionRecord) -> PositionRecord:
 
 
 def doubled(record: PositionRecord) -> PositionRecord:
-    """Four readings and two angles are twice what they were, as by hands that copied them: no fit is found."""
+    """Double four readings and two angles, as hands that copied them might: no fit is found."""
     rng = np.random.default_rng(22)
     rows = rng.choice(len(record), 6, replace=False)
     force, alpha = record.specific_force.copy(), record.alpha.copy()
@@ -131,7 +131,7 @@ def test_too_few_positions_are_insufficient_and_more_are_proposed():
 
 @pytest.mark.parametrize("row", [1, -1])
 def test_what_a_single_row_at_an_end_shows_is_no_step(row):
-    """The first or the last reading alone is off: an outlier tells it as well, and is what it is called."""
+    """Only the first or the last reading is off: an outlier explains it as well, and is its name."""
     record = drawn_record(300)
     record.specific_force[row:, 2] += 20.0 * SIGMA * G
     sets = sets_of(diagnosed(record))
@@ -156,7 +156,7 @@ def with_open_senses(seed: int, fault: Callable) -> PositionRecord:
     ],
 )
 def test_no_cause_may_be_zero_where_senses_are_open(seed, fault):
-    """What widens the bounds of readings whose sense is open is paid for by its size: nothing is had for nothing."""
+    """The size pays for the wider bounds of readings with an open sense: no cause may be zero."""
     result = diagnosed(with_open_senses(seed, fault))
     assert result.verdict != "consistent"
     assert all(cause.acts for causes in result.sets for cause in causes)

@@ -1,4 +1,4 @@
-"""What no record proves: beyond the bounds, by as many numbers as pieces, beside readings or sets that do as well."""
+"""The limits of proof: beyond the bounds, by as many numbers as pieces, beside equally good readings or sets."""
 
 import os
 from dataclasses import replace
@@ -82,7 +82,7 @@ def test_a_true_set_stands_though_every_error_is_at_its_bound(seed):
 
 @pytest.mark.parametrize("seed", [21, *(pytest.param(seed, marks=pytest.mark.acceptance) for seed in (22, 23))])
 def test_only_positions_that_decide_are_proposed(seed):
-    """Cubic or odd quadratic: few readings leave both; what is proposed tells two of the candidates apart."""
+    """For cubic or odd quadratic, few readings leave both; the proposal separates two of the candidates."""
     place = EffectPlace("odd-quadratic", "accelerometer-1")
     result = diagnosed(drawn_record(seed, [(place, (1.5e-4,))], 20))
     positions = result.next_positions or ()

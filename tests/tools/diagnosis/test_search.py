@@ -1,4 +1,4 @@
-"""A search that is cut off says so: what was found before stands, and what was not tried may do as well."""
+"""A search that is cut off says so: earlier findings remain, and untried sets may do as well."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Several records of one instrument: what is the instrument's, what is a run's, what each alone cannot tell."""
+"""Several records of one instrument: effects of the instrument, of a run, and undetermined by a single record."""
 
 import json
 import re
@@ -77,7 +77,7 @@ def test_repeatability_of_the_days_parameters_is_surely_a_change(three_records):
 
 
 def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs_own_does_not(three_records):
-    """A record's errors with what was found in itself are noise; with what one of another day has, they are not."""
+    """A record's errors with its own effect are noise; with another day's own effect they are not."""
     rms = {gain.record: {entry.found_in: entry.rms for entry in gain.applied} for gain in three_records.cross_gain}
     assert {gain.unit for gain in three_records.cross_gain} == {"g"}
     for gain in three_records.cross_gain:
@@ -129,7 +129,7 @@ def test_what_is_sought_in_one_record_alone_is_a_rival_beside_what_is_sought_in_
 
 @pytest.mark.acceptance
 def test_a_step_that_only_the_others_show_is_not_taken_for_what_is_sought_in_all(monkeypatch):
-    """By itself the second record falsifies nothing, so its step was never sought: no single cause is said."""
+    """The second record alone falsifies nothing, so its step was never sought: no single cause is named."""
     step = EffectPlace("bias-step", "accelerometer-2")
     records = days_of_a_suite(32, 2, (step, (3e-5, 0.009)))
     result = judged(monkeypatch, records)
@@ -187,7 +187,7 @@ def test_three_that_are_each_insufficient_name_what_all_of_them_have(monkeypatch
 
 @pytest.mark.acceptance
 def test_where_a_record_by_itself_needs_less_than_together_what_is_not_sought_was_not_tried_beside_it(monkeypatch):
-    """Seven positions tell one effect at a time; what is the second record's own is of that run, whatever it is."""
+    """Seven positions determine one effect at a time; the second record's own effect always belongs to that run."""
     of_record = {1: [(CUBIC, (3e-3,))]}
     result = judged(monkeypatch, of_one_instrument(23, positions=7, shared=[(QUADRATIC, (3e-3,))], own=of_record))
     assert result.verdict == "ambiguous"

@@ -1,4 +1,4 @@
-"""What a diagnosis states is possible: sizes and targets together, within all bounds, each in its interval."""
+"""The values of a diagnosis are possible: sizes and targets together, within all bounds, each in its interval."""
 
 from dataclasses import replace
 from typing import Any
@@ -20,7 +20,7 @@ PRODUCT = EffectPlace("cross-product", "accelerometer-1", axes=(1, 3))
 
 
 def exact_misfit(result: Any) -> float:
-    """Largest misfit over its bound of the exact model with what the result states."""
+    """Return the largest misfit over its bound of the exact model with the result's values."""
     finding = result.findings[0]
     evidence = result.evidence
     point = np.array([target["after"] for target in result.targets])

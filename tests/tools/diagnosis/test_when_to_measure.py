@@ -44,7 +44,7 @@ def diagnosed(record: PositionRecord) -> Diagnosis:
 
 
 def in_time(effect: str, hours: np.ndarray) -> np.ndarray:
-    """What an effect adds at times (N,) [g]."""
+    """Return the change by an effect at times (N,) [g]."""
     size = 4.5 * NOISE_BOUND
     return size * (hours / SPAN if effect == "bias-drift" else (hours > 0.5 * SPAN).astype(float))
 

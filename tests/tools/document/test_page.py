@@ -1,4 +1,4 @@
-"""The page of results: one file, no script, whatever the texts hold; and as PDF."""
+"""The page of results: one file, no script, for any texts; and as PDF."""
 
 import math
 import re

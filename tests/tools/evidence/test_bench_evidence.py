@@ -1,4 +1,4 @@
-"""The evidence of a bench: what was left out, what another mounting tells."""
+"""The evidence of a bench: left-out readings, and the contribution of another mounting."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -53,7 +53,7 @@ def test_a_true_effect_improves_what_was_left_out_and_shuffles_do_not():
 
 
 def test_shuffles_are_made_only_where_they_are_asked_for(monkeypatch: pytest.MonkeyPatch):
-    """They cost sixty times what was left out does; laws that are compared by that need none."""
+    """Shuffles cost sixty times as much as left-out parts; comparisons of laws do not need them."""
     case, drawn = draw_alone(2, effects=["quadratic"]), []
     evidence = bench_evidence(case.measured(), noise_bound=NOISE_BOUND)
     shuffled = bench_left_out._shuffled
@@ -204,7 +204,7 @@ def test_an_excluded_size_is_nearly_possible_and_none_beyond_it_is(coarse):
 
 
 def test_what_the_readings_do_not_tell_of_gravity_widens_an_interval_by_no_more():
-    """Inputs are told up to the factor 1 − Δg/g: at its largest the ends are the true coefficients."""
+    """Inputs are known up to the factor 1 − Δg/g: at its largest the ends are the true coefficients."""
     bench = bench_evidence(draw_alone(31, effects=[]).measured(), noise_bound=NOISE_BOUND)
     error = bench.model.bounds[1]
     low, high = bench.reader.told(CUBIC, [(2e-4, 3e-4)])[0]

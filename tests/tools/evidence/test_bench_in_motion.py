@@ -50,7 +50,7 @@ def clean():
 
 
 def test_the_extended_gyro_block_gives_the_record_again(clean):
-    """Its FMU, driven by the table's motion with what was hidden, integrates as the record's gyros did."""
+    """Its FMU, driven by the table's motion with the hidden effects, integrates like the record's gyros."""
     fit, _ = clean
     rate_squared = EffectPlace("gyro-rate-squared", "gyro-block")
     hidden = Hidden(HARMONIC, (6e-5, 1.0)), Hidden(rate_squared, (2e-4, -1e-4, 5e-5))
@@ -79,7 +79,7 @@ def test_the_extended_gyro_block_gives_the_record_again(clean):
     ids=lambda value: value.title if isinstance(value, EffectPlace) else "",
 )
 def test_turns_change_as_the_extended_components_say(clean, place, values):
-    """The same seed, with the effect and without: what the gyros integrate differs by the columns, to second order."""
+    """With the same seed, the gyros' integrals with and without the effect differ by the columns, to second order."""
     fit, travel = clean
     record = approached(measured(Hidden(place, values)), 1e-4)
     moved = fit_whole(fit_record(record, SIGMA), record, bench().place, SIGMA).turns
@@ -194,7 +194,7 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     ids=lambda value: value.title if isinstance(value, EffectPlace) else "",
 )
 def test_what_only_motion_shows_is_named_with_its_size_inside(place, values):
-    """The rests by themselves stand; the readings in motion do not, but with what was hidden in the components."""
+    """The rests alone are consistent; the readings in motion are so only with the effects hidden in the components."""
     record = measured(Hidden(place, values))
     evidence = whole_evidence(record, bench().place, noise_bound=SIGMA)
     assert evidence.model.calibration.verdict == "consistent" or place.effect == "encoder-lag"
@@ -234,7 +234,7 @@ def of_formula(text: str, size: float) -> Hidden:
     ids=("fifth power of a rate", "bump", "fifth power of an input", "sine of a rate", "sine of an input"),
 )
 def test_what_no_catalogue_lists_has_its_place_and_quantity_proven(hidden, where, quantity):
-    """What is proven is what was hidden; a table's cause is seen by accelerometers and gyros alike."""
+    """The proof is the hidden fault; accelerometers and gyros alike sense a table's cause."""
     evidence = whole_evidence(measured(hidden), bench().place, noise_bound=SIGMA)
     function = dependence(evidence)
     assert function is not None
@@ -249,7 +249,7 @@ def test_what_no_catalogue_lists_has_its_place_and_quantity_proven(hidden, where
 
 @pytest.mark.acceptance
 def test_of_what_one_move_alone_shows_no_quantity_is_proven():
-    """Of so small a sine one slow turn alone misfits, and a jump of a product of rates mends it with fewest numbers."""
+    """For a small sine, one slow turn alone misfits, and a jump of a product of rates mends it with fewest numbers."""
     evidence = whole_evidence(measured(of_formula("w1 += c*sin(6*w1)", 5e-5)), bench().place, noise_bound=SIGMA)
     function = dependence(evidence)
     assert function is not None
@@ -260,7 +260,7 @@ def test_of_what_one_move_alone_shows_no_quantity_is_proven():
 
 @pytest.mark.acceptance
 def test_a_formula_of_a_gyro_stands_or_is_refuted():
-    """What was hidden stands with its number inside; of another gyro, or of an accelerometer, it does not."""
+    """The hidden formula stands with its number inside; for another gyro, or an accelerometer, it does not."""
     hidden = of_formula("w3 += c*w3**5", 2e-4)
     evidence = whole_evidence(measured(hidden), bench().place, noise_bound=SIGMA)
     texts = ("w3 += c*w3**5", "w1 += c*w1**5", "f1 += c*n1**5")

@@ -1,4 +1,4 @@
-"""Effects of gyros that set in at a time on a whole bench: found with sizes and times that hold what was hidden."""
+"""Effects of gyros that set in at a time on a whole bench: sizes and times hold the hidden values."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -39,7 +39,7 @@ def evidence_with(*hidden: Hidden) -> Evidence:
 
 
 def holds(fit: Fit, true: Sequence[float]) -> bool:
-    """Whether the intervals of a fit's only effect hold what is true."""
+    """Return True if the intervals of a fit's only effect hold the true values."""
     (ends,) = fit.intervals()
     return all(low <= value <= high for value, (low, high) in zip(true, ends, strict=True))
 
@@ -58,7 +58,7 @@ def test_a_slip_is_not_lost_where_the_time_next_to_the_best_parts_a_reading():
 @settings(max_examples=3, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**20), part=st.floats(0.0, 0.999))
 def test_a_range_of_numbers_holds_what_each_within_it_does(seed, part):
-    """Steps, a slip and what settles on a table: what is refused with a range is refused with each number in it."""
+    """Steps, a slip and a settling effect on a table: a refused range refuses each number in it."""
     rng, model = np.random.default_rng(seed), evidence_with().model
     for place, cells in model.cells.items():
         edges, width = cells.edges, int(rng.integers(1, 4))
@@ -87,7 +87,7 @@ def title(value: object) -> str:
 
 @pytest.mark.parametrize(("place", "values"), CASES, ids=title)
 def test_turns_change_as_the_extended_component_says(place, values):
-    """What the gyro block's own component integrates, with the effect less without, piece by piece."""
+    """Compare the integrals of the gyro block's own component, with the effect less without, piece by piece."""
     clean, moved = evidence_with(), evidence_with(Hidden(place, values))
     changed = (moved.model.whole.turns.integral - clean.model.whole.turns.integral).ravel()
     number = clean.model.cells[place].number(values[-1])
@@ -120,7 +120,7 @@ def test_a_slip_is_seen_by_readings_and_by_gyros_as_the_extended_component_says(
 @pytest.mark.acceptance
 @pytest.mark.parametrize("factor", [0.1, 1.0, 20.0])
 def test_a_slip_is_found_with_its_angles_and_its_time(factor):
-    """Whether it slips in a move or at rest, by 8 arcseconds or a quarter of a degree; nothing else would do."""
+    """Test slips in a move and at rest, by 8 arcseconds or a quarter of a degree; no other effect would do."""
     for start in (0.0411, 0.04231):
         values = *(factor * theta for theta in (2e-4, -1e-4, 3e-4)), start
         evidence = evidence_with(Hidden(SLIP, values))
@@ -138,7 +138,7 @@ def test_a_slip_is_found_with_its_angles_and_its_time(factor):
 
 @pytest.mark.acceptance
 def test_what_sets_in_beside_another_effect_is_sought_and_found_with_it():
-    """Of all pairs few are left by bounds, the true one among them; its intervals hold what was hidden."""
+    """Bounds leave few of all pairs, the true one among them; its intervals hold the hidden values."""
     hidden = Hidden(EffectPlace("encoder-harmonic", "outer-axis", 3), (6e-5, 1.0)), Hidden(BIAS_STEP, CASES[0][1])
     evidence, work = evidence_with(*hidden), Work()
     remaining = list(evidence.model.sets_in_time(2, work, SLACK))
@@ -152,7 +152,7 @@ def test_what_sets_in_beside_another_effect_is_sought_and_found_with_it():
 @pytest.mark.acceptance
 @pytest.mark.parametrize(("place", "values"), CASES, ids=title)
 def test_what_sets_in_is_found_with_its_time(place, values):
-    """No other effect that sets in would do, and none that always acts; intervals hold what was hidden."""
+    """No other effect that sets in would do, and none that always acts; intervals hold the hidden values."""
     evidence = evidence_with(Hidden(place, values))
     assert evidence.model.falsified
     standing = {

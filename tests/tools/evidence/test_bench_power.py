@@ -32,7 +32,7 @@ def drawn(path: Path, seed: int, count: int) -> tuple[Known, PositionRecord]:
 
 
 def class_of(truth: Known, pair: str) -> tuple[NDArray, NDArray]:
-    """What values at knots do to readings (3 N, K), and functions (K, d) that parameters imitate, known by hand."""
+    """Return the effect of values at knots on readings (3 N, K), and the functions (K, d) that parameters imitate."""
     place, quantity, factor = (*pair.split(), "")[:3]
     values = truth.values({"hours": "time"}.get(quantity, quantity))
     if quantity in ("alpha", "beta"):
@@ -111,7 +111,7 @@ def test_a_fault_just_below_can_hide_and_one_just_above_never_does(pair: str, tm
 
 
 def test_no_size_is_sure_where_nothing_was_measured(tmp_path: Path):
-    """Accelerometer 1 never sees more than half of g: what it does beyond is not known."""
+    """Accelerometer 1 never senses more than half of g: its behaviour beyond is unknown."""
     truth, _ = drawn(tmp_path / "r.csv", 8, 60)
     low_input = np.abs(truth.n[:, 0]) < 0.5
     session, rng = truth.session, np.random.default_rng(1)

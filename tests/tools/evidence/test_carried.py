@@ -91,7 +91,7 @@ def test_the_object_is_that_of_the_contract(sensitive):
 
 
 def with_truth(record, motion, latency: int = 0):
-    """A simulated record with the attitude of its motion; its gyros read so many rows late."""
+    """Return a simulated record with the attitude of its motion; its gyros read this number of rows late."""
     time, rate, _ = motion
     steps = np.vstack([np.zeros(3), 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None]])
     quaternion = np.roll(turned_by(steps).as_quat(), 1, axis=1)
@@ -161,7 +161,7 @@ def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path, monkeypat
 
 
 def test_a_set_that_helps_shuffled_data_as_much_has_no_witness():
-    """Of a clean record an effect explains no more than its shuffles do, or does not help at all."""
+    """For a clean record an effect explains no more than its shuffles do, or does not help at all."""
     evidence = simulated()
     fit = evidence.refit([SENSITIVITY, EffectPlace("gyro-bias-drift", "gyro-block")])
     assert any(EffectWitness.of(trial).objections for trial in trials_in_time(evidence.rows, fit))

@@ -101,7 +101,7 @@ def test_a_clipped_move_names_nothing(kind, request):
 
 
 def test_accelerometers_in_coarse_steps_name_nothing(clean):
-    """Steps count in the bounds, and are said."""
+    """Steps count in the bounds, and are reported."""
     g = 9.80665
     stepped = np.array(clean.specific_force)
     stepped[:, 1] = 0.02 * g * np.round(stepped[:, 1] / (0.02 * g))

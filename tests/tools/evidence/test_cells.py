@@ -1,4 +1,4 @@
-"""Cells of an unknown number: times and time constants, of which none is missed."""
+"""Cells of an unknown number: times and time constants, without a gap."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -39,7 +39,7 @@ def drawn_rows(seed: int) -> tuple[np.random.Generator, Rows]:
 
 
 def missed_within(name: str, rng: np.random.Generator, rows: Rows, share: float) -> tuple[np.ndarray, np.ndarray]:
-    """What the kernel adds with a number in a cell, less what its columns span (N, 3), and what may be missed."""
+    """Return the kernel's change for a number in a cell, less the span of its columns (N, 3), and the allowed miss."""
     place = POSITION_EFFECTS[name].places[-1]
     cells = CellsAtRest(place, rows)
     cell = cells[int(rng.integers(len(cells)))]

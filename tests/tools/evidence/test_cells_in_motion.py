@@ -1,4 +1,4 @@
-"""Effects that set in at a time, or fade with a time constant: what is proven of a stretch is true within it."""
+"""Effects that set in at a time, or fade with a time constant: proofs for a stretch are true within it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -114,7 +114,7 @@ def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_
 
 
 def test_a_large_effect_with_a_time_constant_between_those_that_are_tried_is_found():
-    """Of thousands of bounds none that is a part of a thousand away would stand."""
+    """The bounds are so small that no time constant a thousandth away would fit."""
     clean, number = drawn_evidence(filmed=True), 3200.5
     clean = with_rows(clean, clean.rows.with_bounds([0.02 * part.bound for part in clean.rows.parts]))
     with_onset = clean.model.with_onset(WARM_UP, number)

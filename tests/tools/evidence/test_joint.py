@@ -1,4 +1,4 @@
-"""Several records as one evidence: halves of a record say together what the whole says, shared or not."""
+"""Several records as one evidence: halves of a record together give the result of the whole, shared or not."""
 
 from dataclasses import replace
 

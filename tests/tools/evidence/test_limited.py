@@ -35,7 +35,7 @@ def places_named(result: Diagnosis) -> list[EffectPlace]:
 @pytest.mark.first(2)
 @pytest.mark.parametrize(("axis", "level"), [(0, 0.95), (1, 0.8), (2, 0.75), (1, 0.9)])
 def test_an_accelerometer_that_saturates_in_rests_is_named_with_its_level(axis, level):
-    """Clipped in the two rests where it points up or down, whatever the noise; the level is in its interval."""
+    """Clip the two rests in which it points up or down, for any noise; the level is in its interval."""
     result: Any = diagnose(clipped(drawn(axis), axis, -level, level), rerun=False)
     assert result.verdict == "explained"
     assert places_named(result) == [EffectPlace("saturation", f"accelerometer-{axis + 1}")]

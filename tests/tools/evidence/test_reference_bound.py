@@ -1,4 +1,4 @@
-"""A stated bound of the true attitude's error: what it lets through, what it takes for granted, and when it is none."""
+"""A given bound of the true attitude's error: its consequences, its assumptions, and impossible values."""
 
 import re
 from dataclasses import replace
@@ -15,13 +15,13 @@ from trihedron.tools.records import StrapdownRecord
 
 ARCMIN = np.pi / 180.0 / 60.0
 PERIOD, ERROR = 0.02, 8.0
-"""Time between the rows [s], and what the cameras err by at most, in motion alone [arcmin]."""
+"""Time between the rows [s], and largest error of the cameras, only in motion [arcmin]."""
 GAMMA = np.array([[8e-3, -6e-3, 4e-3], [5e-3, -9e-3, 7e-3], [-4e-3, 6e-3, 1e-2]])
 """Errors of scale and misalignment of the gyros."""
 
 
 def filmed(*, in_motion: float = ERROR, cameras: float = 0.1, moves: int = 24, seed: int = 4) -> StrapdownRecord:
-    """A record with errors of the gyros' scale, before cameras that err in motion: by so many arcmin at most.
+    """Return a record with errors of the gyros' scale, before cameras that err in motion, at most by this [arcmin].
 
     At rest, and in motion too, they have noise of `cameras` [arcmin].
     """
@@ -48,7 +48,7 @@ def without(record) -> Diagnosis:
 
 @pytest.fixture(scope="module")
 def least(without) -> float:
-    """What the effects that help need [arcmin]."""
+    """Return the bound that the helpful effects need [arcmin]."""
     return needed((without.not_named or ("",))[-1])
 
 
@@ -58,7 +58,7 @@ def narrow(record, least) -> Diagnosis:
 
 
 def too_large(result: Diagnosis) -> list[str]:
-    """What is said of errors that all effects together leave."""
+    """Return the texts on errors that all effects together leave."""
     return [text for text in result.not_named or () if "all effects of the catalogue together" in text]
 
 
@@ -145,7 +145,7 @@ def test_it_enters_at_both_ends_of_each_window_and_takes_nothing_from_what_the_r
 
 
 def test_what_it_scatters_by_at_rest_is_of_one_row():
-    """Of two rows each errs by half of what they differ by, at least."""
+    """Each of two rows errs by at least half of their difference."""
     exact = filmed(in_motion=0.0, cameras=0.0, moves=8)
     signs = np.random.default_rng(0).choice([-1.0, 1.0], len(exact.time_s))
     assert exact.attitude is not None

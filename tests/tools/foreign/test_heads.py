@@ -12,7 +12,7 @@ COUNT = 6
 TIME = 30.0 * np.arange(COUNT)
 ALPHA, BETA = 20.0 * np.arange(COUNT), 50.0 * np.arange(COUNT)
 FORCE = np.array([[0.001 * k, -0.002 * k, 0.99 - 0.01 * k] for k in range(COUNT)])
-"""Of a table: angles [deg], specific force [g]."""
+"""Specific force [g] of a table, beside angles [deg]."""
 G = 9.80665
 
 
@@ -22,7 +22,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]], mark: str = ";"
 
 
 def rows_of(force: np.ndarray, *further: Sequence[object]) -> list[list[object]]:
-    """Rows: number, time, angles, readings, what stands beside them."""
+    """Return rows: number, time, angles, readings, further columns."""
     return [
         [k + 1, TIME[k], ALPHA[k], BETA[k], *np.ravel(force[k]).round(6).tolist(), *(column[k] for column in further)]
         for k in range(COUNT)

@@ -35,7 +35,7 @@ def line(key: str, value: str) -> str:
 
 
 def refusal(*arguments: object, **options: object) -> str:
-    """What an import says where it refuses, in one line; "" where it does not."""
+    """Return the refusal of an import, in one line; "" if there is none."""
     try:
         th.import_record(*arguments, **options)  # type: ignore[arg-type]
     except th.InputError as error:
@@ -45,7 +45,7 @@ def refusal(*arguments: object, **options: object) -> str:
 
 
 def imported(folder: Path, content: bytes, answers: dict[str, str] | None = None, name: str = "lab.csv") -> None:
-    """Import bytes; what is refused is refused in one line, and what is made is a record that can be read."""
+    """Import bytes; a refusal is one line, and a record can be read."""
     path, out = folder / name, folder / "record.csv"
     path.write_bytes(content)
     for file in folder.glob("record*"):

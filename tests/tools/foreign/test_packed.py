@@ -1,4 +1,5 @@
-"""Files that are packed, filled up or no table: read where nothing is doubtful, else it is said what would be right."""
+"""Packed files, filled-up files and files without a table: read if nothing is doubtful, otherwise refused with
+advice."""
 
 import bz2
 import gzip

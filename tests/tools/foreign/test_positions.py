@@ -26,7 +26,7 @@ def bench() -> Bench:
 
 
 def some_bench() -> Bench:
-    """Of any size, for the names of the files."""
+    """Return a bench of any size, for the names of the files."""
     ones = np.arange(1.0, 41.0)
     return Bench(ones, ones, ones, np.tile(ones[:, None], 3), ones)
 
@@ -44,7 +44,8 @@ def test_there_are_forty_dialects():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_dialect_is_imported_or_asks_for_what_is_missing(name: str, bench: Bench, tmp_path: Path):
-    """Exactly what is missing is asked for, at once; with it the record is the clean one, to the last digit written."""
+    """Only the missing facts are asked for, at once; with them the record is the clean one, to the last digit
+    written."""
     file = file_of(bench, name)
     conversion, record = imported_as_asked(tmp_path, file)
     rows = np.arange(len(bench.time)) if file.rows is None else file.rows
@@ -162,7 +163,7 @@ def test_decimal_commas_between_commas_are_refused_as_such(bench: Bench, tmp_pat
 
 @pytest.mark.parametrize("name", ["German Windows", "German, UTF-16", "tab, decimal point", "other names"])
 def test_check_and_diagnose_propose_the_import(name: str, bench: Bench, tmp_path: Path, monkeypatch, capsys):
-    """What is no record, but may become one, is answered with the command that makes it one."""
+    """A file that may become a record is answered with the command that makes it one."""
     monkeypatch.chdir(tmp_path)
     path = written(tmp_path, file_of(bench, name).content)
     import_proposed(path, capsys)

@@ -1,4 +1,4 @@
-"""What stands behind numbers, and how times are written: a known unit, a question, or a refusal; never dropped."""
+"""Texts behind numbers, and forms of times: a known unit, a question, or a refusal; never dropped."""
 
 import gzip
 import os
@@ -305,7 +305,7 @@ def test_the_field_folder_that_was_overwritten_keeps_its_programme(tmp_path, cap
 
 
 def test_drawn_files_keep_every_sign_count_and_hour(tmp_path, capsys):
-    """Twelve files of each kind, drawn: what is answered is what was written."""
+    """Draw twelve files of each kind: the answers give the written values."""
     for seed in range(12):
         rng = np.random.default_rng([42, seed])
         first, second = [("CW", "CCW"), ("E", "W"), ("N", "S"), ("L", "R")][rng.integers(4)]

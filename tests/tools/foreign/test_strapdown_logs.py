@@ -14,7 +14,7 @@ from trihedron.tools.records import StrapdownRecord
 
 
 def some_block() -> Block:
-    """Of any length, for the names of the files."""
+    """Return a block of any length, for the names of the files."""
     return Block(np.arange(3) * 0.01, np.zeros((3, 3)), np.ones((3, 3)))
 
 
@@ -82,7 +82,7 @@ def test_rows_that_lack_a_number_are_a_gap_and_said(block: Block, tmp_path: Path
 
 @pytest.mark.parametrize("second", ["std", "gyro2"])
 def test_three_columns_are_told_by_their_unit_only_where_no_others_have_it(second: str, block: Block, tmp_path: Path):
-    """What scatters, and what is another sensor, is taken for no gyro."""
+    """Columns of scatter, or of another sensor, are not taken for gyros."""
     rates = [[f"{v:.6f}" for v in column] for column in block.rate[TURNED].T]
     forces = [[f"{v:.6f}" for v in column] for column in block.force[TURNED].T]
     time = [f"{v:.4f}" for v in block.time[TURNED]]
@@ -98,7 +98,7 @@ def test_three_columns_are_told_by_their_unit_only_where_no_others_have_it(secon
     [("dtheta_{} [mrad]", "dv_{} [mm/s]", 1e-3, 1e-3), ("Delta Theta {} (deg)", "Delta-V {} (m/s)", np.pi / 180, 1.0)],
 )
 def test_increments_come_in_their_units(angle: str, velocity: str, turn: float, gain: float, tmp_path: Path):
-    """Of angle and of velocity; forces at the rows are made of these, and the file says so."""
+    """Test units of angle and of velocity; forces at the rows are made from these, and the file says so."""
     draw = np.random.default_rng(3)
     angles, gains = (
         draw.uniform(-0.1, 0.1, (20, 3)),

@@ -92,7 +92,7 @@ def test_a_workbook_that_nobody_should_open_is_refused_in_one_line(name: str, tm
 
 
 def test_a_part_that_unpacks_to_more_than_it_says_is_refused(tmp_path: Path):
-    """Sizes of an archive are what it says; what it gives is looked at."""
+    """An archive states its sizes itself; the actual size is checked."""
     size = len(XML).to_bytes(4, "little")
     short = (len(XML) // 2).to_bytes(4, "little")
     stored = changed(GOOD, **{SHEET: XML})

@@ -1,4 +1,4 @@
-"""The page of a measurement: who may ask for it, what it shows; in a real browser, short."""
+"""The page of a measurement: access, content; briefly in a real browser."""
 
 import http.client
 import json

@@ -25,7 +25,7 @@ SIGMA = 1e-5
 
 
 def write_positions(path: Path, shift: int = 0) -> None:
-    """Write the positions as a table, α moved by so many degrees."""
+    """Write the positions as a table, with α shifted by this angle [deg]."""
     lines = ["alpha_deg,beta_deg"]
     for alpha, beta in POSITIONS:
         lines.append(f"{alpha + shift},{beta}")
@@ -280,7 +280,7 @@ def test_a_programme_with_a_position_that_the_plan_lacks_is_refused(number: int,
 
 
 def all_of(source: Source, size: int) -> bytes:
-    """So many bytes, as they come."""
+    """Return this number of bytes, as they come."""
     readings, ends = b"", time.monotonic() + 20.0
     while len(readings) < size and time.monotonic() < ends:
         readings += source.read() or b""

@@ -1,4 +1,4 @@
-"""The attitude of a record: what the attitude computer makes of its gyros, how far that is from the truth and why."""
+"""The attitude of a record: the attitude computer's result from its gyros, its error and the cause of the error."""
 
 import json
 import math

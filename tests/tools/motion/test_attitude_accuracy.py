@@ -1,4 +1,4 @@
-"""What the algorithms reach on the paper's motions: independent references, round-off, and the best of them."""
+"""Accuracy of the algorithms on the paper's motions: independent references, round-off, and the best of them."""
 
 from functools import cache
 
@@ -196,7 +196,7 @@ def test_the_best_algorithm_is_never_worse_over_a_minute(name: str, frequency: i
 
 @pytest.mark.parametrize(("quantum", "noise"), [(2.4e-6, 0.0), (0.0, 6e-8)])
 def test_quanta_and_noise_do_not_keep_the_best_algorithm_from_coning(quantum: float, noise: float) -> None:
-    """A cone of 1° at 51 Hz, 1 kHz: what a lower degree leaves of it adds up, noise in a higher one does not."""
+    """For a cone of 1° at 51 Hz, 1 kHz, the remainder of a lower degree adds up, noise in a higher one does not."""
     harmonics, turn, quarter = [0.0] * 36, 0.0175, 0.5 * np.pi
     store_harmonics(1, np.pi, [turn, 0.0, 0.0, 0.0], [51.0] * 4, [0.0] * 4, harmonics)
     store_harmonics(2, np.pi, [turn, -turn, 0.0, 0.0], [51.0, 0.0, 0.0, 0.0], [quarter] * 4, harmonics)
@@ -234,7 +234,7 @@ def test_a_pure_cone_gains_on_the_formulas_that_are_for_nothing_else() -> None:
 
 @pytest.mark.acceptance
 def test_short_motions_need_no_compiler_and_have_the_same_bits(monkeypatch):
-    """Plain Python is ready at once; what is compiled for longer motions computes the same."""
+    """Plain Python is ready at once; the code compiled for longer motions computes the same."""
     answers = []
     for few in (0, 100):
         monkeypatch.setattr(compiled, "FEW", few)
@@ -246,7 +246,7 @@ def test_short_motions_need_no_compiler_and_have_the_same_bits(monkeypatch):
 
 
 def test_vibration_beside_a_slow_turn_leaves_little_at_the_ends_of_steps() -> None:
-    """Of six to ten samples a period, 3' and 3° at 2 Hz: drawn six times, against (22)."""
+    """Test six to ten samples a period, 3' and 3° at 2 Hz: drawn six times, against (22)."""
     draw = np.random.default_rng(5)
     logarithm = []
     for _ in range(6):

@@ -75,7 +75,7 @@ def test_the_bound_holds_and_is_not_far_from_what_happens(kind):
 
 @pytest.mark.parametrize("lost", [1, 2, 3, 5, 10])
 def test_a_slow_turn_errs_by_half_of_the_bound(lost):
-    """Where motion bends as much in the gap as around it, all that the bound has to spare is its factor of two."""
+    """If motion bends as much in the gap as around it, the bound's only margin is its factor of two."""
     time = PERIOD * np.arange(COUNT)
     rate = np.outer(np.cos(2.0 * np.pi * 0.1 * (time - 1.5)), [0.0, 1.0, 0.0])
     record = StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, 9.8], (COUNT, 1)))

@@ -1,4 +1,4 @@
-"""What a strapdown record supports: simulated records whose truth is known, hostile ones, measured ones."""
+"""The inspection of a strapdown record: simulated records with known truth, hostile ones, measured ones."""
 
 import json
 from dataclasses import replace
@@ -253,7 +253,7 @@ def test_rests_with_an_accelerometer_at_its_limit_are_left_out(limit):
 
 
 def test_no_rest_of_a_sound_record_counts_as_clipped():
-    """Of readings in steps, and of others."""
+    """Test readings in steps, and others."""
     for step in (0.0, 0.02, 0.05, 0.2):
         record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=2)
         force = record.specific_force if step == 0.0 else step * np.round(record.specific_force / step)

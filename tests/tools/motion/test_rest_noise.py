@@ -1,4 +1,4 @@
-"""Noise at rest: white noise and flicker noise are told apart, and hardly one of many errors is beyond its bound."""
+"""Noise at rest: white noise and flicker noise are separated, and hardly one of many errors is beyond its bound."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +16,7 @@ PERIOD = 0.01
 
 @pytest.mark.parametrize("part", [0.0, 0.5, 2.0, 8.0])
 def test_white_noise_and_flicker_noise_are_told_apart_whatever_their_parts(part):
-    """Of Allan deviations as the two make them together: white noise falls with the time, flicker noise does not."""
+    """Use Allan deviations of both together: white noise falls with the time, flicker noise does not."""
     rests: Any = SimpleNamespace(rows=[slice(0, 400), slice(500, 900)])
     flicker = np.array([1e-8, 4e-8, 9e-8])
     white = part * flicker * 200 * PERIOD
@@ -32,7 +32,7 @@ def test_white_noise_and_flicker_noise_are_told_apart_whatever_their_parts(part)
 
 
 def test_of_many_errors_hardly_one_is_beyond_its_bound():
-    """In records of Gaussian errors, as many as the probability says for each; of few rows three sigma are enough."""
+    """Records of Gaussian errors have as many as the probability of each says; for few rows three sigma are enough."""
     rng = np.random.default_rng(2)
     for rows, least in ((1, 3.0), (2_000, 4.0), (50_000, 5.0)):
         factor = factor_for(rows)

@@ -64,10 +64,11 @@ def error(algorithm: Algorithm, increments: np.ndarray, true: np.ndarray) -> flo
 
 
 def never_near_both(increments: np.ndarray, first: np.ndarray, second: np.ndarray) -> float:
-    """How far off the least error any algorithm must be on one of two motions.
+    """Return the least multiple of the least errors that any algorithm must reach on one of two motions.
 
-    The least errors are those of all algorithms that cost no more than the adaptive one. One with b times of them at
-    most on both is within b times of their sum of both truths together, at each eighth sample.
+    The least errors are those of all algorithms that cost no more than the adaptive one. If an algorithm has at most b
+    times the least error on both motions, b times their sum is at least the distance of the truths, at each eighth
+    sample.
     """
     most = operations_per_sample(ADAPTIVE, increments)
     able = [algorithm for algorithm in ALGORITHMS if operations_per_sample(algorithm, increments) <= most]

@@ -1,4 +1,4 @@
-"""Time stamps: coarse, late and bursty ones lose no row; gaps are found; the stamps that count are said."""
+"""Time stamps: coarse, late and bursty ones lose no row; gaps are found; the report names the stamps that count."""
 
 import gzip
 import json
@@ -36,7 +36,7 @@ def field_file(name: str, folder: Path) -> Path:
 
 
 def moved_by_hand(seed: int, moments: np.ndarray | None = None) -> StrapdownRecord:
-    """A block that is turned between rests, sampled at some moments (N,), of which 0 to N - 1 are the even ones."""
+    """Return a block that is turned between rests, sampled at some moments (N,); 0 to N - 1 are the even ones."""
     rng = np.random.default_rng(seed)
     count = RESTS * REST_ROWS + (RESTS - 1) * MOVE_ROWS
     at = np.arange(count, dtype=float) if moments is None else moments

@@ -1,4 +1,4 @@
-"""The one check of records with gyros: what is wrong is refused by every command, and what is right passes."""
+"""The one check of records with gyros: every command refuses wrong ones and accepts correct ones."""
 
 import re
 from dataclasses import replace

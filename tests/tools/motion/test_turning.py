@@ -40,7 +40,7 @@ def clean() -> Any:
 
 
 def filmed(seed: int, *, speed: float, truth_every: int = 1, lag: float = 0.0, seconds: float = 25.0) -> Any:
-    """A block that rests, then turns without a rest, with its true attitude in every so many rows."""
+    """Return a block that rests, then turns without a rest, with its true attitude in every `truth_every`-th row."""
     rng = np.random.default_rng(seed)
     period, fine = 0.005, 2
     count = round(seconds / period)
@@ -72,7 +72,7 @@ def test_every_signed_permutation_of_gyros_is_said_beside_gravity(clean):
 
 @pytest.mark.parametrize("order", [(1, 2, 3), (2, 1, -3)])
 def test_rates_that_were_said_to_be_degrees_and_are_none_are_said(clean, order):
-    """Beside gravity and beside a true attitude: what was said wrongly is to be taken back, and nothing else."""
+    """With gravity and with a true attitude: the advice is to remove the wrong option, and nothing else."""
     for record in (clean, filmed(1, speed=2.0)):
         advice = Channels(gyros=order, degrees=True)
         record_read = replace(record, rate=record.rate @ advice.of_gyros.T, channels=advice)

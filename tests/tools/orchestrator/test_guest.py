@@ -1,4 +1,4 @@
-"""A foreign FMU in a process of its own: what it does there, nothing of ours suffers; what it gives is the same."""
+"""A foreign FMU in a process of its own: its faults do not harm our process; its results are the same."""
 
 import json
 import os
@@ -89,7 +89,7 @@ def test_processes_that_it_has_begun_end_with_it(
 
 
 def _working_folders() -> list[str]:
-    """Where the processes work that we may look at."""
+    """Return the working folders of the processes that this user may inspect."""
     folders = []
     for link in Path("/proc").glob("[0-9]*/cwd"):
         with suppress(OSError):

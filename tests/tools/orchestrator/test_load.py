@@ -141,7 +141,7 @@ def test_a_large_file_that_is_no_archive_is_not_read(tmp_path: Path) -> None:
 
 
 def test_a_description_of_too_many_variables_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """They are counted before they are read: FMPy takes seconds for as many."""
+    """The variables are counted before they are read: FMPy takes seconds for this number."""
     monkeypatch.setattr(archives.fmpy, "read_model_description", None)
     variable = b'<ScalarVariable name="v%d" valueReference="%d"><Real/></ScalarVariable>'
     with zipfile.ZipFile(tmp_path / "Many.fmu", "w", zipfile.ZIP_DEFLATED) as archive:
@@ -238,7 +238,7 @@ def test_a_kept_fmu_is_used_again_unless_it_is_damaged(cache: Path, monkeypatch:
 
 
 def is_whole(stored: bytes) -> bool:
-    """Whether what is kept has the digest that stands before it."""
+    """Return True if stored content matches the digest before it."""
     return hashlib.sha256(stored[32:]).digest() == stored[:32]
 
 

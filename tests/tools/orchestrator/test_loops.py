@@ -226,7 +226,7 @@ def test_where_nothing_compiles_the_plain_loop_does_it(folder: Path, monkeypatch
 
 
 def test_a_record_with_strings_runs_as_plain_python(foreign: Path) -> None:
-    """Every type but Real is set, passed on and recorded as what it is."""
+    """Every type but Real is set, passed on and recorded in its own type."""
     fmus = {"g": {**GAIN, "parameters": {"label": "größe ", "times": 3, "inverted": True}}, "h": GAIN}
     along = wires("g.said -> h.word", "g.counted -> h.count", "g.marked -> h.mark")
     texts = {"word": "µ", "count": 7, "mark": False}

@@ -16,7 +16,7 @@ SLOW = {"max_rate": [0.3, 0.5], "max_acceleration": [0.4, 0.2], "initial_angle":
 
 
 def programme(alpha: Sequence[float], beta: Sequence[float], dwell: Sequence[float], **values: Any) -> Named:
-    """The component after initialisation, with so many positions."""
+    """Return the component after initialisation, with these positions."""
     rows = {"alpha": alpha, "beta": beta, "dwell_time": dwell}
     elements = {f"{name}[{i}]": x for name, numbers in rows.items() for i, x in enumerate(numbers, 1)}
     return Named("PositionProgramme", positions=len(alpha), **elements, **values).begin()

@@ -82,7 +82,7 @@ def wave(step: float, seconds: float) -> pl.DataFrame:
 
 
 def integral(foreign: Path, way: str, stride: int, coupling: str | None) -> float:
-    """Of t - sin t over two seconds, made by a slow one and summed by a fast one; against the same at one rate."""
+    """Compare the integral of t - sin t over two seconds, by a slow FMU summed by a fast one, with that at one rate."""
     base, sums = 2.0**-8, []
     setting = {"stop_s": 2.0, "step_s": base, "in_process": True, **({"coupling": coupling} if coupling else {})}
     for factor in (1, stride):
@@ -125,7 +125,7 @@ def test_a_cycle_of_two_rates_tends_to_what_it_is_at_one(way: str) -> None:
 
 
 def test_increments_of_a_fast_table_are_summed_for_a_slow_computer() -> None:
-    """What its increments add up to is what it would have put out in long steps."""
+    """The sum of its increments is its output in long steps."""
     simulation = []
     for step in (0.1, 0.005):
         settings = read_scenario(SCENARIOS / "table-stabilised.toml").as_written()

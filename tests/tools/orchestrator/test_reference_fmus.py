@@ -27,7 +27,7 @@ WITH_RESULTS = [
     *("fmi2/Feedthrough", "fmi3/Feedthrough", "fmi3/StateSpace"),
 ]
 UNSTATED_STEPS = {"fmi2/Feedthrough": 0.1, "fmi2/Resource": 1.0}
-"""Of FMUs that say no step: that of their results."""
+"""Steps of the published results, for FMUs that state none."""
 STEPS = {"BouncingBall": 0.01, "Dahlquist": 0.1, "Feedthrough": 0.1, "Resource": 1.0, "Stair": 0.2, "StateSpace": 1.0}
 STEPS["VanDerPol"] = 0.01
 """As their results have them."""
@@ -91,7 +91,7 @@ def test_together_each_in_its_process_or_all_in_ours() -> None:
 
 @pytest.mark.parametrize("in_process", [True, False])
 def test_all_in_one_scenario_each_with_its_own_step(in_process: bool) -> None:
-    """To when Stair asks for the end; what each has done until then it has done alone."""
+    """Until Stair asks for the end, each FMU does the same as alone."""
     names = {name.replace("/", "_"): name for name in WITH_RESULTS}
     fmus = {key: {"fmu": f"{name}.fmu", "step_s": STEPS[name.partition("/")[2]]} for key, name in names.items()}
     simulation = run_of_guests(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01, "in_process": in_process})
@@ -120,7 +120,7 @@ def test_in_event_mode_they_are_the_same() -> None:
 
 
 def test_model_exchange_by_a_solver(tmp_path: Path) -> None:
-    """Those of which nothing is left but model exchange, of both versions, against solutions that are known."""
+    """Solve FMUs reduced to model exchange, of both versions, and compare with known solutions."""
 
     def exchange_only(name: str, content: bytes) -> tuple[str, bytes]:
         if name == "modelDescription.xml":

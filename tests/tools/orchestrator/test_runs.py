@@ -1,4 +1,4 @@
-"""What a run's numbers mean: time, order, what is passed on when; what is recorded and written, also when it is cut."""
+"""The meaning of a run's numbers: time, order, times of transfer; recorded and written rows, also of a cut run."""
 
 import hashlib
 import json
@@ -68,7 +68,7 @@ def test_two_instances_of_one_file_are_independent(foreign: Path) -> None:
 def test_a_script_of_the_same_name_is_never_mistaken_for_another(
     foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Python keeps modules by name; an FMU whose script is changed must run what it carries."""
+    """Python keeps modules by name; an FMU with a changed script must run its own."""
 
     def doubled(name: str, content: bytes) -> tuple[str, bytes]:
         return name, content.replace(b"self.total += self.increment", b"self.total += 2.0 * self.increment")

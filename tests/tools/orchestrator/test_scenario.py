@@ -1,4 +1,4 @@
-"""Scenario files: what is accepted, and the one line that says what is wrong with the rest."""
+"""Scenario files: accepted ones, and the one line about the fault of the others."""
 
 import hashlib
 from pathlib import Path
@@ -70,7 +70,7 @@ def test_a_scenario_is_read_as_it_is_written(tmp_path: Path) -> None:
 
 
 def test_a_scenario_as_run_can_be_read_again(tmp_path: Path) -> None:
-    """What run.json keeps of a scenario is a scenario, with its defaults filled in."""
+    """The scenario in run.json is a valid scenario, with its defaults filled in."""
     first = read_scenario(written(tmp_path, GOOD.replace('stamp = "end"\n', "")))
     described = first.as_written()
     assert described["stimuli"][1]["stamp"] == "start"

@@ -15,7 +15,7 @@ GAINS, ADDER = {"g": GAIN}, {"s": {"fmu": "Adder.fmu"}}
 
 
 def run(folder: Path, fmus: dict[str, dict], stimuli: list[dict], stop: float | None = 1.0, step: float = 0.1):
-    """The run of a scenario without connections; the files of its stimuli stand beside its FMUs."""
+    """Run a scenario without connections; the files of its stimuli are beside its FMUs."""
     setting = {"step_s": step} if stop is None else {"stop_s": stop, "step_s": step}
     return run_scenario(folder, fmus, run=setting, stimuli=stimuli)
 

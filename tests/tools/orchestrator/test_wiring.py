@@ -55,7 +55,7 @@ def test_an_input_has_one_source(foreign: Path) -> None:
 
 
 def passed_on(folder: Path, tmp_path: Path, units: tuple[str, str], definitions: str = "", compiled: bool = True):
-    """What a gain of 1 makes of a clock's time when both declare a unit; `definitions` are of the gain."""
+    """Return a clock's time after a gain of 1 when both declare a unit; `definitions` are those of the gain."""
     declaring(folder / "Clock.fmu", tmp_path / "Clock.fmu", {"ended": f'unit="{units[0]}"'})
     declaring(folder / "Gain.fmu", tmp_path / "Half.fmu", {"u[1]": f'unit="{units[1]}"'})
 
@@ -157,7 +157,7 @@ def servo(steps: int = 100, gain: float = 2.0, compiled: bool = True, **settings
 
 
 def drift() -> float:
-    """What the Earth adds about the inner axis in a step [rad]."""
+    """Return the Earth's turn about the inner axis in a step [rad]."""
     latitude = read_scenario(SCENARIOS / "table-stabilised.toml").fmus["table"].parameters["latitude"]
     return 0.1 * EARTH_RATE * math.sin(latitude)
 

@@ -1,4 +1,4 @@
-"""The published tables: what they are optimal for, and where they are wrong."""
+"""The published tables: the criterion of their optimum, and their errors."""
 
 import pytest
 

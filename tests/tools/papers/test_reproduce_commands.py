@@ -1,4 +1,4 @@
-"""`trihedron reproduce`: what it prints and writes, and what it refuses."""
+"""`trihedron reproduce`: its output and files, and its refusals."""
 
 import json
 

@@ -130,7 +130,7 @@ def test_outputs_agree(quick, tmp_path):
 
 @pytest.mark.acceptance
 def test_all_published_rows():
-    """Scores that are reached; what is not reproduced is named, row by row."""
+    """Compare the scores with the reached ones; rows that are not reproduced are named."""
     result = reproduce_attitude()
     print(result)
     assert [(score.numbers, score.of) for score in result.scores] == [(99, 105), (63, 72), (76, 87)]

@@ -43,7 +43,7 @@ def test_wrong_bounds_are_refused(bounds: tuple[float, float], message: str) -> 
 
 
 def test_bounds_of_next_to_nothing_give_arcs_without_a_warning() -> None:
-    """Where a form does not depend on β its arc ends nowhere, however large the ratio that says so."""
+    """If a form does not depend on β, its arc has no end, for any ratio."""
     block = sheets(parametrise({"identity": np.eye(3)}), bounds=(1e-320, 1e-320))
     ridges, alpha = Ridges(block, 1e-6), np.linspace(0.0, np.pi, 8)
     ends = [ridges.arcs(np.full(8, k), alpha).ends for k in range(len(block))]
@@ -64,7 +64,7 @@ def sampled_maximum(block: list[SignSheet], dual: np.ndarray, seed: int) -> floa
 @settings(max_examples=8)
 @given(seed=st.integers(0, 10**6), symmetric=st.booleans(), rule=st.sampled_from(["paper", "tables"]))
 def test_the_bound_is_between_samples_and_violation(seed: int, symmetric: bool, rule: str) -> None:
-    """Nothing sampled exceeds a proven bound; what is said to exceed a limit does, at an admissible position."""
+    """No sample exceeds a proven bound; a reported violation is real, at an admissible position."""
     rng = np.random.default_rng(seed)
     p = parametrise({"q": random_mounting(seed)}, symmetric=symmetric)
     block = sheets(p, bounds=(1e-3, 3e-2), rule=rule)

@@ -1,4 +1,4 @@
-"""What a plan is worth where the bench is not as planned: errors of setting, and effects that no model holds."""
+"""The value of a plan on the real bench: errors of setting, and effects that no model contains."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Programmes of rests and turns for the whole IMU: what they promise is what records of them guarantee."""
+"""Programmes of rests and turns for the whole IMU: their records guarantee the promised errors."""
 
 import numpy as np
 import pytest
@@ -117,7 +117,8 @@ def test_a_plan_is_drawn_on_its_page_and_checked(tmp_path, capsys):
 
 @pytest.mark.acceptance
 def test_thirty_minutes_are_planned_far_better_than_usual_and_the_promise_holds(tmp_path):
-    """The planned programme as FMUs; its record guarantees what was promised, and holds its truth."""
+    """Run the planned programme as FMUs; its record guarantees the promised errors, and its intervals hold the
+    truth."""
     place = {
         "gyro_noise": 1e-5,
         "encoder_bound": 2.424e-6,

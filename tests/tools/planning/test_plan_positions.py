@@ -1,4 +1,4 @@
-"""Common sets of positions: what they cost and promise, for targets, goals, an accuracy; the order of measurement."""
+"""Common sets of positions: costs and promises, for targets, goals, an accuracy; the order of measurement."""
 
 import re
 from itertools import combinations, permutations
@@ -155,7 +155,7 @@ def test_symmetries_leave_the_worst_ratio_as_it_is() -> None:
 
 @pytest.mark.acceptance
 def test_twelve_positions_from_nothing() -> None:
-    """Without the stored set: at or below 1.031, and within 3 % of what is proven on the pool."""
+    """Without the stored set: at most 1.031, and within 3 % of the proven bound on the pool."""
     task = tables_task(seed=1, starts=60)
     best, *_ = search_positions(task, 12)
     assert best is not None
@@ -354,7 +354,7 @@ def test_repeats_are_half_a_programme_apart() -> None:
 
 
 def neighbours_alike(order: NDArray, commands: NDArray) -> int:
-    """How many positions come right after one in the same place."""
+    """Return the number of positions that come right after one in the same place."""
     return int((np.abs(np.diff(commands[order], axis=0)).max(axis=1) < SAME_PLACE).sum())
 
 

@@ -17,7 +17,7 @@ from trihedron.tools.planning import Plan, Plans, sheets
 from trihedron.tools.planning.targets import PositionGrid
 
 GAP = 1e-9
-"""What a proof over all angles may leave open, relative."""
+"""Largest relative gap of a proof over all angles."""
 QUICK = [("rz45", "tables"), ("tripod", "paper"), ("skew", "tables")]
 """Each mounting but one, and both rules."""
 
@@ -185,7 +185,7 @@ KNOWN = {
     "tables": (1.00026989733961, 2.0475623761398, 1.0475623761398, 1.02897485655299),
     "paper": (1.00008621197602, 2.02660975318464, 1.02660975318464, 1.01803824230414),
 }
-"""Of X1, X4, X16, X3 for 3e-3 and 1e-2."""
+"""Costs of X1, X4, X16, X3 for 3e-3 and 1e-2."""
 CHOSEN = ("X2", "X3", "X9", "X17")
 
 
@@ -230,7 +230,7 @@ def test_proofs_at_random_mountings(seed: int, targets: tuple[str, ...]) -> None
 
 
 def test_proofs_of_the_symmetric_block() -> None:
-    """One scale factor, every position: scale and bias cost one σ, whatever the mounting."""
+    """With one scale factor and every position, scale and bias cost one σ in any mounting."""
     for plan in th.plan(grid=None, baseline="symmetric", mounting="skew"):
         if plan.target in ("X4", "X9", "X14", "X16", "X17", "X18", "X8", "X13"):
             assert plan.cost == pytest.approx(1.0, rel=1e-9)

@@ -1,4 +1,4 @@
-"""What a plan promises is nearly attained: by a truth, a position, a set that the planner itself could not rule out."""
+"""A plan's promises are nearly attained: by a truth, a position, a set that the planner itself could not exclude."""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -63,7 +63,7 @@ def test_the_guaranteed_error_is_attained_by_some_errors_of_the_readings(planned
 
 
 def test_a_lower_bound_is_rounded_down_and_no_further() -> None:
-    """Against exact fractions: never above what the dual proves, and hardly below."""
+    """Compare with exact fractions: never above the dual's proof, and hardly below."""
     rng = np.random.default_rng(0)
     for _ in range(2000):
         size = int(rng.integers(1, 19))
@@ -82,7 +82,7 @@ def test_a_lower_bound_is_rounded_down_and_no_further() -> None:
 
 
 def boxes(forms: np.ndarray, alpha: float, beta: float, radius: float) -> float:
-    """What is proven of f, the first form, on a box about a place."""
+    """Return the proven bound of f, the first form, on a box about a place."""
     mixed = np.linalg.norm(forms[:, :2, :2], 2, axis=(-2, -1))
     along = mixed + np.linalg.norm(forms[:, :2, 2], axis=-1), mixed + np.linalg.norm(forms[:, 2, :2], axis=-1)
     third = np.stack([along[0], mixed, along[1]], axis=-1)[None]
@@ -135,7 +135,7 @@ def test_a_grid_s_ceiling_allows_for_rounding() -> None:
 
 
 def test_room_for_setting_errors_is_nearly_used_up() -> None:
-    """The clearance inside the box of setting errors lies below its corners' by nearly what is allowed for."""
+    """The drop of the clearance inside the box of setting errors below its corners is nearly the allowance."""
     task = tables_task(reserve_deg=2.0)
     base = np.zeros_like(task.base)
     base[:, 0, 0] = base[:, 0, 2] = -1.0
@@ -155,7 +155,7 @@ def small_pool() -> tuple[Task, PositionPool]:
 
 
 def test_a_bound_of_sets_is_that_of_the_best_set(small_pool: tuple[Task, PositionPool]) -> None:
-    """Of a small pool every set is tried; no more is proven where only worse sets are known."""
+    """Try every set of a small pool; if only worse sets are known, no more is proven."""
     task, pool = small_pool
     best, second = sorted(costs(task, pool.places.chosen(list(rows))).worst for rows in combinations(range(10), 7))[:2]
     assert second > 1.1 * best

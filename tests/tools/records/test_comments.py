@@ -31,7 +31,7 @@ def test_keys_and_values_are_kept_and_written_again(tmp_path: Path):
 
 
 def test_the_coarser_resolution_counts(tmp_path: Path):
-    """Digits of a record say how finely it is written, the comment how finely what it was made from was."""
+    """The digits of a record show its resolution; the comment gives that of its source."""
     digits = read(tmp_path).resolution
     assert digits == pytest.approx(5e-5)
     assert read(tmp_path, "resolution_mps2: 4e-3").resolution == pytest.approx(4e-3)

@@ -52,7 +52,7 @@ class Drawn:
 
 
 def gravity_along(rng: np.random.Generator, rate: np.ndarray) -> np.ndarray:
-    """What accelerometers read while the block turns (N, 3) [m/s²]."""
+    """Return the readings of accelerometers while the block turns (N, 3) [m/s²]."""
     up = rng.standard_normal(3)
     up /= np.linalg.norm(up)
     components = []

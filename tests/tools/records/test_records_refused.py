@@ -1,4 +1,5 @@
-"""What is no record is refused in a line that names file, row, column; hostile files give a record or such a line."""
+"""Files that are not records are refused in a line with file, row, column; hostile files give a record or such a
+line."""
 
 import math
 import os
@@ -20,7 +21,7 @@ PIECES = [*(bytes([c]) for c in b',\n"#\r-e\0\xff_ '), b"nan", b"1e400", "é".en
 
 
 def more(column: str, row: int, value: str) -> str:
-    """The valid record with another column, of which one field is this."""
+    """Return the valid record with a further column that has this field."""
     return with_field(row, column, value, f"{POSITION_HEADER},{column}", [f"{line},1" for line in ROWS])
 
 

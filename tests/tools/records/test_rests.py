@@ -1,4 +1,4 @@
-"""Rests in simulated table runs: averages against what was simulated; what has not settled, drifts or creeps."""
+"""Rests in simulated table runs: averages against the simulated values; unsettled, drifting and creeping rests."""
 
 from dataclasses import replace
 from typing import Any

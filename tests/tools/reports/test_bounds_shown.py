@@ -39,9 +39,9 @@ DATA = {
     "document/notation.py",
     "reports/pictures/__init__.py",
 }
-"""What rounds, and what writes figures for programs: records, JSON, coordinates of a picture."""
+"""Modules that round, and modules that write figures for programs: records, JSON, coordinates of a picture."""
 OWN = {"bias", "compensated", "cost", "gap", "high", "limit", "low", "ratio", "worst"}
-"""Names that are also those of other figures; what is shown of results is watched."""
+"""Names that other figures share; the watch covers the figures of results."""
 
 
 @cache
@@ -128,7 +128,7 @@ def plan() -> PositionPlan:
 
 
 def setting() -> SettingCheck:
-    """Where the table came to, beside where it was to come."""
+    """Return actual positions of the table beside the planned ones."""
     places = stored(12)
     moved = np.radians(np.random.default_rng(2).uniform(-0.05, 0.05, places.angle.shape))
     return check_settings(tables_task(), places, places.at(places.angle + moved), 1e-5)

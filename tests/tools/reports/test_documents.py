@@ -1,4 +1,4 @@
-"""What results say: one walk over the documents of every kind, and that their figures are those of the results."""
+"""Documents of results: one walk over every kind; their figures are those of the results."""
 
 import csv
 import importlib

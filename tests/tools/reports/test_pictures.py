@@ -1,4 +1,4 @@
-"""Pictures: well-formed, the same bytes each time, whatever the labels hold and however little there is to show."""
+"""Pictures: well-formed, the same bytes each time, for any labels and very few data."""
 
 import re
 import xml.etree.ElementTree as ElementTree

@@ -77,7 +77,7 @@ def test_a_step_is_drawn_between_two_rests_and_hidden_there():
 
 @pytest.mark.acceptance
 def test_a_warm_up_is_held_against_the_clock_of_its_record():
-    """What settles takes the beginning of each rest away, which moves the first row: in 1 s by 3 % of such a size."""
+    """A settling effect spoils the beginning of each rest, which moves the first row: by 3 % of this size in 1 s."""
     case = draw_case(Options("single", effects=("warm-up",), positions=(16, 20), noise="uniform"), 13, 0)
     record, (hidden,) = case.measured(), case.hidden
     began = float(record.time_s[0])

@@ -1,4 +1,4 @@
-"""Hidden strapdown records: the motion is exact, the noise is what it says, the effects are in the readings."""
+"""Hidden strapdown records: the motion is exact, the noise is as specified, the effects are in the readings."""
 
 import json
 from collections import Counter
@@ -46,7 +46,7 @@ def read(
     reference: Reference = "gravity",
     jitter: float = 0.0,
 ) -> StrapdownRecord:
-    """What a block reads of a motion."""
+    """Return a block's readings of a motion."""
     return Block(reference, motion, instruments, jitter=jitter).measured(0, 1, hidden)
 
 
@@ -139,7 +139,7 @@ def test_stamps_that_jitter_leave_rates_and_spoil_increments():
 
 
 def test_increments_without_coning_turn_the_body_elsewhere():
-    """What is left out is what the attitude computer, extended, adds: the effect takes itself out to second order."""
+    """The attitude computer, extended, adds the omitted part: the effect cancels itself to second order."""
     motion = draw_motion(np.random.default_rng(6), BEFORE_A_CAMERA, 0.02)
     lacking = without_coning(motion.increment, 0.5)
     before = np.vstack([lacking[:1], lacking[:-1]])

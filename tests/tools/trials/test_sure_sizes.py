@@ -77,7 +77,8 @@ def test_at_the_second_size_no_parameters_of_a_rival_mend_the_record(nominal: Kn
 
 
 def test_cubic_and_odd_quadratic_are_seen_long_before_they_are_told_apart(nominal: KnownBench):
-    """The published facts: 6.6 times for the cubic term at 100 positions; most effects are told apart at once."""
+    """Compare with the published facts: 6.6 times for the cubic term at 100 positions; most effects separate at
+    once."""
     sizes = nominal.sure_sizes(CUBIC, [ODD, ENCODER, SAG])
     assert 4.0 < sizes.excluded / sizes.detected < 40.0
     sizes = nominal.sure_sizes(ENCODER, [ODD, CUBIC, QUADRATIC])
@@ -143,7 +144,7 @@ def test_levels_are_scanned_with_the_effects_own_kernel(nominal: KnownBench):
 
 
 def test_a_rival_whose_coefficients_have_one_sign_is_excluded_where_a_free_one_is_not(nominal: KnownBench):
-    """The change is a difference of what the rival adds; the least distance by another solver, in each sign."""
+    """The change is a difference of the rival's columns; another solver gives the least distance, in each sign."""
     model = nominal.model
     hours = np.linspace(0.0, 1.0, len(model.bound) // 3)
     columns, change = np.zeros((len(hours), 3, 2)), np.zeros((len(hours), 3))

@@ -1,4 +1,4 @@
-"""Whole benches with a secret: what is written, what is refused."""
+"""Whole benches with a secret: written files, refusals."""
 
 import json
 
