@@ -392,6 +392,8 @@ class Procedure:
         """What follows from the sets of effects with which the record stands."""
         candidates, unlisted = self.candidates, self.unlisted
         findings, idle = candidates.findings, candidates.not_shown
+        if self._formulas:
+            return self._of_formulas(self._formulas)
         if not findings:
             return self._not_named(idle, unshown=candidates.idle)
         if self.found.is_sample and unlisted.rivals:
@@ -420,6 +422,44 @@ class Procedure:
         if unlisted.rivals:
             return self._ambiguous([best], [best.fit, *unlisted.fits(self.evidence)], judgement=judgement)
         return self._explained(best, judgement)
+
+    @cached_property
+    def _formulas(self) -> Sequence[Fit]:
+        """The formulas of what is proven that need fewer numbers than any set of effects, by more than one."""
+        beyond = self.functions.get("beyond")
+        if beyond is None:
+            return ()
+        formulas = [law.fit for law in beyond.laws if not law.is_listed and len(law.fit.places) == 1]
+        least = min((complexity_of(fit.places) for fit in formulas), default=0)
+        if least + 1 >= min(complexity_of(fit.places) for fit in self.found.fits):
+            return ()
+        shortest = [fit for fit in formulas if complexity_of(fit.places) == least]
+        return sorted(shortest, key=lambda fit: fit.radius)
+
+    def _of_formulas(self, fits: Sequence[Fit]) -> Diagnosis:
+        """A formula explains the record, or one of several of as few numbers; every set of effects needs more."""
+        evidence = self.evidence.including([place for fit in fits for place in fit.places])
+        findings = []
+        for fit in fits:
+            middle = centred(evidence, fit)
+            findings.append(Finding(causes_of(evidence, middle), middle))
+        first, is_named = findings[0].fit, len(findings) == 1
+        calibration = evidence.reader.calibration_of(first)
+        excluded = excluded_sizes(evidence, first) if is_named else ()
+        explanations = [Explanation.of(finding, calibration) for finding in findings]
+        explanations += [Explanation.of_causes(other.causes, other.fit.radius) for other in self.candidates.findings]
+        return self._result(
+            "explained" if is_named else "ambiguous",
+            evidence.reader.of_model(first, calibration, excluded) if is_named else {},
+            functions={key: value for key, value in self.functions.items() if key not in ("caution", "extension")},
+            explanations=explanations,
+            alternatives=() if is_named else tuple(finding.causes for finding in findings),
+            level="quantity",
+            findings=findings,
+            judgement=judgement_of(evidence, first),
+            gain=evidence.gain(first) if self.rerun and is_named else None,
+            excluded=excluded,
+        )
 
     def _explained(self, best: Finding, judgement: Judgement) -> Diagnosis:
         """One set of effects explains the record, and no other does."""

@@ -1,5 +1,6 @@
 """What the catalogue lists beside what it does not: by one measure, complexity, and whether they are the same."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -27,6 +28,8 @@ NOT_COMPARED = "functions that are in no catalogue were not compared: the misfit
 ROUGHLY = (
     "the misfit is so large that the linear model, by which functions are compared, may be wrong: other laws may stand"
 )
+CHOSEN = re.compile(r"\*\* \d|(?:sin|cos)\(\d+ \*")
+"""The power or the order of a formula, which was searched for."""
 OUTLIER = "outlier"
 """A single reading: no quantity is its cause, though a function with a spike where it was read would do as much."""
 TABLES = ("lookup", "bias-wander")
@@ -40,12 +43,13 @@ FURTHER = 2
 def complexity_of(places: Sequence[EffectPlace]) -> int:
     """Parameters of effects, and one more for each number that is searched for.
 
-    That is an order, the reading of an outlier, and place and quantity of each effect beside the first.
+    That is an order, the reading of an outlier, the power or order of a formula, and place and quantity of each effect
+    beside the first.
     """
     complexity = FURTHER * (len(places) - 1)
     for place in places:
         complexity += len(place.definition.parameters)
-        complexity += place.order is not None or place.effect == OUTLIER
+        complexity += place.order is not None or place.effect == OUTLIER or bool(CHOSEN.search(place.law))
     return complexity
 
 

@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import trihedron as th
+from field_files import field_file
 from generator import SIGMA
 from generator import G as GRAVITY
+from generator.positions import record_with
 from generator.stands import random_bench, simulated
 from generator.stands import record as position_record
 from generator.unlisted import outside_case
@@ -269,3 +272,30 @@ def test_a_function_of_a_sense_has_no_formula():
     pair = next(p for p in evidence.reader.pairs if p.told and p.where == case.places[0].where)
     beyond = Beyond(evidence, pair, next(iter(pair.ladders()))[0], (evidence.model.refit(case.places),))
     assert [law.fit.places for law in beyond.laws] == [tuple(case.places)]
+
+
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("x06_quintic_36.csv", "f1 += c * n1 ** 5"),
+        ("x09_quadT_36.csv", "f2 += a * (temperature - 20) ** 2"),
+        ("f08_16.csv", "beta += a * cos(9 * beta) + b * sin(9 * beta)"),
+    ],
+)
+def test_a_formula_of_fewer_numbers_comes_before_sets_of_the_catalogue(name, law, tmp_path):
+    result = th.diagnose(field_file(name, tmp_path), noise_bound=SIGMA)
+    assert (result.verdict, [cause.place.law for cause in result.causes]) == ("explained", [law])
+    assert result.explanations[0].kind == "formula"
+    assert all(other.numbers > result.explanations[0].numbers + 1 for other in result.explanations[1:])
+    assert result.stated.verdict == "consistent"
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_fifth_power_is_no_pair_of_other_laws(seed):
+    """Where other powers do as well the quantity is certain, the power is not; no sum of two laws comes before."""
+    record = record_with(seed, {"f2": lambda v: 2e-4 * v.n[:, 1] ** 5}, 36)
+    result = diagnose(record, noise_bound=SIGMA, rerun=False)
+    assert (result.verdict, result.level) == ("ambiguous", "quantity")
+    assert "f2 += c * n2 ** 5" in {cause.place.law for causes in result.sets for cause in causes}
+    assert {explanation.kind for explanation in result.explanations if explanation.numbers < 4} == {"formula"}
+    assert "c * n2 ** 5" in str(result)
