@@ -32,6 +32,7 @@ RENAMED: dict[tuple[int | str, ...], tuple[int | str, ...]] = {
 MENDS = {
     "falsified": "no values fit its readings: `trihedron diagnose` says what the model lacks",
     "insufficient": "measure at its next_positions, or say by --prior what is known",
+    "noise-unknown": "its readings differ by more than their scatter within rests: calibrate with --noise-bound",
 }
 """What is right where a calibration gives no parameters, by its verdict."""
 GRAVITIES = (4.9, 14.7)
@@ -320,6 +321,11 @@ def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
     return value
 
 
+def gives_parameters(verdict: object, estimator: object) -> bool:
+    """Whether a calibration of this verdict and estimator gives parameters: the model keeps every reading in bounds."""
+    return verdict == "consistent" or (verdict == "noise-unknown" and estimator != "least squares")
+
+
 def checked_number(value: Any, what: str) -> float:
     """The value, when it is a number of a possible size; else a ValueError that begins with what it is."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
@@ -335,7 +341,7 @@ def _consistent(calibration: Any) -> Mapping[str, Any]:
         schema = calibration.get("schema") if isinstance(calibration, Mapping) else None
         raise ValueError(f"the schema is {schema!r}; a calibration has '{CALIBRATION}'")
     verdict = calibration.get("verdict")
-    if verdict != "consistent":
+    if not gives_parameters(verdict, calibration.get("estimator")):
         mend = f"; {MENDS[verdict]}" if isinstance(verdict, str) and verdict in MENDS else ""
         raise ValueError(f"the calibration's verdict is {verdict!r}; only a consistent one gives parameters{mend}")
     for key, values in CASES.items():

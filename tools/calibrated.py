@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, model_validator
 from typing_extensions import TypedDict
 
 from ..fmus import version
-from ..fmus.parameters import GRAVITIES, calibration_of
+from ..fmus.parameters import GRAVITIES, calibration_of, gives_parameters
 from ..models.bench import GYRO_PARAMETERS
 from .errors import InvalidInput, nearest
 from .quantity import Quantity
@@ -27,7 +27,7 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Size = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
 Axis = Annotated[int, Field(ge=1, le=3)]
-Verdict = Literal["consistent", "falsified", "insufficient"]
+Verdict = Literal["consistent", "falsified", "insufficient", "noise-unknown"]
 Estimator = Literal["analytic centre", "central programme", "a priori", "least squares"]
 LATENCIES = ("A", "L-A")
 """Lag of the accelerometers behind the encoders, and of the gyros behind the accelerometers."""
@@ -60,11 +60,16 @@ class Sigma(Part):
         only the scatter within rests, which does not show an error that holds over one
     basis : str
         on what it rests; `from` in the JSON
+    find : str
+        how to find a bound, where it is unknown
     """
+
+    omitted: ClassVar[frozenset[str]] = frozenset({"find"})
 
     value: Annotated[float, Field(gt=0.0, lt=1.0)] | None
     kind: Literal["bound", "estimated", "unknown"]
     basis: str = Field(alias="from")
+    find: str = ""
 
     @staticmethod
     def of(value: float | None, basis: str) -> "Sigma":
@@ -323,7 +328,8 @@ class Calibration(Part):
     Attributes
     ----------
     verdict : str
-        "consistent", "falsified" (no parameters keep every reading within its bound) or "insufficient"
+        "consistent", "falsified" (no parameters keep every reading within its bound), "insufficient", or
+        "noise-unknown": nothing is guaranteed, as nothing says how large the errors are; `sigma.find` says how to know
     sigma : Sigma
     stands_with_sigma : float or None
         the least σ with which the model stands, where all bounds grow with it
@@ -415,6 +421,11 @@ class Calibration(Part):
     @classmethod
     def _of_former_schemas(cls, content: Any) -> Any:
         return calibration_of(content) if isinstance(content, Mapping) and "schema" in content else content
+
+    @property
+    def stands(self) -> bool:
+        """Whether the model keeps every reading within its bound, though that may be no more than an unknown σ."""
+        return gives_parameters(self.verdict, self.estimator)
 
     @property
     def noise_bound(self) -> float:

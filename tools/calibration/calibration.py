@@ -159,7 +159,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     positions: list[TablePosition] = []
     if missing:
         positions += next_positions(linearised, np.array([target.weights for target in targets]), request.bounds)
-    if unbounded:
+    if not noise.complete:
         positions += repeats(linearised)
     warnings = list(record.warnings) + _of_correction(record) + _of_resolution(record, sigma, request.gravity)
     warnings += _remarks(linearised, falsified and bool(missing), unbounded)
@@ -177,11 +177,13 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     witness: list[Reading] = []
     if falsified:
         verdict, witness = "falsified", _witness(record, bounded, solution)
-    if missing or unbounded:
+    if missing:
         verdict = "insufficient"
+    elif not noise.complete:
+        verdict = "noise-unknown"
     return Calibration(
         verdict=verdict,
-        sigma=_sigma_of(noise),
+        sigma=sigma_of(noise),
         stands_with_sigma=solution.radius * sigma,
         radius=solution.radius,
         gravity_mps2=float(request.gravity),
@@ -193,7 +195,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         estimator=solution.stated,
         no_estimate=_without_estimate(falsified, unbounded, missing),
         witness=witness,
-        parameters=solution.parameters,
+        parameters=solution.parameters if noise.complete else without_guarantee(solution.parameters),
         priors=[KnownBefore(expression=x.text.rpartition("=")[0], limit=x.limit) for x in priors],
         reading_errors=solution.reading_errors,
         provenance=provenance_of(record, request.bounds),
@@ -205,12 +207,21 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     )
 
 
-def _sigma_of(noise: NoiseBound) -> Sigma:
+HOW_TO_FIND = "measure some positions again, or give --noise-sd or --noise-bound"
+"""How to find a bound of errors that hold over a rest."""
+
+
+def without_guarantee(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return parameters without guaranteed errors: where σ is unknown nothing is guaranteed."""
+    return [parameter.model_copy(update={"guaranteed_error": None}) for parameter in parameters]
+
+
+def sigma_of(noise: NoiseBound) -> Sigma:
     """Return σ as a calibration has it: unknown where errors that hold over a rest do not show in it."""
     sigma = Sigma.of(noise.value, noise.basis)
     if noise.complete:
         return sigma
-    return sigma.model_copy(update={"kind": "unknown"})
+    return sigma.model_copy(update={"kind": "unknown", "find": HOW_TO_FIND})
 
 
 def provenance_of(record: PositionRecord, bounds: tuple[float, float]) -> Provenance:

@@ -24,7 +24,7 @@ from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
 from ..records.columns import INERTIAL
 from ..records.rests import position_record_of, without_turns
 from ..rounding import exactly, upwards
-from .calibration import Asked, calibrate, reading_uncertainty, wanted_targets
+from .calibration import Asked, calibrate, reading_uncertainty, wanted_targets, without_guarantee
 from .estimates import Solution, open_directions, solve_system
 from .in_motion import InMotion, lag_targets, with_motion
 from .model import Linearisation
@@ -201,8 +201,11 @@ def with_gyros(
     gains, witness = _gains(calibration.parameters, of_bench), []
     if contradicted:
         gains, witness = [], _turns(system, raw.time_s, solution)
-    if calibration.verdict == "insufficient":
+    if not calibration.stands and calibration.verdict != "falsified":
         of_bench = calibration.parameters
+    parameters = of_bench + of_gyros
+    if calibration.sigma.kind == "unknown":
+        parameters = without_guarantee(parameters)
     changed: dict[str, Any] = {
         "radius": solution.radius,
         "stands_with_sigma": solution.radius * calibration.noise_bound,
@@ -215,10 +218,10 @@ def with_gyros(
             gains=gains,
             witness=witness,
         ),
-        "parameters": of_bench + of_gyros,
+        "parameters": parameters,
         "open": calibration.open + open_directions(system, of_whole[count:], MORE_TURNS),
     }
-    if contradicted and calibration.verdict == "consistent":
+    if contradicted and calibration.stands:
         changed |= {
             "verdict": "falsified",
             "estimator": "least squares",
@@ -351,7 +354,7 @@ def strapdown_by_table(calibration: Calibration, record: PositionRecord, bench: 
     raw = record.raw
     if not isinstance(raw, BenchRecord) or calibration.gyros is None or bench is None:
         raise InputError("--strapdown: is of a bench record with --latitude-deg and --azimuth-deg")
-    if calibration.verdict != "consistent":
+    if not calibration.stands:
         raise InputError(f"--strapdown: the calibration is {calibration.verdict}: no table tells a true attitude")
     parameters = {e.symbol: e for e in calibration.parameters}
     if any(symbol not in parameters for symbol in TARGETS):

@@ -20,6 +20,7 @@ from ...fmus.parameters import (
     RENAMED,
     SECOND_SCHEMA,
     calibration_of,
+    gives_parameters,
     of_one_record,
     target_estimates,
 )
@@ -348,7 +349,8 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
 def _check_calibration(content: Mapping[str, Any], findings: Findings) -> None:
     """Check a calibration beyond its fields: symbols, intervals, bounds that fit together."""
     try:
-        if content["verdict"] == "consistent" and ("reading_errors" in content or "of_record" in content):
+        stands = gives_parameters(content["verdict"], content.get("estimator"))
+        if stands and ("reading_errors" in content or "of_record" in content):
             correction_of(content, "calibration")
         else:
             target_estimates(of_one_record(content))

@@ -12,7 +12,7 @@ from ...models.effects.last_stage import place_of
 from ..bounded.programmes import Interval, SolverError
 from ..bounded.sets import Work
 from ..calibrated import CalibratedEffect, Calibration, Parameter, Reading, Sigma
-from ..calibration.calibration import Asked, reading_uncertainty, wanted_targets
+from ..calibration.calibration import Asked, reading_uncertainty, wanted_targets, without_guarantee
 from ..calibration.estimates import Solution, open_directions, solve_system
 from ..calibration.gyros import widened
 from ..calibration.model import Linearisation, determined
@@ -181,7 +181,7 @@ def _no_surer(used: Sigma, diagnosis: Diagnosis) -> Sigma:
         of_diagnosis = of_diagnosis.model_copy(update={"kind": _least_sure(diagnosis)})
     if of_diagnosis.kind == "bound":
         return used
-    return used.model_copy(update={"kind": of_diagnosis.kind, "basis": of_diagnosis.basis})
+    return used.model_copy(update={"kind": of_diagnosis.kind, "basis": of_diagnosis.basis, "find": of_diagnosis.find})
 
 
 def _least_sure(diagnosis: Diagnosis) -> str:
@@ -413,8 +413,8 @@ def _calibration(record: PositionRecord, evidence: Evidence, every: Sequence[Sol
     if contradicted:
         verdict, why = "falsified", "no parameters and sizes of the effects keep every reading within the noise bound"
         witness = _witness(record, best)
-    if contradicted and sigma.kind == "unknown":
-        verdict, witness = "insufficient", []
+    if sigma.kind == "unknown":
+        verdict, witness, parameters = "noise-unknown", [], without_guarantee(parameters)
     if missing:
         verdict, why = "insufficient", f"readings and effects leave {', '.join(missing)} unbounded"
     changed: dict[str, Any] = {

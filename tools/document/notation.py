@@ -160,7 +160,7 @@ def _drawn(row: Bar, reach: float) -> Drawn:
     if row.error is not None:
         width = 200.0 * row.error / reach
         parts.append(f'<rect class="band" x="{at(row.about - row.error)}" y="-6" width="{width:.1f}" height="12"/>')
-        said.append(f"guaranteed error {upwards(row.error)}")
+        said.append(f"error bound {upwards(row.error)}")
     if row.low is not None and row.high is not None:
         parts.append(f'<path class="possible" d="M{at(row.low)} 0H{at(row.high)}"/>')
         low, high = outwards(row.low, row.high)

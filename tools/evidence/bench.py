@@ -322,7 +322,7 @@ class BenchReader(Reader):
     def missing(self) -> Mapping[str, Any]:
         """Targets that stay open and positions that mend it; no more readings than parameters prove nothing."""
         nominal, here = self.model.calibration, self.model.here
-        if self.model.falsified or (nominal.verdict == "consistent" and len(self.rows.residual) > here.span.shape[1]):
+        if self.model.falsified or (nominal.stands and len(self.rows.residual) > here.span.shape[1]):
             return {}
         return {
             "missing": tuple(OpenTarget(symbol=gap.symbol, name=gap.name) for gap in nominal.missing),

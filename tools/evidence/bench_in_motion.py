@@ -396,7 +396,7 @@ class WholeReader(BenchReader):
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
         """As of the rests; the nominal one is falsified where turns or readings in motion are what falsifies it."""
         calibration = super().calibration_of(fit)
-        if (fit is not None and fit.places) or calibration.verdict != "consistent" or not self.model.falsified:
+        if (fit is not None and fit.places) or not calibration.stands or not self.model.falsified:
             return calibration
         parameters = []
         for parameter in calibration.parameters:

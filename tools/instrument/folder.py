@@ -252,7 +252,7 @@ def parameters_told(result: Held) -> Iterator[tuple[str, str, str, Any]]:
 
     What several records share stands once, with the last of them that has the shared value.
     """
-    if result.verdict not in ("consistent", "explained"):
+    if result.verdict not in ("consistent", "explained", "noise-unknown"):
         return
     if isinstance(result, Calibration):
         last = next(reversed(result.of_record), "")

@@ -10,7 +10,7 @@ from pydantic import Field
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import EARTH_RATE
 from ..bounded.programmes import chebyshev_radius
-from ..calibrated import Calibration
+from ..calibrated import Calibration, Verdict
 from ..errors import InputError
 from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
@@ -120,7 +120,7 @@ class AtTable(Result):
     `noise_bound` is a fraction of g; `lacks` says why they are not judged, where they are not.
     """
 
-    verdict: Literal["consistent", "falsified", "insufficient"]
+    verdict: Verdict
     positions: int
     radius: float | None = None
     noise_bound: float | None = None

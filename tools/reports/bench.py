@@ -142,6 +142,7 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     )
 
 
+WOULD_DETERMINE = "Readings at these positions besides would determine what is open."
 OPTIONAL = ("mounting", "hours", "repeats", "approach_alpha", "approach_beta")
 MOST_LABELS = 24
 """Largest number of positions that have numbers in the picture."""
@@ -162,7 +163,11 @@ def next_positions_csv(positions: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def next_sections(linearised: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Section]:
+def next_sections(
+    linearised: Linearisation,
+    positions: Sequence[Mapping[str, Any]],
+    purpose: str = WOULD_DETERMINE,
+) -> list[Section]:
     """Return the proposed positions on the sphere, as a table and as a file; empty if there are none."""
     if not positions:
         return []
@@ -179,7 +184,6 @@ def next_sections(linearised: Linearisation, positions: Sequence[Mapping[str, An
         cells.append(None if apart is None else downwards(max(apart, 0.0) / linearised.bound.min()))
         rows.append(cells)
         separates = separates or bool(position.get("separates"))
-    purpose = "Readings at these positions besides would determine what is open."
     if separates:
         sure = len(deciding(linearised, positions))
         purpose = (

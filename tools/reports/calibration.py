@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..calibrated import Calibration, Gyros, Parameter
+from ..calibration.calibration import HOW_TO_FIND
 from ..calibration.correction import Applied, Correction, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
 from ..calibration.gyros import said_of_place
@@ -31,6 +33,9 @@ from .pictures.residuals import joint_set, residuals
 from .witnesses import proof_lines
 
 TONES: dict[str, Tone] = {"consistent": "good"}
+WOULD_TELL = "Measured again, these positions tell the noise bound."
+ERROR_BOUND = "error bound"
+"""The word for a guaranteed error where σ is no bound."""
 MOST_TURNS = 5
 """Largest number of turns that a sentence names."""
 WORDS = {"symbol": symbol_text, "name": bench.physical_words, "unit": unit_text}
@@ -99,10 +104,13 @@ def verdict_sentence(result: Calibration) -> str:
     if result.verdict == "insufficient":
         return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
     if result.sigma.kind == "unknown":
+        within = f"{residual(result.radius)} times the bound that their scatter within rests gives"
+        said = f"{model} explains every reading within {within}"
+        if not result.stands:
+            said = f"the best parameters of {model} leave a reading {within}"
         return (
-            f"Noise bound unknown: {model} explains every reading within {residual(result.radius)} times its scatter "
-            "within rests, which does not show an error that holds over a rest, so that nothing is guaranteed. To find "
-            "the bound, measure some positions again, or give --noise-sd or --noise-bound."
+            f"Noise bound unknown: {said}. Scatter within rests does not show an error that holds over a rest, so that "
+            f"nothing is guaranteed. To find the bound, {result.sigma.find or HOW_TO_FIND}."
         )
     bounds = [e.error_bound for e in result.targets if e.error_bound is not None]
     largest = ""
@@ -161,7 +169,7 @@ def levelling_sections(result: Calibration) -> list[Section]:
     There is none without a guaranteed error, or beside effects of accelerometers, which the equations do not
     correct.
     """
-    if result.verdict != "consistent" or any(error.low is None for error in result.reading_errors):
+    if not result.stands or any(error.low is None for error in result.reading_errors):
         return []
     if any(effect.in_readings for effect in result.effects):
         return []
@@ -230,6 +238,8 @@ def target_sections(
         paragraphs.append("No error is guaranteed. `trihedron diagnose` says what the model lacks.")
         paragraphs += proof_lines(result)
         return [Section("Targets", paragraphs, table=beside_table(result), files=files)]
+    if result.verdict == "noise-unknown" and not result.stands:
+        return [Section("Targets", paragraphs + beside_texts(result), table=beside_table(result), files=files)]
     return [Section("Targets", paragraphs, table=target_table(result, truth), files=files)]
 
 
@@ -237,7 +247,8 @@ def open_sections(result: Calibration) -> list[Section]:
     """Return the undetermined targets, and the positions that would determine them; empty if there are none."""
     sections = [Section("What is open", bench.missing_texts(result))]
     if result.linearised is not None:
-        sections += bench.next_sections(result.linearised, result.next_positions)
+        purpose = bench.WOULD_DETERMINE if result.missing else WOULD_TELL
+        sections += bench.next_sections(result.linearised, result.next_positions, purpose)
     return sections
 
 
@@ -248,7 +259,8 @@ def target_section(result: Calibration) -> Section:
 
 def beside_section(result: Calibration) -> Section | None:
     """Return the other estimates beside the given one; for a falsified model, all estimates."""
-    if result.verdict == "falsified" or not stands_beside(result):
+    shown_before = result.verdict in ("falsified", "noise-unknown") and not result.stands
+    if shown_before or not stands_beside(result):
         return None
     return Section(
         "Beside the estimates",
@@ -329,7 +341,7 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
     if reach > 0.0:
         caption = (
             f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each estimate. Band: a-priori estimate and "
-            "guaranteed error; line: what the readings leave possible; dot: estimate"
+            f"{promised_error(result)}; line: what the readings leave possible; dot: estimate"
             + ("; bar: truth." if true_values else ".")
         )
     header = list(numbers.header)
@@ -341,6 +353,16 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
 def _in_sigma(result: Calibration, p: Parameter, value: float | None) -> float | None:
     """Return a value less the estimate in units of σ; None if either is unknown."""
     return None if value is None or p.central is None else (value - p.central) / result.noise_bound
+
+
+def promised_error(result: Calibration) -> str:
+    """Return what the largest error of an estimate is called: guaranteed only where σ is a bound."""
+    return "guaranteed error" if result.sigma.kind == "bound" else ERROR_BOUND
+
+
+def header_without_promise(result: Calibration, table: Table) -> list[str]:
+    """Return the header of a table, which calls an error guaranteed only where σ is a bound."""
+    return [promised_error(result) if title == "guaranteed error" else title for title in table.header]
 
 
 def beside_table(result: Calibration) -> Table:
@@ -360,7 +382,7 @@ def beside_table(result: Calibration) -> Table:
         row = list(cells)
         row.append(" and ".join(outside) or None)
         rows.append(row)
-    header = list(numbers.header)
+    header = header_without_promise(result, numbers)
     header.append("outside the interval")
     return Table(header, rows)
 
@@ -379,7 +401,7 @@ def gyro_texts(gyros: Gyros, parameters: Sequence[Parameter]) -> list[str]:
     ]
     for gain in gyros.gains:
         texts.append(
-            f"The turns make {gain.symbol} better known: guaranteed within {upwards(gain.with_gyros)}, by the "
+            f"The turns make {gain.symbol} better known: within {upwards(gain.with_gyros)}, by the "
             f"accelerometers alone {upwards(gain.accelerometers_alone)}."
         )
     missing = [f"{bench.physical_words(p.name)} ({p.symbol})" for p in parameters if not p.determined]
@@ -403,8 +425,10 @@ def gyro_sections(result: Calibration) -> list[Section]:
     columns = ("symbol", "name", "central", "error_bound", "low", "high", "guaranteed_error", "least_squares", "unit")
     table = table_of(result.of_gyros, columns, WORDS)
     texts = gyro_texts(result.gyros, result.of_gyros)
-    falsified = result.verdict == "falsified"
-    return [Section("The gyros, in the accelerometers' axes", texts, table=None if falsified else table)]
+    shown = None
+    if result.verdict != "falsified":
+        shown = replace(table, header=header_without_promise(result, table))
+    return [Section("The gyros, in the accelerometers' axes", texts, table=shown)]
 
 
 HOW = {

@@ -45,7 +45,10 @@ def inspection_page(result: Inspection) -> Page:
 
 def table_line(at_table: AtTable) -> str:
     """Return the result of the accelerometers of a bench record against the table's angles."""
-    head = f"accelerometers against the table's angles: {at_table.verdict}"
+    verdict = at_table.verdict
+    if verdict == "noise-unknown":
+        verdict = "noise bound unknown"
+    head = f"accelerometers against the table's angles: {verdict}"
     if at_table.radius is None or at_table.noise_bound is None:
         return f"{head}: {at_table.lacks}"
     return (

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..calibrated import Calibration, Parameter
+from ..calibration.calibration import HOW_TO_FIND
 from ..calibration.correction import correction_of
 from ..document.blocks import Page, Section, Table, table_of
 from ..document.notation import Cell, equation, unit_text
@@ -15,7 +16,7 @@ from ..instrument import SAID
 from ..records import PositionRecord
 from ..rounding import digits
 from . import bench
-from .calibration import TONES, WORDS, verdict_sentence
+from .calibration import TONES, WORDS, promised_error, verdict_sentence
 
 HEAD: Mapping[str, tuple[str, ...]] = {
     "serial number": SAID["serial"],
@@ -55,7 +56,7 @@ def read_about(path: Path) -> dict[str, str]:
 def sheet_page(result: Calibration, record: PositionRecord | None, about: Mapping[str, str]) -> Page:
     """Return the sheet; `about` overrides the comment lines of the record, and unknown fields are left to write."""
     sections = [_numbers("Calibrated values", result, result.targets)]
-    if result.verdict == "consistent":
+    if result.stands:
         sections.append(_correction(result))
     rests: list[list[Cell]] = [["evidence", f"{result.positions} positions, {result.measurements} readings"]]
     for name, value in bench.provenance(result).items():
@@ -107,11 +108,13 @@ def _correction(result: Calibration) -> Section:
 
 def _numbers(title: str, result: Calibration, parameters: Sequence[Parameter]) -> Section:
     """Return each parameter with its guaranteed error and interval; a falsified model has none."""
+    if result.verdict == "noise-unknown" and not result.stands:
+        return Section(title, f"No value is guaranteed: the noise bound is unknown. {HOW_TO_FIND.capitalize()}.")
     if result.verdict == "falsified":
         return Section(title, "No value is guaranteed: no parameters of the model explain the readings.")
     columns = ("symbol", "name", "central", "error_bound", "low", "high", "unit")
     numbers = table_of(parameters, columns, WORDS | {"unit": lambda unit: unit_text(unit) or "1"})
-    header = ["symbol", "quantity", "value", "guaranteed error", "at least", "at most", "unit"]
+    header = ["symbol", "quantity", "value", promised_error(result), "at least", "at most", "unit"]
     return Section(title, table=Table(header, numbers.rows, fixed=True))
 
 

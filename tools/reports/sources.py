@@ -30,7 +30,7 @@ def versions() -> dict[str, object]:
 
 SOURCES = {
     "guaranteed": (
-        "Model of bench and block, targets, guaranteed estimates: A. A. Golovan, A. I. Matasov, I. E. Tarygin. "
+        "Model of bench and block, targets, estimates: A. A. Golovan, A. I. Matasov, I. E. Tarygin. "
         "Calibration of an accelerometer block with asymmetric models of its sensors. Izvestiya RAN, Teoriya i sistemy "
         "upravleniya, 2022, no. 2, pp. 107–119 (in Russian)."
     ),

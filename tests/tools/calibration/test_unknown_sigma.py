@@ -2,6 +2,8 @@
 
 import gzip
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +11,13 @@ import numpy as np
 import pytest
 
 import trihedron as th
+from generator.positions import Session
 from generator.runs import PROGRAMME, Bench
+from trihedron.tools.document import text
+from trihedron.tools.errors import InputError
 from trihedron.tools.records.sigma import deviation_widening
+from trihedron.tools.reports import write_report
+from trihedron.tools.reports.calibration import applied_page
 
 FIELD = Path(os.environ.get("TRIHEDRON_DATA") or Path(th.__file__).parents[1] / "shared" / "data") / "field"
 
@@ -20,15 +27,65 @@ def raw(white: float) -> Any:
     return record
 
 
+def promises(page: str) -> list[str]:
+    """The clauses of a page that say "guaranteed" other than to deny it."""
+    clauses = re.split(r"[.;,<>\n]", page)
+    return [c for c in clauses if "guaranteed" in c and not re.search(r"\b(not|nothing|no|No)\b", c)]
+
+
+def pages_of(result: Any, folder: Path) -> str:
+    """The text, the page and the sheet of a calibration."""
+    write_report(folder / "page.html", result)
+    result.sheet(folder / "sheet.html")
+    pages = [(folder / name).read_text(encoding="utf-8") for name in ("page.html", "sheet.html")]
+    return "\n".join([str(result), *pages])
+
+
 @pytest.mark.parametrize("white", [3e-5, 1e-4, 3e-4])
-def test_scatter_within_rests_is_no_bound(white):
+def test_scatter_within_rests_is_no_bound(white, tmp_path):
+    """The verdict says so, and how to find a bound; the estimates stand."""
     result = th.calibrate(raw(white))
-    assert result.sigma.kind == "unknown"
-    assert "guaranteed (" not in str(result)
-    assert "(guaranteed" not in str(result)
-    if result.verdict == "consistent":
-        assert str(result).startswith("Noise bound unknown: ")
-        assert "give --noise-sd or --noise-bound" in str(result)
+    assert result.verdict == "noise-unknown"
+    content = result.to_json()
+    assert content["sigma"]["kind"] == "unknown"
+    assert "give --noise-sd or --noise-bound" in content["sigma"]["find"]
+    assert all(entry["estimate"] is not None for entry in content["parameters"])
+    assert all(entry["guaranteed_error"] is None for entry in content["parameters"])
+    assert str(result).startswith("Noise bound unknown: ")
+    assert "give --noise-sd or --noise-bound" in str(result)
+    assert promises(pages_of(result, tmp_path)) == []
+
+
+def test_scatter_that_the_model_exceeds_is_no_bound_either(tmp_path):
+    """Errors that hold over a rest, a hundred times its scatter: least squares stand, with positions to repeat."""
+    record = raw(3e-6)
+    off = 5e-3 * np.sin(37.0 * record.alpha + 23.0 * record.beta)
+    record = replace(record, specific_force=record.specific_force + off[:, None])
+    result = th.calibrate(record)
+    assert result.verdict == "noise-unknown"
+    assert result.next_positions
+    assert all(p.estimate is not None and p.low is None for p in result.targets)
+    assert promises(pages_of(result, tmp_path)) == []
+    with pytest.raises(InputError, match=r"'noise-unknown'.*calibrate with noise_bound"):
+        th.apply(result, record)
+
+
+@pytest.mark.parametrize("options", [{}, {"noise_sd": 4e-6}])
+def test_an_estimated_bound_guarantees_nothing(options, tmp_path):
+    session = Session.drawn(np.random.default_rng(3), 24)
+    alpha, beta = np.tile(session.alpha, 2), np.tile(session.beta, 2)
+    session = Session.planned(session.stand, alpha, beta)
+    record = session.record([], np.random.default_rng(4).normal(0.0, 4e-6, (48, 3)))
+    result = th.calibrate(record, **options)
+    assert result.sigma.kind == "estimated"
+    assert result.verdict == "consistent"
+    applied: Any = th.apply(result, record)
+    assert applied.not_guaranteed
+    assert promises(pages_of(result, tmp_path) + text(applied_page(applied))) == []
+    path = tmp_path / "twice.html"
+    shown = th.calibrate_together(record, replace(record, time_s=record.time_s + 1.0), **options)
+    write_report(path, shown)
+    assert promises(str(shown) + path.read_text(encoding="utf-8")) == []
 
 
 def test_a_bound_that_is_given_is_one():
@@ -45,8 +102,9 @@ def test_a_series_from_the_field_without_a_bound_is_not_guaranteed(tmp_path):
     path = tmp_path / "raw.csv"
     path.write_bytes(gzip.decompress(packed.read_bytes()))
     result = th.calibrate(path)
+    assert result.verdict == "noise-unknown"
     assert result.sigma.kind == "unknown"
-    assert "(guaranteed" not in str(result)
+    assert promises(pages_of(result, tmp_path)) == []
 
 
 @pytest.mark.parametrize("count", [5, 10, 40])
