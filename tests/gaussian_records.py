@@ -20,7 +20,7 @@ ERRORS: Mapping[str, Callable[[np.random.Generator, tuple[int, int]], Any]] = {
 
 
 def clean_record(seed: int, count: int, errors: str, repeated: int = 0) -> PositionRecord:
-    """Return a record of this number of positions, some of which are visited twice."""
+    """Return a record of this number of positions with `repeated` of them visited twice."""
     rng = np.random.default_rng([seed, count])
     session = Session.drawn(rng, count)
     order = rng.permutation(count)

@@ -1,4 +1,4 @@
-"""Sessions of which something changes once, between two rows: what nobody tells the product."""
+"""Sessions with one change between two rows, of which the product is not told."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,7 +24,7 @@ GROUPS = (
 
 @dataclass(frozen=True)
 class Broken:
-    """A record, what changed in it, the first row (from 1) after the change, and by how much (K,) [g], [rad], [1]."""
+    """A record, the changed quantity, the first row (from 1) after the change, and its size (K,) [g], [rad], [1]."""
 
     record: PositionRecord
     group: str
@@ -33,7 +33,7 @@ class Broken:
 
 
 def sizes(rng: np.random.Generator, count: int, size: float) -> np.ndarray:
-    """Changes (K,) of about so many σ, none of them small."""
+    """Draw changes (K,) of about `size` σ, none of them small."""
     return SIGMA * size * rng.choice([-1.0, 1.0], count) * rng.uniform(0.6, 1.4, count)
 
 

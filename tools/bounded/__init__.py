@@ -1,4 +1,4 @@
-"""Bounded-error mathematics: programmes, bounds of sets, what is left possible. Knows no record and no instrument."""
+"""Bounded-error mathematics: programmes, bounds of sets, possible sets. It knows no record and no instrument."""
 
 import lazy_loader
 

@@ -1,9 +1,9 @@
-"""One possible point to state: the analytic centre of what bounded errors leave possible.
+"""The analytic centre of the set that bounded errors leave possible: one point to state.
 
-All is about the set {x: |residual − jacobian x| ≤ bound, low ≤ x ≤ high}. Its analytic centre makes the product of all
-slacks greatest, Σ log(bound² − r²): it is always possible and unique, and neither the units of x nor another choice of
-coordinates move it. A row that is listed twice counts twice: the centre moves a little, away from that row's bounds, as
-a mean moves towards a value that is listed twice. Where the set has no interior the central programme takes over.
+The set is {x: |residual − jacobian x| ≤ bound, low ≤ x ≤ high}. Its analytic centre maximises the product of all
+slacks, Σ log(bound² − r²). It is always possible and unique, and independent of the units of x and of the coordinates.
+A row that is listed twice counts twice: the centre moves a little away from that row's bounds, as a mean moves towards
+a repeated value. If the set has no interior, the central programme takes over.
 """
 
 import math
@@ -18,17 +18,17 @@ from .possible import DETERMINED, Possible
 from .programmes import LEAST_VALUE, TOLERANCE, chebyshev_radius, first_rows, least_largest, shortened
 
 INTERIOR = 1e-7
-"""A set in which some slack stays below this part of its bound has no interior: the programmes are not exacter."""
+"""Relative slack below which a set has no interior: the programmes are not more exact."""
 CENTRED = 1e-9
-"""Newton decrement at the centre: how far it may be off, in units of the ellipsoid of second order about it."""
+"""Newton decrement at the centre: its largest error, in units of the ellipsoid of second order about it."""
 NEARLY = 1e-6
 """Newton decrement with which rounding may end the search."""
 MOST_STEPS = 200
 MOST_ADDED = 100
 TO_THE_EDGE = 0.99
-"""A step goes at most so far towards the nearest bound."""
+"""Largest part of the way to the nearest bound in one step."""
 NARROW = 1e-6
-"""No half-width counts for less than this part of the greatest, or of what a row's bound makes of it."""
+"""Smallest half-width that counts, relative to the greatest, or to that from a row's bound."""
 
 Estimator = Literal["analytic centre", "central programme"]
 
@@ -37,8 +37,8 @@ Estimator = Literal["analytic centre", "central programme"]
 class Bounded:
     """The points x (P,) with |residual − jacobian x| ≤ bound and low ≤ x ≤ high.
 
-    The jacobian (M, P) may have any rank; residual and bound (M,), bounds positive; low and high (P,) are limits of
-    single coefficients, infinite where there are none, and hold low < high.
+    The jacobian (M, P) may have any rank; residual and bound are (M,), bounds positive. `low` and `high` (P,) are
+    limits of single coefficients, infinite for none, with low < high.
     """
 
     jacobian: NDArray
@@ -73,7 +73,8 @@ class Bounded:
 
     @cached_property
     def directions(self) -> NDArray:
-        """What the rows determine: x = directions y (P, rank), with (rows' jacobian) directions orthonormal columns."""
+        """Directions that the rows determine: x = directions y (P, rank); (rows' jacobian) directions has
+        orthonormal columns."""
         jacobian = self.rows[0]
         size = np.abs(jacobian).max(axis=0, initial=0.0)
         size[size == 0.0] = 1.0
@@ -82,7 +83,7 @@ class Bounded:
         return turned[: len(values)][determined].T / values[determined] / size[:, None]
 
     def determines(self, weights: NDArray) -> bool:
-        """Whether the rows bound weights'x on both sides."""
+        """Return True if the rows bound weights'x on both sides."""
         jacobian = self.rows[0]
         size = np.abs(jacobian).max(axis=0, initial=0.0)
         scaled = weights / np.where(size == 0.0, 1.0, size)
@@ -92,17 +93,17 @@ class Bounded:
 
 @dataclass(frozen=True)
 class Central:
-    """The point (P,) to state, and by which of the two it was found."""
+    """The point (P,) to state, and the method that found it."""
 
     x: NDArray
     estimator: Estimator
 
 
 def analytic_centre(bounded: Bounded, start: NDArray | None = None) -> NDArray[np.float64] | None:
-    """The x (P,) of the greatest Σ log(bound² − (residual − jacobian x)²) + Σ log(slacks of limits).
+    """Return the x (P,) that maximises Σ log(bound² − (residual − jacobian x)²) + Σ log(slacks of limits).
 
-    From `start` (P,) where it is inside, else from the Chebyshev centre, by damped Newton steps. What the rows leave
-    open stays at zero. None where the set has no interior, or a limit on one side is all that bounds a coefficient.
+    Damped Newton steps begin at `start` (P,) if it is inside, else at the Chebyshev centre. Undetermined directions
+    stay at zero. Returns None if the set has no interior, or if only a limit on one side bounds a coefficient.
 
     Source: S. Boyd, L. Vandenberghe, Convex Optimization, 2004, section 8.5.3.
     """
@@ -125,12 +126,12 @@ def analytic_centre(bounded: Bounded, start: NDArray | None = None) -> NDArray[n
 
 
 def _chebyshev_start(bounded: Bounded) -> NDArray[np.float64] | None:
-    """A point (P,) with the least largest residual, where a limit on one side counts as wide as the rows leave it."""
+    """Return a point (P,) with the least largest residual; a limit on one side counts as wide as the rows allow."""
     jacobian, residual = bounded.rows
     weights, ends = bounded.one_sided
     if len(ends):
         reach = Possible(jacobian, residual, np.ones(len(residual)))
-        # From the limit to as far as the rows let go: where that is nothing, nothing is inside.
+        # From the limit to the farthest point that the rows allow: if that is nothing, nothing is inside.
         half = np.array([0.5 * (end + reach.reach(-row)) for row, end in zip(weights, ends, strict=True)])
         if not (half > 0.0).all():
             return None
@@ -150,11 +151,11 @@ class _Inside:
         self._jacobian = rows
 
     def coordinates(self, x: NDArray) -> NDArray[np.float64]:
-        """The y of a point (P,); what is not determined of it is left out."""
+        """Return the y of a point (P,) without its undetermined part."""
         return self._rows.T @ (self._jacobian @ x)
 
     def slack(self, y: NDArray) -> float:
-        """The least slack over its bound; that of a limit on one side counts as it is where it is small."""
+        """Return the least slack over its bound; a small slack of a limit on one side counts unscaled."""
         of_rows = 1.0 - np.abs(self._residual - self._rows @ y)
         return float(min(of_rows.min(initial=1.0), 1.0 if (self._open(y) > 0.0).all() else 0.0))
 
@@ -162,7 +163,7 @@ class _Inside:
         return self._ends - self._weights @ y
 
     def newton(self, y: NDArray) -> tuple[NDArray, float]:
-        """Newton's step (rank,), and its decrement."""
+        """Return Newton's step (rank,), and its decrement."""
         r, room = self._residual - self._rows @ y, self._open(y)
         slack = (1.0 - r) * (1.0 + r)
         root = np.sqrt(2.0 * (1.0 + r * r)) / slack
@@ -175,7 +176,7 @@ class _Inside:
         return np.linalg.solve(triangle, along), float(np.linalg.norm(along))
 
     def damped(self, y: NDArray, step: NDArray, decrement: float) -> float:
-        """How much of a step to take: inside, and enough gained."""
+        """Return the part of a step that stays inside and gains enough."""
         r, moved = self._residual - self._rows @ y, self._rows @ step
         room, shrunk = self._open(y), self._weights @ step
         with np.errstate(divide="ignore"):
@@ -191,10 +192,10 @@ class _Inside:
 
 
 def central_programme(bounded: Bounded, weights: NDArray, intervals: NDArray) -> NDArray[np.float64]:
-    """The possible x (P,) whose largest distance from the middles of intervals, in half-widths, is least.
+    """Return the possible x (P,) whose largest distance from the middles of intervals, in half-widths, is least.
 
-    Weights (K, P) say of what; the intervals (K, 2) are those of weights'x, finite, and the rows determine each. It
-    needs no interior, and depends on what is asked. What the rows leave open stays at zero.
+    Weights (K, P) define the quantities; the intervals (K, 2) are those of weights'x, finite, and the rows determine
+    each. The programme needs no interior, and its result depends on the weights. Undetermined directions stay at zero.
     """
     jacobian, residual = bounded.rows
     one_sided, ends = bounded.one_sided
@@ -219,9 +220,9 @@ def central_programme(bounded: Bounded, weights: NDArray, intervals: NDArray) ->
 
 
 def central(bounded: Bounded, weights: NDArray, intervals: NDArray) -> Central:
-    """The analytic centre, sought from zero, or where there is none the central programme's point.
+    """Return the analytic centre, sought from zero, or the central programme's point if there is none.
 
-    Arguments as of these.
+    Arguments as for these two.
     """
     x = analytic_centre(bounded, np.zeros(bounded.jacobian.shape[1]))
     if x is not None:

@@ -1,15 +1,15 @@
-"""Linear programmes by exchanging rows: each step costs a product of the rows, and its end is proven.
+"""Linear programmes by exchange of rows: each step costs a product of the rows, and its end is proven.
 
-The least largest residual (Stiefel's algorithm): n + 1 rows hold a solution for n columns. For such rows that bound
-each other the largest residual is known. While another row misses by more it takes the place of one of them; the least
-largest residual of all rows is proven from below by weights of these, and what is proven grows at each step.
+The least largest residual (Stiefel's algorithm): n + 1 rows hold a solution for n columns. For rows that bound each
+other, the largest residual is known. While another row misses by more, it replaces one of them. Weights of these rows
+prove a lower bound of the least largest residual of all rows, which grows at each step.
 
-How far rows with two ends let a direction go: n rows meet at a corner, each at the end to which the direction pulls
-it, so whatever the direction it goes no farther than there. While the corner is beyond another row that row takes the
-place of one of them, and those that it lets go on the way change their ends (dual simplex with long steps).
+The farthest point in a direction, for rows with two ends: n rows meet at a corner, each at the end to which the
+direction pulls it, so no point goes farther in this direction. While the corner is beyond another row, that row
+replaces one of them, and rows that it passes on the way change their ends (dual simplex with long steps).
 
-It takes a small part of the time of a linear programme; where the end is not proven, as with columns that depend on
-each other, the programme is for the solver.
+An exchange takes a small part of the time of a linear programme. If its end is not proven, as with dependent columns,
+the solver takes over.
 """
 
 from dataclasses import dataclass
@@ -19,28 +19,28 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 MOST_COLUMNS = 64
-"""Of more columns a step costs more than one of the solver."""
+"""Largest number of columns: beyond it a step costs more than one of the solver."""
 MOST_STEPS = 40
-"""Steps after which the rows are solved anew; as often as there are columns, then it is given up."""
+"""Number of steps between new solutions of the rows; the exchange gives up after one such solution for each column."""
 FAR = 1e3
-"""So far from its other end a row has one where it has none: what is held there is not proven."""
+"""Distance of a missing end from the other end of its row: a row held there is no proof."""
 HELD = 1e-9
-"""A dual that is smaller, relatively to all, holds nothing."""
+"""Relative size below which a dual holds nothing."""
 BENT = 1e-11
-"""A direction in which no two vertices go equally far differs by this part of its largest component."""
+"""Perturbation of a direction, relative to its largest component, after which no two vertices go equally far."""
 DEPENDENT = 1e-7
-"""Columns, each of size one, of which one has so little beside the others, are not exchanged."""
+"""Columns of size one are not exchanged if one has less than this beside the others."""
 PROVEN = 1e-9
-"""What may be between radius and proof, relatively to a radius of one or more."""
+"""Largest difference of radius and proof, relative to a radius of one or more."""
 MANY = 3000
-"""Of more rows so many, spread evenly, say where to begin."""
+"""Number of rows, spread evenly, that give the beginning for more rows than this."""
 BEGUN = 5
-"""The first rows are of those that least squares misses most, so many for each column."""
+"""Number of candidates for the first rows, for each column, of those that least squares misses most."""
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """The rows that hold a solution x (n,): their numbers and multipliers (n + 1,), of which the sizes sum to one."""
+    """The rows that hold a solution x (n,): their numbers and multipliers (n + 1,), whose sizes sum to one."""
 
     radius: float
     x: NDArray[np.float64]
@@ -57,14 +57,14 @@ class Farthest:
     duals: NDArray[np.float64]
 
     def of(self, count: int) -> NDArray[np.float64]:
-        """The duals (M,) of so many rows."""
+        """Return the duals (M,) of all rows."""
         every = np.zeros(count)
         every[self.rows] = self.duals
         return every
 
 
 def exchanged(matrix: NDArray, target: NDArray) -> Held | None:
-    """The least max |target (M,) - matrix (M, n) x| with what holds it; None where that is not proven."""
+    """Return the least max |target (M,) - matrix (M, n) x| with the rows that hold it; None if it is not proven."""
     count, columns = matrix.shape
     if not 0 < columns < min(count, MOST_COLUMNS) or not np.isfinite(matrix).all():
         return None
@@ -83,7 +83,8 @@ def exchanged(matrix: NDArray, target: NDArray) -> Held | None:
 
 
 def _begun(matrix: NDArray, target: NDArray) -> NDArray[np.int_] | None:
-    """Rows (n + 1,) that determine the columns, of those that least squares misses most; None where none do."""
+    """Return rows (n + 1,) that determine the columns, of those that least squares misses most; None if there are
+    none."""
     columns = matrix.shape[1]
     every = slice(None, None, max(1, len(matrix) // MANY))
     some = np.column_stack((matrix[every], target[every]))
@@ -124,7 +125,7 @@ def _steps(matrix: NDArray, target: NDArray, rows: NDArray) -> Held | None:
 
 
 def _proven(matrix: NDArray, target: NDArray, solution: Held, largest: float) -> Held | None:
-    """What was found, where its multipliers are a proof that no x misses all rows by less."""
+    """Return the solution if its multipliers prove that no x misses all rows by less."""
     weights = solution.multipliers
     missed = np.abs(weights @ matrix[solution.rows]).max()
     least = float(weights @ target[solution.rows]) / float(np.abs(weights).sum())
@@ -133,14 +134,14 @@ def _proven(matrix: NDArray, target: NDArray, solution: Held, largest: float) ->
 
 
 class Corner:
-    """Rows (n,) of a matrix (M, n) that meet, and their inverse: where the last walk ended the next one begins."""
+    """Rows (n,) of a matrix (M, n) that meet, and their inverse; the next walk begins where the last one ended."""
 
     def __init__(self, rows: NDArray[np.int64], inverse: NDArray[np.float64]) -> None:
         self.rows, self._inverse = rows, inverse
 
     @staticmethod
     def of(matrix: NDArray) -> "Corner | None":
-        """Rows that determine the columns best; None where none do."""
+        """Return the rows that determine the columns best; None if there are none."""
         columns = matrix.shape[1]
         if not 0 < columns <= min(len(matrix), MOST_COLUMNS) or not np.isfinite(matrix).all():
             return None
@@ -154,11 +155,12 @@ class Corner:
         return Corner(rows, np.linalg.inv(matrix[rows]))
 
     def farthest(self, matrix: NDArray, middle: NDArray, half: NDArray, weights: NDArray) -> Farthest | None:
-        """Where weights'x is greatest of all x with |matrix x - middle (M,)| ≤ half (M,); None: not proven."""
+        """Return the vertex of greatest weights'x of all x with |matrix x - middle (M,)| ≤ half (M,); None: not
+        proven."""
         from .exchange_steps import ENDED, ENDLESS, EXACT, exchange_met
 
         rows, inverse = self.rows.copy(), self._inverse.copy()
-        # Of many vertices that go as far it is always the same, from wherever the walk begins.
+        # Of many equally far vertices it is always the same, from any beginning.
         size = np.abs(weights).max()
         toward = weights + size * BENT * np.cos(np.arange(1.0, len(weights) + 1.0) ** 2)
         side = np.where(toward @ inverse >= 0.0, 1.0, -1.0)
@@ -185,9 +187,9 @@ class Corner:
 
 
 def least_of(matrix: NDArray, lower: NDArray, upper: NDArray, cost: NDArray) -> Farthest | None:
-    """Where cost'x is least of all x with lower (M,) ≤ matrix x ≤ upper, ends of which may be infinite.
+    """Return the vertex of least cost'x of all x with lower (M,) ≤ matrix x ≤ upper; ends may be infinite.
 
-    The duals are those by which it cannot be less; None where that is not proven.
+    The duals prove the least value. Returns None if it is not proven.
     """
     endless = np.isinf(lower), np.isinf(upper)
     bounded = np.flatnonzero(~(endless[0] & endless[1]))

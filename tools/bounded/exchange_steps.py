@@ -1,20 +1,20 @@
-"""The steps of an exchange of rows, as machine code: what solves no programme does not wait for it to be loaded."""
+"""The steps of an exchange of rows, as machine code in a module of its own: only programmes wait for its loading."""
 
 import numpy as np
 
 from ..compiled import compile_callee, compiled_and_kept
 
 EXACT = 1e-10
-"""What a row may miss by, relatively to a radius of one or more."""
+"""Largest miss of a row, relative to a radius of one or more."""
 NO_PIVOT = 1e-11
-"""What is smaller is no part of a row in others."""
+"""Size below which a row has no part in others."""
 ENDED, ENDLESS, NOT_ENDED = 0, 1, 2
-"""How steps end: nothing misses by more, nothing can be exchanged, or there were as many as were asked for."""
+"""Ends of the steps: nothing misses by more, nothing can be exchanged, or the number of steps is reached."""
 
 
 @compile_callee
 def _replaced(inverse, part, out):
-    """Change the inverse (n, n) of rows to that with another one at a place; `part` (n,): what this is of them."""
+    """Change the inverse (n, n) of rows to that with another one at a place; `part` (n,): the new row in these."""
     column = inverse[:, out] / part[out]
     for k in range(len(part)):
         inverse[k] -= column[k] * part
@@ -23,7 +23,8 @@ def _replaced(inverse, part, out):
 
 @compiled_and_kept
 def exchange_held(matrix, target, rows, sign, inverse, most):
-    """Exchange some of the rows (n + 1,) that hold a solution, with their signs; how it ended, after so many steps."""
+    """Exchange some of the rows (n + 1,) that hold a solution, with their signs; return the kind of end and the
+    steps."""
     last = len(rows) - 1
     row_of = np.empty(len(rows))
     for step in range(most):
@@ -48,7 +49,7 @@ def exchange_held(matrix, target, rows, sign, inverse, most):
 
 @compiled_and_kept
 def exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
-    """Exchange some of the rows (n,) that meet, each at one of its sides; how it ended, after so many steps."""
+    """Exchange some of the rows (n,) that meet, each at one of its sides; return the kind of end and the steps."""
     duals = weights @ inverse
     for step in range(most):
         missed = matrix @ (inverse @ (middle[rows] + side * half[rows])) - middle
@@ -66,7 +67,7 @@ def exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
             least = ratio[out]
             if least == np.inf:
                 return ENDLESS, step
-            # Let go at one end, a row may go to its other one as long as that takes the corner no farther than it is.
+            # A row released at one end may move to its other one as long as the corner goes no farther.
             slope += 2.0 * less[out] * half[rows[out]]
             if slope >= 0.0:
                 break

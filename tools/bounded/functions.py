@@ -1,10 +1,10 @@
 """The functions of one quantity that bounds on errors leave possible, exactly, at every knot.
 
 errors = jacobian x + columns g + noise within the bounds, with parameters x and the values g of an unknown function at
-knots, straight between them. Told is what parameters cannot imitate: of the functions that they do imitate none has a
-part in it, by least squares over the knots. How much a function may bend is limited. The straight interpolation of a
-function bends no more than the function does: what holds for all that bend so much on these knots holds for all
-functions that do.
+knots, straight between them. Only the part that parameters cannot imitate is determined: by least squares over the
+knots it has no part in the imitated functions. The bending of a function is limited. The straight interpolation of a
+function bends no more than the function. A bound for all functions of limited bending on these knots therefore holds
+for all functions of that bending.
 """
 
 from collections.abc import Sequence
@@ -18,26 +18,26 @@ from scipy.linalg import block_diag, qr
 from .programmes import Polytope, chebyshev_radius, column_space
 
 IMITATED = 1e-6
-"""Functions of which so little is left beside the parameters, relatively, are imitated."""
+"""Relative remainder beside the parameters below which functions are imitated."""
 HIDDEN = 2.0
-"""Noise within the bounds may hide, or feign, so many times what just shows."""
+"""Multiple of a just visible effect that noise within the bounds may hide or feign."""
 SMOOTH = 40.0
-"""What parameters imitate is a function of the quantity where it bends, over its size, at most so much: two waves."""
+"""Largest bending over size of an imitated function of the quantity: two waves."""
 MARGIN = 1.5
-"""Functions may bend so many times as much as what is least possible and what noise may hide together."""
+"""Allowed bending, as a multiple of the least possible bending plus that hidden by noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Unknown:
-    """A function of one quantity that is not known, by its values at knots.
+    """An unknown function of one quantity, by its values at knots.
 
-    `knots` (K,) rise; `columns` (M, K) are what its value at each of them adds to the errors; `period` is that of an
-    angle that goes round, None of other quantities. A function in `steps` bends by the sizes of its jumps, any other
-    one by the changes of its slope, over the whole range of the knots. `between` (M,): by how much errors differ at
-    most, for each unit that a function bends, where it is not straight between knots.
+    `knots` (K,) rise; `columns` (M, K) are the effects of each value on the errors; `period` is that of an angle, None
+    for other quantities. A function in `steps` bends by the sizes of its jumps, any other one by the changes of its
+    slope, over the whole range of the knots. `between` (M,) is the largest change of the errors, for each unit of
+    bending, by a function that is not straight between knots.
 
-    `parts` are several functions that act together: their knots and columns one after the other, and what they bend
-    counts in all.
+    `parts` are several functions that act together: their knots and columns one after the other, with the sum of their
+    bending.
     """
 
     knots: NDArray[np.float64]
@@ -49,7 +49,7 @@ class Unknown:
 
     @staticmethod
     def together(parts: Sequence["Unknown"]) -> "Unknown":
-        """Several functions that act together; of one itself."""
+        """Return several functions that act together; a single one unchanged."""
         if len(parts) == 1:
             return parts[0]
         knots, columns, between = [], [], []
@@ -61,17 +61,17 @@ class Unknown:
         together = Unknown(np.concatenate(knots), np.hstack(columns), steps=parts[0].steps, parts=tuple(parts))
         if not between:
             return together
-        # What is not straight bends somewhere: the errors differ by what the worst of them does to each.
+        # A function that is not straight bends somewhere: the worst bend bounds the difference of each error.
         return replace(together, between=np.max(between, axis=0))
 
     @property
     def of_slopes(self) -> "Unknown":
-        """The same, of which the changes of the slope count."""
+        """Return the same function with the changes of its slope as bending."""
         return replace(self, steps=False, parts=tuple(part.of_slopes for part in self.parts))
 
     @property
     def plain(self) -> list[NDArray[np.float64]]:
-        """Functions (K,) as plain as can be: of an angle one wave, else a parabola, or one step in the middle."""
+        """Return the plainest functions (K,): one wave for an angle, else a parabola, or one step in the middle."""
         if self.parts:
             functions, before = [], 0
             for part in self.parts:
@@ -89,7 +89,7 @@ class Unknown:
 
     @cached_property
     def bends(self) -> NDArray[np.float64]:
-        """Rows (R, K) whose sizes add up to the bending of a function (K,)."""
+        """Return rows (R, K) whose sizes add up to the bending of a function (K,)."""
         if self.parts:
             return np.asarray(block_diag(*[part.bends for part in self.parts]))
         knots, values = self.knots, np.eye(len(self.knots))
@@ -105,16 +105,16 @@ class Unknown:
         return np.vstack((changes, slopes[:1] - slopes[-1:]))
 
     def bending(self, values: NDArray) -> float:
-        """How much the function with these values (K,) bends."""
+        """Return the bending of the function with these values (K,)."""
         return float(np.abs(self.bends @ values).sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """What the functions that are possible have in common.
+    """The band of all possible functions.
 
     `knots` (k,) with the lower and upper end `low`, `high` (k,) of all functions; `least` (K,): the values at all knots
-    of a function that bends least; `bending`: how much functions in the band may bend.
+    of a function that bends least; `bending`: largest bending in the band.
     """
 
     knots: NDArray[np.float64]
@@ -136,17 +136,17 @@ class Functions:
         self._jacobian, self._bound = jacobian, bound
         self.imitated = imitated(base, columns, unknown)
         """Functions (K, d) that parameters imitate."""
-        # Values count in units with which most of them, each by itself, move some error by the least bound.
+        # The unit of values is that with which most of them, each alone, move some error by the least bound.
         moved = np.abs(columns).max(axis=0)
         self._size = 1.0
         if moved.any():
             self._size /= float(np.median(moved[moved > 0.0])) * float(bound.min())
-        # What parameters imitate may bend as it likes.
+        # The bending of imitated parts is free.
         bent, sizes, _ = np.linalg.svd(unknown.bends @ self.imitated, full_matrices=False)
         bends = np.hstack((unknown.bends, bent[:, sizes > IMITATED * np.linalg.norm(unknown.bends, 2)]))
         rows, self._first, out = len(bends), base.shape[1], self.imitated.shape[1]
         of_imitated = bends.shape[1] - count
-        # The parameters, the function's values, what imitated functions bend, and the size of each bend.
+        # The parameters, the function's values, the bending of imitated functions, and the size of each bend.
         matrix = np.block(
             [
                 [base * bound[:, None], self._size * unknown.columns, np.zeros((len(errors), of_imitated + rows))],
@@ -164,24 +164,28 @@ class Functions:
         self._upper = np.concatenate((errors + bound, np.zeros(out + 2 * rows)))
 
     def least(self) -> tuple[NDArray[np.float64], float]:
-        """The function (K,) that bends least, and how much; a SolverError where none is possible."""
+        """Return the function (K,) that bends least, and its bending.
+
+        Raises SolverError if no function is possible.
+        """
         self._polytope.confine(self._lower, np.append(self._upper, np.inf))
         bending, x, _ = self._polytope.maximise(-self._bent)
         values = x[self._first : self._first + len(self.unknown.knots)]
         return self._size * values, self._size * max(0.0, -bending)
 
     def told(self, values: NDArray) -> NDArray[np.float64]:
-        """What is told of a function (K,): less what parameters imitate of it."""
+        """Return the determined part of a function (K,), without the part that parameters imitate."""
         return values - self.imitated @ (self.imitated.T @ values)
 
     @property
     def zero(self) -> tuple[int, ...]:
-        """Numbers (d,) of knots where a function may be taken as zero, as parameters imitate what it is there."""
+        """Numbers (d,) of knots at which a function may be taken as zero, because parameters imitate its value
+        there."""
         *_, pivots = qr(self.imitated.T, mode="economic", pivoting=True)
         return tuple(int(k) for k in np.sort(np.asarray(pivots)[: self.imitated.shape[1]]))
 
     def band(self, at: NDArray[np.int_]) -> Band:
-        """Ends of all possible functions at some knots (k,), given by their numbers."""
+        """Return the ends of all possible functions at some knots (k,), given by their numbers."""
         least, least_bending = self.least()
         just_shows = self._just_shows(least, least_bending)
         for function in self.unknown.plain:
@@ -193,7 +197,7 @@ class Functions:
             lower[rows] -= missed
             upper[rows] += missed
         self._polytope.confine(lower, upper)
-        # Next to each other ends of one side are at vertices that are near each other.
+        # In this order, neighbouring ends of one side have nearby vertices.
         low = np.array([-self._farthest(int(knot), -1.0) for knot in at])
         high = np.array([self._farthest(int(knot), 1.0) for knot in at])
         return Band(self.unknown.knots[at], low, high, least, bending)
@@ -204,7 +208,7 @@ class Functions:
         return self._size * self._polytope.maximise(weights)[0]
 
     def _just_shows(self, values: NDArray, bending: float | None = None) -> float:
-        """How much a function (K,) bends that is of this shape and just shows; 0 where it never does."""
+        """Return the bending of a function (K,) of this shape that just shows; 0 if it never does."""
         radius = chebyshev_radius(self._jacobian, self.unknown.columns @ values, self._bound)[0]
         if radius <= IMITATED:
             return 0.0
@@ -214,9 +218,9 @@ class Functions:
 
 
 def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.float64]:
-    """Functions (K, d) of which columns (M, K), over their bounds, add nothing to a space (M, P), as orthonormal ones.
+    """Return the functions (K, d) whose columns (M, K), over their bounds, lie in a space (M, P), as orthonormal ones.
 
-    Of these they are those that bend little: functions of the quantity, not of a few rows.
+    Only functions of little bending are returned: functions of the quantity, not of a few rows.
     """
     functions = _null_space(columns - base @ (base.T @ columns))
     slopes = unknown.of_slopes
@@ -227,7 +231,7 @@ def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.fl
 
 
 def _null_space(matrix: NDArray) -> NDArray[np.float64]:
-    """Directions (K, d) of which nothing is left in a matrix (M, K), as orthonormal columns."""
+    """Return the null space (K, d) of a matrix (M, K), as orthonormal columns."""
     _, values, directions = np.linalg.svd(matrix)
     remaining = np.zeros(matrix.shape[1], dtype=bool)
     remaining[: len(values)] = values > IMITATED * np.linalg.norm(matrix, axis=0).max(initial=0.0)

@@ -1,9 +1,9 @@
-"""What bounds on errors leave possible of a model's parameters and of coefficients: a polytope, or a union of several.
+"""The parameters and coefficients that bounds on errors leave possible: a polytope, or a union of several.
 
-The same question is often asked of many sets that are nearly alike: an effect beside each of the ways in which another
-one may act. The readings that bound the first of them bound the others nearly as well. So a programme's duals are moved
-to the rows of the next set, by least squares over the readings that have one; what they prove there is proven whatever
-their source, and where it is enough no programme is solved.
+The same question is often asked about many similar sets: an effect beside each of the ways in which another one may
+act. The readings that bound the first set bound the others nearly as well. So a programme's duals are moved to the rows
+of the next set, by least squares over the readings that have one. The moved duals are a valid proof there; where it
+suffices, no programme is solved.
 """
 
 import math
@@ -16,39 +16,39 @@ from numpy.typing import NDArray
 from .programmes import EXACT, LEAST_VALUE, Growth, Interval, Polytope, SolverError, chebyshev_radius, moved_duals
 
 ROOM = 1e-9
-"""What the bounds grow by, relatively, so that a fit at its bounds stays inside."""
+"""Relative growth of the bounds that keeps a fit at its bounds inside."""
 DETERMINED = 1e-6
-"""A direction that lies, to this part, in what the rows determine is determined."""
+"""Relative distance from the determined space within which a direction is determined."""
 ENCLOSING, BOUNDING = 72, 16
-"""Directions in which a pair of coefficients is enclosed, and in which its length alone is bounded."""
+"""Directions in which a pair of coefficients is enclosed, and in which only its length is bounded."""
 SURELY_EMPTY = 1e-6
-"""A set is empty where its bounds, enlarged by this part, leave nothing."""
+"""Relative enlargement of the bounds after which an empty set is surely empty."""
 Reach = Callable[..., float]
-"""How far a set goes in a direction (k,); at most so much as is given beside it where it goes no farther."""
+"""Reach of a set in a direction (k,); the given lower value if it goes no farther."""
 Proofs = dict[tuple[int, bytes], NDArray[np.float64]]
-"""Duals (M,) that bounded a direction, or proved that there is nothing, of a set, by its branch and the direction."""
+"""Duals (M,) that bounded a direction, or proved that a set is empty, by its branch and the direction."""
 
 
 class Steps:
-    """A set of steps x (n,) of a model's columns, by how far it reaches in each direction."""
+    """A set of steps x (n,) of a model's columns, by its reach in each direction."""
 
     count: int
 
     def reach(self, weights: NDArray, least: float = -math.inf) -> float:
-        """How far weights'x (n,) can go; infinite where nothing bounds it; at most `least` where it goes no farther."""
+        """Return the greatest weights'x (n,); infinite if unbounded; at most `least` if it goes no farther."""
         raise NotImplementedError
 
     def bounded(self, weights: NDArray) -> float:
-        """How far weights'x (n,) can go at most, by what is known already; infinite where nothing is."""
+        """Return a known upper bound of weights'x (n,); infinite if none is known."""
         raise NotImplementedError
 
     def ends(self, column: int) -> Interval:
-        """Least and largest step of one column."""
+        """Return the least and the largest step of one column."""
         reach = self.among(np.array([column]))
         return -reach(-np.ones(1)), reach(np.ones(1))
 
     def among(self, columns: NDArray) -> Reach:
-        """How far the steps of some columns (k,) can go in a direction (k,)."""
+        """Return the reach of the steps of some columns (k,) in a direction (k,)."""
 
         def reach(direction: NDArray, least: float = -math.inf) -> float:
             weights = np.zeros(self.count)
@@ -62,13 +62,12 @@ class Possible(Steps):
     """The steps x from a fit that keep every error within its bound: |left - jacobian x| ≤ bound.
 
     The jacobian (M, n) may have any rank; the units of its columns do not matter. `left` (M,) are the errors at the
-    fit; where one is beyond its bound, that much is allowed. Of more rows than `most_rows` so many are taken, spread
-    over all: fewer rows leave more possible, so what they bound is bounded. With `growths` of the bounds about the fit
-    the set is the union of their branches; the fit lies in the first. `proofs` of sets that are nearly alike are used,
-    and added to.
+    fit; an error beyond its bound is allowed its size. Of more rows than `most_rows`, that number is used, spread over
+    all: fewer rows leave a larger set, so its bounds remain valid. With `growths` of the bounds about the fit the set
+    is the union of their branches; the fit lies in the first. `proofs` of similar sets are used, and added to.
 
     `matrix`, `lower`, `upper`: the same set, or its first branch, as lower ≤ matrix y ≤ upper; `span` (n, rank):
-    orthonormal basis of what the rows determine of the columns times their `scale` (n,): x = span y / scale.
+    orthonormal basis of the determined space of the columns times their `scale` (n,): x = span y / scale.
     """
 
     def __init__(
@@ -97,7 +96,7 @@ class Possible(Steps):
 
     @cached_property
     def span(self) -> NDArray[np.float64]:
-        """What the rows determine (n, rank)."""
+        """Basis (n, rank) of the space that the rows determine."""
         _, values, directions = np.linalg.svd(self._branches[0].rows, full_matrices=False)
         return directions[values > LEAST_VALUE * values.max(initial=0.0)].T
 
@@ -117,7 +116,7 @@ class Possible(Steps):
         return self._branches[0].upper
 
     def reach(self, weights: NDArray, least: float = -math.inf) -> float:
-        """As for every set of steps."""
+        """Return the reach, as for every set of steps."""
         direction, farthest = weights / self.scale, least
         for number, branch in enumerate(self._branches):
             key = number, weights.tobytes()
@@ -134,7 +133,7 @@ class Possible(Steps):
         return farthest
 
     def bounded(self, weights: NDArray) -> float:
-        """How far weights'x (n,) can go at most, by the proofs of other sets; infinite where they prove nothing."""
+        """Return an upper bound of weights'x (n,) from the proofs of other sets; infinite if they prove nothing."""
         direction, reached = weights / self.scale, -math.inf
         for number, branch in enumerate(self._branches):
             most = branch.bounded(direction, self._proofs.get((number, weights.tobytes())))
@@ -143,7 +142,7 @@ class Possible(Steps):
         return reached
 
     def _is_some(self, number: int) -> bool:
-        """Whether a branch holds anything: the fit's own has it in, any other may be empty."""
+        """Return True if a branch is not empty: the fit's own contains it, any other may be empty."""
         return number == 0 or self._branches[number].is_some(self._proofs, number)
 
 
@@ -154,7 +153,7 @@ class AnyOf(Steps):
         self.count, self._sets, self._first = sets[0].count, sets, 0
 
     def reach(self, weights: NDArray, least: float = -math.inf) -> float:
-        """As for every set of steps; the one that reached farthest last is asked first, then those that may be next."""
+        """Return the reach; the set that last reached farthest is asked first, then other candidates."""
         most, number = dict.fromkeys(range(len(self._sets)), math.inf), self._first
         while most[number] > least:
             del most[number]
@@ -168,7 +167,7 @@ class AnyOf(Steps):
 
 
 class _Branch:
-    """{x: lower ≤ rows x ≤ upper}, rows (M, n) of a size (M,); a model for the solver is made when it is needed."""
+    """{x: lower ≤ rows x ≤ upper}, rows (M, n) of a size (M,); the solver's model is made at its first use."""
 
     def __init__(self, rows: NDArray, size: NDArray, lower: NDArray, upper: NDArray) -> None:
         self.rows, self.size, self.lower, self.upper = rows, size, lower, upper
@@ -176,7 +175,7 @@ class _Branch:
         self._is_some: bool | None = None
 
     def maximise(self, inside: NDArray, span: NDArray) -> tuple[float, NDArray[np.float64]]:
-        """How far it reaches in a direction (r,) within a span (n, r) of its rows, and the duals (M,) that prove it."""
+        """Return the reach in a direction (r,) within a span (n, r) of its rows, and the duals (M,) that prove it."""
         if self._polytope is None:
             self._polytope = Polytope(self.rows @ span, self.size)
             self._polytope.confine(self.lower, self.upper)
@@ -184,7 +183,7 @@ class _Branch:
         return reached, duals
 
     def bounded(self, direction: NDArray, proof: NDArray | None) -> float:
-        """What the duals (M,) of another set prove here of a direction (n,): how far it reaches at most."""
+        """Return an upper bound of the reach in a direction (n,), from the duals (M,) of another set."""
         if proof is None or len(proof) != len(self.rows):
             return math.inf
         active = np.flatnonzero(proof)
@@ -196,11 +195,11 @@ class _Branch:
         return float(duals @ np.where(duals > 0.0, self.upper[active], self.lower[active]))
 
     def is_some(self, proofs: Proofs, number: int) -> bool:
-        """Whether there is any such x; what shows that there is none is kept by a number, and tried first."""
+        """Return True if there is any such x; a proof that there is none is kept by a number, and tried first."""
         if self._is_some is None:
             middle, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
             nothing, key = np.zeros(self.rows.shape[1]), (number, b"")
-            # Of these duals the sum of |duals| half is one.
+            # For these duals the sum of |duals| half is one.
             self._is_some = not self.bounded(nothing, proofs.get(key)) < -SURELY_EMPTY
             if self._is_some:
                 radius, _, duals = chebyshev_radius(self.rows, middle, half)
@@ -213,14 +212,14 @@ class _Branch:
 def grown_rows(
     jacobian: NDArray, left: NDArray, bound: NDArray, growth: Growth
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """{x: |left − jacobian x| ≤ bound + growth(x)} as rows with their sizes, and lower and upper ends.
+    """Return {x: |left − jacobian x| ≤ bound + growth(x)} as rows with their sizes, and lower and upper ends.
 
-    A row that grows is two, one for each of its ends: on the other side they reach as far as the growth can.
+    A row that grows becomes two, one for each of its ends; their other ends lie as far as the growth can reach.
     """
     paid, split = np.flatnonzero(growth.rows.any(axis=0)), growth.rows.any(axis=1)
     slopes, low, high = growth.rows[:, paid], growth.low[paid], growth.high[paid]
     allowed, most = bound + growth.now, 2.0 * np.maximum(slopes * low, slopes * high).sum(axis=1)
-    # An end of a coefficient is a row like the others: of the size that it has in them.
+    # An end of a coefficient is a row like the others, with its size in them.
     scale = np.maximum(np.abs(jacobian), np.abs(growth.rows)).max(axis=0)
     ends = np.diag(scale)[paid]
     rows = np.vstack((jacobian + growth.rows, (jacobian - growth.rows)[split], ends))
@@ -231,7 +230,7 @@ def grown_rows(
 
 
 def largest_length(reach: Reach) -> float:
-    """An upper bound of the length of a pair that is possible, as `reach` (direction (2,) -> how far) says."""
+    """Return an upper bound of the length of a possible pair, from `reach` (direction (2,) -> reach)."""
     heights: dict[int, float] = {}
     highest = -math.inf
     for stride in (4, 2, 1):
@@ -239,7 +238,7 @@ def largest_length(reach: Reach) -> float:
             if k in heights:
                 continue
             if stride < 4:
-                # A set reaches no farther between two directions than the corner of their supporting lines.
+                # Between two directions a set reaches no farther than the corner of their supporting lines.
                 corner = heights[k - stride] + heights[(k + stride) % BOUNDING]
                 heights[k] = 0.5 * corner / math.cos(2.0 * math.pi * stride / BOUNDING)
                 if heights[k] <= highest:
@@ -252,11 +251,11 @@ def largest_length(reach: Reach) -> float:
 
 
 def polar_intervals(reach: Reach) -> tuple[Interval, Interval]:
-    """Intervals of amplitude and phase that hold a convex set of (amplitude·cos(phase), amplitude·sin(phase)).
+    """Return intervals of amplitude and phase that hold a convex set of (amplitude·cos(phase), amplitude·sin(phase)).
 
     The set lies within the polygon of its supporting lines in `ENCLOSING` directions; the polygon's corners bound
-    amplitude and phase. The phase is within (-π, π] at the middle and may reach beyond at the ends; (-π, π) when the
-    set holds zero. Infinite where the set is not bounded.
+    amplitude and phase. The phase is within (-π, π] at the middle and may reach beyond at the ends; (-π, π) if the set
+    contains zero. Infinite if the set is not bounded.
     """
     angles = 2.0 * math.pi * np.arange(ENCLOSING) / ENCLOSING
     units = np.stack((np.cos(angles), np.sin(angles)), axis=1)
@@ -268,7 +267,7 @@ def polar_intervals(reach: Reach) -> tuple[Interval, Interval]:
     along = (following - heights * math.cos(turn)) / math.sin(turn)
     corners = heights[:, None] * units + along[:, None] * np.stack((-units[:, 1], units[:, 0]), axis=1)
     high = float(np.linalg.norm(corners, axis=1).max())
-    # The farthest that a line can separate the set from zero.
+    # The greatest distance from zero of a line that separates the set from it.
     low = float(max(0.0, (-heights).max()))
     if low == 0.0:
         return (0.0, high), (-math.pi, math.pi)

@@ -1,7 +1,7 @@
 """The linear programmes of the guaranteed approach, by exchanges of rows or HiGHS to 1e-10 of the noise bound.
 
-All are about the set {x: |r − J x| ≤ bound}. Rows are scaled to a bound of one and parameters to the smallest bound, so
-that the tolerances are relative to the noise. Of many rows few matter: programmes begin with a few and take in those
+All concern the set {x: |r − J x| ≤ bound}. Rows are scaled to a bound of one and parameters to the smallest bound, so
+that the tolerances are relative to the noise. Few of many rows matter: programmes begin with a few and add the rows
 that their solution violates, until it violates none.
 """
 
@@ -17,43 +17,43 @@ from scipy.linalg import lstsq, qr
 from .exchange import Corner, exchanged, least_of
 
 LEAST_LIMIT, MOST_ITERATIONS = 5000, 20
-"""Steps of the simplex after which it goes round in circles: so many, and so many more for each row and column."""
+"""Steps of the simplex after which it counts as cycling: a constant, and more for each row and column."""
 TOLERANCE = 1e-10
 """Primal and dual feasibility tolerance, as a fraction of the noise bound."""
 RELATIVE_TOLERANCE = 1e-9
-"""What a programme's value may be wrong by, as a fraction of the noise bound."""
+"""Largest error of a programme's value, as a fraction of the noise bound."""
 MANY_ROWS = 1000
-"""Up to so many rows are given to the solver at once."""
+"""Largest number of rows that are given to the solver at once."""
 ADDED_ROWS = 100
-"""The most violated rows that one round takes in."""
+"""Number of most violated rows that one round adds."""
 TOLD_APART, CONSIDERED = 0.99, 3000
-"""Cosine from which on two rows bound the same, and how many of the most violated rows are looked at for others."""
+"""Cosine from which two rows bound the same, and number of most violated rows that are searched for different ones."""
 BLOCK, MANY_BLOCKS = 2048, 8
-"""Rows that a decomposition takes at once where there are many such blocks: they stay in the processor's cache."""
+"""Rows that a decomposition takes at once if there are many blocks: they stay in the processor's cache."""
 DUAL_SIMPLEX, PRIMAL_SIMPLEX = 1, 4
 Interval = tuple[float, float]
 LEAST_VALUE = 1e-8
-"""Directions whose singular value is below this part of the largest are not determined."""
+"""Relative singular value below which a direction is not determined."""
 SAME_SPACE = 1e-7
-"""Largest sine of an angle between two spaces that are called the same."""
+"""Largest sine of an angle between two spaces that count as the same."""
 IMITATED = 1e-7
-"""Columns of which so little is left, relatively, are imitated."""
+"""Relative remainder below which columns are imitated."""
 EXACT = 1e-11
-"""Duals that miss a direction by this part of their sizes prove what they say of it."""
+"""Miss of a direction, relative to the duals' sizes, below which they are a proof."""
 DEPENDENT = 1e-9
-"""A direction of columns, each of size one, that is so small is none."""
+"""Size of a direction, for columns of size one, below which it is zero."""
 
 OTHER_STRATEGIES = ((DUAL_SIMPLEX, "off"), (PRIMAL_SIMPLEX, "off"), (DUAL_SIMPLEX, "on"), (PRIMAL_SIMPLEX, "on"))
-"""How a programme is solved when its first strategy fails, as dual simplex does at times at these tolerances."""
+"""Strategies for a programme after its first one fails, as dual simplex sometimes does at these tolerances."""
 SCALED, UNSCALED = 2, 0
-"""HiGHS' own scaling, and none: scaled, columns that are all but dependent may leave it without a basis."""
+"""HiGHS' own scaling, and none: scaled, nearly dependent columns may leave it without a basis."""
 
 
 class Solver(highspy.Highs):
-    """HiGHS without a word: from 1.16 on it says its name while it is made, before any option can be given."""
+    """HiGHS without output: from 1.16 on its constructor prints its name before any option can be given."""
 
     def enableCallbacks(self) -> None:
-        """As HiGHS does it when it is made, with the output off before."""
+        """Enable callbacks as HiGHS' constructor does, with the output off before."""
         self.setOptionValue("output_flag", False)
         super().enableCallbacks()
 
@@ -64,10 +64,10 @@ class SolverError(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """By how much bounds grow with the solution: `now` + `rows` x, for a step x between `low` and `high`.
+    """Growth of bounds with the solution: `now` + `rows` x, for a step x between `low` and `high`.
 
-    `now` (M,), `rows` (M, n); `low`, `high` (n,) are finite where the column has a part in it. The growth is nowhere
-    negative between them: what grows with the size of a coefficient of either sign is one such branch for each sign.
+    `now` (M,), `rows` (M, n); `low`, `high` (n,) are finite for columns with a part in it. The growth is nowhere
+    negative between them. A growth with the size of a coefficient of either sign is one such branch for each sign.
     """
 
     now: NDArray[np.float64]
@@ -76,19 +76,19 @@ class Growth:
     high: NDArray[np.float64]
 
     def at(self, step: NDArray) -> NDArray[np.float64]:
-        """Growth (M,) at a step (n,)."""
+        """Return the growth (M,) at a step (n,)."""
         return self.now + self.rows @ step
 
     def moved(self, step: NDArray) -> "Growth":
-        """The same about another point, a step (n,) away."""
+        """Return the same growth about another point, a step (n,) away."""
         return Growth(self.at(step), self.rows, self.low - step, self.high - step)
 
     def of(self, rows: NDArray) -> "Growth":
-        """The same for some of the rows (indices)."""
+        """Return the growth of some of the rows (indices)."""
         return Growth(self.now[rows], self.rows[rows], self.low, self.high)
 
     def beside(self, columns: int) -> "Growth":
-        """The same with so many columns more, which have no part in it."""
+        """Return the growth with further columns, which have no part in it."""
         free = np.full(columns, np.inf)
         rows = np.hstack((self.rows, np.zeros((len(self.rows), columns))))
         return Growth(self.now, rows, np.append(self.low, -free), np.append(self.high, free))
@@ -97,8 +97,8 @@ class Growth:
 class Polytope:
     """{x: lower ≤ J x ≤ upper}, kept warm so that many objectives are cheap.
 
-    J (M, n) has full column rank; tolerances are relative to `scale` (M,), the size of each row, positive. `begin`:
-    rows (indices) that are confined at all times and determine the columns, where others may have no ends.
+    J (M, n) has full column rank; tolerances are relative to `scale` (M,), the positive size of each row. `begin`: rows
+    (indices) that always have ends and determine the columns, if others may have none.
     """
 
     def __init__(self, jacobian: NDArray, scale: NDArray, begin: NDArray | None = None):
@@ -120,13 +120,13 @@ class Polytope:
 
     @property
     def _ends(self) -> tuple[NDArray, NDArray]:
-        """Lower and upper ends (K,) of the rows that are taken."""
+        """Return lower and upper ends (K,) of the rows in use."""
         return self._lower[self._taken], self._upper[self._taken]
 
     def maximise(self, weights: NDArray) -> tuple[float, NDArray, NDArray]:
-        """The greatest weights'x over the set, the vertex x (n,) where it is attained, and duals (M,).
+        """Return the greatest weights'x over the set, the vertex x (n,) that attains it, and duals (M,).
 
-        The duals Φ, with Φ'J = weights, say how the value changes with each row's active end.
+        The duals Φ, with Φ'J = weights, are the derivatives of the value by each row's active end.
         """
         weights = np.asarray(weights, dtype=float)
         activity, violation = np.empty((2, len(self._scale)))
@@ -146,7 +146,7 @@ class Polytope:
         return float(weights @ x) * self._unit, x * self._unit, duals
 
     def _farthest(self, weights: NDArray) -> tuple[NDArray, NDArray]:
-        """The vertex x (n,) of the rows that are taken, and their duals (K,)."""
+        """Return the vertex x (n,) of the rows in use, and their duals (K,)."""
         lower, upper = self._ends
         if self._corner is not None and self._highs is None and np.isfinite(lower).all() and np.isfinite(upper).all():
             middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
@@ -172,7 +172,7 @@ class Polytope:
 
 
 def first_rows(matrix: NDArray) -> NDArray:
-    """Rows (indices) to begin with: all when they are few, else the n that determine the columns best."""
+    """Return rows (indices) to begin with: all if they are few, else the n that determine the columns best."""
     if len(matrix) <= MANY_ROWS:
         return np.arange(len(matrix))
     rows, count = np.arange(len(matrix)), matrix.shape[1]
@@ -184,14 +184,14 @@ def first_rows(matrix: NDArray) -> NDArray:
 
 
 def _pivots(matrix: NDArray) -> NDArray:
-    """Rows (indices) in the order in which they determine the columns best."""
+    """Return rows (indices) in the order in which they determine the columns best."""
     return np.asarray(qr(matrix.T, mode="r", pivoting=True)[-1])
 
 
 def shortened(matrix: NDArray) -> NDArray[np.float64]:
-    """Few rows (K, n) with the singular values, and for least squares all that counts, of many (M, n).
+    """Return few rows (K, n) with the singular values, and the least-squares content, of many (M, n).
 
-    R of the QR decompositions of blocks of rows; the matrix itself where it has not so many.
+    R of the QR decompositions of blocks of rows; the matrix itself if it has few rows.
     """
     count = len(matrix) // BLOCK
     if count < MANY_BLOCKS:
@@ -205,9 +205,9 @@ def shortened(matrix: NDArray) -> NDArray[np.float64]:
 def _most_violated(
     violation: NDArray, taken: NDArray, tolerance: float, matrix: NDArray | None = None, count: int = ADDED_ROWS
 ) -> NDArray:
-    """Rows to take in: the most violated of those that are not in yet, so many of them, in the order of the rows.
+    """Return rows to add: the most violated of those not in use, in the order of the rows.
 
-    With a matrix (M, n) so few of them that no two bound nearly the same.
+    With a matrix (M, n) no two of them bound nearly the same.
     """
     violation[taken] = 0.0
     worst = np.flatnonzero(violation > tolerance)
@@ -234,15 +234,15 @@ def chebyshev_radius(
     high: NDArray | None = None,
     growth: Growth | None = None,
 ) -> tuple[float, NDArray, NDArray]:
-    """The least possible max |residual − jacobian x| / bound, with the proof that nothing less is possible.
+    """Return the least possible max |residual − jacobian x| / bound, with the proof that nothing less is possible.
 
     The jacobian (M, n) may have any rank; the units of its columns do not matter. Bounds (M,) are positive; `low` and
     `high` (n,) are ends of x: the duals prove the radius only without them. With a `growth`, which has ends of its own,
-    it is the least ρ with |residual − jacobian x| ≤ ρ bound + growth(x): what is granted is paid for by its size.
+    the result is the least ρ with |residual − jacobian x| ≤ ρ bound + growth(x): the size of x pays for the growth.
 
-    Radius: above 1 no x keeps every residual within its bound; x: a centre; duals (M,): jacobian'duals = 0, sum of
-    bound·|duals| = 1, residual'duals = radius: the measurements with a dual other than zero, at most rank + 1, prove
-    the radius by themselves.
+    Returns the radius: above 1 no x keeps every residual within its bound; x: a centre; duals (M,): jacobian'duals = 0,
+    sum of bound·|duals| = 1, residual'duals = radius. The measurements with a nonzero dual, at most rank + 1, prove the
+    radius by themselves.
     """
     free = np.full(jacobian.shape[1], highspy.kHighsInf)
     low, high = -free if low is None else low, free if high is None else high
@@ -256,7 +256,7 @@ def chebyshev_radius(
         return max(0.0, exchange.radius), exchange.x, every
     chosen = first_rows(jacobian / bound[:, None])
     if exchange is not None:
-        # What holds the solution without ends and growth is near to what holds it with them.
+        # The rows that hold the solution without ends and growth nearly hold it with them.
         worst = np.argpartition(-np.abs((residual - jacobian @ exchange.x) / bound), ADDED_ROWS)[:ADDED_ROWS]
         chosen = np.unique(np.concatenate((chosen, exchange.rows, worst)))
     added = ADDED_ROWS
@@ -272,12 +272,12 @@ def chebyshev_radius(
         violated = _most_violated(excess, chosen, TOLERANCE * max(1.0, radius), count=added)
         if not len(violated):
             return radius, x, every
-        # Each round begins anew: they are to be few.
+        # Each round begins anew: rounds must be few.
         chosen, added = np.append(chosen, violated), 2 * added
 
 
 def any_centre(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tuple[float, NDArray[np.float64]]:
-    """The radius of `chebyshev_radius`, and some x (n,) that attains it, of which there may be many: in less time."""
+    """Return the radius of `chebyshev_radius`, and some x (n,) that attains it (there may be many), in less time."""
     exchange = exchanged(jacobian / bound[:, None], residual / bound)
     return (
         chebyshev_radius(jacobian, residual, bound)[:2] if exchange is None else (max(0.0, exchange.radius), exchange.x)
@@ -285,7 +285,7 @@ def any_centre(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tuple[fl
 
 
 def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> NDArray[np.float64]:
-    """Duals (K,), changed least, with which rows (K, n) add up to a direction (n,), or nearly."""
+    """Return duals (K,), changed least, with which rows (K, n) add up to a direction (n,), or nearly."""
     missed = direction - duals @ rows
     if len(rows) == len(missed):
         try:
@@ -300,9 +300,9 @@ def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> NDArray[np
 def proven_radius(
     jacobian: NDArray, residual: NDArray, bound: NDArray, growth: Growth, duals: NDArray[np.float64]
 ) -> float:
-    """A lower bound of `chebyshev_radius` by the duals (M,) of a programme that is nearly alike; -inf: they prove none.
+    """Return a lower bound of `chebyshev_radius` from the duals (M,) of a similar programme; -inf if they prove none.
 
-    They are moved by least squares, over the rows that have one, to duals of this programme. For any Φ with
+    The duals are moved by least squares, over the rows that have one, to duals of this programme. For any Φ with
     Φ'J + |Φ|'G = 0 no x has Φ'(residual − J x) ≤ |Φ|'(ρ bound + now + G x) at a smaller ρ.
     """
     proof = np.flatnonzero(duals)
@@ -311,7 +311,7 @@ def proven_radius(
     size = np.abs(matrix).max(axis=0, initial=0.0)
     matrix = matrix / np.where(size > 0.0, size, 1.0)
     paid, proven = np.isfinite(growth.low) & np.isfinite(growth.high), -math.inf
-    # What is paid for stands at one of its ends, or between them.
+    # A coefficient that pays for growth is at one of its ends, or between them.
     for part_of_columns in (~paid, np.ones_like(paid)) if paid.any() else (~paid,):
         part = matrix[:, part_of_columns]
         moved = moved_duals(multipliers, part, np.zeros(part.shape[1]))
@@ -328,7 +328,7 @@ def proven_radius(
 def _chebyshev(
     jacobian: NDArray, residual: NDArray, bound: NDArray, ends: tuple[NDArray, NDArray], growth: Growth | None
 ) -> tuple[float, NDArray, NDArray]:
-    """`chebyshev_radius` with all rows at once."""
+    """Compute `chebyshev_radius` with all rows at once."""
     rows, columns = jacobian.shape
     target = residual / bound
     by, now = (np.zeros_like(jacobian), 0.0) if growth is None else (growth.rows, growth.now / bound)
@@ -354,7 +354,8 @@ def _chebyshev(
 def least_largest(
     matrix: NDArray, lower: NDArray, upper: NDArray, offset: NDArray, slopes: NDArray
 ) -> tuple[float, NDArray]:
-    """The least possible max |offset + slopes x| over {x: lower ≤ matrix x ≤ upper}, and where (n,) it is attained.
+    """Return the least possible max |offset + slopes x| over {x: lower ≤ matrix x ≤ upper}, and the x (n,) that attains
+    it.
 
     The matrix (M, n) has full column rank; offset (R,), slopes (R, n).
     """
@@ -377,7 +378,7 @@ def least_largest(
 
 
 def solver() -> highspy.Highs:
-    """HiGHS as every programme has it: simplex on one thread, without a word, to `TOLERANCE`."""
+    """Return HiGHS with the options of every programme: simplex on one thread, no output, to `TOLERANCE`."""
     highs = Solver()
     options: Sequence[tuple[str, object]] = (
         ("output_flag", False),
@@ -400,9 +401,9 @@ def linear_programme(
     matrix: tuple[NDArray, NDArray, NDArray],
     row_ends: tuple[NDArray, NDArray],
 ) -> highspy.HighsLp:
-    """The least cost'x (n,) with x between its ends and the rows (M,) between theirs, as HiGHS takes it.
+    """Return the programme of least cost'x (n,) with x between its ends and the rows (M,) between theirs, for HiGHS.
 
-    The matrix goes column by column: where each begins (n + 1,), and the rows and values (K,) of its elements.
+    The matrix is stored by columns: the first index of each (n + 1,), and the rows and values (K,) of its elements.
     """
     lp = highspy.HighsLp()
     lp.num_col_, lp.num_row_ = len(cost), len(row_ends[0])
@@ -425,7 +426,7 @@ def _model(
     how = int(highspy.MatrixFormat.kColwise), int(highspy.ObjSense.kMinimize), 0.0
     ends = cost, lower, upper, row_lower, row_upper
     kinds = np.zeros(len(cost), dtype=np.int32)
-    # As arrays: a `HighsLp` takes them number by number, in longer than the programme takes.
+    # As arrays: a `HighsLp` takes them number by number, which is slower than the programme itself.
     elements = starts.astype(np.int32), rows.astype(np.int32), matrix.T[columns, rows]
     if highs.passModel(*size, *how, *ends, *elements, kinds) == highspy.HighsStatus.kError:  # pyright: ignore
         raise SolverError("the linear programme was not accepted by the solver")
@@ -435,9 +436,9 @@ def _model(
 def solved(
     highs: highspy.Highs, usual: int = PRIMAL_SIMPLEX, others: Sequence[tuple[int, str]] = OTHER_STRATEGIES
 ) -> highspy.HighsSolution:
-    """Solve, warm if possible; when that fails, from nothing by one strategy after the other, and the usual one again.
+    """Solve, warm if possible; after a failure, from nothing by one strategy after the other, and the usual one again.
 
-    What goes round in circles is taken for failed. A SolverError where none of them solves it.
+    Cycling counts as a failure. Raises SolverError if no strategy solves it.
     """
     size = highs.getNumRow() + highs.getNumCol()
     highs.setOptionValue("simplex_iteration_limit", LEAST_LIMIT + MOST_ITERATIONS * size)
@@ -460,7 +461,7 @@ def solved(
 
 
 def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:
-    """The x (n,) of least sum of squares of target (M,) - matrix (M, n) x; what is not determined stays at zero.
+    """Return the x (n,) of least sum of squares of target (M,) - matrix (M, n) x; undetermined directions stay at zero.
 
     The units of the matrix's columns do not matter.
     """
@@ -472,14 +473,15 @@ def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:
 
 
 def column_space(columns: NDArray) -> NDArray[np.float64]:
-    """Orthonormal basis of the space that columns span; their units do not matter."""
+    """Return an orthonormal basis of the space that columns span; their units do not matter."""
     size = np.linalg.norm(columns, axis=0)
     u, values, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
     return u[:, values > DEPENDENT * values.max(initial=0.0)] if values.max(initial=0.0) > 0.0 else u[:, :0]
 
 
 def spaces_beyond(imitated: NDArray, blocks: Sequence[NDArray]) -> list[NDArray[np.float64]]:
-    """What blocks of columns (M, k) add to the space of other columns (M, P), as orthonormal columns."""
+    """Return the spaces that blocks of columns (M, k) add to the space of other columns (M, P), as orthonormal
+    columns."""
     base = column_space(imitated)
     spaces = []
     for block in blocks:
@@ -490,22 +492,22 @@ def spaces_beyond(imitated: NDArray, blocks: Sequence[NDArray]) -> list[NDArray[
 
 
 def same_space(a: NDArray, b: NDArray) -> bool:
-    """Whether two orthonormal bases span the same space."""
+    """Return True if two orthonormal bases span the same space."""
     return a.shape == b.shape and is_within(a, b)
 
 
 def is_within(a: NDArray, b: NDArray) -> bool:
-    """Whether the space of one orthonormal basis lies in that of another."""
+    """Return True if the space of one orthonormal basis lies in that of another."""
     return float(np.linalg.norm(a - b @ (b.T @ a), 2)) < SAME_SPACE
 
 
 def cosine(a: NDArray, b: NDArray) -> float:
-    """Cosine of the least angle between the spaces of two orthonormal bases; 0 where one is empty."""
+    """Return the cosine of the least angle between the spaces of two orthonormal bases; 0 if one is empty."""
     return min(1.0, float(np.linalg.norm(a.T @ b, 2))) if a.shape[1] and b.shape[1] else 0.0
 
 
 def spread_directions(count: int, steps: int) -> list[NDArray[np.float64]]:
-    """Unit vectors (count,) spread over all directions; of opposite ones one is enough."""
+    """Return unit vectors (count,) spread over all directions; of opposite ones one is enough."""
     if count == 1:
         return [np.ones(1)]
     if count == 2:

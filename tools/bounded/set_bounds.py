@@ -1,7 +1,7 @@
-"""Lower bounds of what sets of effects and outliers leave, as machine code.
+"""Lower bounds of the radius of sets of effects and outliers, as machine code.
 
-A set is for compiled code a row of five whole numbers: up to three candidates, then up to two readings that are left
-out; -1 stands for none. Deleting reading a of weight w_a, residual r and leverage h takes r²/(1 - h) off the weighted
+For compiled code a set is a row of five whole numbers: up to three candidates, then up to two readings that are left
+out; -1 is an empty place. Deleting reading a of weight w_a, residual r and leverage h takes r²/(1 - h) off the weighted
 sum of squares, and the others' weights then sum to 1 - w_a; two readings have a formula of order two.
 """
 
@@ -11,7 +11,7 @@ from ..compiled import compile_callee, compiled_and_kept
 
 WIDTH = 5
 MOST_COLUMNS = 32
-"""An effect has at most nine columns, a set at most three effects."""
+"""Largest number of columns: an effect has at most nine, a set at most three effects."""
 REFUSED, ACCEPTED, UNDECIDED = 0, 1, 2
 ROUNDS = 30
 """Rounds before a set is handed to a linear programme."""
@@ -19,7 +19,7 @@ ROUNDS = 30
 
 @compile_callee
 def _append(projection, candidate, factor, count):
-    """Extend a Cholesky factor of so many columns by those of a candidate; dependent ones are passed over."""
+    """Extend a Cholesky factor of `count` columns by those of a candidate; skip dependent ones."""
     _, _, _, _, gram, squares, product, starts, sizes = projection
     chosen, triangle, solved = factor
     first = starts[candidate]
@@ -47,9 +47,9 @@ def _append(projection, candidate, factor, count):
 
 @compile_callee
 def _of_effects(projection, candidates, factor, before, counts):
-    """How many candidates (3,) there are, from which on they are others than `before` (3,), which they replace.
+    """Return the number of candidates (3,) and the first that differs from `before` (3,), which they replace.
 
-    `counts` (4,) are how many columns so many candidates have in their factor.
+    `counts` (4,) are the numbers of columns in the factor for each number of candidates.
     """
     depth, changed = 0, 3
     for level in range(3):
@@ -67,7 +67,7 @@ def _of_effects(projection, candidates, factor, before, counts):
 
 @compile_callee
 def _squared(total, factor, count):
-    """The squared bound of effects with so many columns in their factor."""
+    """Return the squared bound of effects with `count` columns in their factor."""
     square = total
     for q in range(count):
         square -= factor[2][q] * factor[2][q]
@@ -76,7 +76,8 @@ def _squared(total, factor, count):
 
 @compile_callee
 def _reading(projection, row, factor, count, leverages):
-    """Residual and leverage of a reading beside the chosen columns; `own` takes its row of these, made orthonormal."""
+    """Return residual and leverage of a reading beside the chosen columns; `own` receives its row of these,
+    orthonormal."""
     _, basis, residual, columns = projection[0], projection[1], projection[2], projection[3]
     chosen, triangle, solved = factor
     misfit, leverage = residual[row], 0.0
@@ -94,7 +95,8 @@ def _reading(projection, row, factor, count, leverages):
 
 @compile_callee
 def _readings(columns, factor, place, leverages, r, h):
-    """As `_reading` of all at once: take the chosen column of a place into `own` (K, M), residuals and leverages."""
+    """Compute `_reading` for all at once: take the chosen column of a place into `own` (K, M), residuals and
+    leverages."""
     chosen, triangle, solved = factor
     column, row, rows = columns[chosen[place]], leverages[place], len(r)
     for k in range(rows):
@@ -112,7 +114,8 @@ def _readings(columns, factor, place, leverages, r, h):
 
 @compile_callee
 def _product(basis, a, b, first, second, count):
-    """Of the rows of two readings in the space of nominal and chosen columns; `own` and `other` are theirs of these."""
+    """Return the product of the rows of two readings in the space of nominal and chosen columns; `first` and `second`
+    are their rows of the latter."""
     product = 0.0
     for q in range(count):
         product += first[q] * second[q]
@@ -142,10 +145,10 @@ def _without_two(square, residuals, leverages, cross, weight):
 
 @compiled_and_kept
 def bounds_of(sets, projection):
-    """Squared bounds (n,) of sets (n, 5) under one projection.
+    """Return the squared bounds (n,) of sets (n, 5) under one projection.
 
-    A projection is weights, basis, residual, columns, gram, own, product as `sets.Projection` has them, then the first
-    column and the number of columns of each candidate.
+    A projection is weights, basis, residual, columns, gram, own, product of `sets.Projection`, then the first column
+    and the number of columns of each candidate.
     """
     weights, basis, residual = projection[0], projection[1], projection[2]
     factor, before, counts, total = _room(residual)
@@ -169,7 +172,8 @@ def bounds_of(sets, projection):
 
 @compile_callee
 def _room(residual):
-    """A Cholesky factor of no columns, the candidates and counts of columns in it; the residual's sum of squares."""
+    """Return an empty Cholesky factor, the candidates and counts of columns in it, and the residual's sum of
+    squares."""
     factor = np.zeros(MOST_COLUMNS, np.int64), np.zeros((MOST_COLUMNS, MOST_COLUMNS)), np.zeros(MOST_COLUMNS)
     total = 0.0
     for value in residual:
@@ -193,7 +197,7 @@ def _kept(survivors, count, numbers, a, b):
 
 @compile_callee
 def _one_may_do(square, residuals, leverages, spared):
-    """Whether some reading left out might take a set's square (squared bound) to the limit: in few steps for each."""
+    """Return nonzero if a left-out reading might take a set's square (squared bound) to the limit: a quick test."""
     may = 0
     for a in range(len(residuals)):
         free = 1.0 - leverages[a]
@@ -204,7 +208,7 @@ def _one_may_do(square, residuals, leverages, spared):
 
 @compiled_and_kept
 def _surviving(sets, outliers, limit, projection):
-    """Of sets (n, 3) of candidates, each with every choice of so many outliers, those that are not refused."""
+    """Return the sets (n, 3) of candidates, each with every choice of `outliers` outliers, that are not refused."""
     weights, basis, residual, columns = projection[0], projection[1], projection[2], projection[3]
     factor, before, counts, total = _room(residual)
     rows = len(residual)
@@ -215,7 +219,7 @@ def _surviving(sets, outliers, limit, projection):
     for a in range(rows):
         for q in range(len(basis)):
             h[0, a] += basis[q, a] * basis[q, a]
-        # What is left out takes its weight off the limit; with all of the weight it may take anything.
+        # A left-out reading takes its weight off the limit; with all of the weight it may take anything.
         spared[a] = limit * (1.0 - weights[a]) if weights[a] < 1.0 - 1e-8 else np.inf
     survivors, survivor_count = np.empty((1024, WIDTH), dtype=np.int64), 0
     for numbers in sets:
@@ -246,7 +250,7 @@ def _surviving(sets, outliers, limit, projection):
             largest, highest = max(largest, left_r[a] * left_r[a]), max(highest, left_h[a])
         some = 0
         for a in range(rows):
-            # Beside no other reading is it enough.
+            # It is not enough beside any other reading.
             free = 1.0 - left_h[a] - highest
             if free > 1e-6 and square - (left_r[a] * left_r[a] + largest) / free > limit:
                 continue
@@ -271,13 +275,13 @@ def _surviving(sets, outliers, limit, projection):
 
 
 def surviving_sets(choices, outliers, limit, projection):
-    """All sets (n, 5) of choices (m, 3) and so many outliers whose squared bound under a projection is not above it."""
+    """Return all sets (n, 5) of choices (m, 3) and `outliers` outliers whose squared bound is at most the limit."""
     return _surviving(choices, outliers, limit, projection)
 
 
 @compiled_and_kept
 def settle(problem, chosen_set, weights, limit):
-    """One set's (REFUSED, ACCEPTED or UNDECIDED, weights (M,) with which it ended).
+    """Return the verdict on one set (REFUSED, ACCEPTED or UNDECIDED) and the final weights (M,).
 
     A problem is a matrix, the residual, the number of nominal columns, which come first, and the first column after
     these and the number of columns of each candidate; the chosen set is a row of five.
@@ -312,7 +316,7 @@ def settle(problem, chosen_set, weights, limit):
                 weighted[m, q] = columns[m, q] * w[m]
         normal = weighted.T @ columns
         _solve(normal, weighted.T @ residual, x)
-        # Once more with what is left, so that the sum of squares is the least to rounding.
+        # Once more with the remainder, so that the sum of squares is the least to rounding.
         _substitute(normal, weighted.T @ (residual - columns @ x), correction)
         for q in range(count):
             x[q] += correction[q]
@@ -335,7 +339,7 @@ def settle(problem, chosen_set, weights, limit):
 
 @compile_callee
 def _solve(normal, right, x):
-    """Cholesky's factor in place (lower triangle; a zero on the diagonal marks a dependent column) and the solution."""
+    """Solve by Cholesky's factor in place (lower triangle; a zero on the diagonal marks a dependent column)."""
     count = len(right)
     for p in range(count):
         pivot = normal[p, p]

@@ -23,39 +23,43 @@ from .set_bounds import ACCEPTED, REFUSED, UNDECIDED, bounds_of, settle, survivi
 MAX_SET = 3
 MOST_OUTLIERS = 2
 MANY_CANDIDATES, SOME_ROWS = 2000, 300
-"""So many candidates are first judged by about so many rows: what these refuse all refuse."""
+"""Number of candidates from which they are first judged by part of the rows, and number of these rows: a refusal by
+some rows is a refusal by all."""
 FEW = 32
-"""For so few sets their own bounds cost less than another projection."""
+"""Number of sets below which their own bounds cost less than another projection."""
 ROUNDS_AT_FIRST = (2, 6, 12)
 """Rounds of Lawson's algorithm for the nominal model, one after the other: every set is tried with their weights."""
 
 
 class CutOff(Exception):
-    """A search has done as much work as it may."""
+    """A search has reached its limit of work."""
 
 
 class Work:
-    """What a search has done and may do, in units of about a microsecond of one processor.
+    """Done and allowed work of a search, in units of about a microsecond of one processor.
 
-    It is counted by the sizes of what is solved, not by a clock: the same search ends at the same set everywhere.
+    It is counted by the sizes of the solved problems, not by a clock: the same search ends at the same set everywhere.
     """
 
     def __init__(self, limit: float = np.inf) -> None:
         self.limit, self.done = limit, 0.0
 
     def add(self, amount: float) -> None:
-        """Count so much more; CutOff where it is too much."""
+        """Count further work.
+
+        Raises CutOff beyond the limit.
+        """
         self.done += amount
         if self.done > self.limit:
             raise CutOff
 
     @property
     def is_done(self) -> bool:
-        """Whether no more may be done."""
+        """True if the limit is reached."""
         return self.done > self.limit
 
     def programme(self, rows: int, columns: int) -> None:
-        """Count a linear programme, its model included."""
+        """Count a linear programme, with its model."""
         exchanged = rows > MANY_ROWS and columns < MOST_COLUMNS
         self.add(1000.0 + (0.2 if exchanged else 1.2) * rows * columns)
 
@@ -64,8 +68,9 @@ class Work:
 class Problem:
     """A linear fit in units of the bounds, with the columns of candidate effects.
 
-    `residual` (M,), `nominal` (M, P): columns that are always there; `columns` (M, C): of all candidates, `blocks`: the
-    columns of each. Of the last `alike` candidates a set has one at most: they are one effect at different times.
+    `residual` (M,); `nominal` (M, P): permanent columns; `columns` (M, C): those of all candidates; `blocks`: the
+    columns of each candidate. A set has at most one of the last `alike` candidates: they are one effect at different
+    times.
     """
 
     residual: NDArray
@@ -76,7 +81,7 @@ class Problem:
 
     @staticmethod
     def of(residual: NDArray, nominal: NDArray, columns: Sequence[NDArray], alike: int = 0) -> "Problem":
-        """The problem with the columns (M, k) of each candidate."""
+        """Return the problem with the columns (M, k) of each candidate."""
         blocks, stop = [], 0
         for of_candidate in columns:
             start, stop = stop, stop + of_candidate.shape[1]
@@ -92,7 +97,7 @@ class Problem:
         return starts, sizes
 
     def choices(self, size: int) -> NDArray[np.int64]:
-        """Every choice (n, 3) of so many candidates that may be in one set; -1 stands for none."""
+        """Return every choice (n, 3) of this number of candidates that may be in one set; -1 is an empty place."""
         apart = len(self.blocks) - self.alike
         every = _combinations(apart, size)
         if self.alike and size:
@@ -103,16 +108,17 @@ class Problem:
         return every
 
     def with_some(self, some: Sequence[int], step: int = 1) -> "Problem":
-        """Some of the candidates (indices, in order), and every so many-th row."""
+        """Return the problem with some of the candidates (indices, in order), and every `step`-th row."""
         columns = [self.columns[::step, self.blocks[k]] for k in some]
         apart = len(self.blocks) - self.alike
         alike = int(np.count_nonzero(np.asarray(some) >= apart))
         return Problem.of(self.residual[::step].copy(), self.nominal[::step], columns, alike)
 
     def of_some_rows(self) -> tuple["Problem", list[list[int]]]:
-        """Rows spread evenly, and of candidates that are the same in these one for all; which ones (indices) each is.
+        """Return a problem of rows spread evenly, with one candidate for all that are the same in them, and their
+        indices.
 
-        A set that these rows refuse is refused; what stands in all rows is in a set of no fewer here.
+        A set that these rows refuse is refused; a set that stands in all rows is in a set of at least its size here.
         """
         step = max(1, len(self.residual) // SOME_ROWS)
         # Rows may be of three channels in turn.
@@ -129,7 +135,7 @@ class Problem:
 
     @property
     def beside_others(self) -> int:
-        """How many candidates, the first ones, are not alike where others are; 0 where none are."""
+        """Number of first candidates that are not alike if others are; 0 if none are."""
         if not self.alike:
             return 0
         return len(self.blocks) - self.alike
@@ -142,19 +148,19 @@ class Problem:
 
     @property
     def without_candidates(self) -> "Problem":
-        """The same without any candidate, as sets of outliers alone have it."""
+        """Return the problem without any candidate, as for sets of outliers alone."""
         return Problem.of(self.residual, self.nominal, ())
 
     @property
     def together(self) -> int:
-        """How many columns, the first ones, are of candidates beside which others may stand in a set."""
+        """Number of first columns whose candidates may be in a set with others."""
         if not self.alike:
             return self.columns.shape[1]
         return int(self.blocks[-self.alike].start)
 
     @cached_property
     def system(self) -> tuple[NDArray, NDArray, int, NDArray, NDArray]:
-        """The problem as compiled code takes it: all columns (M, P + C), nominal ones first, where others are."""
+        """The problem for compiled code: all columns (M, P + C), nominal ones first, and the places of the others."""
         matrix = np.ascontiguousarray(np.hstack((self.nominal, self.columns)))
         return matrix, self.residual, self.nominal.shape[1], *self.layout
 
@@ -164,9 +170,9 @@ class Projection:
     """A problem under weights (M,), with the nominal columns projected out.
 
     `basis` (p, M) is orthonormal, of the weighted nominal columns; `residual` (M,) and `columns` (C, M), of all
-    candidates, are weighted and projected. Of the columns' products `gram` (C, A) holds those with the A columns of
-    candidates beside which others may stand in a set, `own` (C, K) those with the columns of the same candidate, and
-    `product` (C,) those with the residual.
+    candidates, are weighted and projected. The columns' products are `gram` (C, A) with the A columns of candidates
+    that may be in a set with others, `own` (C, K) with the columns of the same candidate, and `product` (C,) with the
+    residual.
     """
 
     weights: NDArray
@@ -179,9 +185,9 @@ class Projection:
 
 
 def project(problem: Problem, weights: NDArray, together: bool = True) -> Projection:
-    """Weigh the rows, by weights (M,) that are not negative, and project out the nominal columns.
+    """Weight the rows by nonnegative weights (M,), and project out the nominal columns.
 
-    `together`: for sets in which several candidates stand together, else for candidates one at a time.
+    `together`: for sets of several candidates, else for candidates one at a time.
     """
     root = np.sqrt(weights)
     basis, residual = without_nominal(problem, root)
@@ -200,7 +206,7 @@ def project(problem: Problem, weights: NDArray, together: bool = True) -> Projec
 
 
 def _own_products(columns: NDArray, squares: NDArray, problem: Problem) -> NDArray[np.float64]:
-    """The products (C, K) of columns (C, M), of which squares (C,) are known, with those of the same candidate."""
+    """Return the products (C, K) of columns (C, M) with known squares (C,) with those of the same candidate."""
     starts, sizes = problem.layout
     products = np.zeros((len(columns), sizes.max(initial=0)))
     for width in np.unique(sizes):
@@ -214,14 +220,15 @@ def _own_products(columns: NDArray, squares: NDArray, problem: Problem) -> NDArr
 
 
 def without_nominal(problem: Problem, root: NDArray) -> tuple[NDArray, NDArray]:
-    """Basis (M, p) of the nominal columns and the residual (M,) without them, rows multiplied by `root` (M,)."""
+    """Return a basis (M, p) of the nominal columns and the residual (M,) without them, rows multiplied by `root`
+    (M,)."""
     basis = np.ascontiguousarray(column_space(root[:, None] * problem.nominal))
     residual = root * problem.residual
     return basis, residual - basis @ (basis.T @ residual)
 
 
 def sharpened(weights: NDArray, misfit: NDArray) -> NDArray:
-    """Lawson's update: weights grow where the misfit is large; none vanishes for good."""
+    """Return Lawson's update: weights grow where the misfit is large; none vanishes permanently."""
     grown = weights * np.abs(misfit)
     total = grown.sum()
     if not total > 0.0:
@@ -230,7 +237,7 @@ def sharpened(weights: NDArray, misfit: NDArray) -> NDArray:
 
 
 def sharp_weights(problem: Problem, weights: NDArray, rounds: int) -> NDArray:
-    """Weights after some rounds for the nominal model alone."""
+    """Return the weights after some rounds for the nominal model alone."""
     for _ in range(rounds):
         root = np.sqrt(np.maximum(weights, 1e-300))
         weights = sharpened(weights, without_nominal(problem, root)[1] / root)
@@ -248,15 +255,15 @@ class EffectSet:
 def sets_of_size(
     problem: Problem, size: int, slack: float, most_outliers: int = MOST_OUTLIERS, work: Work | None = None
 ) -> Iterator[EffectSet]:
-    """All sets of a size that keep every residual of the linear model within its bound, to the slack.
+    """Yield all sets of a size that keep every residual of the linear model within its bound, to the slack.
 
-    A set is refused when some weights prove that its radius is above one and the slack; the weights that refuse one set
-    are tried on all others, and what no bound refuses is decided by a linear programme. About the most promising come
-    first.
+    A set is refused if some weights prove that its radius is above one and the slack. The weights that refuse one set
+    are tried on all others; a linear programme decides sets that no bound refuses. The most promising come
+    approximately first.
 
-    The problem is linear at the nominal model's fit; its `size`, 0 to 3, counts effects and outliers together; `slack`
-    is what the linearisation may be wrong by, in units of the bounds; of outliers, 0 to 2, enough explain anything.
-    What it costs is added to the work.
+    The problem is linear at the nominal model's fit. `size`, 0 to 3, counts effects and outliers together. `slack` is
+    the largest error of the linearisation, in units of the bounds. At most `most_outliers`, 0 to 2, are outliers:
+    enough of them explain anything. The cost is added to the work.
     """
     work = work or Work()
     if not size:
@@ -275,7 +282,7 @@ def _sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int,
     projections: list[Projection] = []
 
     def projection(number: int) -> Projection:
-        """The first ones are made when they are needed: one alone may refuse all sets."""
+        """Return a projection; the first ones are made at their first use: one alone may refuse all sets."""
         nonlocal weights
         for rounds in ROUNDS_AT_FIRST[len(projections) : number + 1]:
             weights = sharp_weights(problem, weights, rounds)
@@ -285,7 +292,7 @@ def _sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int,
 
     for outliers in range(min(size, most_outliers) + 1):
         rows, choices = len(problem.residual), problem.choices(size - outliers)
-        # Of two readings that are left out few pairs are looked at.
+        # Only a few pairs of left-out readings are examined.
         work.add(len(choices) * (0.3, 0.005 * rows, 0.04 * rows + 5e-5 * rows**2)[outliers])
         sets = surviving_sets(choices, outliers, limit, parts(problem, projection(0)))
         open_sets = OpenSets(sets, np.zeros(len(sets)), np.zeros(len(sets), dtype=int))
@@ -297,7 +304,7 @@ def _sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int,
 
 
 def standing_in_some_rows(problem: Problem, size: int, slack: float, most_outliers: int, work: Work) -> list[int]:
-    """Candidates (indices) that stand in any set by some of the rows, and all of those that are not alike."""
+    """Return candidates (indices) that stand in any set by some of the rows, and all of those that are not alike."""
     fewer, groups = problem.of_some_rows()
     standing = set(range(problem.beside_others))
     for effect_set in _sets_of_size(fewer, size, slack, most_outliers, work):
@@ -320,11 +327,11 @@ class OpenSets:
         return len(self.sets)
 
     def without(self, pick: int) -> "OpenSets":
-        """All but one."""
+        """Return all sets but one."""
         return OpenSets(np.delete(self.sets, pick, 0), np.delete(self.bound, pick), np.delete(self.source, pick))
 
     def tried(self, problem: Problem, projection: Projection, number: int, limit: float) -> "OpenSets":
-        """Those that one more projection does not refuse, either."""
+        """Return the sets that one more projection does not refuse either."""
         bounds = bounds_of(self.sets, parts(problem, projection))
         source, bound = np.where(bounds > self.bound, number, self.source), np.maximum(bounds, self.bound)
         is_open = bound <= limit
@@ -372,13 +379,13 @@ def decided(
 
 
 def parts(problem: Problem, projection: Projection) -> tuple[NDArray, ...]:
-    """A projection of a problem as compiled code takes it."""
+    """Return a projection of a problem for compiled code."""
     p = projection
     return (p.weights, p.basis, p.residual, p.columns, p.gram, p.own, p.product, *problem.layout)
 
 
 def linear_radius(problem: Problem, candidate: EffectSet) -> float:
-    """Chebyshev radius that a set leaves, by a linear programme; 0 where it is not solved, which refuses nothing."""
+    """Return the Chebyshev radius of a set by a linear programme; 0 if it is not solved, which refuses nothing."""
     rows = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
     blocks = [problem.columns[:, problem.blocks[effect]] for effect in candidate.effects]
     columns = np.hstack([problem.nominal, *blocks])[rows]
@@ -389,7 +396,7 @@ def linear_radius(problem: Problem, candidate: EffectSet) -> float:
 
 
 def _combinations(count: int, size: int) -> NDArray[np.int64]:
-    """Every choice (n, 3) of so many of a number of candidates; -1 stands for none."""
+    """Return every choice (n, 3) of `size` of `count` candidates; -1 is an empty place."""
     every = np.array(list(combinations(range(count), size)), dtype=np.int64)
     sets = np.full((len(every), 3), -1)
     sets[:, :size] = every.reshape(len(every), size)

@@ -1,12 +1,12 @@
-"""What bounds on errors leave possible where columns depend on one number: the union over all its values, exactly.
+"""The possible set for columns that depend on one number: the union over all its values, exactly.
 
-An effect that sets in after a row has other columns for each row. The union of what is possible with any of them is
-asked for a direction: of few values a programme is solved, and its duals are moved to all other values at once. What
-they prove there is proven whatever their source: how far the direction goes at most, or that nothing is possible. The
-value of which least is proven is next, until nothing can go farther.
+An effect that sets in after a row has other columns for each row. The question is the reach of the union of all
+possible sets in a direction. A programme is solved for few values, and its duals are moved to all other values at once.
+The moved duals are a valid proof there: of the greatest reach in the direction, or that nothing is possible. The value
+with the weakest proof is next, until nothing can go farther.
 
-Where the number is continuous each of some values stands for all up to the middles between it and its neighbours:
-bounds that grow by as much as columns differ there, times the largest size that they can have, hold for all of these.
+For a continuous number each chosen value represents all up to the middles between it and its neighbours. Bounds that
+grow by the difference of columns there, times their largest possible size, hold for all of these.
 """
 
 import math
@@ -22,15 +22,15 @@ from .possible import ROOM, Possible, Proofs, Steps
 from .programmes import EXACT, chebyshev_radius
 
 SURELY = 1e-8
-"""A value is refused where a radius is proven that is so much, relatively, above the limit."""
+"""Relative margin above the limit with which a proven radius refuses a value."""
 SAME = 1e-9
-"""Of two that differ by less, relatively, neither goes farther."""
+"""Relative difference below which neither of two goes farther."""
 SET_FREE = 6
-"""At most so many columns that move are set free where a set is only to be held."""
+"""Largest number of moving columns that are freed for a set that only contains the union."""
 RANGES = 16
-"""Ranges of values that are tried first."""
+"""Number of ranges of values that are tried first."""
 AT_ONCE = 500
-"""Values at a time: the memory does not grow with their number."""
+"""Number of values at a time: the memory does not grow with the total."""
 
 
 def open_ranges(
@@ -38,19 +38,19 @@ def open_ranges(
     among: Sequence[int],
     standing: Callable[[int, int, Sequence[int]], Sequence[int]],
 ) -> Iterator[tuple[int, int, Sequence[int]]]:
-    """Yield the least ranges of values that are not refused, in order, each with what stands there.
+    """Yield the least ranges of values that are not refused, in order, each with the members that stand there.
 
     Parameters
     ----------
     edges : (E,)
         ends of the least ranges; fewer than two are none
     among : sequence of int
-        what may stand
+        candidates
     standing : callable
-        first and last value of a range, what may stand -> what of it no bound refuses for all values of the range
+        first and last value of a range, candidates -> those that no bound refuses for all values of the range
 
-    No value is missed: each lies in a least range, and in every range that this was halved from. What stands with it
-    stands in all of these, because `standing` refuses only what no value of a range allows.
+    No value is missed: each lies in a least range, and in every range that was halved to it. A candidate that stands
+    with the value stands in all of these, because `standing` refuses only candidates that no value of a range allows.
     """
     starts = np.unique(np.linspace(0, len(edges) - 1, RANGES + 1).round().astype(int)).tolist()
     ranges = [(low, high, among) for low, high in pairwise(starts)][::-1] if len(edges) > 1 else []
@@ -69,7 +69,8 @@ def open_ranges(
 class Rows:
     """Errors |residual − (fixed + moving ways[r], in columns `moving_columns`) x| ≤ bound, for R values r of a number.
 
-    `fixed` (M, n), where the columns `moving_columns` (k,) are those of no value; `moving` (M, t), `ways` (R, t, k).
+    `fixed` (M, n) has the base of the columns `moving_columns` (k,), which is the same for all values; `moving` (M, t),
+    `ways` (R, t, k).
     """
 
     fixed: NDArray[np.float64]
@@ -80,26 +81,27 @@ class Rows:
     bound: NDArray[np.float64]
 
     def matrix(self, way: int) -> NDArray[np.float64]:
-        """The columns (M, n) of one value."""
+        """Return the columns (M, n) of one value."""
         matrix = self.fixed.copy()
         matrix[:, self.moving_columns] += self.moving @ self.ways[way]
         return matrix
 
     @cached_property
     def scale(self) -> NDArray[np.float64]:
-        """Sizes (n,) of the columns, of the value in the middle for those that move."""
+        """Sizes (n,) of the columns; for moving ones those of the middle value."""
         sizes = np.abs(self.matrix(len(self.ways) // 2)).max(axis=0, initial=0.0)
         return np.where(sizes > 0.0, sizes, 1.0)
 
     def chosen(self, index: NDArray | slice) -> "Rows":
-        """Some of the rows."""
+        """Return some of the rows."""
         fixed, moving = self.fixed[index], self.moving[index]
         return replace(self, fixed=fixed, moving=moving, residual=self.residual[index], bound=self.bound[index])
 
     def moved(self, duals: NDArray, way: int, direction: NDArray, *, weighted: bool) -> tuple[NDArray, NDArray]:
-        """Numbers (u,) of the rows of duals (M,) of one value, and duals (R, u) of all that add up to a direction (n,).
+        """Return numbers (u,) of the rows of one value's duals (M,), and all values' duals (R, u) that sum to a
+        direction (n,).
 
-        NaN where they cannot be moved. `weighted`: the sum of bound·|duals| stays as it is, too.
+        NaN if they cannot be moved. `weighted`: the sum of bound·|duals| stays constant, too.
         """
         active = np.flatnonzero(duals)
         matrix, weights = self.matrix(way)[active] / self.scale, direction / self.scale
@@ -111,7 +113,8 @@ class Rows:
         moving, changes = self.moving[active], self.ways - self.ways[way]
 
         def missed_by(duals: NDArray) -> NDArray[np.float64]:
-            """By how much (R, n) the columns of each value, weighted by duals (R, u), miss the direction."""
+            """Return the difference (R, n) of the columns of each value, weighted by duals (R, u), from the
+            direction."""
             missed = weights - duals @ matrix
             missed[:, self.moving_columns] -= (
                 np.einsum("rt,rtk->rk", duals @ moving, changes) / self.scale[self.moving_columns]
@@ -136,9 +139,9 @@ class Rows:
 
 
 def apart(rows: Rows, error: NDArray) -> NDArray[np.float64]:
-    """How far (M, k) the columns of a value may be from those of the nearest of `rows`, where the number is continuous.
+    """Return the largest distance (M, k) of a value's columns from the nearest of `rows`, for a continuous number.
 
-    `error` (M, k): by how much they may miss the straight line between the two next to it.
+    `error` (M, k): their largest distance from the straight line between the two neighbours.
     """
     largest, steps = np.zeros(error.shape), np.diff(rows.ways, axis=0)
     for first in range(0, len(steps), AT_ONCE):
@@ -148,12 +151,12 @@ def apart(rows: Rows, error: NDArray) -> NDArray[np.float64]:
 
 
 def largest_sizes(rows: Rows, limit: float, far: NDArray, largest: NDArray) -> NDArray[np.float64]:
-    """The largest sizes (k,) of the coefficients of columns that move, at any value of a continuous number.
+    """Return the largest sizes (k,) of the coefficients of columns that move, at any value of a continuous number.
 
-    `far` (M, k) as of `apart`; larger than `largest` (k,) none is. What is possible with residuals is within what is
-    possible without them and with bounds larger by these, a convex set X about zero. Coefficients x in X at a value
-    between, shrunk until none is beyond twice what X has at those of `rows`, are in X at the nearest of these, but for
-    a part η of the bounds: so none is beyond 1 + η times that.
+    `far` (M, k) is that of `apart`; no size exceeds `largest` (k,). A set that is possible with residuals is within the
+    set that is possible without them and with bounds larger by these, a convex set X about zero. Take coefficients x in
+    X at a value between, shrunk until none is beyond twice the reach of X at the values of `rows`. They are in X at the
+    nearest of these, except for a part η of the bounds: so none is beyond 1 + η times that.
     """
     bound = limit * rows.bound + np.abs(rows.residual)
     without = Swept(replace(rows, residual=np.zeros_like(bound), bound=bound), 1.0, np.zeros(rows.fixed.shape[1]))
@@ -166,7 +169,7 @@ def largest_sizes(rows: Rows, limit: float, far: NDArray, largest: NDArray) -> N
 
 
 def _solved(matrices: NDArray, rows: NDArray) -> NDArray[np.float64]:
-    """y (R, k) with y M = row for each of matrices (R, k, k) and rows (R, k); NaN for those that have none."""
+    """Return y (R, k) with y M = row for each of matrices (R, k, k) and rows (R, k); NaN for those that have none."""
     regular = np.abs(np.linalg.det(matrices)) > EXACT
     solutions = np.full(rows.shape, np.nan)
     solutions[regular] = np.linalg.solve(matrices[regular].transpose(0, 2, 1), rows[regular][..., None])[..., 0]
@@ -175,10 +178,10 @@ def _solved(matrices: NDArray, rows: NDArray) -> NDArray[np.float64]:
 
 @dataclass(eq=False)
 class Swept(Steps):
-    """Steps x (n,) from a point that are possible with any value of a number, and which values are possible.
+    """Steps x (n,) from a point that are possible with any value of a number, and the possible values.
 
-    A value stands with a radius up to `limit`. `radii` are those of values that were tried, with a centre (n,);
-    `proven` (R,) is what the radius of each is at least. `proofs` of sets with the same rows are used, and added to.
+    A value stands with a radius up to `limit`. `radii` are those of tried values, with a centre (n,); `proven` (R,) is
+    a lower bound of each radius. `proofs` of sets with the same rows are used, and added to.
     """
 
     rows: Rows
@@ -194,7 +197,7 @@ class Swept(Steps):
         self._known: dict[bytes, NDArray[np.float64]] = {}
 
     def tried(self, way: int) -> float:
-        """The radius of one value; what proves it is moved to all others."""
+        """Return the radius of one value; move its proof to all others."""
         if way not in self.radii:
             rows = self.rows
             radius, x, duals = chebyshev_radius(rows.matrix(way), rows.residual, rows.bound)
@@ -208,13 +211,13 @@ class Swept(Steps):
 
     @property
     def refused(self) -> NDArray[np.bool_]:
-        """Values (R,) that are proven not to stand."""
+        """Mask (R,) of the values that are proven not to stand."""
         return self.proven > self.limit * (1.0 + SURELY)
 
     def search(self) -> Iterator[tuple[int, float]]:
-        """Values that are tried, with their radii: the one of which least is proven is next.
+        """Yield tried values with their radii: the one with the weakest proof is next.
 
-        It ends where no value that is left can have a radius below the least that was found, or stand where none does.
+        The search ends when no remaining value can have a radius below the least so far, or stand if none does.
         """
         way = len(self.proven) // 2
         while True:
@@ -227,9 +230,10 @@ class Swept(Steps):
                 return
 
     def beside(self, origin: NDArray, chosen: NDArray, room: float, further: NDArray | None, proofs: Proofs) -> Steps:
-        """The same about a point (n,), of some of the rows and with more room.
+        """Return the same set about a point (n,), of some of the rows and with more room.
 
-        With further columns (M, m) it is a set that holds them all: the columns that move, if few, count by themselves.
+        With further columns (M, m) it is a set that contains them all: the columns that move, if few, count by
+        themselves.
         """
         rows = self.rows
         bound = (rows.bound * self.limit * (1.0 + ROOM) + room)[chosen]
@@ -247,15 +251,15 @@ class Swept(Steps):
         return Swept(chosen_rows, 1.0, np.append(origin, zeros), radii, proofs)
 
     def bounded(self, weights: NDArray) -> float:
-        """How far weights'x (n,) can go at most, by the proofs of other sets."""
+        """Return an upper bound of weights'x (n,) from the proofs of other sets."""
         return float(self._most(weights).max()) - float(weights @ self.origin)
 
     def reach(self, weights: NDArray, least: float = -math.inf) -> float:
-        """As for every set of steps."""
+        """Return the reach, as for every set of steps."""
         most, shift = self._most(weights), float(weights @ self.origin)
         farthest, way = least + shift, int(most.argmax())
         if most[way] == math.inf:
-            # One that stands is known to reach somewhere.
+            # A value that stands is known to reach somewhere.
             way = next((w for w, (radius, _) in self.radii.items() if radius <= self.limit), way)
         while most[way] > farthest:
             most[way] = -math.inf
@@ -272,7 +276,7 @@ class Swept(Steps):
         return farthest - shift
 
     def _most(self, weights: NDArray) -> NDArray[np.float64]:
-        """How far each value (R,) goes at most in a direction (n,), as far as it is known."""
+        """Return the known upper bound of the reach of each value (R,) in a direction (n,)."""
         key = weights.tobytes()
         if key not in self._known:
             self._known[key] = np.full(len(self.proven), np.inf)
@@ -281,13 +285,13 @@ class Swept(Steps):
         return self._known[key]
 
     def _prove(self, most: NDArray, duals: NDArray, way: int, weights: NDArray) -> None:
-        """Say of each value (R,) what duals (M,) prove when they are moved to it by way of one."""
+        """Lower the upper bound of each value (R,) by duals (M,) of one value, moved to the others."""
         rows = self.rows
         active, moved = rows.moved(duals, way, weights, weighted=False)
         most[:] = np.fmin(most, moved @ rows.residual[active] + np.abs(moved) @ rows.bound[active])
 
     def _reach(self, way: int, weights: NDArray) -> tuple[float, NDArray[np.float64]]:
-        """How far one value goes, and the duals (M,) that prove it."""
+        """Return the reach of one value, and the duals (M,) that prove it."""
         rows, centre = self.rows, self.radii[way][1]
         if way not in self._sets:
             matrix = rows.matrix(way)

@@ -1,4 +1,4 @@
-"""The limits of proof: beyond the bounds, by as many numbers as pieces, beside equally good readings or sets."""
+"""The limits of proof: beyond the bounds, by one number for each piece, beside equally good readings or sets."""
 
 import os
 from dataclasses import replace

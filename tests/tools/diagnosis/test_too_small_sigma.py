@@ -1,4 +1,4 @@
-"""A noise bound that is too small is said to be so, and no physics is named in its place."""
+"""A noise bound that is too small is reported, and no physics is named in its place."""
 
 import numpy as np
 import pytest

@@ -32,7 +32,8 @@ def test_white_noise_and_flicker_noise_are_told_apart_whatever_their_parts(part)
 
 
 def test_of_many_errors_hardly_one_is_beyond_its_bound():
-    """Records of Gaussian errors have as many as the probability of each says; for few rows three sigma are enough."""
+    """In records of Gaussian errors the number beyond is the sum of their probabilities; three sigma do for few
+    rows."""
     rng = np.random.default_rng(2)
     for rows, least in ((1, 3.0), (2_000, 4.0), (50_000, 5.0)):
         factor = factor_for(rows)

@@ -1,4 +1,4 @@
-"""Something of bench or block that changes once, between two rows, is named: the gap, what changed, and by how much."""
+"""One change of bench or block between two rows is named: the gap, the changed quantity, and the size."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ KEYS = {
     ),
 }
 LISTED = {"bias": "bias-step", "scale factor": "scale-step", "mounting": "mounting-slip"}
-"""What the catalogue has as an effect: it keeps its name."""
+"""Effects of the catalogue, which keep their names."""
 SECOND = 5e-8
 """A large error of the mounting turns a small change so far [rad]."""
 
