@@ -1,4 +1,4 @@
-"""Sessions with one change between two rows, of which the product is not told."""
+"""Sessions with one change between two rows, unknown to the product."""
 
 from dataclasses import dataclass, replace
 from typing import Any
