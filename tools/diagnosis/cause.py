@@ -14,7 +14,7 @@ from ..bounded.possible import Proofs, Steps, largest_length
 from ..bounded.programmes import Interval
 from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
-from ..evidence.fit import Fit, contains
+from ..evidence.fit import FAINT, Fit, contains
 from ..evidence.of_record import differs, in_record, record_of
 from ..result import Result, Told, finite_or_none
 from ..rounding import Stated
@@ -174,12 +174,15 @@ class Finding:
 
     @property
     def acts(self) -> bool:
-        """Whether none of the effects may be nothing."""
-        return all(cause.acts for cause in self.causes)
+        """Whether none of the effects may be nothing, or moves no reading noticeably."""
+        return not self.fit.faint and all(cause.acts for cause in self.causes)
 
     @property
     def not_shown(self) -> str:
         """Why a set that stands though an effect of it may be nothing is not named."""
+        if self.fit.faint:
+            faint = " and ".join(place.title for place in self.fit.faint)
+            return f"{self.title} would do, but {faint} moves no reading by {FAINT} σ"
         idle = " and ".join(cause.place.title for cause in self.causes if not cause.acts)
         return f"{self.title} would do, but no size of {idle} is shown: each by itself may be zero"
 

@@ -427,7 +427,8 @@ class Procedure:
     def _formulas(self) -> Sequence[Fit]:
         """The formulas of what is proven that need fewer numbers than any set of effects, by more than one."""
         beyond = self.functions.get("beyond")
-        if beyond is None:
+        if beyond is None or self.found.unsolved:
+            # A set that was not tried may need as few numbers.
             return ()
         formulas = [law.fit for law in beyond.laws if not law.is_listed and len(law.fit.places) == 1]
         least = min((complexity_of(fit.places) for fit in formulas), default=0)

@@ -42,6 +42,9 @@ TOLERANCE = 1e-9
 """How far, relatively, a row that was not taken in may be beyond the radius."""
 
 
+FAINT = 0.01
+"""An effect that moves no reading by so much of its bound is not shown."""
+
 Way = Variant | Cell
 """How an effect acts that is not linear, or a cell of its unknown number."""
 
@@ -107,6 +110,20 @@ class Fit:
     def ways(self) -> tuple[tuple[EffectPlace, slice, Way | None], ...]:
         """Each effect with its coefficients and the way in which it acts."""
         return tuple(zip(self.places, self.blocks, self.variants or (None,) * len(self.places), strict=True))
+
+    @property
+    def faint(self) -> tuple[EffectPlace, ...]:
+        """Effects that move no reading by `FAINT` of its bound where the radius is attained."""
+        count, places = len(self.point), []
+        for place, block, way in self.ways:
+            if isinstance(way, Variant):
+                # It acts by more than its coefficients.
+                continue
+            columns = np.arange(count + block.start, count + block.stop)
+            moved = self.jacobian[:, columns] @ self.central[columns]
+            if np.abs(moved / self.bound).max(initial=0.0) < FAINT:
+                places.append(place)
+        return tuple(places)
 
     @property
     def linear(self) -> bool:
