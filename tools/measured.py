@@ -241,8 +241,8 @@ def calibrate(
     """
     rests = records.read_record(record, records.PositionRecord, channels=channels, stamps=stamps)
     place = calibrations.Bench.given(rests, **({} if bench is None else vars(bench)))
-    # without the place gyros are not used
-    rests = motion.trusted(rests, trust=trust or place is None or explained_by is not None, gravity=gravity)
+    uses_gyros = place is not None and explained_by is None
+    rests = motion.trusted(rests, trust=trust, gyros=uses_gyros, gravity=gravity)
     options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "convention": convention}
     options |= {"baseline": baseline, "bounds": bounds, "mounting": mounting, "targets": targets, "priors": priors}
     if explained_by is None:
@@ -419,7 +419,7 @@ def diagnose(
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels, stamps=stamps)
     place = calibrations.Bench.given(run, **({} if bench is None else vars(bench)))
     is_table = isinstance(run, records.PositionRecord)
-    run = motion.trusted(run, trust=trust or (is_table and place is None), gravity=gravity)
+    run = motion.trusted(run, trust=trust, gyros=not is_table or place is not None, gravity=gravity)
     options = diagnosis.evidence_options(
         run,
         bench=place,
@@ -452,6 +452,7 @@ def calibrate_together(
     mounting: Mounting = "identity",
     channels: Channels = (),
     stamps: Stamps = None,
+    trust: Trust = False,
     shared: Shared = (),
     own: Own = (),
 ) -> "calibrations.Calibration":
@@ -478,11 +479,14 @@ def calibrate_together(
             raise InputError(f"{run.path}: does not tell its noise bound; {calibrations.SAY_THE_NOISE}")
     options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "baseline": baseline}
     options |= {"bounds": bounds, "mounting": mounting}
-    evidence, digests = {}, []
+    evidence, digests, warnings = {}, [], list[str]()
     for label, run in runs.items():
+        run = motion.trusted(run, trust=trust, gyros=False, gravity=gravity)
+        warnings += [f"{label}: {line}" for line in run.warnings]
         evidence[label] = diagnosis.evidence_of(run, **diagnosis.evidence_options(run, among=runs, **options))
         digests.append(run.sha256)
-    return diagnosis.calibrated_together(evidence, shared=shared, own=own, sha256=digests)
+    result = diagnosis.calibrated_together(evidence, shared=shared, own=own, sha256=digests)
+    return result.model_copy(update={"warnings": [*warnings, *result.warnings]})
 
 
 def diagnose_together(
@@ -536,7 +540,7 @@ def diagnose_together(
     runs = _several((first, *others), (records.PositionRecord, records.StrapdownRecord), channels, stamps)
     for label, run in runs.items():
         is_table = isinstance(run, records.PositionRecord)
-        runs[label] = motion.trusted(run, trust=trust or is_table, gravity=gravity)
+        runs[label] = motion.trusted(run, trust=trust, gyros=not is_table, gravity=gravity)
     options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "baseline": baseline}
     options |= {"bounds": bounds, "mounting": mounting, "rates": rates, "reference_bound": reference_bound}
     with own_effects.with_effects_of(effects_from):

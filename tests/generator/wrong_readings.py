@@ -8,7 +8,8 @@ import numpy as np
 
 from generator import G
 from generator.carried import drawn_motion
-from trihedron.tools.records import StrapdownRecord
+from trihedron.tools.records import BenchRecord, StrapdownRecord
+from trihedron.tools.records.limits import runs_of
 
 RATE_NOISE, FORCE_NOISE = 2e-3, 0.02
 """Noise of a sample [rad/s], [m/s²]."""
@@ -38,8 +39,10 @@ def with_rates(record: StrapdownRecord, change: Callable[[np.ndarray], np.ndarra
 
 
 def fastest_row(rate: np.ndarray, axis: int) -> int:
-    """The row at which a gyro turns fastest."""
-    return int(np.argmax(np.abs(rate[:, axis])))
+    """The middle of the longest stretch in which a gyro turns nearly as fast as ever."""
+    begins, ends = runs_of(np.abs(rate[:, axis]) > 0.8 * np.abs(rate[:, axis]).max())
+    longest = int(np.argmax(ends - begins))
+    return int(begins[longest] + ends[longest]) // 2
 
 
 def spiked(seed: int, rows: int = 1) -> Callable[[np.ndarray], np.ndarray]:
@@ -83,6 +86,8 @@ GYROS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "twice": lambda rate: 2.0 * rate,
     "half": lambda rate: 0.5 * rate,
     "four-times": lambda rate: 4.0 * rate,
+    "one-twice": lambda rate: rate * [1.0, 2.0, 1.0],
+    "one-half": lambda rate: rate * [1.0, 1.0, 0.5],
     "by-1.5": lambda rate: 1.5 * rate,
     "spike": spiked(1),
     "two-spikes": spiked(2, rows=2),
@@ -95,12 +100,57 @@ ATTITUDES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "inverse": lambda q: q * [1.0, -1.0, -1.0, -1.0],
 }
 """True attitudes of another meaning."""
+
+
+def with_force_lost(force: np.ndarray) -> np.ndarray:
+    """Three rows at rest in which all accelerometers read zero."""
+    force[70:73] = 0.0
+    return force
+
+
+def with_force_spike(force: np.ndarray) -> np.ndarray:
+    """One reading of one accelerometer, at rest, that is 4 g off."""
+    force[70, 1] += 4.0 * G
+    return force
+
+
+def shaken_beyond(limit: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Readings of 16 bits with this limit [g], of a block that is shaken in its first rest by 2.5 g."""
+
+    def change(force: np.ndarray) -> np.ndarray:
+        rows = np.arange(100)
+        force[60:160, 0] += 2.5 * G * np.sin(0.2 * rows) * np.sin(np.pi * rows / 100.0)
+        return (force + limit * G) % (2.0 * limit * G) - limit * G
+
+    return change
+
+
 FORCES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "force-twice": lambda force: 1.99 * force,
     "force-half": lambda force: 0.505 * force,
     "feet": lambda force: force / 0.3048,
+    "force-one-twice": lambda force: force * [1.0, 1.0, 2.0],
+    "force-lost": with_force_lost,
+    "force-spike": with_force_spike,
+    "force-overflow": shaken_beyond(2.0),
 }
 """Accelerometers in another range or unit."""
+
+
+def as_increments(record: StrapdownRecord) -> StrapdownRecord:
+    """The record with increments of angle and velocity in place of rates, as long as the rows are apart."""
+    assert record.rate is not None
+    period = float(np.median(np.diff(record.time_s)))
+    return replace(record, rate=None, increment=period * record.rate, velocity_increment=period * record.specific_force)
+
+
+def wrong_bench(name: str, right: BenchRecord) -> BenchRecord:
+    """A record of a table that is wrong in this way."""
+    assert right.increment is not None
+    if name in FORCES:
+        return replace(right, specific_force=FORCES[name](right.specific_force.copy()))
+    period = float(np.median(np.diff(right.time_s)))
+    return replace(right, increment=period * GYROS[name](right.increment / period))
 
 
 def wrong_record(name: str, seed: int, *, truth: bool, **motion: Any) -> StrapdownRecord:
@@ -110,5 +160,5 @@ def wrong_record(name: str, seed: int, *, truth: bool, **motion: Any) -> Strapdo
         assert record.attitude is not None
         return replace(record, attitude=ATTITUDES[name](record.attitude))
     if name in FORCES:
-        return replace(record, specific_force=FORCES[name](record.specific_force))
+        return replace(record, specific_force=FORCES[name](record.specific_force.copy()))
     return with_rates(record, GYROS[name])

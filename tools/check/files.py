@@ -43,7 +43,7 @@ from ..orchestrator.stimuli import read_number_table
 from ..planning import ImuPlan, Plan, Plans, PositionPlan, read_settings
 from ..records.columns import ANGLES, FORCE, VELOCITY, FileColumns, extra_warning, warnings
 from ..records.even import times_unused
-from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
+from ..records.kinds import PositionRecord, RawRecord
 from ..records.limits import channel_limits
 from ..records.read import all_faults, read_record
 from ..records.rests import position_record_of
@@ -189,18 +189,15 @@ def _check_table(
     for line in record.warnings:
         if line not in earlier:
             findings.warnings += (line,)
+    if not isinstance(record, PositionRecord):
+        findings.warnings += tuple(channel_limits(record).lines)
+    told = trust_of(record).known(trust)
+    findings.warnings += told.warnings
+    for line in told.faults:
+        findings.add(line)
     if isinstance(record, PositionRecord):
         findings.warnings += channels_warning(record)
-        return
-    findings.warnings += tuple(channel_limits(record).lines)
-    told = trust_of(record)
-    findings.warnings += told.warnings
-    if trust:
-        findings.warnings += told.faults
-    else:
-        for line in told.faults:
-            findings.add(line)
-    if isinstance(record, StrapdownRecord):
+    if not isinstance(record, RawRecord):
         return
     with findings.of():
         averaged = position_record_of(record)

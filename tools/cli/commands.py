@@ -175,7 +175,6 @@ def calibrate_command(
         _refuse_of_one(of_one)
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
-        options.pop("trust", None)
         joint = measured.calibrate_together(record, *others, **shared, **options)
         if report is not None:
             reports.write_report(report, joint)

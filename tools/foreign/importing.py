@@ -9,6 +9,7 @@ from pydantic import Field
 
 from ..errors import InputError
 from ..files import at_once, bytes_of, is_workbook, note_own, ordinary_file, together, write_text
+from ..motion import trust_of
 from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
 from ..records.columns import FORCE, SCATTER, VELOCITY
 from ..records.read import record_from
@@ -258,7 +259,9 @@ def _imported(
         left_out.append(f"{plural(len(rows), 'row')} ({why}): {listed}")
     if layout.last:
         left_out.append(f"what stands below row {layout.last}")
-    notes = table.notes + conversion.notes
+    check = trust_of(record)
+    notes = [*table.notes, *conversion.notes, *check.warnings]
+    notes += [f"results of this record would be wrong: {line}" for line in check.faults]
     scatter, readings = None, len(conversion.row)
     if conversion.readings is not None and conversion.scatter is not None:
         readings = int(conversion.readings.sum())

@@ -3,11 +3,11 @@
 Between two rests the gyros, less their mean at both, turn gravity's direction at the first into that at the second.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.spatial.transform import Rotation
 
 from ..records import StrapdownRecord
@@ -33,161 +33,176 @@ LEAST_TURN = 0.3
 """Moves that turn gravity by less tell no way of reading from another [rad]."""
 MOST_MOVES = 80
 """So many moves are looked at, spread over the record."""
-SCALES = tuple(2.0 ** (k / 4.0) for k in range(-12, 13))
+STEP = 0.1
+"""Turns of neighbouring rows are added up to one of about this size [rad]."""
+SCALES = 2.0 ** np.arange(-3.0, 3.01, 0.25)
 """Sizes of the gyros' readings that are tried."""
+OF_ONE = np.concatenate([1.0 + (part - 1.0) * np.eye(3) for part in (0.25, 0.5, 2.0, 4.0)])
+"""The same of one gyro beside the others."""
+CLEARER = 0.2
+"""Gyros are told from each other where that leaves so much of what is missed, squared."""
+ALIKE = 0.1
+"""Scales of gyros that differ by 1, as logarithms, count as so much missed [rad]: what tells nothing stays alike."""
 
 
 @dataclass(frozen=True, eq=False)
-class Turn:
-    """A move between two rests: gravity's direction (3,) at both, the turns (n, 3) [rad] between, and its times [s]."""
+class Moves:
+    """Moves between two rests.
+
+    Gravity's directions (M, 3) at both, the turns (M, C, 3) [rad] between, how far the block turns (M,) [rad], what
+    the gyros may have drifted (M,) [rad], and the times (M, 2) at which moves begin and end [s].
+    """
 
     before: NDArray[np.float64]
     after: NDArray[np.float64]
-    increments: NDArray[np.float64]
-    begins: float
-    ends: float
-    drift: float
+    turns: NDArray[np.float64]
+    way: NDArray[np.float64]
+    drift: NDArray[np.float64]
+    times: NDArray[np.float64]
 
-    def missed(self, matrix: NDArray[np.float64]) -> float:
-        """Angle between gravity as carried by gyros that are read through a matrix (3, 3), and as measured [rad]."""
-        carried = total_turn(self.increments @ matrix.T).inv().apply(self.before)
-        return angle_of(carried, self.after)
+    def __len__(self) -> int:
+        return len(self.way)
 
-    def allowed(self, size: float = 1.0) -> float:
-        """What gyros of usual errors may miss, where they turn so many times as far as they read [rad]."""
-        way = size * float(np.linalg.norm(self.increments, axis=1).sum())
-        return ALLOWED + ALLOWED_PART * way + self.drift
+    def of(self, mask: NDArray[np.bool_]) -> "Moves":
+        """Some of the moves."""
+        parts = (self.before, self.after, self.turns, self.way, self.drift, self.times)
+        return Moves(*(part[mask] for part in parts))
 
-    def is_missed(self, scale: float = 1.0) -> bool:
-        """Whether gyros of that scale miss gravity by more than they may, where the move tells it."""
-        return self.allowed(scale) <= TELLING and self.missed(scale * np.eye(3)) > self.allowed(scale)
+    def carried(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Gravity (M, 3) at the second rests, as gyros carry it that are read through a matrix (3, 3)."""
+        if not len(self):
+            return self.before
+        turn = Rotation.from_rotvec((self.turns @ matrix.T).reshape(-1, 3))
+        while len(turn) > len(self):
+            turn = turn[0::2] * turn[1::2]
+        return turn.inv().apply(self.before)
+
+    def missed(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Angles (M,) between gravity as it is carried and as it is measured [rad]."""
+        return angles_of(self.carried(matrix), self.after)
+
+    def allowed(self, size: float = 1.0) -> NDArray[np.float64]:
+        """What gyros of usual errors may miss (M,), where they turn so many times as far as they read [rad]."""
+        return ALLOWED + ALLOWED_PART * size * self.way + self.drift
+
+    def missing(self, scale: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Moves (M,) over which gyros of these scales (3,) miss gravity by more than they may, where that is told."""
+        allowed = self.allowed(float(scale.max()))
+        return (allowed <= TELLING) & (self.missed(np.diag(scale)) > allowed)
 
     @property
-    def turned(self) -> float:
-        """Angle by which gravity turned [rad]."""
-        return angle_of(self.before, self.after)
+    def turned(self) -> NDArray[np.float64]:
+        """Angles (M,) by which gravity turned [rad]."""
+        return angles_of(self.before, self.after)
 
 
-def angle_of(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Angle between two vectors (3,) [rad]."""
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+def angles_of(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles (M,) between vectors (M, 3) [rad]."""
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
 
 
-def total_turn(increments: NDArray[np.float64]) -> Rotation:
-    """The turn that rotation vectors (n, 3) [rad] make one after the other, n at least one."""
-    turns = Rotation.from_rotvec(increments)
-    while len(turns) > 1:
-        if len(turns) % 2:
-            turns = Rotation.concatenate([turns, Rotation.identity(1)])
-        turns = turns[0::2] * turns[1::2]
-    return turns[0]
-
-
-def turns_between_rests(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> tuple[Turn, ...]:
+def moves_between(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> Moves:
     """The moves between neighbouring rests at which gravity alone acts, without a gap, a knock or a saturated gyro."""
-    usable, rates, moves = usable_in(record, sampling), rates_of(record), []
-    sizes = np.linalg.norm(rests.force, axis=1)
+    size = np.linalg.norm(rests.force, axis=1)
     standing = np.linalg.norm(rests.rate, axis=1) < STANDING
-    step = np.diff(record.time_s)
-    for number in range(len(rests) - 1):
-        first, last = rests.rows[number].stop - 1, rests.rows[number + 1].start
-        size, next_size = sizes[number : number + 2]
-        is_gravity = abs(next_size - size) <= SAME_FORCE * size and standing[number : number + 2].all()
-        short = record.time_s[last] - record.time_s[first] <= LONGEST_S
-        if is_gravity and short and usable(np.array([first]), np.array([last]))[0]:
-            moves.append((number, first, last))
-    turns = []
-    for k in thinned(np.arange(len(moves)), MOST_MOVES):
-        number, first, last = moves[k]
-        rate = rates[first + 1 : last + 1]
-        if record.rate is not None:
-            rate = 0.5 * (rate + rates[first:last])
-        level = rests.rate[number : number + 2]
-        begins, ends = float(record.time_s[first]), float(record.time_s[last])
-        turns.append(
-            Turn(
-                before=rests.force[number] / sizes[number],
-                after=rests.force[number + 1] / sizes[number + 1],
-                increments=(rate - level.mean(axis=0)) * step[first:last, None],
-                begins=begins,
-                ends=ends,
-                drift=(ends - begins) * float(np.linalg.norm(level[1] - level[0])),
-            )
-        )
-    return tuple(turns)
+    first = np.array([rows.stop - 1 for rows in rests.rows[:-1]], dtype=int)
+    last = np.array([rows.start for rows in rests.rows[1:]], dtype=int)
+    suits = (np.abs(np.diff(size)) <= SAME_FORCE * size[:-1]) & standing[1:] & standing[:-1]
+    suits &= (record.time_s[last] - record.time_s[first] <= LONGEST_S) & usable_in(record, sampling)(first, last)
+    chosen = thinned(np.flatnonzero(suits), MOST_MOVES)
+    rates = rates_of(record)[1:]
+    if record.rate is not None:
+        rates = 0.5 * (record.rate[1:] + record.rate[:-1])
+    step = np.diff(record.time_s)[:, None]
+    level = 0.5 * (rests.rate[1:] + rests.rate[:-1])
+    summed, way = [], np.zeros(len(chosen))
+    for place, k in enumerate(chosen):
+        rows = slice(first[k], last[k])
+        turns = (rates[rows] - level[k]) * step[rows]
+        so_far = np.cumsum(np.linalg.norm(turns, axis=1))
+        way[place] = so_far[-1]
+        begins = np.flatnonzero(np.diff(so_far // STEP, prepend=-1.0))
+        summed.append(np.add.reduceat(turns, begins))
+    longest = max(map(len, summed), default=1)
+    padded = np.zeros((len(chosen), 1 << (longest - 1).bit_length(), 3))
+    for place, turns in enumerate(summed):
+        padded[place, : len(turns)] = turns
+    direction = rests.force / np.where(size > 0.0, size, 1.0)[:, None]
+    times = np.column_stack([record.time_s[first[chosen]], record.time_s[last[chosen]]])
+    drift = (times[:, 1] - times[:, 0]) * np.linalg.norm(np.diff(rests.rate, axis=0)[chosen], axis=1)
+    return Moves(direction[chosen], direction[chosen + 1], padded, way, drift, times)
 
 
-def ways_beside_gravity(turns: Sequence[Turn], before: Channels | None) -> tuple[str, str] | None:
+def ways_beside_gravity(moves: Moves, before: Channels | None) -> tuple[str, str] | None:
     """What is wrong with order, signs or unit of gyros that miss gravity over most moves, as of `said_of_ways`."""
-    telling = [turn for turn in turns if turn.turned > LEAST_TURN]
-    missed = [turn for turn in telling if turn.is_missed()]
-    unknown = not any(turn.allowed() <= TELLING for turn in telling)
-    if before == Channels() or not (unknown or 2 * len(missed) > len(telling)):
+    telling = moves.of(moves.turned > LEAST_TURN)
+    unknown = not (telling.allowed() <= TELLING).any()
+    if before == Channels() or not (unknown or 2 * telling.missing(np.ones(3)).sum() > len(telling)):
         return None
     return said_of_ways(ways_that_fit(telling, before), before)
 
 
-def missed_gravity(turns: Sequence[Turn], scale: float = 1.0) -> tuple[str, ...]:
-    """A line where gyros of that scale and usual errors miss gravity over some move; nothing where none does."""
-    missed = [turn for turn in turns if turn.is_missed(scale)]
-    if not missed:
+def missed_gravity(moves: Moves, scale: NDArray[np.float64]) -> tuple[str, ...]:
+    """A line where gyros of these scales (3,) and usual errors miss gravity over some move; nothing where none does."""
+    missing = moves.missing(scale)
+    if not missing.any():
         return ()
-    worst = max(missed, key=lambda turn: turn.missed(scale * np.eye(3)))
-    angle = digits(np.degrees(worst.missed(scale * np.eye(3))), 3)
-    begins, ends = digits(worst.begins, 6), digits(worst.ends, 6)
+    missed = np.where(missing, moves.missed(np.diag(scale)), 0.0)
+    worst = int(np.argmax(missed))
+    begins, ends = (digits(float(time), 6) for time in moves.times[worst])
     return (
-        f"the gyros miss gravity after {len(missed)} of {len(turns)} moves, by {angle} degrees at the rest from "
-        f"{ends} s on: look at their rows between {begins} and {ends} s",
+        f"the gyros miss gravity after {int(missing.sum())} of {len(moves)} moves, by "
+        f"{digits(np.degrees(missed[worst]), 3)} degrees at the rest from {ends} s on: look at their rows between "
+        f"{begins} and {ends} s",
     )
 
 
-def ways_that_fit(turns: Sequence[Turn], before: Channels | None) -> list[tuple[int, int]]:
+def ways_that_fit(moves: Moves, before: Channels | None) -> list[tuple[int, int]]:
     """Other ways of reading, by unit and signed permutation, that carry gravity over every move; the best first."""
     fits: dict[tuple[int, int], float] = {}
-    if len(turns) < FEWEST_MOVES:
+    if len(moves) < FEWEST_MOVES:
         return []
     for unit, size in enumerate(units_tried(before)):
-        if not any(turn.allowed(size) <= TELLING for turn in turns):
+        allowed = moves.allowed(size)
+        if not (allowed <= TELLING).any():
             continue
         for number, axes in enumerate(PERMUTATIONS):
-            total = 0.0
-            for turn in turns:
-                # a way of reading turns readings about the axes that a permutation maps them to
-                missed = turn.missed(size * axes.T)
-                if missed > turn.allowed(size):
-                    break
-                total += missed**2
-            else:
-                fits[unit, number] = total
+            # a way of reading turns readings about the axes that a permutation maps them to
+            missed = moves.missed(size * axes.T)
+            if (missed <= allowed).all():
+                fits[unit, number] = float(missed @ missed)
     if (0, 0) in fits:
         return []
     return sorted(fits, key=lambda way: fits[way])
 
 
-def scale_by_rests(turns: Sequence[Turn]) -> float | None:
-    """How many times as far as they read the gyros turn, by gravity at the rests; None where moves do not tell it."""
-    telling = [turn for turn in turns if turn.turned > LEAST_TURN and turn.allowed(1.0) - ALLOWED <= 4.0 * TELLING]
+def scales_by_rests(moves: Moves) -> NDArray[np.float64] | None:
+    """How many times as far as they read the gyros turn (3,), by gravity at the rests; None where moves do not tell it.
+
+    They differ where that misses far less.
+    """
+    telling = moves.of((moves.turned > LEAST_TURN) & (moves.allowed() - ALLOWED <= 4.0 * TELLING))
     if len(telling) < FEWEST_MOVES:
         return None
-    costs = []
-    for scale in SCALES:
-        costs.append(_missed_square(telling, scale))
-    best = float(SCALES[int(np.argmin(costs))])
-    for width in (2.0**0.125, 2.0**0.03125, 2.0**0.0078125):
-        tried = [best / width, best, best * width]
-        values = [_missed_square(telling, scale) for scale in tried]
-        bend = values[0] - 2.0 * values[1] + values[2]
-        if not bend > 0.0:
-            return None
-        best *= width ** float(np.clip(0.5 * (values[0] - values[2]) / bend, -1.0, 1.0))
-    if any(turn.missed(best * np.eye(3)) > turn.allowed(best) for turn in telling):
-        return None
-    return best
 
+    def misses(logs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What is missed by gyros of scales whose logarithms are given, one or three."""
+        scale = np.exp(logs) * np.ones(3)
+        missed = telling.carried(np.diag(scale)) - telling.after
+        return np.append(missed, ALIKE * (logs - logs.mean()))
 
-def _missed_square(turns: Sequence[Turn], scale: float) -> float:
-    """Sum of the squares of what gyros of another size miss [rad²]."""
-    total = 0.0
-    for turn in turns:
-        total += turn.missed(scale * np.eye(3)) ** 2
-    return total
+    def fitted(starts: NDArray[np.float64]) -> OptimizeResult:
+        """The best fit from the best of some starts, logarithms (S, 1) or (S, 3)."""
+        costs = [float(np.square(misses(start)).sum()) for start in starts]
+        return least_squares(misses, starts[int(np.argmin(costs))])
+
+    fit = fitted(np.log(SCALES)[:, None])
+    if 2.0 * fit.cost > ALLOWED**2 * len(telling):
+        single = np.log(OF_ONE)
+        apart = fitted(np.concatenate([single, single + fit.x]))
+        if apart.cost < CLEARER * fit.cost:
+            fit = apart
+    scale = np.exp(fit.x) * np.ones(3)
+    if (telling.missed(np.diag(scale)) <= telling.allowed(float(scale.max()))).all():
+        return scale
+    return None

@@ -210,9 +210,7 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     if len(rests):
         level = np.median(rests.rate, axis=0)
     turning = turning_of(record, sampling, rests)
-    check = judged(record, sampling, rests, turning, gravity)
-    if trust:
-        check = TrustCheck(warnings=(*check.faults, *check.warnings))
+    check = judged(record, sampling, rests, turning, gravity).known(trust)
     if moving.any():
         excitation = np.sqrt(np.mean((rate[moving] - level) ** 2, axis=0))
     calibration = gyros = None

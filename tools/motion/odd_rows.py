@@ -1,11 +1,13 @@
-"""Rows of the gyros that no motion makes: spikes, overflows to the opposite end, and lost readings as zeros."""
+"""Rows of gyros and accelerometers that no motion makes: spikes, overflows to the opposite end, lost readings."""
 
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
-from ..records import StrapdownRecord
+from ...fmus.units import STANDARD_GRAVITY
+from ..records import RawRecord, StrapdownRecord
 from ..records.limits import runs_of
 from ..rounding import digits
 
@@ -17,17 +19,22 @@ SHARPEST = 300.0
 """No hand and no table changes a rate so fast from one row to the next and back [rad/s²]; knocks are told apart."""
 LEAST_TURN = 0.01
 """Rows that turn the attitude by less are not refused [rad]."""
+ALONE = 30.0
+"""An accelerometer that is so many times as far off as each other feels no knock."""
 RANGE_PART = 0.75
 """A reading that overflows jumps by so much of the range between the channel's extremes."""
 STEADY = 0.25
 """Before and behind such a jump readings change by at most so much of it."""
+TOWARDS = 5.0
+"""And by more than so many times the usual change, towards the end of the range."""
 LONGEST_LOSS = 0.5
-"""Zeros for longer are no lost readings but a rest [s]."""
-FEWEST_ZEROS = 2
-"""Fewer zeros in a row are a spike, if anything."""
+"""Zeros for longer in a record without noise are no lost readings but a rest [s]."""
+OVERFLOW = "an overflow to the opposite end of the range and back; choose a larger range"
+LOST = "lost readings, exactly 0 between readings that are not"
+SPIKE = "unlike their neighbours, as no motion is (a spike)"
 
 
-def odd_rows(record: StrapdownRecord) -> tuple[str, ...]:
+def odd_rows_of_gyros(record: StrapdownRecord) -> tuple[str, ...]:
     """Say in lines which rows of the gyros no motion makes.
 
     Rows with a knock of the accelerometers are motion: gyros feel it too.
@@ -37,91 +44,106 @@ def odd_rows(record: StrapdownRecord) -> tuple[str, ...]:
     if rates is None:
         assert record.increment is not None
         rates = record.increment / period
-    knocked = _beside(record.knocks)
-    lines: list[str] = []
-    for axis, values in enumerate(rates.T, start=1):
-        if np.ptp(values) == 0.0:
-            continue
+    least = max(SHARPEST * period, LEAST_TURN / period)
+    spikes = unlike_rows(rates, least) & ~_beside(record.knocks)[:, None]
+    return _lines(record, "gyro", rates, spikes, least)
+
+
+def odd_rows_of_forces(record: RawRecord | StrapdownRecord) -> tuple[str, ...]:
+    """Say in lines which rows of the accelerometers no motion makes.
+
+    A knock is motion: more than one accelerometer feels it.
+    """
+    period = float(np.median(np.diff(record.time_s)))
+    forces = record.specific_force
+    if isinstance(record, StrapdownRecord) and record.velocity_increment is not None:
+        forces = record.velocity_increment / period
+    off = np.abs(forces - median_filter(forces, (2 * LONGEST + 3, 1)))
+    alone = off > ALONE * np.sort(off, axis=1)[:, 1:2]
+    spikes = unlike_rows(forces, STANDARD_GRAVITY) & alone
+    lines = _lines(record, "accelerometer", forces, spikes, STANDARD_GRAVITY)
+    lost = lost_rows(np.linalg.norm(forces, axis=1), period, 0.0)
+    if lost.any() and not lines:
+        return (f"all accelerometers: {_counted(record, lost)}: {LOST}",)
+    return lines
+
+
+def _lines(
+    record: RawRecord | StrapdownRecord, name: str, channels: NDArray, spikes: NDArray[np.bool_], least: float
+) -> tuple[str, ...]:
+    """A line for each kind of odd rows of each channel (N, 3)."""
+    period = float(np.median(np.diff(record.time_s)))
+    lines = list[str]()
+    for axis, values in enumerate(channels.T, start=1):
         overflowed = overflowed_rows(values)
-        zeros = lost_rows(values, period) & ~overflowed
-        spikes = spike_rows(values, period) & ~overflowed & ~zeros & ~knocked
-        kinds = {
-            "an overflow to the opposite end of the range and back; choose a larger range": overflowed,
-            "lost readings, exactly 0 between readings that are not": zeros,
-            "unlike their neighbours, as no motion is (a spike)": spikes,
-        }
-        for words, rows in kinds.items():
+        lost = lost_rows(values, period, least) & ~overflowed
+        alone = spikes[:, axis - 1] & ~overflowed & ~lost
+        for words, rows in ((OVERFLOW, overflowed), (LOST, lost), (SPIKE, alone)):
             if rows.any():
-                lines.append(f"gyro {axis}: {_counted(record, rows)}: {words}")
+                lines.append(f"{name} {axis}: {_counted(record, rows)}: {words}")
     return tuple(lines)
 
 
-def spike_rows(values: NDArray[np.float64], period: float) -> NDArray[np.bool_]:
-    """Rows (N,) of a rate [rad/s] that stand far from their neighbours on both sides, up to three in a row."""
-    count = len(values)
-    spikes = np.zeros(count, dtype=bool)
-    scatter = float(np.median(np.abs(np.diff(values, 2)))) if count > 2 else 0.0
+def unlike_rows(channels: NDArray[np.float64], least: float) -> NDArray[np.bool_]:
+    """Rows (N, K) of channels (N, K) far from their neighbours on both sides, by `least` and more; up to three."""
+    count = len(channels)
+    spikes = np.zeros(channels.shape, dtype=bool)
+    if count < LONGEST + 5:
+        return spikes
+    scatter = np.median(np.abs(np.diff(channels, 2, axis=0)), axis=0)
     for length in range(1, LONGEST + 1):
         starts = np.arange(2, count - length - 1)
-        if not len(starts):
-            break
-        around = values[starts + np.array([[-2], [-1], [length], [length + 1]])]
-        inside = values[starts + np.arange(length)[:, None]]
+        around = channels[starts + np.array([[-2], [-1], [length], [length + 1]])]
+        inside = channels[starts + np.arange(length)[:, None]]
         off = np.abs(inside - np.median(around, axis=0)).min(axis=0)
-        usual = np.maximum(np.ptp(around, axis=0), scatter)
-        found = (off > UNLIKE * usual) & (off > SHARPEST * period) & (off * period * length > LEAST_TURN)
+        far = (off > UNLIKE * np.maximum(np.ptp(around, axis=0), scatter)) & (off > least)
         for ahead in range(length):
-            spikes[starts[found] + ahead] = True
+            spikes[starts + ahead] |= far
     return spikes
 
 
 def overflowed_rows(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Rows (N,) of a channel between two jumps from one end of its range to the other, towards which it was moving."""
     overflowed = np.zeros(len(values), dtype=bool)
-    least, largest = float(values.min()), float(values.max())
     change = np.diff(values)
-    if len(change) < 3 or not least < 0.0 < largest:
+    if len(change) < 3 or not values.min() < 0.0 < values.max():
         return overflowed
-    usual = float(np.median(np.abs(change)))
     before, jump, behind = change[:-2], change[1:-1], change[2:]
-    beside = np.maximum(np.abs(before), np.abs(behind))
-    is_jump = np.abs(jump) > RANGE_PART * (largest - least)
-    is_jump &= (beside < STEADY * np.abs(jump)) & (np.minimum(np.abs(before), np.abs(behind)) > usual)
+    steps = np.abs([before, behind])
+    is_jump = np.abs(jump) > RANGE_PART * np.ptp(values)
+    is_jump &= (steps.max(axis=0) < STEADY * np.abs(jump)) & (steps.min(axis=0) > TOWARDS * np.median(np.abs(change)))
     # an overflow goes on as it came, from the other end
     is_jump &= (np.sign(before) == -np.sign(jump)) & (np.sign(behind) == -np.sign(jump))
-    at = np.flatnonzero(is_jump) + 2
+    at = np.flatnonzero(is_jump)
     for first, stop in pairwise(at):
-        if np.sign(jump[first - 2]) != np.sign(jump[stop - 2]):
-            overflowed[first:stop] |= np.sign(values[first:stop]) == np.sign(jump[first - 2])
+        if jump[first] * jump[stop] < 0.0:
+            rows = slice(first + 2, stop + 2)
+            overflowed[rows] |= np.sign(values[rows]) == np.sign(jump[first])
     return overflowed
 
 
-def lost_rows(values: NDArray[np.float64], period: float) -> NDArray[np.bool_]:
-    """Rows (N,) of a rate [rad/s] that are exactly 0 for a short time, between readings far from 0."""
+def lost_rows(values: NDArray[np.float64], period: float, least: float) -> NDArray[np.bool_]:
+    """Rows (N,) that are exactly 0 between readings far from 0, which times the rows are `least` and more."""
     lost = np.zeros(len(values), dtype=bool)
     scatter = float(np.median(np.abs(np.diff(values, 2)))) if len(values) > 2 else 0.0
     begins, ends = runs_of(values == 0.0)
-    for begin, end in zip(begins, ends, strict=True):
-        if end - begin < FEWEST_ZEROS or (end - begin) * period > LONGEST_LOSS or begin < 2 or end > len(values) - 2:
-            continue
+    inner = (begins >= 2) & (ends <= len(values) - 2)
+    if scatter == 0.0:
+        inner &= (ends - begins) * period <= LONGEST_LOSS
+    for begin, end in zip(begins[inner], ends[inner], strict=True):
         before, after = values[begin - 1], values[end]
         usual = max(abs(before - values[begin - 2]), abs(values[end + 1] - after), scatter)
         nearest = min(abs(before), abs(after))
-        far = nearest > UNLIKE * usual and nearest * period * (end - begin) > LEAST_TURN
-        if far and before * after > 0.0:
-            lost[begin:end] = True
+        lost[begin:end] = before * after > 0.0 and nearest > UNLIKE * usual and nearest * (end - begin) > least
     return lost
 
 
 def _beside(rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """These rows (N,) and their neighbours."""
-    wider = rows.copy()
-    wider[1:] |= rows[:-1]
-    wider[:-1] |= rows[1:]
-    return wider
+    return np.convolve(rows, np.ones(3), "same") > 0.0
 
 
-def _counted(record: StrapdownRecord, rows: NDArray[np.bool_]) -> str:
+def _counted(record: RawRecord | StrapdownRecord, rows: NDArray[np.bool_]) -> str:
     """How many rows, and the first of them with its time."""
     first = int(np.argmax(rows))
     where = f"row {int(record.row[first])} ({digits(float(record.time_s[first]), 9)} s)"

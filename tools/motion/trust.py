@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
@@ -17,15 +18,17 @@ from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
 from ..result import Result
 from ..rounding import digits
 from .between_rests import (
+    FEWEST_MOVES,
     STANDING,
+    TELLING,
     missed_gravity,
-    scale_by_rests,
-    turns_between_rests,
+    moves_between,
+    scales_by_rests,
     ways_beside_gravity,
 )
-from .odd_rows import odd_rows
+from .odd_rows import odd_rows_of_forces, odd_rows_of_gyros
 from .rests import FEWEST_ROWS, RecordSampling, Rests, quiet_rests, rates_of, sampling_of
-from .truth import TruthCheck, downward_warning, truth_check
+from .truth import downward_warning, truth_check
 from .turning import TurningCheck, check_turning
 
 LARGEST_SCALE = math.sqrt(2.0)
@@ -38,6 +41,10 @@ WHOLE_POWER = 0.1
 """A factor is a power of two where its logarithm to base 2 is so near a whole number."""
 FEW = 0.01
 """Part of the rows."""
+LEAST_FORCE = 1e-3
+"""Readings count as so much at least [g]."""
+FEWEST_RESTS, TOLD = 6, 0.1
+"""So many rests tell accelerometers from each other where the least singular value is this part of the largest."""
 Measured = TypeVar("Measured", bound=PositionRecord | RawRecord | StrapdownRecord)
 
 
@@ -50,41 +57,56 @@ class TrustCheck(Result):
         what would make results wrong, and what mends it
     warnings : tuple of str
         what is unusual, and may be right
+    of_forces : tuple of str
+        the faults of accelerometers: they make results wrong that use no gyros
     """
 
-    faults: tuple[str, ...] = Field(default=())
-    warnings: tuple[str, ...] = Field(default=())
+    faults: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    of_forces: tuple[str, ...] = Field(default=(), exclude=True)
+
+    def known(self, trust: bool) -> "TrustCheck":
+        """The check where a person may trust the record: then all are warnings."""
+        if trust:
+            return TrustCheck(warnings=(*self.faults, *self.warnings))
+        return self
 
 
-def trusted(record: Measured, *, trust: bool = False, gravity: float = STANDARD_GRAVITY) -> Measured:
-    """Return a record with what speaks against it among its warnings; of a record without gyros nothing is asked.
+def trusted(
+    record: Measured, *, trust: bool = False, gyros: bool = True, gravity: float = STANDARD_GRAVITY
+) -> Measured:
+    """Return a record with what speaks against it among its warnings.
 
-    An InputError for faults; with `trust`, where a person knows that the record is right, they are warnings.
+    An InputError for faults, of accelerometers alone where `gyros` are not used; with `trust`, where a person knows
+    that the record is right, they are warnings.
     """
-    check = trust_of(record, gravity)
-    if check.faults and not trust:
-        what = "; ".join(check.faults)
-        raise InputError(f"{record.path}: {what}. If the record is right all the same, add --trust")
-    lines = (*check.faults, *check.warnings)
-    new = tuple(line for line in lines if line not in record.warnings)
-    if not new:
-        return record
-    return replace(record, warnings=(*record.warnings, *new))
+    check = trust_of(record, gravity).known(trust)
+    refused = check.faults if gyros else check.of_forces
+    if refused:
+        raise InputError(f"{record.path}: {'; '.join(refused)}. If the record is right all the same, add --trust")
+    new = tuple(line for line in (*check.faults, *check.warnings) if line not in record.warnings)
+    return replace(record, warnings=(*record.warnings, *new)) if new else record
 
 
 def trust_of(record: PositionRecord | RawRecord | StrapdownRecord, gravity: float = STANDARD_GRAVITY) -> TrustCheck:
-    """Return what speaks against a record with gyros, strapdown or of a bench, averaged or not."""
-    source = record.raw if isinstance(record, PositionRecord) else record
-    if isinstance(source, BenchRecord):
-        source = source.gyros
+    """Return what speaks against a record, of a table or strapdown, averaged or not; gravity in [m/s²]."""
     # a command refuses gravity that is none
-    if not (isinstance(source, StrapdownRecord) and 1.0 <= gravity <= 100.0):
+    if not 1.0 <= gravity <= 100.0:
         return TrustCheck()
-    if len(source) < FEWEST_ROWS:
-        return TrustCheck(warnings=downward_warning(source))
-    sampling = sampling_of(source)
-    rests = quiet_rests(source, sampling)
-    return judged(source, sampling, rests, turning_of(source, sampling, rests), gravity)
+    series = record.raw if isinstance(record, PositionRecord) else record
+    gyros = series.gyros if isinstance(series, BenchRecord) else series
+    if isinstance(gyros, StrapdownRecord) and len(gyros) >= FEWEST_ROWS:
+        sampling = sampling_of(gyros)
+        rests = quiet_rests(gyros, sampling)
+        return judged(gyros, sampling, rests, turning_of(gyros, sampling, rests), gravity)
+    if isinstance(gyros, StrapdownRecord):
+        return TrustCheck(warnings=downward_warning(gyros))
+    faults, warnings = list[str](), list[str]()
+    if isinstance(record, PositionRecord):
+        _say_force(faults, warnings, record.specific_force, gravity)
+    if series is not None and len(series) >= FEWEST_ROWS:
+        faults += odd_rows_of_forces(series)
+    return TrustCheck(faults=tuple(faults), warnings=tuple(warnings), of_forces=tuple(faults))
 
 
 def turning_of(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> TurningCheck:
@@ -103,77 +125,85 @@ def judged(
     record: StrapdownRecord, sampling: RecordSampling, rests: Rests, turning: TurningCheck, gravity: float
 ) -> TrustCheck:
     """Return what speaks against a record whose sampling, rests and turning are known; gravity in [m/s²]."""
-    faults, warnings = list[str](), list[str]()
-    turns = turns_between_rests(record, sampling, rests)
+    faults, of_forces, warnings = list[str](), list[str](), list[str]()
+    moves = moves_between(record, sampling, rests)
     truth = truth_check(record, sampling, rests)
-    ways = ways_beside_gravity(turns, record.channels)
+    by_rests = scales_by_rests(moves)
+    # gyros that meet gravity at the rests when multiplied are in order
+    is_sure = by_rests is not None and (moves.allowed(float(by_rests.max())) <= TELLING).sum() >= FEWEST_MOVES
+    ways = None if is_sure else ways_beside_gravity(moves, record.channels)
     mends = turning.of_forces or (ways[1] if ways else "")
     if truth is not None and truth.faults:
         faults += truth.faults
     elif truth is not None and mends:
-        faults.append(
+        of_forces.append(
             "the gyros turn as the true attitude does and not as gravity: the accelerometers are exchanged, read them "
             f"with {mends}"
         )
-    elif truth is None and turning.said:
+    elif truth is None and not is_sure and turning.said:
         faults += turning.said
     elif truth is None and ways:
         faults.append(ways[0])
-    scale = 1.0
-    if not faults:
-        scale = _say_gyro_scale(faults, warnings, truth, turning, scale_by_rests(turns))
-    _say_force(faults, warnings, record, rests, gravity)
-    lines = odd_rows(record)
-    if not (faults or lines):
-        faults += missed_gravity(turns, scale)
-    faults += lines
-    downward = downward_warning(record)
-    if record.velocity_increment is not None:
-        faults += downward
-    else:
-        warnings += downward
-    return TrustCheck(faults=tuple(faults), warnings=tuple(warnings))
-
-
-def _say_gyro_scale(
-    faults: list[str],
-    warnings: list[str],
-    truth: TruthCheck | None,
-    turning: TurningCheck,
-    by_rests: float | None,
-) -> float:
-    """Add what the gyros' size is, and return how many times as far as they read they turn; 1 where nothing tells it.
-
-    Moves that are not between rests tell a wrong setting alone, as accelerations add to gravity there.
-    """
-    words = "the gyros turn {} times as far as gravity turns"
-    if truth is not None:
-        _say_scale(faults, warnings, truth.scale, "the gyros turn {} times as far as the true attitude turns")
-        return truth.scale
-    if by_rests is not None:
-        _say_scale(faults, warnings, by_rests, words)
-        return by_rests
-    if turning.scale is not None:
-        _say_scale(faults, warnings, turning.scale, words, exact=False)
-    return 1.0
-
-
-def _say_force(faults: list[str], warnings: list[str], record: StrapdownRecord, rests: Rests, gravity: float) -> None:
-    """Add what the size of the specific force says of the accelerometers: at rest, or else over the record."""
+    scale = np.ones(3)
+    if not (faults or of_forces):
+        words = "{} {} times as far as gravity turns"
+        if truth is not None:
+            scale = truth.scale
+            _say_gyros(faults, warnings, scale, "{} {} times as far as the true attitude turns")
+        elif by_rests is not None:
+            scale = by_rests
+            _say_gyros(faults, warnings, scale, words)
+        elif turning.scale is not None:
+            # moves that are not between rests tell a wrong setting alone: accelerations add to gravity there
+            _say_gyros(faults, [], turning.scale, words)
     standing = np.linalg.norm(rests.rate, axis=1) < STANDING if len(rests) else np.zeros(0, dtype=bool)
-    if not (standing.any() and rests.force[standing].any()):
+    if standing.any() and rests.force[standing].any():
+        _say_force(of_forces, warnings, rests.force[standing], gravity)
+    else:
         usual = float(np.median(np.linalg.norm(record.specific_force, axis=1))) / gravity
         if not 1.0 / UNUSUAL_FORCE < usual < UNUSUAL_FORCE:
             warnings.append(
                 f"the median of |f| is {digits(usual, 3)} times gravity, and no rest tells whether that is so"
             )
+    odd = odd_rows_of_gyros(record)
+    of_forces += odd_rows_of_forces(record)
+    if not (faults or of_forces or odd):
+        faults += missed_gravity(moves, scale)
+    faults += odd
+    downward = downward_warning(record)
+    if record.velocity_increment is not None:
+        of_forces += downward
+    else:
+        warnings += downward
+    return TrustCheck(faults=(*faults, *of_forces), warnings=tuple(warnings), of_forces=tuple(of_forces))
+
+
+def _say_gyros(faults: list[str], warnings: list[str], scale: NDArray, words: str) -> None:
+    """Add a line on the gyros, to be multiplied by a scale (3,), or on each where they differ by a wrong setting."""
+    if scale.max() < LARGEST_SCALE * scale.min():
+        _say_scale(faults, warnings, float(np.exp(np.log(scale).mean())), words.format("the gyros turn", "{}"))
         return
-    size = float(np.median(np.linalg.norm(rests.force[standing], axis=1))) / gravity
+    for axis, single in enumerate(scale.tolist(), start=1):
+        _say_scale(faults, warnings, single, words.format(f"gyro {axis} turns", "{}"))
+
+
+def _say_force(faults: list[str], warnings: list[str], force: NDArray, gravity: float) -> None:
+    """Add what readings (R, 3) at rest [m/s²] say of the size of the accelerometers, together or each."""
+    squares = np.square(force / gravity)
+    sizes = np.sqrt(squares.sum(axis=1))
+    if sizes.max() > LARGEST_SCALE * sizes.min() and len(force) >= FEWEST_RESTS:
+        solution, _, _, singular = np.linalg.lstsq(squares, np.ones(len(force)), rcond=None)
+        fits = np.abs(squares @ solution - 1.0).max() < LARGEST_SCALE - 1.0
+        if fits and solution.min() > 0.0 and singular[-1] > TOLD * singular[0]:
+            for axis, scale in enumerate(np.sqrt(solution).tolist(), start=1):
+                _say_scale(faults, warnings, scale, f"at rest accelerometer {axis} reads {{}} times gravity")
+            return
+    size = max(float(np.median(sizes)), LEAST_FORCE)
     _say_scale(faults, warnings, 1.0 / size, "at rest the accelerometers read {} times gravity")
 
 
-def _say_scale(faults: list[str], warnings: list[str], scale: float, words: str, *, exact: bool = True) -> None:
-    """Add a line where readings, to be multiplied by `scale`, are far from right, or unusual and told exactly."""
+def _say_scale(faults: list[str], warnings: list[str], scale: float, words: str) -> None:
+    """Add a line where readings, to be multiplied by `scale`, are far from right, or unusual."""
     power = math.log2(scale)
     line = words.format(digits(1.0 / scale, 3))
     if abs(power) > math.log2(LARGEST_SCALE):
@@ -181,5 +211,5 @@ def _say_scale(faults: list[str], warnings: list[str], scale: float, words: str,
         if abs(power - round(power)) < WHOLE_POWER:
             mends = f"a factor of {2 ** abs(round(power))} is a wrong range setting; check that and their unit"
         faults.append(f"{line}: {mends}")
-    elif exact and abs(scale - 1.0) > USUAL_SCALE:
+    elif abs(scale - 1.0) > USUAL_SCALE:
         warnings.append(line)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from ..records import StrapdownRecord
 from ..records.channels import Channels
 from ..records.stamps import grid_of
-from ..result import Result
+from ..result import Array, Result
 from .carry import rotation_of
 from .rests import RecordSampling, Rests, rates_of
 from .turning import FEWEST_WINDOWS, LEAST_MISS, LEAST_SHARE, LEAST_TURN, beside_truth, carried
@@ -25,8 +25,10 @@ LENGTH_ROOM = 0.1
 """A window may be longer or shorter by this part, where the truth is not known at every row."""
 MOST_PIECES = 400
 """Of more windows of one length, and moves over several rests, so many are taken, spread over the record."""
-SAME_AXIS, MOST_ALIKE = 0.95, 0.8
-"""Turns are about the same axis from this cosine on; so large a part of them must be, that their sizes are compared."""
+SAME_AXIS = 0.95
+"""Turns about an axis are compared in size where their correlation is so large."""
+LONGEST_TURN = 2.5
+"""Longer turns have no certain axis [rad]."""
 LARGEST_SCALE = 6.0
 """Beyond that gyros are in another unit."""
 Usable: TypeAlias = Callable[[NDArray, NDArray], NDArray[np.bool_]]
@@ -36,11 +38,11 @@ Usable: TypeAlias = Callable[[NDArray, NDArray], NDArray[np.bool_]]
 class TruthCheck(Result):
     """The gyros beside the true attitude, where it tells anything.
 
-    `faults`: what is wrong, in lines; `scale`: how many times as far as the gyros the true attitude turns.
+    `faults`: what is wrong, in lines; `scale`: how many times as far as each gyro the true attitude turns.
     """
 
     faults: tuple[str, ...]
-    scale: float
+    scale: Array
 
 
 def truth_check(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> TruthCheck | None:
@@ -71,7 +73,7 @@ def truth_check(record: StrapdownRecord, sampling: RecordSampling, rests: Rests)
         moving = true.magnitude() > LEAST_TURN
         if moving.sum() >= FEWEST_WINDOWS:
             faults, missed = beside_truth(increments, true[moving], ends[moving], record.channels, record.time_s)
-            scale = scale_of(carried(increments, ends[moving]), true[moving])
+            scale = scales_of(carried(increments, ends[moving]), true[moving])
             comparisons.append((missed, TruthCheck(faults=faults, scale=scale), ends[moving]))
     if not comparisons:
         return None
@@ -82,25 +84,27 @@ def truth_check(record: StrapdownRecord, sampling: RecordSampling, rests: Rests)
     meaning = _meaning(record.attitude, increments, ends, min(missed, LEAST_MISS))
     if meaning:
         line = f"{what}: they do where q0..q3 are {meaning}; give them body to reference, scalar first"
-    elif check.faults or check.scale != 1.0:
+    elif check.faults or (check.scale != 1.0).any():
         return check
     else:
         line = f"{what}: is it body to reference, scalar first?"
-    return TruthCheck(faults=(line,), scale=1.0)
+    return TruthCheck(faults=(line,), scale=np.ones(3))
 
 
-def scale_of(carried_turns: Rotation, true: Rotation) -> float:
-    """How many times as far as carried turns (S) the true ones turn; 1 where they are not about the same axes."""
+def scales_of(carried_turns: Rotation, true: Rotation) -> NDArray[np.float64]:
+    """How many times as far as carried turns (S) the true ones turn about each axis (3,).
+
+    An axis about which they do not turn alike is as the others are; 1 where none does.
+    """
     vectors, true_vectors = carried_turns.as_rotvec(), true.as_rotvec()
-    lengths = np.linalg.norm(vectors, axis=1) * np.linalg.norm(true_vectors, axis=1)
-    along = (vectors * true_vectors).sum(axis=1)
-    alike = along > SAME_AXIS * lengths
-    if np.mean(alike) < MOST_ALIKE:
-        return 1.0
-    scale = float(np.sqrt(np.sum(true_vectors[alike] ** 2) / np.sum(vectors[alike] ** 2)))
-    if 1.0 / LARGEST_SCALE < scale < LARGEST_SCALE:
-        return scale
-    return 1.0
+    short = np.maximum(carried_turns.magnitude(), true.magnitude()) < LONGEST_TURN
+    size, true_size = np.square(vectors[short]).sum(axis=0), np.square(true_vectors[short]).sum(axis=0)
+    told = (vectors[short] * true_vectors[short]).sum(axis=0) > SAME_AXIS * np.sqrt(size * true_size)
+    scales = np.sqrt(true_size / np.where(told, size, 1.0))
+    told &= (scales > 1.0 / LARGEST_SCALE) & (scales < LARGEST_SCALE)
+    if not told.any():
+        return np.ones(3)
+    return np.where(told, scales, np.median(scales[told]))
 
 
 def _meaning(attitude: NDArray, increments: NDArray, ends: NDArray, missed: float) -> str:

@@ -55,14 +55,14 @@ class TurningCheck(Result):
         what is wrong, in words, and what mends it; empty where nothing is
     of_forces : str
         what mends it where the gyros are known to be right: the accelerometers' order and signs; empty where none does
-    scale : float or None
+    scale : (3,) array or None
         how many times as far as they read the gyros turn, where turns explain nearly all that the specific force does
     """
 
     matrix: Array | None = Field(default=None)
     said: tuple[str, ...] = ()
     of_forces: str = Field(default="", exclude=True)
-    scale: float | None = Field(default=None, exclude=True)
+    scale: Array | None = Field(default=None, exclude=True)
 
 
 def check_turning(
@@ -106,7 +106,7 @@ def check_turning(
     matrix, uncertain, unexplained = overall
     scale = None
     if unexplained < CLEAR:
-        scale = float(np.median(np.abs(matrix).max(axis=1)))
+        scale = np.full(3, np.median(np.abs(matrix).max(axis=1)))
     if before == Channels():
         return TurningCheck(matrix=matrix, scale=scale)
     apart = [

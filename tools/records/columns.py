@@ -364,30 +364,30 @@ def least_step(values: np.ndarray) -> float:
 
 
 def fault_of_resolution(columns: FileColumns) -> RecordError | None:
-    """What is wrong with a resolution that a comment line gives: the readings are written more finely."""
+    """What is wrong with a resolution that a comment line gives: the readings of all columns are written more finely.
+
+    It is that of the column with the fewest digits.
+    """
     resolution = columns.comments.resolution
-    key = "comment resolution_mps2"
-    if resolution > COARSEST:
-        for name in FORCE:
-            values = columns.numbers.get(name, np.zeros(0))
-            if least_step(values) < AS_WRITTEN * 2.0 * resolution:
-                what = (
-                    f"{key}: column {name} is written more finely than to {upwards(2.0 * resolution)} m/s2; "
-                    "correct that line"
-                )
-                return RecordError(columns.path, None, None, what)
-    # averages of readings on a grid are on none
-    if resolution == 0.0 or columns.layout.kind is POSITION:
-        return None
+    least, usual = [], []
     for name in FORCE:
-        steps = np.abs(np.diff(columns.numbers.get(name, np.zeros(0))))
-        steps = steps[steps > 0.0]
-        if len(steps) and np.median(steps) < GRID * resolution:
-            what = (
-                f"{key}: readings that are written to {upwards(2.0 * resolution)} m/s2 do not differ by "
-                f"{digits(float(np.median(steps)), 2)}, as column {name} does from row to row; correct that line"
-            )
-            return RecordError(columns.path, None, None, what)
+        # the sums of huge numbers overflow
+        values = np.clip(columns.numbers.get(name, np.zeros(0)), -1e9, 1e9)
+        steps = np.abs(np.diff(values))
+        if (steps > 0.0).any():
+            least.append(least_step(values))
+            usual.append(float(np.median(steps[steps > 0.0])))
+    if not usual or resolution == 0.0:
+        return None
+    what = ""
+    if resolution > COARSEST and max(least) < AS_WRITTEN * 2.0 * resolution:
+        what = "all columns are written more finely than to {}"
+    elif columns.layout.kind is not POSITION and max(usual) < GRID * resolution:
+        # averages of readings on a grid are on none
+        what = "readings that are written to {} do not differ by " + f"{digits(max(usual), 2)} m/s2 from row to row"
+    if what:
+        what = f"comment resolution_mps2: {what.format(f'{upwards(2.0 * resolution)} m/s2')}; correct that line"
+        return RecordError(columns.path, None, None, what)
     return None
 
 

@@ -11,7 +11,18 @@ import pytest
 from field_files import field_file
 from generator import G
 from generator.carried import strapdown_record
-from generator.wrong_readings import ATTITUDES, FORCES, GYROS, hand_record, spiked, with_rates, wrong_record
+from generator.tables import PROGRAMME, Errors, Programme, Truth, bench_record
+from generator.wrong_readings import (
+    ATTITUDES,
+    FORCES,
+    GYROS,
+    as_increments,
+    hand_record,
+    spiked,
+    with_rates,
+    wrong_bench,
+    wrong_record,
+)
 from record_files import measured
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
@@ -20,63 +31,149 @@ from trihedron.tools.motion import trust_of, trusted
 from trihedron.tools.records import StrapdownRecord, read_record, write_record
 
 WRONG = (*GYROS, *ATTITUDES, *FORCES)
-COMMANDS = ("attitude", "attitude --compare", "fmpy-input", "inspect", "check", "diagnose")
+PLACE = "--latitude-deg 55.75 --azimuth-deg 20"
+BY_HAND = (
+    "attitude {}",
+    "attitude {} --compare",
+    "fmpy-input {}",
+    "inspect {} --json out.json",
+    "check {} --json out.json",
+    "diagnose {}",
+    "apply calibration.json {}",
+)
+ON_TABLE = (
+    f"calibrate {{}} --noise-bound 1.2e-5 {PLACE}",
+    f"diagnose {{}} --noise-bound 1.2e-5 {PLACE}",
+    "apply calibration.json {} --out out.csv",
+    "attitude {}",
+    "fmpy-input {}",
+    "inspect {} --json out.json",
+    "check {} --json out.json",
+)
+WITHOUT_GYROS = ("calibrate {} --noise-bound 1.2e-5", "calibrate {} right-bench.csv --noise-bound 1.2e-5")
 SHORT: dict[str, Any] = {"moves": 7, "period": 0.02}
 EXPECTED = {
     "degrees": "degrees per second",
     "twice": "a factor of 2 is a wrong range setting",
     "half": "a factor of 2 is a wrong range setting",
     "four-times": "a factor of 4 is a wrong range setting",
+    "one-twice": "gyro 2 turns",
+    "one-half": "gyro 3 turns",
     "spike": "unlike their neighbours",
     "two-spikes": "unlike their neighbours",
     "overflow": "an overflow",
     "lost": "lost readings",
     "scalar-last": "body to reference, scalar last",
     "inverse": "where q0..q3 are reference to body",
-    "force-twice": "accelerometers read 1.99 times gravity: a factor of 2",
-    "feet": "accelerometers read 3.28 times gravity: check their unit",
+    "force-twice": "times gravity: a factor of 2",
+    "feet": "times gravity: check their unit",
+    "force-one-twice": "times gravity",
+    "force-lost": "lost readings",
+    "force-spike": "accelerometer 2: row 7",
+    "force-overflow": "accelerometer 1: ",
 }
+SHORT_PROGRAMME = Programme(
+    (*PROGRAMME.positions[:24:2], (0.0, 0.0), (360.0, 0.0), (360.0, 90.0), (0.0, 90.0), (90.0, 450.0)),
+    dwell=4.0,
+    rate=2.0,
+    step=0.05,
+)
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a record for every wrong reading, and a right one."""
+    """A folder with a record for every wrong reading, by hand and on a table, and right ones."""
     folder = tmp_path_factory.mktemp("wrong")
     for name in WRONG:
         write_record(wrong_record(name, 7, truth=False, **SHORT), folder / f"{name}.csv")
     write_record(hand_record(7, truth=True, **SHORT), folder / "right.csv")
+    right = bench_record(Truth.drawn(np.random.default_rng(5)), SHORT_PROGRAMME, Errors(rate=5e-5, encoder=2e-6))
+    write_record(right, folder / "right-bench.csv")
+    for name in (*GYROS, *FORCES):
+        write_record(wrong_bench(name, right), folder / f"{name}-bench.csv")
+    command = f"calibrate {folder / 'right-bench.csv'} --noise-bound 1.2e-5 {PLACE} --quiet"
+    assert cli.main([*command.split(), "--json", str(folder / "calibration.json")]) == 0
     return folder
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("name", WRONG)
-def test_every_command_refuses_every_wrong_reading(name, command, files, tmp_path, monkeypatch, capsys):
+def run(command: str, record: str, files: Path) -> int:
+    """The exit status of a command for a record; files that it reads stand in that folder."""
+    words = [str(files / word) if (files / word).is_file() else word for word in command.format(record).split()]
+    return cli.main(words)
+
+
+@pytest.mark.parametrize("command", [*BY_HAND, *(f"{command} bench" for command in ON_TABLE)])
+def test_every_command_refuses_every_wrong_reading(command, files, tmp_path, monkeypatch, capsys):
+    """In text, in JSON where a result is written all the same, and by exit status 2; nothing else is written."""
     monkeypatch.chdir(tmp_path)
-    words, *options = command.split()
-    assert cli.main([words, str(files / f"{name}.csv"), *options]) == 2
-    printed = capsys.readouterr()
-    assert EXPECTED.get(name, "") in printed.out + printed.err
-    if words != "check":
-        assert "add --trust" in printed.err
-    assert not list(tmp_path.iterdir())
+    command, is_table, _ = command.partition(" bench")
+    for name in (*GYROS, *FORCES) if is_table else WRONG:
+        assert run(command, f"{name}-bench.csv" if is_table else f"{name}.csv", files) == 2, name
+        printed = capsys.readouterr()
+        assert EXPECTED.get(name, "") in printed.out + printed.err, name
+        assert command.startswith("check") or "add --trust" in printed.err, name
+        if "--json" in command:
+            assert EXPECTED.get(name, "") in (tmp_path / "out.json").read_text(), name
+        else:
+            assert not list(tmp_path.iterdir()), name
 
 
-@pytest.mark.parametrize("command", COMMANDS[:5])
+def test_an_import_says_what_would_be_wrong(files, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in (*GYROS, *FORCES):
+        assert run("import {} --out out.csv --json out.json", f"{name}.csv", files) == 0, name
+        for text in (capsys.readouterr().out, (tmp_path / "out.json").read_text()):
+            assert "results of this record would be wrong: " in text, name
+            assert EXPECTED.get(name, "") in text, name
+
+
+@pytest.mark.parametrize("command", WITHOUT_GYROS)
+def test_gyros_that_are_not_used_are_a_warning(command, files, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in ("twice", "spike", *FORCES):
+        status = run(f"{command} --json out.json", f"{name}-bench.csv", files)
+        assert status == (2 if name in FORCES else 0), name
+        printed = capsys.readouterr()
+        text = printed.err if status else (tmp_path / "out.json").read_text()
+        assert EXPECTED.get(name, "") in text, name
+        (tmp_path / "out.json").unlink(missing_ok=True)
+
+
+@pytest.mark.parametrize("command", BY_HAND[:5])
 def test_every_command_takes_the_right_record_and_what_a_person_trusts(command, files, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    words, *options = command.split()
-    assert cli.main([words, str(files / "right.csv"), *options]) == 0
+    assert run(command, "right.csv", files) == 0
     capsys.readouterr()
-    assert cli.main([words, str(files / "twice.csv"), *options, "--trust", "--json", "out.json"]) == 0
+    command = command.removesuffix(" --json out.json")
+    assert run(f"{command} --trust --json out.json", "twice.csv", files) == 0
     assert "a factor of 2 is a wrong range setting" in Path("out.json").read_text()
+
+
+@pytest.mark.parametrize("command", [*ON_TABLE, *WITHOUT_GYROS])
+def test_every_command_takes_the_right_record_of_a_table(command, files, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    if "right-bench.csv" not in command and not command.startswith("diagnose"):
+        assert run(command, "right-bench.csv", files) == 0
+
+
+def test_accelerometers_that_a_person_trusts_are_calibrated(files, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    command = "calibrate {} right-bench.csv --noise-bound 1.2e-5 --trust --json out.json"
+    assert run(command, "force-spike-bench.csv", files) == 0
+    assert "accelerometer 2: row 7" in Path("out.json").read_text()
 
 
 @pytest.mark.parametrize("seed", range(20, 22))
 @pytest.mark.parametrize("truth", [True, False])
 def test_no_right_record_is_refused_and_all_wrong_ones_are(seed, truth):
-    right = trust_of(hand_record(seed, truth=truth))
+    measured_as = as_increments if seed % 2 else lambda record: record
+    right = trust_of(measured_as(hand_record(seed, truth=truth)))
     assert right.faults == right.warnings == ()
-    assert [name for name in WRONG if not trust_of(wrong_record(name, seed, truth=truth)).faults] == []
+    missed = []
+    for name in WRONG:
+        if not trust_of(measured_as(wrong_record(name, seed, truth=truth))).faults:
+            missed.append(name)
+    assert missed == []
 
 
 @pytest.mark.parametrize("seed", range(5))

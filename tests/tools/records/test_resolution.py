@@ -50,8 +50,16 @@ def test_one_that_adds_next_to_nothing_is_not(line, tmp_path):
 
 @pytest.mark.parametrize("size", ["1", "0.2", "30"])
 def test_a_resolution_that_the_digits_disprove_is_refused(size, tmp_path):
-    with pytest.raises(th.InputError, match="comment resolution_mps2: column f1_mps2 is written more finely than to"):
+    with pytest.raises(th.InputError, match="comment resolution_mps2: all columns are written more finely than to"):
         read_record(positions(tmp_path, f"resolution_mps2: {size}"))
+
+
+def test_one_column_of_fewer_digits_disproves_nothing(tmp_path):
+    record = raw(0.0)
+    force = record.specific_force.copy()
+    force[:, 0] = np.round(force[:, 0], 1)
+    path = written(replace(record, specific_force=force), tmp_path, ("resolution_mps2: 0.05",))
+    assert read_record(path).resolution == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize("size", ["0.09", "0.07"])
