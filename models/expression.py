@@ -1,8 +1,9 @@
 """Expressions that a person writes in one line: parsed, never evaluated as Python; slopes; source of a kernel.
 
-They contain numbers, names, ``+ - * /``, ``**`` with a whole number, and the functions of `FUNCTIONS`. The source is
-restricted Python (`trihedron.models.restricted`) and gives a number for any arguments. If an expression has no value (a
-division by zero, the root of a negative number), a kernel adds nothing, and `evaluated` gives no value.
+What stands in them is numbers, names, ``+ - * /``, ``**`` with a whole number, and the functions of `FUNCTIONS`. The
+source is restricted Python (`trihedron.models.restricted`) and gives a number whatever the arguments: where an
+expression has no value (a division by zero, the root of what is negative) a kernel adds nothing, while `evaluated`
+gives none.
 """
 
 import ast
@@ -17,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 LONGEST = 300
-"""Largest number of letters of an expression."""
+"""Letters of an expression."""
 DEEPEST = 20
-"""Largest depth of nested operations."""
+"""Operations within operations."""
 LARGEST_POWER = 9
 LARGEST_NUMBER = 1e30
 MOST_EXPONENT = 700.0
-"""Largest argument of the exponential: beyond it the result overflows."""
+"""The exponential of more is beyond the numbers."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,9 @@ class Function:
     Attributes
     ----------
     source : tuple of str
-        statements of a kernel that leave its value in {f}, from arguments {x} and {y}
+        statements of a kernel that leave its value in {f}, of arguments {x} and {y}
     value : callable
-        function of arrays
+        of arrays
     slopes : callable
         arguments -> derivative by each of them
     """
@@ -46,7 +47,7 @@ class Function:
 
     @property
     def count(self) -> int:
-        """Number of its arguments."""
+        """How many arguments it takes."""
         return 2 if "{y}" in self.source[0] else 1
 
 
@@ -81,12 +82,12 @@ OPERATIONS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 
 
 def parsed_expression(text: str) -> ast.expr:
-    """Return the tree of an expression with permitted operations and any names.
+    """The tree of an expression of which every operation is permitted, but whose names may be any.
 
     Raises
     ------
     ValueError
-        in one line the unreadable part, and the correct form
+        in one line what cannot be read, and what would be right
     """
     if len(text) > LONGEST:
         raise ValueError(f"has {len(text)} letters; {LONGEST} are the most")
@@ -112,7 +113,7 @@ def _shown(node: ast.AST) -> str:
 
 
 def _check(node: ast.expr, depth: int) -> None:
-    """Refuse operations that are not permitted."""
+    """Refuse what is not permitted."""
     if depth > DEEPEST:
         raise ValueError(f"operations stand more than {DEEPEST} deep within each other; write it with fewer brackets")
     match node:
@@ -150,7 +151,7 @@ def _known(name: str, names: Sequence[str]) -> str:
 
 
 def power_of(node: ast.expr) -> int:
-    """Return the exponent of a power: a whole number."""
+    """The exponent of a power: a whole number."""
     sign = 1
     while isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         node, sign = node.operand, -sign
@@ -160,7 +161,7 @@ def power_of(node: ast.expr) -> int:
 
 
 def names_in(tree: ast.expr) -> tuple[str, ...]:
-    """Return the names of quantities and coefficients, in order of appearance."""
+    """Names of quantities and coefficients, in order of appearance."""
     return tuple(dict.fromkeys(_names(tree)))
 
 
@@ -179,18 +180,18 @@ def _names(node: ast.expr) -> Iterator[str]:
                 yield from _names(argument)
 
 
-# An expression as a function of coefficients
+# What an expression is as a function of coefficients
 
 ONE = ast.Constant(1.0)
 
 
 def derivatives(tree: ast.expr, coefficients: Sequence[str]) -> dict[str, ast.expr]:
-    """Return the exact derivative by each of several coefficients, which contains none of them.
+    """The exact derivative by each of several coefficients, in which none of them stands.
 
     Raises
     ------
     ValueError
-        if the expression is not a sum of terms with one coefficient each as a factor
+        the expression is not a sum of terms with one coefficient each as a factor
     """
     parts = _linear(tree, set(coefficients))
     constant = parts.pop(None, None)
@@ -200,7 +201,7 @@ def derivatives(tree: ast.expr, coefficients: Sequence[str]) -> dict[str, ast.ex
 
 
 def _linear(node: ast.expr, letters: set[str]) -> dict[str | None, ast.expr]:
-    """Return the factors of each coefficient; under None the part without one."""
+    """The factors of each coefficient; of None what has none."""
     if not letters & set(_names(node)):
         return {None: node}
     match node:
@@ -233,14 +234,14 @@ def _linear(node: ast.expr, letters: set[str]) -> dict[str | None, ast.expr]:
 
 
 def evaluated(tree: ast.expr, values: Mapping[str, Any]) -> NDArray[np.float64]:
-    """Return the expression at arrays of its names' values; not finite if it has no value."""
+    """The expression at arrays of its names' values; not finite where it has no value."""
     return followed(tree, values, {})[0]
 
 
 def followed(
     tree: ast.expr, values: Mapping[str, Any], slopes: Mapping[str, Any]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the expression and its exact derivative, given those of some of its names; the others are constant."""
+    """The expression and its exact derivative, where that of some of its names is given; of the others it is 0."""
     with np.errstate(all="ignore"):
         return _followed(tree, values, slopes)
 
@@ -271,25 +272,25 @@ def _followed(node: ast.expr, values: Mapping[str, Any], slopes: Mapping[str, An
             inputs = [_followed(argument, values, slopes) for argument in args]
             function, arguments = FUNCTIONS[name], [x for x, _ in inputs]
             by = function.slopes(*arguments)
-            # A constant adds nothing, even where the function has no slope.
+            # What does not change adds nothing, where the function has no slope too.
             moved = [slope * dx for slope, (_, dx) in zip(by, inputs, strict=True) if np.any(dx)]
             return function.value(*arguments), sum(moved, 0.0)
     raise AssertionError("the tree was checked")
 
 
-# An expression in a kernel
+# What an expression is in a kernel
 
 
 @dataclass
 class Statements:
-    """Statements of restricted Python that compute expressions; `texts` replace the names in these."""
+    """Statements of restricted Python that compute expressions; `texts` stand for the names in these."""
 
     texts: Mapping[str, str]
     lines: list[str] = field(default_factory=list)
     count: int = 0
 
     def of(self, node: ast.expr) -> str:
-        """Return a name or an expression for the value, after adding the statements that it needs."""
+        """A name or an expression for the value, behind the statements that it needs."""
         match node:
             case ast.Constant(value=value):
                 return repr(float(value))  # type: ignore[arg-type]
@@ -310,7 +311,7 @@ class Statements:
         raise AssertionError("the tree was checked")
 
     def _power(self, base: ast.expr, power: int) -> str:
-        """Return a power as a product."""
+        """A power as a product."""
         if power == 0:
             return "1.0"
         product = " * ".join([self._named(self.of(base))] * abs(power))
@@ -323,7 +324,7 @@ class Statements:
         return letter
 
     def _named(self, text: str) -> str:
-        """Return a short text itself, otherwise the name of a variable that is computed once."""
+        """The text where it is short, else the name of what is computed once."""
         if re.fullmatch(r"[\w.]+(\[[\w +]+\])?", text):
             return text
         letter = self._new()
@@ -335,19 +336,19 @@ class Statements:
         return f"part_{self.count}"
 
 
-# An expression on a page
+# What an expression is on a page
 
 ATOM, POWER, FACTOR, NEGATIVE, SUM = 4, 3, 2, 1, 0
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def expression_notation(tree: ast.expr, texts: Mapping[str, str]) -> str:
-    """Return the expression in the notation of `trihedron.tools.document.notation`, with a text for each name."""
+    """The expression in the notation of `trihedron.tools.document.notation`, with a text for each name."""
     return _typeset(tree, texts)[0]
 
 
 def _typeset(node: ast.expr, texts: Mapping[str, str]) -> tuple[str, int]:
-    """Return the text and its binding strength."""
+    """The text and how strongly it binds."""
 
     def bound(part: ast.expr, least: int) -> str:
         text, level = _typeset(part, texts)

@@ -1,4 +1,4 @@
-"""The definition of an effect: a piece of physics that the nominal model leaves out."""
+"""What an effect is: a piece of physics that the nominal model leaves out."""
 
 import inspect
 import math
@@ -20,7 +20,7 @@ ACCELEROMETERS = ("accelerometer-1", "accelerometer-2", "accelerometer-3")
 AXES = ("outer-axis", "inner-axis")
 GYRO_BLOCK = "gyro-block"
 LONGEST_NAME = 40
-"""Largest number of characters of a law in the name of a variable."""
+"""So many characters of a law stand in the name of a variable."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class EffectPlace:
     where : str
         "accelerometer-1" to "-3", "outer-axis", "inner-axis", "base", "position-N", "gyro-block", "attitude-computer"
     order : int or None
-        order of a harmonic
+        of a harmonic
     axes : tuple of int
-        accelerometers (1 to 3) whose inputs or readings take part
+        the accelerometers (1 to 3) whose inputs or readings take part
     law : str
-        law of an effect outside every catalogue: its table or its formula, from which the effect is made
+        of an effect that no catalogue can list: its table or its formula, from which the effect is made
     """
 
     effect: str
@@ -71,7 +71,7 @@ class EffectPlace:
 
     @property
     def entry(self) -> dict[str, object]:
-        """Entry in scenarios and results: ``effect``, ``where``, and optional ``order``, ``axes``, ``law``."""
+        """As scenarios and results write it: ``effect``, ``where``, where it has them ``order``, ``axes``, ``law``."""
         written: dict[str, object] = {"effect": self.effect, "where": self.where}
         if self.order is not None:
             written["order"] = self.order
@@ -83,7 +83,7 @@ class EffectPlace:
 
 
 def name_of_law(law: str) -> str:
-    """Return a name of the letters, digits and underscores of a law, unique to this law."""
+    """A name of the letters, digits and underscores of a law, and of no other law."""
     words = "_".join(re.findall(r"[a-z][a-z0-9]*", law.lower()))
     return f"{words[:LONGEST_NAME]}_{zlib.crc32(law.encode()):08x}"
 
@@ -95,11 +95,11 @@ class EffectParameter:
     Attributes
     ----------
     name, unit, description : str
-        as in the FMU and in the diagnosis
+        as they stand in the FMU and in the diagnosis
     largest : float
-        largest possible absolute value
+        the largest absolute value that is called possible
     smallest : float or None
-        least possible value; by default `largest` with a minus
+        the least value that is called possible; by default `largest` with a minus
     """
 
     name: str
@@ -110,20 +110,20 @@ class EffectParameter:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Least and largest possible value."""
+        """The least and the largest possible value."""
         if self.smallest is None:
             return -self.largest, self.largest
         return self.smallest, self.largest
 
     def possible(self, value: float) -> bool:
-        """Return True if a value is possible, to rounding."""
+        """Whether a value is within the possible ones, to rounding."""
         room, (low, high) = 1e-9 * self.largest, self.range
         return low - room <= value <= high + room
 
 
 Parameters = EffectParameter | tuple[EffectParameter, ...]
 Sentence = Callable[[EffectPlace, Mapping[str, float]], str]
-"""Place, values of the parameters by name -> sentence for an engineer."""
+"""Place, values of the parameters by name -> what an engineer is told."""
 
 
 RATES = {"RATE", "ANGULAR_ACCELERATION"}
@@ -132,7 +132,7 @@ RATES = {"RATE", "ANGULAR_ACCELERATION"}
 
 @cache
 def constants_of(kernel: Callable[..., None] | None) -> frozenset[str]:
-    """Return the names of the constants that a kernel reads, with those of the kernels that it calls."""
+    """Names of the constants that a kernel reads, with those of the kernels that it calls."""
     if not inspect.isfunction(kernel):
         return frozenset()
     names = set(kernel.__code__.co_names)
@@ -143,13 +143,13 @@ def constants_of(kernel: Callable[..., None] | None) -> frozenset[str]:
 
 @cache
 def whole_numbers(kernel: Callable[..., None] | None) -> tuple[str, ...]:
-    """Return the names of a kernel's whole-number arguments; none without a kernel."""
+    """Names of the arguments of a kernel that are whole numbers; none where there is no kernel."""
     arguments = inspect.signature(kernel).parameters.values() if kernel else ()
     return tuple(a.name for a in arguments if a.annotation in (int, "int"))
 
 
 KEEPING = "kept_effects"
-"""Hook in which a component updates the memory of effects."""
+"""The hook in which a component keeps what effects need of the past."""
 
 
 @dataclass(frozen=True)
@@ -161,51 +161,50 @@ class Effect:
     name : str
         as in the contracts
     places : tuple of EffectPlace
-        possible places
+        where it can sit
     parameters : tuple of EffectParameter
-        its parameters
     sentence : callable
-        place, values of the parameters -> sentence for an engineer
+        place, values of the parameters -> what an engineer is told
     component : str or None
-        component that its kernel extends; None without a kernel
+        the component that its kernel extends; None where an effect has no kernel
     stage : str or None
-        hook of that component's model that the kernel joins
+        the hook of that component's model that the kernel joins
     kernel : callable or None
         restricted Python: ``kernel(context, values, *whole numbers of the place, *parameters, added)``
     within : str or None
-        name of the baseline whose model contains this effect already, so that it adds nothing there
+        name of the baseline whose model holds this effect already, so that it can add nothing there
     columns : callable or None
-        for a linear effect that the kernel called with columns does not describe: place, rows -> (N, ports, K), the
-        change by a unit of each coefficient at its stage
+        of a linear effect of which the kernel called with columns does not say it: place, rows -> (N, ports, K), what a
+        unit of each coefficient adds at its stage
     variants : callable or None
-        for an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act
+        of an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act
     degree : int
-        degree in the inputs: readings determine the inputs only up to the factor 1 − Δg/g, and a coefficient of this
-        degree up to a power of it
+        in the inputs: readings tell the inputs only up to the factor 1 − Δg/g, and a coefficient of this degree up to
+        a power of it
     untold : callable or None
-        for a linear effect of one coefficient that depends on a quantity that a record may not show: place, rows -> (N,
-        3), the possible difference of a reading [g] per unit of the coefficient where it is unknown. The signature
-        vanishes there
+        of a linear effect of one coefficient that depends on what a record may not tell: place, rows -> (N, 3): by how
+        much a reading [g] may differ per unit of the coefficient where it is not told. The signature vanishes there
     formula : str
-        its formula for people: names of its parameters, {p} (accelerometer or position), {i}, {j} (axes), {angle} and
-        {order} in braces (`trihedron.tools.document.notation`); empty if the sentence is enough
+        what it adds, for people: names of its parameters, {p} (accelerometer or position), {i}, {j} (axes), {angle} and
+        {order} stand in braces (`trihedron.tools.document.notation`); empty where the sentence says it all
     open_argument : callable or None
-        place, rows -> (N, 3): possible difference of a reading [g] per unit of the size of the coefficients, within the
-        known range of the quantity on which the effect depends; None if that is exact
+        place, rows -> (N, 3): by how much a reading [g] may differ per unit of the size of the coefficients, within
+        what is told of the quantity that the effect depends on; None where that is exact
     memory : callable or None
-        restricted Python: the component's memory for the effect, called once a step by its hook `kept_effects`, like
-        the kernel by its stage's
+        restricted Python: what the component keeps for the effect, called once a step by its hook `kept_effects`, as
+        the kernel is by its stage's
     of_place : callable or None
-        place -> the effect there, if parameters and kernel differ between the places; raises ValueError for a wrong law
+        place -> the effect there, where parameters and kernel differ between the places; a ValueError where the
+        place's law is none
     searched : ONSET, TIME_CONSTANT or None
-        kind of its last parameter [h], if a diagnosis searches that number: the time from which the effect acts, or the
-        time constant T of e^(-t/T), with a memory that of the lag of the temperature. The others are linear
+        what its last parameter [h] is, where a diagnosis searches that number: the time from which the effect acts, or
+        the time constant T of e^(-t/T), with a memory that of the lag of the temperature. The others are linear
         coefficients
     contains : tuple of str
-        names of effects at the same place that equal it for some values of its parameters: if one of them stands, it is
-        not a rival
+        names of effects at the same place that it can be, with some values of its parameters: where one of them
+        stands, it is no rival
     rounds : bool
-        True if readings come in whole steps, which no derivative shows
+        readings come in whole steps, which no derivative tells
     """
 
     name: str
@@ -229,57 +228,53 @@ class Effect:
     searched: str | None = None
 
     def at(self, place: EffectPlace) -> "Effect":
-        """Return the effect as it is at one of its places."""
+        """The effect as it is at one of its places."""
         return self if self.of_place is None else self.of_place(place)
 
     @property
     def of_law(self) -> bool:
-        """True if it is made from the law of its place: it has no places of its own, and no search tries it."""
+        """Whether it is made from the law of its place: it has no places of its own, and no search tries it."""
         return not self.places and self.of_place is not None
 
     @property
     def linear(self) -> bool:
-        """True if it is linear in all of its parameters: it has no variants, and no number is searched."""
+        """Whether it is linear in all of its parameters: it has no variants, and no number is searched."""
         return self.variants is None and self.searched is None
 
     @property
     def linear_parameters(self) -> tuple[EffectParameter, ...]:
-        """Parameters that the linear coefficients give, for an effect without variants."""
+        """The parameters of an effect without variants that its linear coefficients give."""
         if self.searched is None:
             return self.parameters
         return self.parameters[:-1]
 
     @property
     def in_motion(self) -> bool:
-        """True if no record of rests shows it: it acts on gyros or their increments, or depends on rates."""
+        """Whether no record of rests shows it: it acts on gyros or their increments, or depends on rates."""
         return self.component in ("GyroBlock", "AttitudeComputer") or bool(constants_of(self.kernel) & RATES)
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Attributes of the rows that the effect needs: ("temperature",) or none."""
+        """Attributes of the rows without which the effect cannot be tried: ("temperature",) or none."""
         constants = constants_of(self.kernel) | constants_of(self.memory)
         return ("temperature",) if "TEMPERATURE" in constants else ()
 
     @property
     def turns_table(self) -> bool:
-        """True if it is linear and acts on the table, by small turns behind the encoders or by errors of these."""
+        """Whether it is linear and acts on the table, by small turns behind the encoders or by errors of these."""
         return self.component == "TurntableMotion" and self.linear
 
     def signature(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
-        """Return the change of readings (N, 3, K) [g, rad/s] by each coefficient.
+        """How readings (N, 3, K) [g, rad/s] change with each coefficient; TypeError where the effect is not linear.
 
-        For an effect on the table `columns.ports` has its additions, and an observation their consequence for readings
-        or turns. Raises TypeError if the effect is not linear.
+        Of an effect on the table `columns.ports` says what it adds, an observation what that does to readings or turns.
         """
         if self.variants is not None:
             raise TypeError(f"{place.title} is not linear: it has variants, no signature")
         return columns.signature(self, place, rows)
 
     def from_coefficients(self, coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-        """Return values of the linear parameters, amplitude and phase of each harmonic.
-
-        Raises TypeError if the effect is not linear.
-        """
+        """Values of the linear parameters, amplitude and phase of each harmonic; TypeError where it is not linear."""
         if self.variants is not None:
             raise TypeError("an effect that is not linear has values for each of its variants")
         values = [float(value) for value in coefficients]
@@ -290,13 +285,13 @@ class Effect:
         return tuple(values)
 
     def kernel_at(self, stage: str) -> Callable[..., None] | None:
-        """Return its kernel that joins a hook of the component: at its stage, or for its memory."""
+        """Its kernel that joins a hook of the component: at its stage, or where the component keeps what it needs."""
         return self.kernel if stage == self.stage else self.memory if stage == KEEPING else None
 
     def place_numbers(self, place: EffectPlace) -> tuple[int, ...]:
-        """Return the whole-number arguments of the kernel at a place, by their names.
+        """The whole numbers that the kernel takes at a place, by their names.
 
-        ``p`` and ``axis`` are the place, ``order`` is that of a harmonic, others are the axes in turn; all except the
+        ``p`` and ``axis`` are where it sits, ``order`` is that of a harmonic, others are the axes in turn; all but the
         order count from 0.
         """
         axes = iter(place.axes)
@@ -309,26 +304,26 @@ CATALOGUE: dict[str, Effect] = {}
 
 
 def accelerometer_column(place: EffectPlace, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return values (N, K), or (N,), as additions to the readings of one accelerometer (N, 3, K)."""
+    """Return what adds values (N, K), or (N,), to the readings of one accelerometer (N, 3, K)."""
     return at_port(3, place.index, values.reshape(len(values), -1))
 
 
 def at_port(size: int, port: int, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return values (N, K) as additions to one of several ports (N, size, K)."""
+    """Return what adds values (N, K) to one of several ports (N, size, K)."""
     added = np.zeros((len(values), size, values.shape[1]))
     added[:, port] = values
     return added
 
 
 ARCSECONDS = math.degrees(1.0) * 3600.0
-"""Arcseconds in a radian."""
+"""In a radian."""
 
 
 def said(template: str) -> Sentence:
-    """Return a sentence with the values of the parameters by their names; {amplitude_arcsec} is one in arcseconds.
+    """A sentence with the values of the parameters by their names; {amplitude_arcsec} is one in arcseconds.
 
-    {p} is the accelerometer, {i} and {j} are the axes of the place, {axis} is the place in words, {times} the number of
-    periods in a turn.
+    {p} is the accelerometer, {i} and {j} are the axes of the place, {axis} is where it sits in words, {times} how often
+    in a turn.
     """
 
     def say(place: EffectPlace, values: Mapping[str, float]) -> str:

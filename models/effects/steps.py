@@ -1,9 +1,9 @@
-"""Effects that change once, at a time that a diagnosis searches.
+"""What changes once, at a time that a diagnosis searches.
 
 bias_step, scale_step
-    the bias, the scale factor of an accelerometer changes at a time
+    the bias, the scale factor of an accelerometer is another one from a time on
 mounting_slip
-    the block turns on the table, so that its mounting error changes at a time
+    the block turns on the table, so that its mounting error is another one from a time on
 """
 
 from ..restricted import HOURS, Vector

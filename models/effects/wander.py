@@ -1,7 +1,7 @@
 """A bias that wanders: any function of time, by its values at times between which it is straight.
 
-It does not model a process: any bias with bounded increments is near to such a function. It contains a bias's drift,
-step, warm-up and dependence on temperature.
+It is no model of a process: whatever the bias does, with bounded increments, is near to such a function. It contains
+what a drift, a step, a warm-up and a temperature can do to a bias.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,10 +17,9 @@ LARGEST_OF_BIAS = 1e-1
 
 @cache
 def wander_at(place: EffectPlace) -> Effect:
-    """Return the wander of an accelerometer's bias by the times of its place's law.
+    """The wander of an accelerometer's bias by the times of its place's law; a ValueError says what would be right.
 
-    Its parameters are the values at all knots except the first, where the bias is the nominal one. Raises ValueError
-    with the correct form.
+    Its parameters are the values at all knots but the first, where the bias is the nominal one.
     """
     table = Table.of(place.law)
     if place.where not in ACCELEROMETERS or (table.quantity, table.kind, table.factor) != ("hours", "at", ""):
@@ -43,7 +42,7 @@ def wander_at(place: EffectPlace) -> Effect:
 
 
 def _kernel(place: EffectPlace, table: Table) -> Callable[..., None]:
-    """Return the kernel of the table of a place's law, zero at its first knot."""
+    """The kernel of the table of a place's law, zero at its first knot."""
     p, values = place.index, ""
     for k in range(2, len(table.knots) + 1):
         values += f"value_{k}: float, "
@@ -56,7 +55,7 @@ def _kernel(place: EffectPlace, table: Table) -> Callable[..., None]:
 
 
 def wander_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
-    """Return the range of the bias, and its fastest change an hour, in a sentence."""
+    """Over how much the bias wanders, and by how much an hour at most."""
     changes = (0.0, *values.values())
     steps = zip(pairwise(Table.of(place.law).knots), pairwise(changes), strict=True)
     fastest = max(abs(high - low) / (after - before) for (before, after), (low, high) in steps)

@@ -1,4 +1,4 @@
-"""Sessions with one change between two rows, unknown to the product."""
+"""Sessions with one change between two rows, of which the product is not told."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from generator import SIGMA
+from generator.effects import Sized
 from generator.positions import Session, errors
 from trihedron.tools.records import PositionRecord
 
@@ -69,6 +70,36 @@ def joined_readings(session: Session, stands: list[Any], rows: list[int]) -> np.
     for stand, row in zip(stands, rows, strict=True):
         reading[row:] = replace(session, stand=stand).read()[1][row:]
     return reading
+
+
+@dataclass(frozen=True)
+class TwoThings:
+    """A record with a break before a row (from 1), and with another break, a wrong row, or an effect beside it."""
+
+    record: PositionRecord
+    before_row: int
+    further_row: int
+
+
+def two_things(
+    seed: int, groups: tuple[str, ...], count: int = 48, hidden: tuple[Sized, ...] = (), *, wrong_row: bool = False
+) -> TwoThings:
+    """A record of a drawn session with one or two breaks, effects, and a row that was disturbed."""
+    rng = np.random.default_rng([seed, count, 50])
+    session = Session.drawn(rng, count)
+    rows = np.sort(rng.choice(np.arange(count // 6, count - count // 6), 2, replace=False))
+    stands, stand = [], session.stand
+    for group in groups:
+        stand = changed(stand, group, sizes(rng, NUMBERS.get(group, 1), 8.0), rng)
+        stands.append(stand)
+    reading = joined_readings(session, stands, rows[: len(groups)].tolist())
+    angles, with_effects = session.read(hidden)
+    reading += with_effects - session.read()[1]
+    if wrong_row:
+        reading[rows[1]] += SIGMA * rng.choice([-1.0, 1.0], 3) * rng.uniform(10.0, 30.0, 3)
+    # Errors within nine tenths of the bound: what effects and breaks do to each other is left out.
+    record = session.recorded(angles, reading + 0.9 * errors(rng, count)[0])
+    return TwoThings(record, int(rows[0]) + 1, int(rows[1]) + 1)
 
 
 def broken_record(seed: int, group: str, count: int = 48, size: float = 6.0, row: int | None = None) -> Broken:

@@ -18,7 +18,7 @@ from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
 from ..rounding import exactly
-from ..sieve import Simple, simple_faults, too_small_bounds
+from ..sieve import LEAST_OF_TWO, Simple, joint_faults, simple_faults, tells_two_things, too_small_bounds
 from .beyond import Beyond, keys_of
 from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, finding_of
 from .dependence import Dependence, Proven, Standing, Suffices, dependence, residual_structure
@@ -165,7 +165,7 @@ class Procedure:
             return self._result("insufficient", self.missing)
         if not self.evidence.model.falsified:
             return self._of_model_that_stands()
-        return self._of_list() if self.simple else self._of_physics()
+        return self._of_list() if self.faults else self._of_physics()
 
     # Falsify
 
@@ -206,6 +206,17 @@ class Procedure:
         return tuple(sorted(simple_faults(self.evidence), key=lambda fault: (fault.numbers, fault.radius)))
 
     @cached_property
+    def faults(self) -> tuple[Simple, ...]:
+        """The simple faults, or, where neither one of them nor an effect or a function does, pairs of them."""
+        if self.simple or self.objections or not tells_two_things(self.evidence):
+            return self.simple
+        if self.dependence is not None and (self.dependence.least or math.inf) < LEAST_OF_TWO:
+            return ()
+        if search(self.evidence.model, largest=1).fits:
+            return ()
+        return tuple(sorted(joint_faults(self.evidence), key=lambda fault: (fault.numbers, fault.radius)))
+
+    @cached_property
     def objections(self) -> tuple[str, ...]:
         """Why nothing is searched for."""
         return (*self.evidence.reader.objections(), *self._read_off)
@@ -216,9 +227,9 @@ class Procedure:
         if self.objections:
             return Found(())
         largest = MAX_SET
-        if self.simple:
+        if self.faults:
             # Larger sets need more numbers than the simplest fault: no rivals of it.
-            largest = min(MAX_SET, max(1, (self.simple[0].numbers + 1 + FURTHER) // (1 + FURTHER)))
+            largest = min(MAX_SET, max(1, (self.faults[0].numbers + 1 + FURTHER) // (1 + FURTHER)))
         return search(self.evidence.model, progress=self.progress, most_work=self.most_work, largest=largest)
 
     @cached_property
@@ -303,7 +314,7 @@ class Procedure:
 
     def _of_list(self) -> Diagnosis:
         """What follows from one list of simple faults of the record, effects, and functions of a quantity."""
-        faults = self.simple
+        faults = self.faults
         first, least = faults[0], faults[0].numbers
         close = [fault for fault in faults if fault.numbers <= least + 1]
         findings = [finding for finding in self._of_effects if complexity_of(finding.fit.places) <= least + 1]
@@ -350,7 +361,7 @@ class Procedure:
     def _of_functions(self) -> Sequence[Standing]:
         """Functions of one quantity with which the record stands, the least complex first; of time no break is one."""
         standing = () if self.dependence is None else self.dependence.standing
-        broken = {fault.where for fault in self.simple if fault.kind == "break"}
+        broken = {fault.where for fault in self.faults if fault.kind == "break"}
         return [one for one in standing if one.pair.quantity != "hours" or (one.pair.where,) not in broken]
 
     def _of_physics(self) -> Diagnosis:

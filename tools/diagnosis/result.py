@@ -131,7 +131,8 @@ def causes_of_simple(simple: Simple) -> tuple[Cause, ...]:
     """The effects beside a simple fault, with what is stated of them."""
     if simple.fit is None:
         return ()
-    return causes_of(simple.evidence, centred(simple.evidence, simple.fit))
+    causes = causes_of(simple.evidence, centred(simple.evidence, simple.fit))
+    return tuple(cause for cause in causes if not simple.beside or cause.place in simple.beside)
 
 
 class NextPosition(TypedDict):

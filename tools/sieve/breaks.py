@@ -1,6 +1,6 @@
 """A break: something of bench or block changes once, between two rows."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,7 +11,7 @@ from ...models.effects import EffectPlace, Rows
 from ...models.effects.columns import is_inner_axis
 from ...models.effects.definition import ACCELEROMETERS, AXES
 from ...models.effects.mounting import MOUNTING
-from ..bounded.programmes import column_space
+from ..bounded.programmes import Interval, column_space
 from ..bounded.sets import EffectSet, Problem, Work, linear_radius, sets_of_size
 from ..calibrated import Calibration
 from ..evidence.bench import Bench, BenchReader
@@ -30,6 +30,8 @@ MOST_SLACK = 2.0
 """The linear model, about a fit to most of the rows, may be wrong by so many bounds at most."""
 MOST_EXACT = 6
 """So many gaps in a row, the most promising first, are fitted without success."""
+MANY_ROWS, FEWEST_OF_FEW = 24, 4
+"""Of fewer rows in all a break needs so many on each side."""
 FROM_THE_FIRST = -1.0
 """A time [h] before every record."""
 ROW = 4
@@ -102,8 +104,8 @@ class Group:
         return tuple(part.jumping(hours) for part in self.parts)
 
 
-def groups_of(rows: Rows, listed: Collection[str]) -> tuple[Group, ...]:
-    """The groups, those of fewest numbers first, but for those that are effects of the catalogue that are `listed`."""
+def groups_of(rows: Rows) -> tuple[Group, ...]:
+    """The groups, those of fewest numbers first."""
     groups = [Group(f"the bias of accelerometer {p}", (BIASES[p - 1],), SWITCHED, "bias-step") for p in (1, 2, 3)]
     groups += [Group(f"the scale factor of accelerometer {p}", (SCALES[p - 1],), "", "scale-step") for p in (1, 2, 3)]
     inner, same = "the zero of the inner axis", []
@@ -119,7 +121,7 @@ def groups_of(rows: Rows, listed: Collection[str]) -> tuple[Group, ...]:
     groups.append(Group("the scale factors", SCALES, ""))
     groups.append(Group("the mounting", ANGLES, PUT_BACK, "mounting-slip"))
     groups.append(Group("the biases and the mounting", BIASES + ANGLES, PUT_BACK))
-    return tuple(group for group in groups if group.catalogued not in listed)
+    return tuple(groups)
 
 
 def breaks(evidence: Evidence) -> tuple[Simple, ...]:
@@ -133,7 +135,7 @@ def breaks(evidence: Evidence) -> tuple[Simple, ...]:
             continue
         if fits := search.standing(group):
             contained.append(group)
-            found.append(search.simple(group, fits))
+            found.append(search.simple([group], fits))
     return tuple(found)
 
 
@@ -158,6 +160,48 @@ class Gap:
 
 
 @dataclass(frozen=True, eq=False)
+class Standing:
+    """Gaps, one of each break, and the fit with which the exact model stands."""
+
+    gaps: tuple[Gap, ...]
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What is wrong beside breaks: effects of the simulation, or a row that is wrong."""
+
+    effects: tuple[EffectPlace, ...] = ()
+    rows: tuple[int, ...] = ()
+
+    @property
+    def numbers(self) -> int:
+        """Numbers of both, and one more for each."""
+        numbers = (ROW + 1) * len(self.rows)
+        for place in self.effects:
+            numbers += len(place.definition.parameters) + (place.order is not None) + 1
+        return numbers
+
+    @property
+    def where(self) -> tuple[str, ...]:
+        """Their places."""
+        return (*(place.where for place in self.effects), *(f"row-{row}" for row in self.rows))
+
+    def sentences(self, values: Sequence[Sequence[float]], ends: Sequence[Sequence[Interval]]) -> Iterator[str]:
+        """What they are, in words, with the sizes of the effects and what is possible of these."""
+        for place, sizes, intervals in zip(self.effects, values, ends, strict=False):
+            stated = {}
+            for parameter, size, (low, high) in zip(place.definition.parameters, sizes, intervals, strict=True):
+                stated[parameter.name] = Stated(size, low, high)
+            yield f"Beside that {place.definition.sentence(place, stated)}."
+        for row in self.rows:
+            yield f"Beside that row {row} is wrong."
+
+
+ALONE = Beside()
+
+
+@dataclass(frozen=True, eq=False)
 class Search:
     """The search for breaks in the rows of a bench, linear about a fit in which rows that misfit have little weight."""
 
@@ -174,10 +218,20 @@ class Search:
         """What signatures see at that fit."""
         return self.model.readings.rows(self.point)
 
+    @cached_property
+    def listed(self) -> frozenset[str]:
+        """Effects of the catalogue that the record can show."""
+        return frozenset(place.effect for place in self.model.places)
+
+    @property
+    def every_group(self) -> tuple[Group, ...]:
+        """What may change together."""
+        return groups_of(self.rows)
+
     @property
     def groups(self) -> tuple[Group, ...]:
-        """What may change together."""
-        return groups_of(self.rows, {place.effect for place in self.model.places})
+        """The same but for what the catalogue has as effects: they are sought there."""
+        return tuple(group for group in self.every_group if group.catalogued not in self.listed)
 
     @cached_property
     def order(self) -> NDArray[np.int_]:
@@ -193,7 +247,8 @@ class Search:
     def gaps(self) -> list[Gap]:
         """All gaps with enough rows on each side."""
         hours, gaps = self.hours[self.order], []
-        for after in range(FEWEST_ROWS, len(hours) - FEWEST_ROWS + 1):
+        fewest = FEWEST_ROWS if len(hours) >= MANY_ROWS else FEWEST_OF_FEW
+        for after in range(fewest, len(hours) - fewest + 1):
             if hours[after] > hours[after - 1]:
                 gaps.append(Gap(after - 1, after, float(0.5 * (hours[after] + hours[after - 1]))))
         return gaps
@@ -237,17 +292,17 @@ class Search:
             radii[number] = linear_radius(problem, EffectSet((number,)))
         return [self.gaps[number] for number in sorted(radii, key=lambda number: radii[number])]
 
-    def standing(self, group: Group) -> list[tuple[Gap, Fit]]:
+    def standing(self, group: Group) -> list[Standing]:
         """Gaps at which the exact model stands with a change, with its fits, the least radius first."""
         standing, failed = [], 0
         for gap in self.promising(group):
             fit = self.fitted(group.jumping(gap.hours))
             if fit is not None:
-                standing.append((gap, fit))
+                standing.append(Standing((gap,), fit))
             failed += fit is None
             if failed == MOST_EXACT:
                 break
-        return sorted(standing, key=lambda gap_and_fit: gap_and_fit[1].radius)
+        return sorted(standing, key=lambda one: one.fit.radius)
 
     def fitted(self, places: Sequence[EffectPlace]) -> Fit | None:
         """The exact model with a change; None where it does not stand."""
@@ -257,47 +312,61 @@ class Search:
             return None
         return fit if fit.radius <= self.model.limit else None
 
-    def simple(self, group: Group, standing: Sequence[tuple[Gap, Fit]]) -> Simple:
-        """A break as a fault of the record."""
-        (gap, best), *others = standing
-        fit = replace(best, also=tuple(fit for _, fit in others)).centred(self.model.room)
-        intervals, change, ends = fit.intervals(self.model.room), {}, {}
-        for part, (value,), ((low, high),) in zip(group.parts, fit.values(), intervals, strict=True):
-            change[part.key], ends[part.key] = min(max(value, low), high), (low, high)
-        first, last = min(gap.before for gap, _ in standing), max(gap.after for gap, _ in standing)
-        sentence = f"{self.between(first, last)} {group.words} changed by {said(group, change, ends)}; "
-        sentence += f"before and after one bench fits. {group.supposed}"
-        beyond = min(gap.after, len(self.hours) - gap.after)
-        numbers = group.numbers
-        if 2 * len(group.parts) >= 3 * beyond:
-            # So few rows at an end say hardly more than the change has numbers: they may be wrong themselves.
-            numbers = max(numbers, ROW * beyond)
-        reader = BrokenReader(self.model, fit)
-        is_bound = self.model.calibration.sigma.kind == "bound"
+    def simple(self, groups: Sequence[Group], standing: Sequence[Standing], beside: Beside = ALONE) -> Simple:
+        """Breaks of some groups, with what is beside them, as a fault of the record; the best of some gaps first."""
+        best, *others = standing
+        fit = replace(best.fit, also=tuple(one.fit for one in others)).centred(self.model.room)
+        values, intervals = list(fit.values()), list(fit.intervals(self.model.room))
+        change: dict[str, float] = {}
+        ends: dict[str, tuple[float, float]] = {}
+        sentences, numbers = [], beside.numbers + len(groups) - 1
+        for k, (group, gap) in enumerate(zip(groups, best.gaps, strict=True)):
+            sizes = []
+            ending = f"_from_row_{self.row_after(gap)}" if k else ""
+            for part in group.parts:
+                (value,), ((low, high),) = values.pop(0), intervals.pop(0)
+                sizes.append(Stated(min(max(value, low), high), low, high))
+                change[part.key + ending], ends[part.key + ending] = float(sizes[-1]), (low, high)
+            first = min(one.gaps[k].before for one in standing)
+            last = max(one.gaps[k].after for one in standing)
+            between = f"Between rows {self.order[first] + 1} and {self.order[last] + 1}"
+            sentence = f"{between} {group.words} changed by {said(group, sizes)}"
+            sentences.append(f"{sentence}{'' if k else '; before and after one bench fits'}. {group.supposed}".strip())
+            numbers += self.numbers_of(group, gap)
+        reader, gap = BrokenReader(self.model, fit), best.gaps[0]
         return Simple(
             kind="break",
             numbers=numbers,
-            where=group.where,
-            sentence=sentence.strip(),
-            radius=best.radius,
+            where=tuple(dict.fromkeys(place for group in groups for place in group.where)) + beside.where,
+            sentence=" ".join([*sentences, *beside.sentences(values, intervals)]),
+            radius=best.fit.radius,
             evidence=Evidence.of(reader, self.evidence.source),
+            rows=beside.rows,
             change=change,
-            within=ends if is_bound else {},
-            before_row=int(self.order[gap.after]) + 1,
+            within=ends if self.model.calibration.sigma.kind == "bound" else {},
+            before_row=self.row_after(gap),
             time_s=float(self.model.readings.circumstances.began + 3600.0 * gap.hours),
+            fit=fit if beside.effects else None,
+            beside=beside.effects,
         )
 
-    def between(self, first: int, last: int) -> str:
-        """Between which rows, as in the file."""
-        return f"Between rows {self.order[first] + 1} and {self.order[last] + 1}"
+    def numbers_of(self, group: Group, gap: Gap) -> int:
+        """Numbers of a break; at an end of the record as many as those of the rows there, where these do as well."""
+        beyond = min(gap.after, len(self.hours) - gap.after)
+        if 2 * len(group.parts) >= 3 * beyond:
+            return max(group.numbers, ROW * beyond)
+        return group.numbers
+
+    def row_after(self, gap: Gap) -> int:
+        """The first row after a gap, as in the file."""
+        return int(self.order[gap.after]) + 1
 
 
-def said(group: Group, change: dict[str, float], ends: dict[str, tuple[float, float]]) -> str:
-    """The changes in words, each with its unit."""
+def said(group: Group, sizes: Sequence[Stated]) -> str:
+    """Changes in words, each with its unit."""
     by_unit: dict[str, list[str]] = {}
-    for part in group.parts:
-        value = Stated(change[part.key], *ends[part.key])
-        by_unit.setdefault(part.unit, []).append(f"{value:+.3g}")
+    for part, size in zip(group.parts, sizes, strict=True):
+        by_unit.setdefault(part.unit, []).append(f"{size:+.3g}")
     texts = []
     for unit, values in by_unit.items():
         text = values[0] if len(values) == 1 else f"({', '.join(values)})"

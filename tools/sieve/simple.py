@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from ...models.effects import EffectPlace
 from ..calibrated import Calibration
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
@@ -38,6 +39,8 @@ class Simple:
         where a break lies
     fit : Fit or None
         effects beside the fault, fitted to its evidence
+    beside : tuple of EffectPlace
+        of a fit that holds the fault itself, too: the effects beside it
     """
 
     kind: KindOfFault
@@ -52,6 +55,7 @@ class Simple:
     before_row: int | None = None
     time_s: float | None = None
     fit: Fit | None = None
+    beside: tuple[EffectPlace, ...] = ()
 
 
 def calibration_of(simple: Simple) -> Calibration:

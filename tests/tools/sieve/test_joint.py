@@ -1,0 +1,66 @@
+"""Two breaks, a break and an effect, a break and a wrong row: both are named where one does not do."""
+
+import pytest
+
+from diagnoses import diagnosed
+from generator.broken import two_things
+from trihedron.models.effects import EffectPlace
+
+QUADRATIC = EffectPlace("quadratic", "accelerometer-1")
+PRODUCT = EffectPlace("cross-product", "accelerometer-3", axes=(1, 2))
+LONG = pytest.mark.acceptance
+
+
+@pytest.mark.parametrize(
+    ("seed", "groups", "count"),
+    [
+        (1, ("outer zero", "biases"), 48),
+        (2, ("bias", "bias"), 36),
+        pytest.param(3, ("scale factors", "inner zero"), 100, marks=LONG),
+        pytest.param(4, ("mounting angle", "outer zero"), 48, marks=LONG),
+        pytest.param(5, ("mounting", "bias"), 60, marks=LONG),
+    ],
+)
+def test_two_breaks_are_named(seed, groups, count):
+    two = two_things(seed, groups, count)
+    result = diagnosed(two.record)
+    first = result.explanations[0]
+    assert (result.verdict, first.kind, first.before_row) == ("explained", "break", two.before_row)
+    assert f"rows {two.before_row - 1} and {two.before_row} " in first.sentence
+    assert f"rows {two.further_row - 1} and {two.further_row} " in first.sentence
+    assert any(key.endswith(f"_from_row_{two.further_row}") for key in first.change)
+
+
+@pytest.mark.parametrize(
+    ("seed", "group", "place", "size"),
+    [
+        (1, "outer zero", QUADRATIC, 1.5e-4),
+        pytest.param(2, "biases", PRODUCT, -2e-4, marks=LONG),
+        pytest.param(3, "inner zero", PRODUCT, 2e-4, marks=LONG),
+    ],
+)
+def test_a_break_and_an_effect_are_named(seed, group, place, size):
+    two = two_things(seed, (group,), 48, ((place, (size,)),))
+    result = diagnosed(two.record)
+    assert result.verdict == "explained", str(result)
+    first, (cause,) = result.explanations[0], result.causes
+    assert (first.kind, first.before_row, cause.place) == ("break", two.before_row, place)
+    (low, high) = cause.intervals[0]
+    assert low <= size <= high
+
+
+@pytest.mark.parametrize(
+    ("seed", "group", "count"),
+    [(1, "biases", 36), pytest.param(2, "mounting angle", 48, marks=LONG), pytest.param(3, "bias", 24, marks=LONG)],
+)
+def test_a_break_and_a_wrong_row_are_named(seed, group, count):
+    two = two_things(seed, (group,), count, wrong_row=True)
+    result = diagnosed(two.record)
+    first = result.explanations[0]
+    assert (result.verdict, first.kind) == ("explained", "break"), str(result)
+    assert (first.before_row, first.rows) == (two.before_row, (two.further_row,))
+
+
+def test_two_effects_are_no_break():
+    two = two_things(7, (), 48, ((QUADRATIC, (1.2e-4,)), (PRODUCT, (1.5e-4,))))
+    assert {cause.place for cause in diagnosed(two.record).causes} == {QUADRATIC, PRODUCT}

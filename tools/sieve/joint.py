@@ -1,0 +1,179 @@
+"""Two things at once: two breaks, a break and an effect, a break and a wrong row."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import EffectPlace
+from ...models.effects.last_stage import place_of
+from ..bounded.sets import CutOff, EffectSet, Problem, Work, linear_radius, sets_of_size
+from ..evidence.bench import Bench
+from ..evidence.bench_visits import is_linear, signature_columns
+from ..evidence.evidence import Evidence
+from .breaks import ALONE, NEAR, Beside, Gap, Group, Search, Standing
+from .simple import Simple
+
+FEWEST_ROWS, MOST_ROWS = 24, 120
+"""Records of fewer rows do not tell two things; of more the pairs are too many."""
+MOST_WORK = 4e6
+"""The work of a search, after which nothing is said."""
+MOST_CANDIDATES = 400
+"""Where more pairs stand in the linear model the record does not tell which it is."""
+MOST_EXACT = 40
+"""So many pairs are fitted exactly, those of fewest numbers first."""
+FARTHER = 2
+"""Pairs that need so many numbers more than the simplest are no rivals."""
+LEAST_OF_TWO = 4
+"""The least numbers that a pair needs."""
+MOST_NUMBERS = 3
+"""Of two breaks each changes so many numbers at most."""
+
+
+Kind = tuple[tuple[Group, ...], Beside]
+"""What changes at each break of a pair, and what is beside them."""
+
+
+def _is_part_of(smaller: Kind, larger: Kind) -> bool:
+    """Whether a pair, not the same, can always do what a smaller one does."""
+    (groups, beside), (wider, beside_wider) = smaller, larger
+    if smaller == larger or beside != beside_wider or len(groups) != len(wider):
+        return False
+    return all(group.is_part_of(other) for group, other in zip(groups, wider, strict=True))
+
+
+@dataclass(frozen=True)
+class Option:
+    """One of two things: a break of a group at a gap, or what is beside one."""
+
+    group: Group | None = None
+    gap: Gap | None = None
+    beside: Beside = ALONE
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two things with which the linear model stands: breaks in the order of time, what is beside them, the radius."""
+
+    groups: tuple[Group, ...]
+    gaps: tuple[Gap, ...]
+    beside: Beside
+    numbers: int
+    radius: float
+
+
+def tells_two_things(evidence: Evidence) -> bool:
+    """Whether pairs are sought: in position records that are long enough to tell, and misfit clearly."""
+    model = evidence.model
+    return isinstance(model, Bench) and model.radius >= NEAR and FEWEST_ROWS <= len(model.readings) <= MOST_ROWS
+
+
+def joint_faults(evidence: Evidence) -> tuple[Simple, ...]:
+    """Pairs of a break and something else with which the model stands, the fewest numbers first."""
+    if not tells_two_things(evidence):
+        return ()
+    try:
+        return Joint(Search(evidence, Work(MOST_WORK))).faults
+    except CutOff:
+        return ()
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """The search for pairs, in which breaks are as the search for one has them."""
+
+    search: Search
+
+    @cached_property
+    def breaks(self) -> tuple[list[Option], list[NDArray[np.float64]]]:
+        """Breaks at every gap, with their columns."""
+        options, columns = [], []
+        for group in self.search.every_group:
+            if len(group.parts) > MOST_NUMBERS:
+                continue
+            for gap, block in zip(self.search.gaps, self.search.columns(group), strict=True):
+                options.append(Option(group, gap))
+                columns.append(block)
+        return options, columns
+
+    @cached_property
+    def others(self) -> tuple[list[Option], list[NDArray[np.float64]]]:
+        """Effects and wrong rows, with their columns."""
+        options, columns, model = [], [], self.search.model
+        for place in model.classes.places:
+            if is_linear(place):
+                options.append(Option(beside=Beside(effects=(place,))))
+                columns.append(signature_columns([place], self.search.rows) / model.rows.bound[:, None])
+        for row in range(len(model.readings)):
+            block = np.zeros((len(model.rows.bound), 3))
+            block[3 * row : 3 * row + 3] = np.eye(3)
+            options.append(Option(beside=Beside(rows=(row + 1,))))
+            columns.append(block)
+        return options, columns
+
+    def standing(self) -> Iterator[Pair]:
+        """Pairs with which the linear model stands."""
+        options, columns = self.breaks
+        others, columns_of_others = self.others
+        yield from self._of([*others, *options], [*columns_of_others, *columns], alike=len(options))
+        yield from self._of(options, columns, alike=0)
+
+    def _of(self, options: Sequence[Option], columns: Sequence[NDArray], alike: int) -> Iterator[Pair]:
+        problem = Problem.of(self.search.problem.residual, self.search.problem.nominal, columns, alike=alike)
+        for chosen in sets_of_size(problem, 2, self.search.slack, 0, self.search.work):
+            first, second = (options[number] for number in chosen.effects)
+            if self._is_one(first, second):
+                yield self._pair(first, second, linear_radius(problem, EffectSet(chosen.effects)))
+
+    def _is_one(self, first: Option, second: Option) -> bool:
+        """Whether two things are a pair: the second a break, not at the same gap as the first."""
+        return second.gap is not None and first.gap != second.gap
+
+    def _pair(self, first: Option, second: Option, radius: float) -> Pair:
+        broken = [option for option in (first, second) if option.gap is not None]
+        broken.sort(key=lambda option: option.gap.hours)
+        groups, gaps = tuple(option.group for option in broken), tuple(option.gap for option in broken)
+        beside = first.beside
+        numbers = beside.numbers + len(groups) - 1
+        for group, gap in zip(groups, gaps, strict=True):
+            numbers += self.search.numbers_of(group, gap)
+        return Pair(groups, gaps, beside, numbers, radius)
+
+    @property
+    def faults(self) -> tuple[Simple, ...]:
+        """The simplest pairs with which the exact model stands; none where too many do."""
+        pairs = []
+        for pair in self.standing():
+            pairs.append(pair)
+            if len(pairs) > MOST_CANDIDATES:
+                return ()
+        pairs.sort(key=lambda pair: (pair.numbers, pair.radius))
+        by_kind: dict[Kind, list[Standing]] = {}
+        least = np.inf
+        for pair in pairs[:MOST_EXACT]:
+            kind = pair.groups, pair.beside
+            if pair.numbers > least + FARTHER or any(_is_part_of(smaller, kind) for smaller in by_kind):
+                continue
+            fit = self.search.fitted(self._places(pair))
+            if fit is not None:
+                least = min(least, pair.numbers)
+                by_kind.setdefault(kind, []).append(Standing(pair.gaps, fit))
+        faults = []
+        for (groups, beside), standing in by_kind.items():
+            if beside.effects and groups[0].catalogued in self.search.listed:
+                # The catalogue's own search names both.
+                continue
+            standing.sort(key=lambda one: one.fit.radius)
+            faults.append(self.search.simple(groups, standing, beside))
+        return tuple(faults)
+
+    def _places(self, pair: Pair) -> tuple[EffectPlace, ...]:
+        places: list[EffectPlace] = []
+        for group, gap in zip(pair.groups, pair.gaps, strict=True):
+            places += group.jumping(gap.hours)
+        places += pair.beside.effects
+        for row in pair.beside.rows:
+            places += [place_of(row, p) for p in (1, 2, 3)]
+        return tuple(places)
