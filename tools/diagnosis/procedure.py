@@ -5,7 +5,7 @@ possible; say what would separate the sets that remain.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -167,6 +167,19 @@ class Procedure:
             return self._of_model_that_stands()
         return self._of_list() if self.faults else self._of_physics()
 
+    @cached_property
+    def _untried(self) -> list[str]:
+        """Stages in which the solver failed."""
+        return []
+
+    def _tried(self, what: str, stage: Callable[[], Any], otherwise: Any) -> Any:
+        """The result of a stage; where the solver fails in it, another one, and the result says so."""
+        try:
+            return stage()
+        except SolverError:
+            self._untried.append(what)
+            return otherwise
+
     # Falsify
 
     @cached_property
@@ -192,7 +205,7 @@ class Procedure:
     @cached_property
     def dependence(self) -> Dependence | None:
         """On what, and where, the misfit depends."""
-        return dependence(self.evidence)
+        return self._tried("functions of one quantity", lambda: dependence(self.evidence), None)
 
     # Search
 
@@ -201,9 +214,9 @@ class Procedure:
         """The simple faults of the record with which the model stands."""
         if self.objections:
             return ()
-        if self.evidence.model.radius < NOTHING_PROVEN:
-            return too_small_bounds(self.evidence)
-        return tuple(sorted(simple_faults(self.evidence), key=lambda fault: (fault.numbers, fault.radius)))
+        kinds = too_small_bounds if self.evidence.model.radius < NOTHING_PROVEN else simple_faults
+        faults = self._tried("faults of the record", lambda: kinds(self.evidence), ())
+        return tuple(sorted(faults, key=lambda fault: (fault.numbers, fault.radius)))
 
     @cached_property
     def faults(self) -> tuple[Simple, ...]:
@@ -277,7 +290,9 @@ class Procedure:
         if dependence is None or dependence.proven is None:
             return {}
         beyond = Beyond(self.evidence, dependence.proven.pair, dependence.proven.form, tuple(fits))
-        return keys_of(beyond, extend=extend, rerun=self.rerun)
+        return self._tried(
+            "what is possible of a function", lambda: keys_of(beyond, extend=extend, rerun=self.rerun), {}
+        )
 
     @cached_property
     def caution(self) -> tuple[str, ...]:
@@ -580,7 +595,8 @@ class Procedure:
             content["causes"] = explanations[0].causes
         if "calibration" not in content:
             content["calibration"] = self.evidence.reader.calibration_of()
-        unsolved = self.found.warnings if self.evidence.model.falsified and not self.missing else ()
+        unsolved = list(self.found.warnings if self.evidence.model.falsified and not self.missing else ())
+        unsolved += [f"not tried, since the solver failed: {what}" for what in dict.fromkeys(self._untried)]
         content["warnings"] = (*self.head.get("warnings", ()), *model_keys.get("warnings", ()), *unsolved)
         return Diagnosis.model_validate({**content, "verdict": verdict})
 
@@ -588,7 +604,7 @@ class Procedure:
     def _power(self) -> Mapping[str, Any]:
         if not self.rerun:
             return {}
-        power = self.evidence.reader.power()
+        power = self._tried("the detection limit", self.evidence.reader.power, ())
         return {"power": power} if power else {}
 
     @cached_property

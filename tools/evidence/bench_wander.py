@@ -42,7 +42,11 @@ def wanders(centre: Fit, rows: Rows, limit: float, work: Work, *, proven: bool) 
     def stands(columns: NDArray[np.float64], rows: NDArray[np.int_] = every) -> bool:
         matrix = (np.hstack((centre.jacobian, columns)) / centre.bound[:, None])[rows]
         work.programme(*matrix.shape)
-        return any_centre(matrix, (centre.residual / centre.bound)[rows], np.ones(len(rows)))[0] <= limit
+        try:
+            return any_centre(matrix, (centre.residual / centre.bound)[rows], np.ones(len(rows)))[0] <= limit
+        except SolverError:
+            # What was not tried is not refused.
+            return True
 
     for p, where in enumerate(ACCELEROMETERS):
         # Free at every reading of an accelerometer, a function is as good as none of its readings.

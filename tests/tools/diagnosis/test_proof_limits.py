@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import trihedron
-from diagnoses import diagnosed
+from diagnoses import diagnosed, sets_of
 from generator import SIGMA
 from generator.positions import drawn_record, hidden_record, record_with
 from trihedron.models.effects import EffectPlace
@@ -17,6 +17,7 @@ from trihedron.tools.bounded import Work
 from trihedron.tools.bounded.programmes import SolverError
 from trihedron.tools.diagnosis.dependence import dependence
 from trihedron.tools.evidence.bench import Bench, bench_evidence
+from trihedron.tools.trials import Options, diagnosed_case, draw_case
 
 FIELD = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[4] / "shared" / "data")) / "field"
 SAG = EffectPlace("sag", "outer-axis")
@@ -68,6 +69,43 @@ def test_a_set_on_which_the_solver_fails_is_said_to_be_not_tried(place, monkeypa
     result = diagnosed(hidden_record(4, place, (4e-4,)))
     assert result.verdict != "explained"
     assert any("not tried, since the solver failed" in text and place.title in text for text in result.warnings)
+
+
+def unsolved(*_: Any, **__: Any) -> Any:
+    raise SolverError("a linear programme was not solved: Unbounded")
+
+
+@pytest.mark.parametrize(
+    ("place", "stage"),
+    [
+        ("trihedron.tools.diagnosis.dependence.chebyshev_radius", "functions of one quantity"),
+        ("trihedron.tools.sieve.sigma.Candidates", "faults of the record"),
+        ("trihedron.tools.evidence.bench.powers", "the detection limit"),
+    ],
+)
+def test_a_stage_in_which_the_solver_fails_is_said_to_be_not_tried(place, stage, monkeypatch):
+    monkeypatch.setattr(place, unsolved)
+    result = diagnosed(drawn_record(3, [(QUADRATICS[0], (3e-4,))], 20), rerun=True)
+    assert result.calibration.verdict == "falsified"
+    assert f"not tried, since the solver failed: {stage}" in result.warnings
+
+
+def test_a_wander_on_which_the_solver_fails_refuses_no_record(monkeypatch):
+    monkeypatch.setattr("trihedron.tools.evidence.bench_wander.any_centre", unsolved)
+    pair = [(QUADRATICS[0], (4e-4,)), (QUADRATICS[1], (-4e-4,))]
+    result = diagnosed(drawn_record(5, pair, 24))
+    assert {place for place, _ in pair} in sets_of(result)
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("options", [Options(whole=True, positions=(24, 30)), Options(strapdown=True)])
+def test_bench_and_strapdown_records_are_not_refused_for_a_programme_that_fails(options, monkeypatch):
+    case = draw_case(options, 78, 0)
+    record = case.measured()
+    monkeypatch.setattr("trihedron.tools.diagnosis.dependence.chebyshev_radius", unsolved)
+    result = diagnosed_case(case, record)
+    assert result.verdict != "consistent"
+    assert any("not tried, since the solver failed" in text for text in result.warnings)
 
 
 @pytest.mark.parametrize("seed", [11, 12, 13])
