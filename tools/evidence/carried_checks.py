@@ -67,7 +67,7 @@ def missing_things(inspection: Inspection) -> tuple[str, ...]:
         return (f"the true attitude in {FEWEST_WINDOWS} windows of {LENGTHS[0]:g} s and more without a gap, in motion",)
     if not len(rests):
         return ("no rests: let the block rest for two seconds and more in each of a dozen poses",)
-    if rests.force_bound is None or noise is None:
+    if rests.force_scatter is None or noise is None:
         return ("the rests are too short to tell the noise: rest for two seconds and more in each pose",)
     values = norm_values(calibration)
     if values is None:

@@ -44,8 +44,8 @@ Sized = Mapping[EffectPlace, tuple[float, ...]]
 def force_deviation(inspection: Inspection) -> NDArray[np.float64]:
     """Standard deviation (K, 3) of the accelerometers' means at rest [m/s²], flicker over the whole record included."""
     rests, record, period = inspection.rests, inspection.record, inspection.sampling.period
-    assert rests.force_bound is not None
-    deviation = rests.force_bound / SCATTER_FACTOR
+    assert rests.force_scatter is not None
+    deviation = rests.force_scatter / SCATTER_FACTOR
     # What wanders from rest to rest may be an effect: only the rests themselves tell.
     noise, lengths = rest_noise(record.specific_force, record.time_s, rests, period), rest_lengths(rests, period)
     return deviation if noise is None else np.maximum(deviation, np.sqrt(noise.rate_square(lengths)))

@@ -214,8 +214,8 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     if moving.any():
         excitation = np.sqrt(np.mean((rate[moving] - level) ** 2, axis=0))
     calibration = gyros = None
-    if len(rests) and rests.force_bound is not None and rests.rate_bound is not None:
-        bound = np.maximum(rests.force_bound / gravity, LEAST_BOUND)
+    if len(rests) and rests.force_scatter is not None and rests.rate_scatter is not None:
+        bound = np.maximum(rests.force_scatter / gravity, LEAST_BOUND)
         calibration = calibrate_by_norm(rests.force / gravity, bound)
         x = norm_values(calibration) if calibration.verdict == "consistent" else None
         parameters = np.zeros(9)

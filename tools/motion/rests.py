@@ -16,6 +16,7 @@ from ..records import StrapdownRecord
 from ..records.columns import LARGEST_FORCE
 from ..records.limits import Limits, channel_limits, runs_of
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
+from ..records.sigma import deviation_widening
 from ..records.stamps import grid_of
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
@@ -214,6 +215,19 @@ def wrapped_rows(record: StrapdownRecord, step: NDArray[np.float64]) -> NDArray[
     return ~(np.linalg.norm(turn, axis=1) <= MAX_INCREMENT)
 
 
+BY_CHANCE = 0.05
+"""Chance that the bound of a mean at rest is not widened enough."""
+FEWEST_FOR_NOISE = 5
+"""Fewer rests tell an Allan deviation at their length by chance."""
+
+
+def widened_for_rests(scatter: NDArray | None) -> NDArray[np.float64] | None:
+    """Return bounds (K, 3) of means at K rests by their scatter (K, 3); None of too few rests."""
+    if scatter is None or len(scatter) < FEWEST_FOR_NOISE:
+        return None
+    return deviation_widening(len(scatter), BY_CHANCE) * scatter
+
+
 class Rests(Result):
     """The rests of a strapdown record.
 
@@ -232,8 +246,10 @@ class Rests(Result):
     length_s : (K,) array
         of what is averaged of each rest [s]
     force_bound, rate_bound : (K, 3) array or None
-        bound of each mean's error [m/s²], [rad/s], three times the Allan deviation at the length of the rests, and what
-        steps of the readings leave; None where the rests are too few or too short to tell
+        bound of each mean's error [m/s²], [rad/s]: the scatter below, widened by what a deviation of so few rests may
+        be too small; None where the rests are fewer than `FEWEST_FOR_NOISE` or too short to tell
+    force_scatter, rate_scatter : (K, 3) array or None
+        three times the Allan deviation at the length of the rests, and what steps of the readings leave
     rows, clipped_rows : tuple of slice
         the rows that are averaged, of each rest; of each with an accelerometer at its limit
     force, rate : (K, 3) array
@@ -252,6 +268,8 @@ class Rests(Result):
     length_s: Array
     force_bound: Array | None = Field(alias="force_bound_mps2")
     rate_bound: Array | None = Field(alias="rate_bound_radps")
+    force_scatter: Array | None = Field(default=None, exclude=True)
+    rate_scatter: Array | None = Field(default=None, exclude=True)
     rows: tuple[slice, ...] = Field(default=(), exclude=True)
     clipped_rows: tuple[slice, ...] = Field(default=(), exclude=True)
     force: Array = Field(default=ABSENT, exclude=True)
@@ -431,10 +449,11 @@ def _averaged(
         return SCATTER_FACTOR * longer[:, None] * deviation
 
     length = np.array([r.stop - r.start for r in rows], dtype=float)
-    rate, force_bound = rates_of(record), bounds(record.specific_force)
+    rate, force_scatter = rates_of(record), bounds(record.specific_force)
+    rate_scatter = bounds(rate)
     step, off = reading_steps(record.specific_force, rows) if rows else (np.zeros(3), np.zeros(3))
-    if force_bound is not None:
-        force_bound = force_bound + off
+    if force_scatter is not None:
+        force_scatter = force_scatter + off
     temperature = None
     if record.temperature is not None:
         temperature = means(record.temperature)
@@ -446,8 +465,10 @@ def _averaged(
         reading_step_mps2=step,
         time_s=means(record.time_s),
         length_s=length * sampling.period,
-        force_bound_mps2=force_bound,
-        rate_bound_radps=bounds(rate),
+        force_bound_mps2=widened_for_rests(force_scatter),
+        rate_bound_radps=widened_for_rests(rate_scatter),
+        force_scatter=force_scatter,
+        rate_scatter=rate_scatter,
         rows=rows,
         force=means(record.specific_force),
         rate=means(rate),

@@ -15,15 +15,11 @@ from ..errors import InputError
 from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, AtTable, GyrosAtRest, Inspection
-from ..motion.rests import rest_warnings
+from ..motion.rests import BY_CHANCE, FEWEST_FOR_NOISE, rest_warnings
 from ..records.sigma import deviation_widening
 from ..rounding import Number, digits, downwards, exactly, outwards, residual, upwards
 from .pictures.records import allan_picture, attitude_picture
 
-BY_CHANCE = 0.05
-"""Chance that the bound of a mean at rest is not widened enough."""
-FEWEST_FOR_NOISE = 5
-"""Smallest number of rests for a credible Allan deviation at their length."""
 DIGITS_OF_STAMPS = 1e-6
 """Relative jitter below which it is the rounding of the time stamps."""
 
@@ -102,15 +98,15 @@ def rest_lines(inspection: Inspection) -> list[str]:
     lines.append(f"rates between the rests: {', '.join(rates)} deg/s rms about axes 1, 2, 3")
     if quiet:
         lines.append(f"not excited: axis {', '.join(quiet)}")
-    if rests.force_bound is None or rests.rate_bound is None:
+    if rests.force_scatter is None or rests.rate_scatter is None:
         lines.append("the rests are too short to tell the noise of their means")
         return lines
-    if len(rests) < FEWEST_FOR_NOISE:
+    if rests.force_bound is None or rests.rate_bound is None:
         lines.append(f"the noise of a mean at rest: not told by fewer than {FEWEST_FOR_NOISE} rests; measure more")
         return lines
     widening = deviation_widening(len(rests), BY_CHANCE)
-    force = widening * np.median(rests.force_bound, axis=0).max() / inspection.gravity
-    rate = widening * math.degrees(np.median(rests.rate_bound, axis=0).max())
+    force = np.median(rests.force_bound, axis=0).max() / inspection.gravity
+    rate = math.degrees(np.median(rests.rate_bound, axis=0).max())
     lines.append(
         f"bound of a mean at rest, 3 Allan deviations, widened by {upwards(widening)} for the number of rests: "
         f"{upwards(force)} g, {upwards(rate)} deg/s"

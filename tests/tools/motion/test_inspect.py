@@ -16,6 +16,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.motion import calibrate_by_norm, inspect_record, norm_block, sampling_of
 from trihedron.tools.motion.rests import reading_steps
 from trihedron.tools.records import StrapdownRecord, write_record
+from trihedron.tools.records.sigma import deviation_widening
 from trihedron.tools.reports import allan_curve, allan_picture
 from trihedron.tools.rounding import exactly
 
@@ -283,7 +284,7 @@ def test_accelerometers_without_noise_do_not_read_in_steps(decimals):
     inspection = inspected(record, specific_force=force)
     assert len(inspection.rests) == len(POSES)
     assert not inspection.rests.step.any()
-    assert inspection.rests.force_bound.max() < 1e-5 * G
+    assert inspection.rests.force_scatter.max() < 1e-5 * G
 
 
 def test_a_step_is_found_though_no_two_rests_are_one_apart():
@@ -386,3 +387,16 @@ def test_twelve_rests_that_determine_all_have_ends_with_the_truth_between_them(s
     assert high is not None
     assert (low <= truth).all()
     assert (truth <= high).all()
+
+
+def test_the_bounds_of_means_in_json_are_those_of_the_text_and_none_of_few_rests():
+    """They are widened by how far a deviation of so few rests may be too small."""
+    many: Any = strapdown_record()
+    rows = np.flatnonzero(many.time_s < 1.5 + 4.5 * 3.5)
+    told = inspected(chosen(many, rows)).to_json()["rests"]
+    assert told["count"] == 4
+    assert told["force_bound_mps2"] is None
+    assert told["rate_bound_radps"] is None
+    inspection = inspected(many)
+    ratio = inspection.rests.force_bound / inspection.rests.force_scatter
+    assert ratio == pytest.approx(deviation_widening(len(inspection.rests), 0.05))
