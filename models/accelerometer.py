@@ -36,21 +36,21 @@ def reading_effects(context: Vector, n: Vector, effect: Vector, added: Vector) -
 
 
 def final_effects(context: Vector, own: Vector, effect: Vector, reading: Vector) -> None:
-    """Last stage: what changes the finished readings (3,) [g], errors included, in declared order; nominally nothing.
+    """Last stage: change the finished readings (3,) [g], errors included, in declared order; nominally nothing.
 
-    `own` (3,) [g] is what each accelerometer's own input adds to its reading.
+    `own` (3,) [g] is each accelerometer's reading of its own input.
     """
 
 
 def kept_effects(context: Vector, before: Vector, effect: Vector, kept: Vector) -> None:
-    """Once a step: what effects keep for each accelerometer (3,); the nominal block keeps nothing.
+    """Once a step: update the memory of effects for each accelerometer (3,); the nominal block has none.
 
     `before` (2,) are hours and temperature [degC] of the step before.
     """
 
 
 def keep(temperature: float, effect: Vector, before: Vector, kept: Vector, context: Vector) -> None:
-    """Let effects keep what they need of the step that ends with this temperature [degC], at the context's time."""
+    """Update the memory of effects at the end of the step with this temperature [degC], at the context's time."""
     context[TEMPERATURE] = temperature
     kept_effects(context, before, effect, kept)
     before[0] = context[HOURS]
@@ -84,9 +84,9 @@ def respond(
     last_reading: Vector,
     increment_reading: Vector,
 ) -> None:
-    """Readings (3,) [m/s²] that follow the inputs at once, n + Γn + b and the error [g] that the last step drew.
+    """Compute readings (3,) [m/s²] that follow the inputs at once, n + Γn + b and the error [g] of the last step.
 
-    `waiting` (1,) is the length [s] of a step whose increments (3,) [m/s] wait for its readings; negative: none wait.
+    `waiting` (1,) is the length [s] of a step whose increments (3,) [m/s] still need its readings; negative: none.
     """
     for p in range(3):
         n[p] = specific_force[p] / gravity
@@ -126,7 +126,7 @@ def draw_error(noise_bound: float, held_fraction: float, held: Vector, generator
 
 
 def follow_input(p: int, specific_force: float, gravity: float, context: Vector, previous_input: Vector) -> None:
-    """Keep the sense of the last change of an input in the context; what rounding alone does is no change."""
+    """Keep the sense of the last change of an input in the context; a change by rounding does not count."""
     change = specific_force - previous_input[p]
     if math.fabs(change) > ROUNDING * gravity:
         context[SENSE_INPUT + p] = 1.0
@@ -225,7 +225,7 @@ def step_accelerometers(
     for axis in range(2):
         if not math.fabs(angle[axis]) < 1e300:
             return 4
-    # A step of 1e-14 s, with which some masters end, tells no acceleration.
+    # A step of 1e-14 s, with which some masters end, gives no acceleration.
     if step > 1e-9:
         follow_rate(step, rate, context)
     context[HOURS] = (time + step - start[0]) / 3600.0
@@ -252,9 +252,8 @@ def initialise_inverse(
 ) -> int:
     """Check that each accelerometer follows its own input more than the two others together, for both signs.
 
-    Then the readings grow with the inputs along every line, whichever scale factors hold: each reading has exactly
-    one input, whose signs choose the very scale factors that it was solved with. Returns 0 or the number
-    of a message.
+    Then the readings grow with the inputs along every line, for any choice of scale factors. Each reading has exactly
+    one input, whose signs select the same scale factors with which it was solved. Returns 0 or the number of a message.
     """
     if not gravity > 0.0:
         return 1
@@ -346,12 +345,12 @@ def respond_inverse(
     diagonal: Vector,
     n: Vector,
 ) -> None:
-    """Specific force (3,) [m/s²] that the block answers with these readings (3,) [m/s²].
+    """Compute the specific force (3,) [m/s²] for which the block gives these readings (3,) [m/s²].
 
-    The signs of the readings less bias are tried first; where the inputs that they give have other signs, all eight
-    patterns are, in a fixed order. One fits when the inverse is certain (`initialise_inverse`); at an input that is
-    zero to rounding none may fit exactly: then the pattern that misses least is taken, which both scale factors agree
-    on to rounding.
+    The signs of the readings less bias are tried first. If the resulting inputs have other signs, all eight patterns
+    are tried in a fixed order. One of them fits if the inverse is certain (`initialise_inverse`). At an input that is
+    zero to rounding none may fit exactly: then the pattern that misses least is taken, on which both scale factors
+    agree to rounding.
     """
     for p in range(3):
         right[p] = reading[p] / gravity - bias[p]

@@ -1,9 +1,8 @@
 """Expressions that a person writes in one line: parsed, never evaluated as Python; slopes; source of a kernel.
 
-What stands in them is numbers, names, ``+ - * /``, ``**`` with a whole number, and the functions of `FUNCTIONS`. The
-source is restricted Python (`trihedron.models.restricted`) and gives a number whatever the arguments: where an
-expression has no value (a division by zero, the root of what is negative) a kernel adds nothing, while `evaluated`
-gives none.
+They contain numbers, names, ``+ - * /``, ``**`` with a whole number, and the functions of `FUNCTIONS`. The source is
+restricted Python (`trihedron.models.restricted`) and gives a number for any arguments. If an expression has no value (a
+division by zero, the root of a negative number), a kernel adds nothing, and `evaluated` gives no value.
 """
 
 import ast
@@ -18,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 LONGEST = 300
-"""Letters of an expression."""
+"""Largest number of letters of an expression."""
 DEEPEST = 20
-"""Operations within operations."""
+"""Largest depth of nested operations."""
 LARGEST_POWER = 9
 LARGEST_NUMBER = 1e30
 MOST_EXPONENT = 700.0
-"""The exponential of more is beyond the numbers."""
+"""Largest argument of the exponential: beyond it the result overflows."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +33,9 @@ class Function:
     Attributes
     ----------
     source : tuple of str
-        statements of a kernel that leave its value in {f}, of arguments {x} and {y}
+        statements of a kernel that leave its value in {f}, from arguments {x} and {y}
     value : callable
-        of arrays
+        function of arrays
     slopes : callable
         arguments -> derivative by each of them
     """
@@ -47,7 +46,7 @@ class Function:
 
     @property
     def count(self) -> int:
-        """How many arguments it takes."""
+        """Number of its arguments."""
         return 2 if "{y}" in self.source[0] else 1
 
 
@@ -82,12 +81,12 @@ OPERATIONS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 
 
 def parsed_expression(text: str) -> ast.expr:
-    """The tree of an expression of which every operation is permitted, but whose names may be any.
+    """Return the tree of an expression with permitted operations and any names.
 
     Raises
     ------
     ValueError
-        in one line what cannot be read, and what would be right
+        in one line the unreadable part, and the correct form
     """
     if len(text) > LONGEST:
         raise ValueError(f"has {len(text)} letters; {LONGEST} are the most")
@@ -113,7 +112,7 @@ def _shown(node: ast.AST) -> str:
 
 
 def _check(node: ast.expr, depth: int) -> None:
-    """Refuse what is not permitted."""
+    """Refuse operations that are not permitted."""
     if depth > DEEPEST:
         raise ValueError(f"operations stand more than {DEEPEST} deep within each other; write it with fewer brackets")
     match node:
@@ -151,7 +150,7 @@ def _known(name: str, names: Sequence[str]) -> str:
 
 
 def power_of(node: ast.expr) -> int:
-    """The exponent of a power: a whole number."""
+    """Return the exponent of a power: a whole number."""
     sign = 1
     while isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         node, sign = node.operand, -sign
@@ -161,7 +160,7 @@ def power_of(node: ast.expr) -> int:
 
 
 def names_in(tree: ast.expr) -> tuple[str, ...]:
-    """Names of quantities and coefficients, in order of appearance."""
+    """Return the names of quantities and coefficients, in order of appearance."""
     return tuple(dict.fromkeys(_names(tree)))
 
 
@@ -180,18 +179,18 @@ def _names(node: ast.expr) -> Iterator[str]:
                 yield from _names(argument)
 
 
-# What an expression is as a function of coefficients
+# An expression as a function of coefficients
 
 ONE = ast.Constant(1.0)
 
 
 def derivatives(tree: ast.expr, coefficients: Sequence[str]) -> dict[str, ast.expr]:
-    """The exact derivative by each of several coefficients, in which none of them stands.
+    """Return the exact derivative by each of several coefficients, which contains none of them.
 
     Raises
     ------
     ValueError
-        the expression is not a sum of terms with one coefficient each as a factor
+        if the expression is not a sum of terms with one coefficient each as a factor
     """
     parts = _linear(tree, set(coefficients))
     constant = parts.pop(None, None)
@@ -201,7 +200,7 @@ def derivatives(tree: ast.expr, coefficients: Sequence[str]) -> dict[str, ast.ex
 
 
 def _linear(node: ast.expr, letters: set[str]) -> dict[str | None, ast.expr]:
-    """The factors of each coefficient; of None what has none."""
+    """Return the factors of each coefficient; under None the part without one."""
     if not letters & set(_names(node)):
         return {None: node}
     match node:
@@ -234,14 +233,14 @@ def _linear(node: ast.expr, letters: set[str]) -> dict[str | None, ast.expr]:
 
 
 def evaluated(tree: ast.expr, values: Mapping[str, Any]) -> NDArray[np.float64]:
-    """The expression at arrays of its names' values; not finite where it has no value."""
+    """Return the expression at arrays of its names' values; not finite if it has no value."""
     return followed(tree, values, {})[0]
 
 
 def followed(
     tree: ast.expr, values: Mapping[str, Any], slopes: Mapping[str, Any]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The expression and its exact derivative, where that of some of its names is given; of the others it is 0."""
+    """Return the expression and its exact derivative, given those of some of its names; the others are constant."""
     with np.errstate(all="ignore"):
         return _followed(tree, values, slopes)
 
@@ -272,25 +271,25 @@ def _followed(node: ast.expr, values: Mapping[str, Any], slopes: Mapping[str, An
             inputs = [_followed(argument, values, slopes) for argument in args]
             function, arguments = FUNCTIONS[name], [x for x, _ in inputs]
             by = function.slopes(*arguments)
-            # What does not change adds nothing, where the function has no slope too.
+            # A constant adds nothing, even where the function has no slope.
             moved = [slope * dx for slope, (_, dx) in zip(by, inputs, strict=True) if np.any(dx)]
             return function.value(*arguments), sum(moved, 0.0)
     raise AssertionError("the tree was checked")
 
 
-# What an expression is in a kernel
+# An expression in a kernel
 
 
 @dataclass
 class Statements:
-    """Statements of restricted Python that compute expressions; `texts` stand for the names in these."""
+    """Statements of restricted Python that compute expressions; `texts` replace the names in these."""
 
     texts: Mapping[str, str]
     lines: list[str] = field(default_factory=list)
     count: int = 0
 
     def of(self, node: ast.expr) -> str:
-        """A name or an expression for the value, behind the statements that it needs."""
+        """Return a name or an expression for the value, after adding the statements that it needs."""
         match node:
             case ast.Constant(value=value):
                 return repr(float(value))  # type: ignore[arg-type]
@@ -311,7 +310,7 @@ class Statements:
         raise AssertionError("the tree was checked")
 
     def _power(self, base: ast.expr, power: int) -> str:
-        """A power as a product."""
+        """Return a power as a product."""
         if power == 0:
             return "1.0"
         product = " * ".join([self._named(self.of(base))] * abs(power))
@@ -324,7 +323,7 @@ class Statements:
         return letter
 
     def _named(self, text: str) -> str:
-        """The text where it is short, else the name of what is computed once."""
+        """Return a short text itself, otherwise the name of a variable that is computed once."""
         if re.fullmatch(r"[\w.]+(\[[\w +]+\])?", text):
             return text
         letter = self._new()
@@ -336,19 +335,19 @@ class Statements:
         return f"part_{self.count}"
 
 
-# What an expression is on a page
+# An expression on a page
 
 ATOM, POWER, FACTOR, NEGATIVE, SUM = 4, 3, 2, 1, 0
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def expression_notation(tree: ast.expr, texts: Mapping[str, str]) -> str:
-    """The expression in the notation of `trihedron.tools.document.notation`, with a text for each name."""
+    """Return the expression in the notation of `trihedron.tools.document.notation`, with a text for each name."""
     return _typeset(tree, texts)[0]
 
 
 def _typeset(node: ast.expr, texts: Mapping[str, str]) -> tuple[str, int]:
-    """The text and how strongly it binds."""
+    """Return the text and its binding strength."""
 
     def bound(part: ast.expr, least: int) -> str:
         text, level = _typeset(part, texts)

@@ -41,9 +41,9 @@ def reading_effects(context: Vector, rate: Vector, effect: Vector, added: Vector
 
 
 def final_effects(context: Vector, own: Vector, effect: Vector, reading: Vector) -> None:
-    """Last stage: what changes the finished readings (3,) [rad/s], errors included; nominally nothing.
+    """Last stage: change the finished readings (3,) [rad/s], errors included; nominally nothing.
 
-    `own` (3,) [rad/s] is what each gyro's own input adds to its reading.
+    `own` (3,) [rad/s] is each gyro's reading of its own input.
     """
 
 
@@ -57,10 +57,10 @@ def describe_step(
     scale_misalignment: Vector,
     context: Vector,
 ) -> None:
-    """Write the circumstances of a step into `context` (47,), for the effects; the rates before it stand there."""
+    """Write the circumstances of a step into `context` (47,), for the effects; the previous rates are there already."""
     context[HOURS] = hours
     context[TEMPERATURE] = temperature
-    # Before the first step the body turns steadily: any length will do, but none that cannot divide.
+    # Before the first step the body is assumed to turn steadily: any nonzero length will do.
     context[STEP_LENGTH] = 1.0
     if step > 0.0:
         context[STEP_LENGTH] = step
@@ -85,7 +85,7 @@ def read_rates(
     added: Vector,
     own: Vector,
 ) -> None:
-    """Readings (3,) [rad/s] at the mean rate `rate_of_step` (3,) [rad/s], with the error [rad/s] that was drawn."""
+    """Compute readings (3,) [rad/s] at the mean rate `rate_of_step` (3,) [rad/s], with the drawn error [rad/s]."""
     reading_effects(context, rate_of_step, effect, added)
     for p in range(3):
         value = rate_of_step[p]
@@ -149,7 +149,8 @@ def initialise_gyros(
 
 
 def keep_rate(first: int, rate_of_step: Vector, context: Vector) -> None:
-    """Move the rate of the step before into the history; before the first step the body turned as in it."""
+    """Move the rate of the previous step into the history; before the first step the body is assumed to turn as in
+    it."""
     for k in range(PREVIOUS_STEPS):
         at = PREVIOUS_RATE + 3 * (PREVIOUS_STEPS - 1 - k)
         for p in range(3):
@@ -221,7 +222,7 @@ def step_gyros(
     describe_step(hours, step, temperature, specific_force, interval, gravity, scale_misalignment, context)
     read_rates(scale_misalignment, bias, effect, error, rate_of_step, context, rate_reading, added, own)
     for p in range(3):
-        # What is left of a quantum is carried to the next increment.
+        # The remainder of a quantum is carried to the next increment.
         angle = rate_reading[p] * step + carried[p]
         increment_reading[p] = angle
         if quantum > 0.0:
@@ -251,7 +252,7 @@ def solve_response(scale_misalignment: Vector, right: Vector, n: Vector) -> None
 
 
 def can_be_solved(scale_misalignment: Vector) -> float:
-    """1.0 where each gyro follows its own axis more than the two others together, else 0.0."""
+    """Return 1.0 if each gyro follows its own axis more than the two others together, else 0.0."""
     for p in range(3):
         cross = 0.0
         for q in range(3):
@@ -296,7 +297,7 @@ def initialise_gyro_inverse(
 def take_out(
     scale_misalignment: Vector, nominal: Vector, added: Vector, right: Vector, n: Vector, result: Vector
 ) -> None:
-    """Rates (3,) without what effects add: ω₀ − (I + Γ)⁻¹ e."""
+    """Compute rates (3,) without effects: ω₀ − (I + Γ)⁻¹ e."""
     for p in range(3):
         right[p] = added[p]
     solve_response(scale_misalignment, right, n)
@@ -327,7 +328,7 @@ def step_gyro_inverse(
     right: Vector,
     n: Vector,
 ) -> int:
-    """Rates and increments of the body over (time, time + step]; returns 0 or the number of a message.
+    """Compute rates and increments of the body over (time, time + step]; returns 0 or the number of a message.
 
     A step of 1e-14 s, with which some masters end, is no sample.
     """

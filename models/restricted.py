@@ -25,7 +25,7 @@ HOURS = 0
 TEMPERATURE = 1
 """temperature [degC]"""
 ALPHA = 2
-"""true angle of the outer axis [rad]; of the block, where its input `angle` is told"""
+"""true angle of the outer axis [rad]; for the block, if its input `angle` is connected"""
 BETA = 3
 """true angle of the inner axis [rad]"""
 SENSE_ALPHA = 4
@@ -37,19 +37,19 @@ SENSE_INPUT = 6
 INPUT = 9
 """inputs of the accelerometers [g] (three places)"""
 RATE = 12
-"""angular rate [rad/s] at the end of the last step (three places); of the accelerometer block, as what follows; in the
-table's context two places, the rates of its axes"""
+"""angular rate [rad/s] at the end of the last step (three places); for the accelerometer block, like the following; in
+the table's context two places, the rates of its axes"""
 ANGULAR_ACCELERATION = 15
 """angular acceleration [rad/s²] over the last step (three places)"""
 GRAVITY = 18
 """model value of gravity [m/s²]"""
 KEPT = 19
-"""what effects keep for each accelerometer (three places)"""
+"""memory of effects for each accelerometer (three places)"""
 CONTEXT_SIZE = 22
 """length of the context"""
 
 STEP_LENGTH = 12
-"""length of the last step [s], 1 before the first; of the gyro block's context alone, as what follows"""
+"""length of the last step [s], 1 before the first; only in the gyro block's context, like the following"""
 PREVIOUS_RATE = 13
 """mean rates [rad/s] over the steps before the last one, the newest first, three places each"""
 PREVIOUS_STEPS = 8
@@ -57,6 +57,6 @@ PREVIOUS_STEPS = 8
 INTERVAL = 37
 """length of the last step [s] by the record's time stamps, which may jitter while the sampling does not"""
 RESPONSE = 38
-"""I + Γ, how the gyros respond to the rates, row by row (nine places)"""
+"""I + Γ, the gyros' response to the rates, row by row (nine places)"""
 GYRO_CONTEXT_SIZE = 47
 """length of the gyro block's context"""

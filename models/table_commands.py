@@ -1,17 +1,17 @@
-"""What a two-axis table is told, and how its axes follow: moves, programmes of positions, feedback.
+"""Commands of a two-axis table, and the motion of its axes: moves, programmes of positions, feedback.
 
-Moves are as fast as a limit of the rate and a limit of the acceleration allow. The plan of axis i stands at
-``plan[9 * i]`` and on: time, angle and rate at its beginning, angle at its end, duration of the change to the peak
-rate, of the cruise and of the braking [s], sense (+1, -1), peak rate [rad/s]. The motion of axis i is ``motion[2 * i]``
-(angle [rad]) and ``motion[2 * i + 1]`` (rate [rad/s]).
+Moves are as fast as the limits of rate and acceleration allow. The plan of axis i begins at ``plan[9 * i]``: time,
+angle and rate at its beginning, angle at its end, duration of the change to the peak rate, of the cruise and of the
+braking [s], sense (+1, -1), peak rate [rad/s]. The motion of axis i is ``motion[2 * i]`` (angle [rad]) and ``motion[2 *
+i + 1]`` (rate [rad/s]).
 
-A position programme says which commanded position holds when. Each position has a slot: the move to it from the
-position before, as fast as the limits of the slower axis allow, and the dwell, rounded up to whole steps. A command
-holds over a whole slot.
+A position programme commands one position after the other. Each position has a slot: the move to it from the previous
+position, as fast as the limits of the slower axis allow, and the dwell, rounded up to whole steps. A command holds over
+a whole slot.
 
 The controller feeds a computed attitude back to the commands: the block holds its attitude in space. The rotation
 vector from the initial to the computed attitude, seen along each axis of the table, turns that axis back at a rate of
-the gain times the error. What neither axis can turn is left as it is.
+the gain times the error. The part that neither axis can turn remains.
 """
 
 import math
@@ -44,7 +44,7 @@ def plan_move(
     """
     at = AXIS_PLAN_SIZE * axis
     distance = end - angle
-    # Where the axis would stop if it braked at once decides the sense.
+    # The stopping point of an immediate braking decides the sense.
     sense = 1.0
     if distance - 0.5 * rate * math.fabs(rate) / max_acceleration < 0.0:
         sense = -1.0
@@ -100,7 +100,7 @@ def follow_move(plan: Vector, axis: int, max_acceleration: float, time: float, m
 
 
 def fastest_rate(plan: Vector, axis: int, time: float) -> float:
-    """Bound of the rate [rad/s] of an axis from `time` on, until the next plan."""
+    """Return a bound of the rate [rad/s] of an axis from `time` on, until the next plan."""
     at = AXIS_PLAN_SIZE * axis
     if time >= plan[at] + plan[at + 4] + plan[at + 5] + plan[at + 6]:
         return 0.0
@@ -134,23 +134,23 @@ def phase_ends(plan: Vector, begin: float, end: float, times: Vector) -> int:
 
 
 def move_duration(distance: float, max_rate: float, max_acceleration: float) -> float:
-    """Time [s] that a move over `distance` [rad] takes from rest to rest."""
+    """Return the time [s] of a move over `distance` [rad] from rest to rest."""
     plan = [0.0] * (2 * AXIS_PLAN_SIZE)
     plan_move(plan, 0, 0.0, 0.0, 0.0, distance, max_rate, max_acceleration)
     return plan[4] + plan[5] + plan[6]
 
 
 POSITIONS = 128
-"""Most positions of a programme."""
+"""Largest number of positions of a programme."""
 
 LONGEST_SLOT = 1e9
-"""Longest slot that is taken [steps]."""
+"""Longest accepted slot [steps]."""
 
 TICK_TOLERANCE = 1e-9
-"""What a slot may be longer than whole steps without a further step being taken for it [steps]."""
+"""Excess of a slot over whole steps below which no further step is taken for it [steps]."""
 
 TIME_TOLERANCE = 1e-3
-"""How far a host's time may be off a whole number of steps [steps]: hosts add up rounded times."""
+"""Largest distance of a host's time from a whole number of steps [steps]: hosts add up rounded times."""
 
 
 def initialise_programme(
@@ -197,7 +197,8 @@ def step_programme(
     begins: Vector,
     plan: Vector,
 ) -> int:
-    """Command what holds over (time, time + step], or from time + step on; returns 0 or the number of a message."""
+    """Command the position that holds over (time, time + step], or from time + step on; return 0 or a message's
+    number."""
     # Some masters end with a step of 1e-14 s.
     if step <= 1e-9 * last_step[0]:
         return 0
@@ -268,7 +269,7 @@ def step_rows(
 ) -> int:
     """Give the row that holds over (time, time + step], or from time + step on; returns 0.
 
-    Row i holds from `begins[i]` periods after the start; its values stand in `table`, row by row.
+    Row i holds from `begins[i]` periods after the start; its values are in `table`, row by row.
     """
     # Some masters end with a step of 1e-14 s.
     if step <= 1e-9 * last_step[0]:
@@ -292,7 +293,7 @@ NORM_TOLERANCE = 1e-3
 
 
 def square(quaternion: Vector) -> float:
-    """Square of the norm of a quaternion (4,)."""
+    """Return the square of the norm of a quaternion (4,)."""
     total = 0.0
     for k in range(4):
         total = total + quaternion[k] * quaternion[k]
@@ -300,7 +301,7 @@ def square(quaternion: Vector) -> float:
 
 
 def initialise_controller(initial_command: Vector, initial_attitude: Vector, held: Vector, command: Vector) -> int:
-    """Begin with the table where it stands; 1 when the initial attitude is no unit quaternion."""
+    """Begin with the table at its position; return 1 if the initial attitude is not a unit quaternion."""
     if not math.fabs(square(initial_attitude) - 1.0) <= 2.0 * NORM_TOLERANCE:
         return 1
     for axis in range(2):
@@ -318,16 +319,16 @@ def step_controller(
     command: Vector,
     step: float,
 ) -> int:
-    """Turn both commands back by what the block is off.
+    """Turn both commands back by the block's error of attitude.
 
     Parameters
     ----------
     attitude, initial_attitude : (4,)
         body to reference, scalar first; the body's axis 3 is the inner axis
     inner_angle : float
-        angle of the inner axis [rad]: where the outer axis stands in the body
+        angle of the inner axis [rad]: direction of the outer axis in the body
     gain : float
-        [1/s]
+        gain [1/s]
     held, command : (2,)
         commands [rad], changed
     step : float
@@ -336,7 +337,7 @@ def step_controller(
     Returns
     -------
     int
-        2 when the attitude is zero or not finite, else 0
+        2 if the attitude is zero or not finite, else 0
     """
     norm = math.sqrt(square(attitude))
     if not norm > 0.0:

@@ -1,4 +1,4 @@
-"""Kernels that are written by a program: functions with a source to be read, so they are carried like any other."""
+"""Kernels written by a program: functions with a readable source, so they are carried like any other."""
 
 import ast
 import linecache
@@ -11,13 +11,13 @@ from . import restricted
 
 @cache
 def written_kernel(source: str) -> Callable[..., None]:
-    """A kernel from the source of one function in restricted Python, which the caller has made, not read.
+    """Return a kernel from the source of one function in restricted Python, which the caller has generated.
 
-    It knows `math` and the constants of the restricted language and nothing else.
+    It knows only `math` and the constants of the restricted language.
     """
     (function,) = ast.parse(source).body
     assert isinstance(function, ast.FunctionDef)
-    # Where no file is, the source is looked up by a name in angle brackets.
+    # Without a file, the source is looked up by a name in angle brackets.
     origin = f"<{function.name}>"
     linecache.cache[origin] = (len(source), None, source.splitlines(keepends=True), origin)
     constants = {name: value for name, value in vars(restricted).items() if name.isupper()}

@@ -30,4 +30,4 @@ def _products() -> tuple[float, ...]:
 
 
 PRODUCTS = _products()
-"""The products of all of them: number, i, j, k of each, and a zero behind them."""
+"""The products of all algorithms: number, i, j, k of each, and a final zero."""

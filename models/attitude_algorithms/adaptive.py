@@ -1,22 +1,22 @@
-"""The algorithm of adaptive degree: it chooses by what the increments support, without knowing anything of the motion.
+"""The algorithm of adaptive degree: it chooses the degree that the increments support, without a model of the motion.
 
 It takes windows of eight increments. The N-th difference of the increments is the error with which N of them predict
-the next one. Where its mean square over the last 16 increments falls a hundredfold from the fourth to the eighth, the
-rate is smooth and the functional iteration through eight takes the window. Everywhere else - vibration, coning above
-a tenth of the sample rate, quanta, noise, the motion of a hand - a polynomial through many increments is a bad guess
-of what is between them, and each increment is a step of its own with products of the eight before it,
+the next one. If its mean square over the last 16 increments falls a hundredfold from the fourth to the eighth
+difference, the rate is smooth and the functional iteration through eight takes the window. Otherwise (vibration, coning
+above a tenth of the sample rate, quanta, noise, a hand's motion) a polynomial through many increments is a bad
+interpolation. Then each increment is a step of its own with products of the eight before it,
 
     φ_n = γ_n + (Σ c_d γ_{n-d}) × γ_n + β_{n+1} - β_n,   β_{n+1} = (Σ b_p γ_{n-p}) × γ_n.
 
-The c_d make the mean of the products that of any motion without trend: in a cone of phase x a sample
+The c_d make the mean of the products correct for any motion without trend: in a cone of phase x a sample
 
     Σ c_d · 4 sin²(x/2) sin(d x) = (x - sin x)/2,
 
-exactly to x⁷, and to 4e-5 of it up to x = 1.8 rad, three and a half samples a turn, in the least squares. The β add up
-to nothing but at the ends. With two of the b_p the products are exact where ω is of third degree in time, for all
-∫ α × ω to the fourth power of time: of order 4 in general. The other five make what vibrations leave at the ends small,
-of any two frequencies to 2.7 rad a sample and of a constant rate beside one: in the least squares, over the cube of the
-higher frequency.
+exactly to x⁷, and to 4e-5 of it up to x = 1.8 rad, three and a half samples a turn, in the least squares. The β cancel
+except at the ends. With two of the b_p the products are exact if ω is of third degree in time, for all ∫ α × ω to the
+fourth power of time: of order 4 in general. The other five minimise the remainder of vibrations at the ends, of any two
+frequencies to 2.7 rad a sample and of a constant rate beside one: in the least squares, over the cube of the higher
+frequency.
 """
 
 import math
@@ -40,18 +40,18 @@ WINDOW = 8
 """Increments of one update."""
 
 SMOOTH = 0.01
-"""Where the mean square of the eighth differences is at most so much of that of the fourth, the rate is smooth. Of
-noise it is 184 times as much, C(16, 8)/C(8, 4); of a cone with ten samples a turn a fiftieth."""
+"""Largest ratio of the mean square of the eighth differences to that of the fourth for a smooth rate. It is 184 for
+noise, C(16, 8)/C(8, 4), and a fiftieth for a cone with ten samples a turn."""
 
 ROUNDING = 1e-25
-"""Eighth differences whose mean square is so much of the increments' are of the last bits of the angles that they are
-differences of: nothing but smooth."""
+"""Ratio of the eighth differences' mean square to the increments' below which they are rounding of the angles:
+smooth."""
 
 OWN = 16
-"""Place, in increments, of the window before and of this one in the working space; the increments come first."""
+"""Place, in increments, of the previous and this window in the working space; the increments come first."""
 
 OTHER = 32
-"""Place of the same of velocity."""
+"""Place of the velocity increments."""
 
 B_1 = 0.10336729164156522
 B_2 = -0.10492291009350661
@@ -71,21 +71,21 @@ C_8 = -3.318983373155112e-05
 
 
 def place_window(previous: Vector, g: Vector, at: int, space: Vector) -> None:
-    """Write the increments of the window before and of this one into `space`, from increment `at` on."""
+    """Write the increments of the previous and this window into `space`, from increment `at` on."""
     for i in range(3 * WINDOW):
         space[3 * at + i] = previous[i]
         space[3 * (at + WINDOW) + i] = g[i]
 
 
 def is_smooth(known: float, at: int, most: float, space: Vector) -> int:
-    """1 where the increments in `space` from number `at` on support a polynomial through eight, else 0.
+    """Return 1 if the increments in `space` from number `at` on support a polynomial through eight, else 0.
 
     Parameters
     ----------
     known : float
-        1.0 where there is a window before
+        1.0 if there is a previous window
     most : float
-        no more than so much, as the sum of their lengths, is given to one polynomial
+        largest sum of the increments' lengths for one polynomial
     space : (96,) or longer
         the first 48 places are overwritten
     """
@@ -100,7 +100,7 @@ def is_smooth(known: float, at: int, most: float, space: Vector) -> int:
     fourth = 0.0
     last = 0.0
     for n in range(1, WINDOW + 1):
-        # The first eight increments have no eighth difference: their seventh stands for it.
+        # The first eight increments have no eighth difference: their seventh replaces it.
         if n < length:
             for i in range(3 * (length - n)):
                 space[i] = space[i + 3] - space[i]

@@ -1,18 +1,18 @@
-"""The strapdown attitude computer: collects angle increments and updates the attitude at every step of an algorithm.
+"""The strapdown attitude computer: it collects angle increments and updates the attitude at every step of an algorithm.
 
-`update` is one update by whichever algorithm is chosen: the one entry that the computer, tests and comparisons use.
+`update` is one update by the chosen algorithm: the one entry for the computer, tests and comparisons.
 
 It takes increments, rates at the ends of the samples, or both.
 
-Rates, or rates with increments, become the increments that the algorithm takes: those of the polynomial of degree N
-that has the N + 1 inputs of its step, N the samples of the algorithm.
+Rates, or rates with increments, become the increments of the algorithm: those of the polynomial of degree N that has
+the N + 1 inputs of its step, N the samples of the algorithm.
 
 * rates: those at the beginning, and at the end of each of the N samples;
 * mixed: N/2 increments and the rates at their N/2 + 1 ends; each half of a sample is a sample of the algorithm.
 
-An increment that is found so errs by the order N + 2, their sum by one order more for even N: so the attitude is of
-order N + 2 for even N, of order N + 1 for odd N, or of the algorithm's own where that is lower. Mixed with N = 2 it is
-φ = γ + (h/10)(ω₀ × γ + γ × ω₁) - (h²/60) ω₀ × ω₁ but for terms of fifth order.
+Such an increment errs by the order N + 2, their sum by one order more for even N. So the attitude is of order N + 2 for
+even N, of order N + 1 for odd N, or of the algorithm's own if that is lower. Mixed with N = 2 it is φ = γ + (h/10)(ω₀ ×
+γ + γ × ω₁) - (h²/60) ω₀ × ω₁ except for terms of fifth order.
 """
 
 import math
@@ -64,33 +64,33 @@ TAKEN = 2
 WAITING = 3
 """increments that wait for an update"""
 KNOWN = 4
-"""1.0 where there was a step before"""
+"""1.0 if there was a previous step"""
 SAMPLES = 5
-"""increments of one update of the algorithm that was chosen"""
+"""increments of one update of the chosen algorithm"""
 LONGEST = 6
 """longest increment in its valid range [rad]"""
 READS_PREVIOUS = 7
-"""1.0 where it reads the increments of the step before"""
+"""1.0 if it reads the increments of the previous step"""
 LEFT = 8
-"""time that is left of a sample [s]; the sample period while no part has passed"""
+"""remaining time of a sample [s]; the sample period before its first part"""
 PROGRESS_SIZE = 9
 """Length of `progress`."""
 
 SAMPLE_TOLERANCE = 1e-3
-"""How far the end of a step may be off that of a sample [samples]: hosts add up rounded times."""
+"""Largest distance of the end of a step from that of a sample [samples]: hosts add up rounded times."""
 
 
 def prepare_update(algorithm: float, catalogue: Vector, table: Vector) -> None:
-    """Write the tables that an algorithm needs; called once, before the first update.
+    """Write the tables of an algorithm; called once, before the first update.
 
     Parameters
     ----------
     algorithm : float
         number of the algorithm
     catalogue : (N,)
-        of all products, as `prepare_products` takes it
+        all products, as `prepare_products` takes them
     table : (TABLE_SIZE,)
-        overwritten: with the factors of products where the attitude is not iterated
+        overwritten: with the factors of products if the attitude is not iterated
     """
     prepare_products(algorithm, catalogue, table)
     count = increments_iterated(algorithm)
@@ -117,19 +117,19 @@ def update(
     algorithm : float
         number of the algorithm
     previous, g : (STEP_SIZE,)
-        increments of the step before and of this one, sample after sample [rad]
+        increments of the previous step and of this one, sample after sample [rad]
     known : float
-        1.0 where there is a step before; where not, `previous` is zero
+        1.0 if there is a previous step; otherwise `previous` is zero
     table : from `prepare_update`
     space, part : (SPACE_SIZE,), (4,)
         working space
     turned : (4,)
-        the quaternion; on the unit sphere but for what the algorithm cuts off
+        the quaternion; on the unit sphere except for the terms that the algorithm cuts off
 
     Returns
     -------
     int
-        0, or 1 where a functional iteration does not end
+        0, or 1 if a functional iteration does not end
     """
     count = increments_iterated(algorithm)
     if algorithm == 1.0:
@@ -170,9 +170,10 @@ def update(
 
 
 def increment_effects(before: Vector, increment: Vector, effect: Vector, added: Vector) -> float:
-    """Stage "increment": what effects add to an increment (3,) [rad], by the one before it; nominally nothing.
+    """Stage "increment": add effects to an increment (3,) [rad], which may depend on the one before it; nominally
+    nothing.
 
-    Returns 1.0 where there are any, else 0.0.
+    Returns 1.0 if there are any, else 0.0.
     """
     added[0] = 0.0
     added[1] = 0.0
@@ -237,7 +238,7 @@ def collect(
     """Take the increment over (time, time + step]; progress[SAMPLES] wait when a step of the algorithm is full.
 
     Samples are counted in whole numbers; increments over parts of a sample add up to it. A step of 1e-14 s, with which
-    some masters end, is no sample. Returns 0 or the number of a message.
+    some masters end, does not count as a sample. Returns 0 or the number of a message.
     """
     if progress[PERIOD] <= 0.0:
         progress[PERIOD] = step
@@ -270,7 +271,7 @@ def collect(
         return 0
     progress[LEFT] = period
     if progress[TAKEN] == 0.0:
-        # Before the first step the body turned as in it.
+        # Before the first step the body is assumed to turn as in it.
         for i in range(3):
             before[i] = sample[i]
     if increment_effects(before, sample, effect, added) == 1.0:
@@ -317,10 +318,10 @@ def turn_attitude(
     return 0
 
 
-# What the inputs are
+# The kinds of input
 
 INPUT_KINDS = ("increments", "rates", "mixed")
-"""What the inputs are, from 1 on."""
+"""Kinds of input, from 1 on."""
 INCREMENTS = 1.0
 RATES = 2.0
 MIXED = 3.0
@@ -329,11 +330,11 @@ INPUTS_SIZE = 3 * (MOST_SAMPLES + 1)
 """Length of `inputs`: rates times the sample period and increments, one behind the other [rad]."""
 
 WEIGHTS_OF_RATES = (MOST_SAMPLES * (MOST_SAMPLES + 1) * (MOST_SAMPLES + 2)) // 3
-"""How many weights come before those of mixed inputs."""
+"""Number of weights before those of mixed inputs."""
 
 
 def order_with(kind: str, algorithm: Algorithm) -> int | None:
-    """Order of an algorithm with inputs of a kind; None where it does not take them: mixed in odd numbers."""
+    """Return the order of an algorithm with inputs of a kind; None if it does not take them: mixed in odd numbers."""
     samples = algorithm.samples
     if kind == "increments":
         return algorithm.order
@@ -341,7 +342,8 @@ def order_with(kind: str, algorithm: Algorithm) -> int | None:
 
 
 def weights_of(samples: int, mixed: bool) -> list[list[Fraction]]:
-    """Weights (samples, samples + 1) of the inputs in the increments; mixed, a sample of the gyros is two of these."""
+    """Return weights (samples, samples + 1) of the inputs in the increments; mixed, a sample of the gyros is two of
+    these."""
     powers = range(samples + 1)
 
     def integral(begin: int, end: int) -> list[Fraction]:
@@ -357,7 +359,7 @@ def weights_of(samples: int, mixed: bool) -> list[list[Fraction]]:
 
 
 def gauss_jordan(rows: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
-    """The X of X A = B, A and B by their rows, by Gauss and Jordan."""
+    """Return the X of X A = B, A and B by their rows, by Gauss and Jordan."""
     table = []
     for n in range(len(rows)):
         table.append([row[n] for row in rows] + [row[n] for row in right])
@@ -387,7 +389,7 @@ def _all_weights() -> tuple[float, ...]:
 
 
 WEIGHTS = _all_weights()
-"""Of rates, then of mixed inputs, for 1 to 8 samples."""
+"""Weights of rates, then of mixed inputs, for 1 to 8 samples."""
 
 
 def increments_of_inputs(kind: float, samples: int, inputs: Vector, weights: Vector, g: Vector) -> None:
@@ -484,7 +486,7 @@ def step_attitude(
         turning[k] = period * rate[k]
     count = progress[TAKEN]
     if input_kind == RATES:
-        # The rate at the end of a sample counts, not those within it.
+        # Only the rate at the end of a sample counts, not those within it.
         for k in range(3):
             sample[k] = 0.0
         refused = collect(time, step, turning, effect, updated, progress, collected, before, added, sample)

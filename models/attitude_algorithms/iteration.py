@@ -18,13 +18,13 @@ EXTRA_NODES = 7
 """Nodes of the attitude beyond the degree of the angle: the second power of the increments is exact."""
 
 ITERATION_REMAINDER = 1e-17
-"""The iteration ends when (½∫|ω|)^k / k!, the bound of what is left, is below this."""
+"""The iteration ends when (½∫|ω|)^k / k!, the bound of the remainder, is below this."""
 
 MOST_ITERATIONS = 40
-"""More mean a polynomial that swings by many radians: the increments are not those of a smooth rate."""
+"""Largest number of iterations: more mean a polynomial that swings by many radians, not a smooth rate."""
 
 LONGEST_INCREMENT = 0.36
-"""Valid range [rad]: to here the nodes carry a constant rate to 1e-13 rad, for any number of increments."""
+"""Valid range [rad]: up to here the nodes carry a constant rate to 1e-13 rad, for any number of increments."""
 
 RODRIGUES_4 = 0.27
 RODRIGUES_8 = 0.21
@@ -42,11 +42,11 @@ SPACE_SIZE = 3 * VALUES
 
 QUATERNION = 1.0
 RODRIGUES = 2.0
-"""What is iterated, and how steep its equation is beside the quaternion's."""
+"""Steepness of the equation of the Rodrigues vector, relative to the quaternion's; selects the iterated variable."""
 
 
 def increments_iterated(algorithm: float) -> int:
-    """Through how many increments the algorithm of a number iterates; 0 for others."""
+    """Return the number of increments through which the algorithm of a number iterates; 0 for others."""
     if algorithm >= 18.0 + FEWEST_INCREMENTS and algorithm <= 18.0 + MOST_INCREMENTS:
         return int(algorithm) - 18
     if algorithm >= 33.0:
@@ -55,15 +55,15 @@ def increments_iterated(algorithm: float) -> int:
 
 
 def prepare_functional_iteration(count: int, table: Vector) -> None:
-    """Write what depends on the number of increments alone.
+    """Write the tables that depend only on the number of increments.
 
     Parameters
     ----------
     count : int
         N, number of increments
     table : ((N + P + 1) * P,)
-        overwritten: P rows with which the increments give the rates at the nodes, in units of half a step; P rows
-        that integrate values at the nodes from the beginning to each node; one row that integrates to the end
+        overwritten: P rows with which the increments give the rates at the nodes, in units of half a step; P rows that
+        integrate values at the nodes from the beginning to each node; one row that integrates to the end
     """
     nodes = count + EXTRA_NODES
     for i in range(nodes):
@@ -119,7 +119,7 @@ def node_integral(nodes: int, s: float, end: float) -> float:
 
 
 def rates_at_nodes(count: int, g: Vector, first: int, table: Vector, space: Vector) -> float:
-    """Write the rates at the nodes, in units of half a step; returns the fastest: ½∫|ω| is at most that."""
+    """Write the rates at the nodes, in units of half a step; return the fastest: a bound of ½∫|ω|."""
     nodes = count + EXTRA_NODES
     fastest = 0.0
     for i in range(nodes):
@@ -141,7 +141,7 @@ def rates_at_nodes(count: int, g: Vector, first: int, table: Vector, space: Vect
 
 
 def functional_iteration(count: int, g: Vector, first: int, table: Vector, space: Vector, turned: Vector) -> int:
-    """Quaternion of the step from `count` increments.
+    """Write the quaternion of the step from `count` increments.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def functional_iteration(count: int, g: Vector, first: int, table: Vector, space
     Returns
     -------
     int
-        0, or 1 where the polynomial swings so far that the iteration does not end
+        0, or 1 if the polynomial swings too far for the iteration to end
     """
     failed = iterate(QUATERNION, count, g, first, table, space, turned)
     turned[0] = 1.0 + turned[0]
@@ -165,7 +165,8 @@ def functional_iteration(count: int, g: Vector, first: int, table: Vector, space
 
 
 def rodrigues_iteration(count: int, g: Vector, first: int, table: Vector, space: Vector, turned: Vector) -> int:
-    """Quaternion of the step by iterating the Rodrigues vector ρ = 2 tan(φ/2) e, dρ/dt = ω + ½ ρ × ω + ¼ (ρ·ω) ρ.
+    """Write the quaternion of the step by iterating the Rodrigues vector ρ = 2 tan(φ/2) e, dρ/dt = ω + ½ ρ × ω + ¼
+    (ρ·ω) ρ.
 
     Arguments and result as of `functional_iteration`; half a turn is beyond any ρ.
     """
@@ -177,7 +178,7 @@ def rodrigues_iteration(count: int, g: Vector, first: int, table: Vector, space:
 
 
 def iterate(steep: float, count: int, g: Vector, first: int, table: Vector, space: Vector, turned: Vector) -> int:
-    """Write what the step adds to λ or ρ, by `steep`; arguments and result as of `functional_iteration`."""
+    """Write the step's change of λ or ρ, by `steep`; arguments and result as of `functional_iteration`."""
     nodes = count + EXTRA_NODES
     fastest = rates_at_nodes(count, g, first, table, space)
     for k in range(4 * nodes):

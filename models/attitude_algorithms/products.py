@@ -153,10 +153,10 @@ def prepare_products(algorithm: float, catalogue: Vector, products: Vector) -> N
     algorithm : float
         number of the algorithm
     catalogue : (N,)
-        of all algorithms: number, i, j, k_ij of each product, and a zero behind them
+        products of all algorithms: number, i, j, k_ij of each, and a final zero
     products : (3 * M + 2,) or longer
-        overwritten: the number of samples, 0 where there are no products; j + 1, i, k_ij of each, in the order of j and
-        then of i; a zero behind them
+        overwritten: the number of samples, 0 without products; j + 1, i, k_ij of each, in the order of j and then of i;
+        a final zero
     """
     products[0] = 0.0
     at = 1
@@ -232,7 +232,7 @@ def by_products_and_series(previous: Vector, g: Vector, products: Vector, weight
 
 
 def by_products_cut_off(previous: Vector, g: Vector, products: Vector, weighted: Vector, turned: Vector) -> None:
-    """Quaternion of φ by λ0 = 1 - f/8, λv = φ/2: what remark 3 of the paper blames for a loss of accuracy."""
+    """Write the quaternion of φ by λ0 = 1 - f/8, λv = φ/2: the loss of accuracy in remark 3 of the paper."""
     rotation_vector(previous, g, products, weighted, turned)
     turned[0] = 1.0 - square_of_vector(turned) / 8.0
     scale_vector(0.5, turned)
@@ -244,13 +244,13 @@ def over(divisor: int, numerators: Mapping[tuple[int, int], int]) -> tuple[Produ
 
 
 def compressed(divisor: int, *numerators: int) -> tuple[Product, ...]:
-    """Products with the last increment of a step, of as many increments before it as there are numerators."""
+    """Return products with the last increment of a step, one for each numerator, from the first increment on."""
     last = len(numerators)
     return over(divisor, {(i, last): value for i, value in enumerate(numerators)})
 
 
 def recursive(count: int) -> tuple[Product, ...]:
-    """Products of the fast loop over so many samples."""
+    """Return the products of the fast loop over this number of samples."""
     with_last = [(j - 1, j, Fraction(1, 12)) for j in range(count)]
     return (*with_last, *((SUM, j, Fraction(1, 2)) for j in range(1, count)))
 
@@ -258,7 +258,7 @@ def recursive(count: int) -> tuple[Product, ...]:
 def exact(
     number: int, name: str, title: str, source: str, orders: tuple[int, int], products: tuple[Product, ...]
 ) -> Algorithm:
-    """An algorithm with the exact formulas of (25): it takes half a turn over a step."""
+    """Return an algorithm with the exact formulas of (25): it takes half a turn over a step."""
     samples = 1 + max(j for _, j, _ in products)
     return Algorithm(
         number,

@@ -54,13 +54,13 @@ from .iteration import (
 from .products import rotation_vector, weighted_before
 
 FORMS = ("joint", "classic", "first-order")
-"""How rotation is compensated, from 1 on."""
+"""Kinds of rotation compensation, from 1 on."""
 
 JOINT = 1.0
 FIRST_ORDER = 3.0
 
 LARGEST_INCREMENT = 1e6
-"""Longest velocity increment that is taken [m/s]."""
+"""Largest accepted velocity increment [m/s]."""
 
 
 def velocity_by_products(
@@ -80,11 +80,11 @@ def velocity_by_products(
     Parameters
     ----------
     form : float
-        of `FORMS`
+        one of `FORMS`
     previous, g, previous_v, v : (STEP_SIZE,)
-        increments of angle [rad] and velocity [m/s], of the step before and of this one
+        increments of angle [rad] and velocity [m/s], of the previous step and of this one
     products
-        of `prepare_products`; where there are none, the step has one sample
+        from `prepare_products`; without products the step has one sample
     weighted, phi, sigma : (4,)
         working space
     """
@@ -160,7 +160,7 @@ def velocity_by_iteration(
     Returns
     -------
     int
-        0, or 1 where the iteration does not end
+        0, or 1 if the iteration does not end
     """
     if functional_iteration(count, g, first, table, space, turned) == 1:
         return 1
@@ -208,7 +208,8 @@ def velocity_of_window(
     turned: Vector,
     gained: Vector,
 ) -> None:
-    """Add the velocity of a window of eight increments, by iteration where those of angle and velocity both support it.
+    """Add the velocity of a window of eight increments, by iteration if the increments of angle and velocity support
+    it.
 
     `turned` (4,) is the quaternion of the window so far; others as of `velocity_by_iteration`.
     """
@@ -274,9 +275,9 @@ def velocity_of_step(
     turned: Vector,
     gained: Vector,
 ) -> int:
-    """Write the velocity (3,) of a full step, in the body as it stood at its beginning, into `gained` [m/s].
+    """Write the velocity (3,) of a full step, in the body axes at its beginning, into `gained` [m/s].
 
-    Arguments are those of `computer.update`, and increments of velocity as those of angle. Returns 0, or 1 where a
+    Arguments are those of `computer.update`, and increments of velocity as those of angle. Returns 0, or 1 if a
     functional iteration does not end.
     """
     for k in range(3):
@@ -371,7 +372,7 @@ def step_velocity(
     sample: Vector,
     sample_v: Vector,
 ) -> int:
-    """Take the increments over (time, time + step], update attitude and velocity when a step of the algorithm is full.
+    """Take the increments over (time, time + step]; update attitude and velocity when a step of the algorithm is full.
 
     As `step_attitude` with increments; returns 0 or the number of a message.
     """

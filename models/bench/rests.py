@@ -1,17 +1,17 @@
-"""The bench at rest: what an accelerometer block on a two-axis turntable reads, exactly.
+"""The bench at rest: the exact readings of an accelerometer block on a two-axis turntable.
 
     reading / g = n + Γ n + G(n) n + b,    n = exp(θ̂) Q up(α_true, β_true) (1 − Δg/g)
 
-Two sets of coordinates are used. `ELEMENTARY` are the 24 physical parameters of stand and block. They cannot be told
-apart one by one; what readings can determine at all is the 18 `TARGETS`, of which the reading is an exact function too:
-Δg and Δβ drop out. Frames, each by an exact turn of the frame: base -> κ about axis 2 -> α about the outer axis (1) ->
-ε about axis 2 -> β about the inner axis (3) -> mounting Q -> mounting error θ.
+Two sets of coordinates are used. `ELEMENTARY` are the 24 physical parameters of bench and block, which readings cannot
+separate. Readings determine only the 18 `TARGETS`, and the reading is an exact function of these too: Δg and Δβ drop
+out. Frames, each by an exact turn of the frame: base -> κ about axis 2 -> α about the outer axis (1) -> ε about axis 2
+-> β about the inner axis (3) -> mounting Q -> mounting error θ.
 
 Functions of them take any number of positions and complex numbers (for derivatives by a complex step).
 
 The linear model has the paper's numbering: X1 κ, X2 Δα + α*, X3 ε, X4..X15 the columns of Γ + θ̂ + QNQᵀΔβ − Δg/g with
-two scale factors (plus, minus) for each accelerometer, X16..X18 the biases; (1.7) and (1.9) say where the sign of an
-input is certain.
+two scale factors (plus, minus) for each accelerometer, X16..X18 the biases. By (1.7) and (1.9) the sign of an input is
+certain.
 
 Source: Golovan, Matasov, Tarygin 2022, sections 1 and 3; case (A1), Γ without diagonal lower triangular. To first order
 the exact reading is (1.3) and (1.11); the formulas (1.10) and (2.7), which the published text lost, are reconstructed.
@@ -71,13 +71,13 @@ TARGETS: tuple[str, ...] = (
     "X17",
     "X18",
 )
-"""The 18 targets of case (A1) in the order of the paper, list (a) to (e): what readings can determine."""
+"""The 18 targets of case (A1) in the order of the paper, list (a) to (e): all that readings can determine."""
 
 SYMMETRIC_PAIRS = (("X4", "X5"), ("X9", "X10"), ("X14", "X15"))
 """Scale targets of an accelerometer for positive and negative input, equal for a symmetric block."""
 
 ORTHOGONALITY_TOLERANCE = 1e-9
-"""To which rows of a mounting's matrix must be unit vectors, perpendicular to one another."""
+"""Tolerance to which rows of a mounting's matrix must be unit vectors, perpendicular to one another."""
 
 ASYMMETRIC_SLOTS = ((3, 7, 11), (5, 8, 12), (6, 10, 13))
 """Places of X among the 18 (from 0) that carry Γ_pc n_c in accelerometer p's reading; on the diagonal the plus one."""
@@ -94,16 +94,16 @@ _COSINE = tuple((-1.0) ** k / factorial(2 * k + 2) for k in range(_TERMS))
 
 
 def small_turn(vector: ArrayLike) -> NDArray:
-    """exp(θ̂): the frame turned by the rotation vector θ [rad] (..., 3), as direction cosines (..., 3, 3).
+    """Return exp(θ̂): the frame turned by the rotation vector θ [rad] (..., 3), as direction cosines (..., 3, 3).
 
     θ̂ is that of (1.2): [[0, θ3, −θ2], [−θ3, 0, θ1], [θ2, −θ1, 0]].
 
-    The power series of sin(θ)/θ and (1 − cos θ)/θ² in θ², good to rounding for turns up to 2π: there is no special
-    case at zero, and complex steps pass through.
+    The power series of sin(θ)/θ and (1 − cos θ)/θ² in θ² are good to rounding for turns up to 2π: zero is not a special
+    case, and complex steps pass through.
     """
     vector = np.asarray(vector)
     square = np.sum(vector * vector, axis=-1)[..., None, None]
-    # Terms that are below rounding for the largest of these turns are left away.
+    # Terms below rounding for the largest of these turns are left out.
     largest = float(np.abs(square).max(initial=0.0))
     last = next((k for k in range(1, _TERMS) if largest**k * abs(_SINE[k]) < 1e-19), _TERMS - 1)
     sine = np.zeros_like(square) + _SINE[last]
@@ -119,12 +119,12 @@ def small_turn(vector: ArrayLike) -> NDArray:
 
 
 def checked_rotation(matrix: Any) -> NDArray:
-    """A proper rotation (3, 3) from nested sequences of numbers.
+    """Return a proper rotation (3, 3) from nested sequences of numbers.
 
     Raises
     ------
     ValueError
-        what is wrong with any other
+        for any other matrix, with its fault
     """
     rows = matrix.tolist() if isinstance(matrix, np.ndarray) else matrix
     if isinstance(rows, list | tuple):
@@ -150,7 +150,7 @@ def checked_rotation(matrix: Any) -> NDArray:
 
 
 def up(alpha: ArrayLike, beta: ArrayLike, kappa: ArrayLike = 0.0, epsilon: ArrayLike = 0.0) -> NDArray:
-    """The vertical, upwards, in the axes j of the inner frame.
+    """Return the vertical, upwards, in the axes j of the inner frame.
 
     Parameters
     ----------
@@ -175,7 +175,8 @@ def _trigonometry(angle: ArrayLike) -> tuple[NDArray, NDArray]:
 def _on_inner(
     first: NDArray, second: NDArray, third: NDArray, beta: tuple[NDArray, NDArray], epsilon: tuple[NDArray, NDArray]
 ) -> NDArray:
-    """A vector in the axes of the outer frame as (..., 3) in those of the inner one; angles as sine and cosine."""
+    """Return a vector in the axes of the outer frame as (..., 3) in those of the inner one; angles as sine and
+    cosine."""
     (sin_b, cos_b), (sin_e, cos_e) = beta, epsilon
     first, third = first * cos_e - third * sin_e, first * sin_e + third * cos_e
     return np.stack(np.broadcast_arrays(first * cos_b + second * sin_b, second * cos_b - first * sin_b, third), axis=-1)
@@ -184,7 +185,7 @@ def _on_inner(
 def _up_and_derivatives(
     alpha: NDArray, beta: ArrayLike, kappa: NDArray, epsilon: NDArray
 ) -> tuple[NDArray, tuple[NDArray, NDArray, NDArray]]:
-    """`up`, and its derivatives (..., 3) by κ, by what is taken from α, and by ε."""
+    """Return `up`, and its derivatives (..., 3) by κ, by the angle subtracted from α, and by ε."""
     (sin_a, cos_a), (sin_k, cos_k) = _trigonometry(alpha), _trigonometry(kappa)
     b, e = _trigonometry(beta), _trigonometry(epsilon)
     vertical = _on_inner(-sin_k, cos_k * sin_a, cos_k * cos_a, b, e)
@@ -196,7 +197,7 @@ def _up_and_derivatives(
 
 
 def elementary(**values: float) -> NDArray:
-    """The vector (24,) of elementary parameters with these values and zeros elsewhere."""
+    """Return the vector (24,) of elementary parameters with these values and zeros elsewhere."""
     vector = np.zeros(len(ELEMENTARY))
     for name, value in values.items():
         vector[ELEMENTARY.index(name)] = value
@@ -210,7 +211,7 @@ def elementary_reading(
     mounting: ArrayLike,
     sign: ArrayLike | None = None,
 ) -> NDArray:
-    """The exact reading of the block over the model's g, from the elementary parameters.
+    """Return the exact reading of the block over the model's g, from the elementary parameters.
 
     Parameters
     ----------
@@ -247,7 +248,7 @@ def elementary_reading(
 
 
 def target_values(parameters: ArrayLike, mounting: ArrayLike) -> NDArray:
-    """True values of the 18 targets, exact, from elementary parameters of case (A1).
+    """Return the true values of the 18 targets, exact, from elementary parameters of case (A1).
 
     Parameters
     ----------
@@ -284,7 +285,7 @@ def target_values(parameters: ArrayLike, mounting: ArrayLike) -> NDArray:
 
 
 def vector_of_rotation(matrix: ArrayLike) -> NDArray:
-    """The rotation vector θ [rad] (3,) with exp(θ̂) equal to a matrix of direction cosines (3, 3); |θ| < π."""
+    """Return the rotation vector θ [rad] (3,) with exp(θ̂) equal to a matrix of direction cosines (3, 3); |θ| < π."""
     r = np.asarray(matrix, dtype=float)
     twice_sine = np.array([r[1, 2] - r[2, 1], r[2, 0] - r[0, 2], r[0, 1] - r[1, 0]])
     sine = 0.5 * np.linalg.norm(twice_sine)
@@ -295,7 +296,7 @@ def vector_of_rotation(matrix: ArrayLike) -> NDArray:
 def input_direction(
     targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, further: NDArray | None = None
 ) -> NDArray:
-    """Unit vector of the specific force in the block's axes: the accelerometers' inputs n over (1 − Δg/g).
+    """Return the unit vector of the specific force in the block's axes: the accelerometers' inputs n over (1 − Δg/g).
 
     Parameters
     ----------
@@ -319,7 +320,7 @@ def input_direction(
 
 
 def _mounted(x: NDArray, mounting: ArrayLike, further: NDArray | None) -> NDArray:
-    """Block axes from those of the inner frame, (3, 3) or (N, 3, 3)."""
+    """Return block axes from those of the inner frame, (3, 3) or (N, 3, 3)."""
     turned = small_turn(x[..., 14:11:-1]) @ np.asarray(mounting)
     if further is None:
         return turned
@@ -334,7 +335,7 @@ def target_reading(
     sign: ArrayLike | None = None,
     further: NDArray | None = None,
 ) -> NDArray:
-    """The exact reading over the model's g (N, 3) as a function of the 18 targets; arguments as `input_direction`.
+    """Return the exact reading over the model's g (N, 3) from the 18 targets; arguments as `input_direction`.
 
     `sign` (N, 3) chooses between the targets of positive and negative input; by default the exact inputs' own signs.
     """
@@ -355,7 +356,7 @@ def target_jacobian(
     sign: ArrayLike | None = None,
     further: NDArray | None = None,
 ) -> NDArray:
-    """Derivatives (N, 3, 18) of `target_reading` by the targets, exact to rounding.
+    """Return derivatives (N, 3, 18) of `target_reading` by the targets, exact to rounding.
 
     The reading is linear in scale factors, shears and biases; the rest comes through the direction.
     """
@@ -377,16 +378,16 @@ def target_jacobian(
 def input_jacobian(
     targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, further: NDArray | None = None
 ) -> NDArray:
-    """Derivatives (N, 3, 18) of `input_direction` by the targets, exact to rounding (complex step)."""
+    """Return derivatives (N, 3, 18) of `input_direction` by the targets, exact to rounding (complex step)."""
     return _input_and_jacobian(targets, alpha, beta, mounting, further)[1]
 
 
 def _input_and_jacobian(
     targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, further: NDArray | None
 ) -> tuple[NDArray, NDArray]:
-    """`input_direction` and `input_jacobian`."""
+    """Return `input_direction` and `input_jacobian`."""
     x, step = np.asarray(targets), 1e-30
-    # What turns the block, three targets at once.
+    # The targets that turn the block, three at once.
     turned = x + 1j * step * np.eye(len(TARGETS))[_OF_DIRECTION[3:], None]
     turns = np.imag(_mounted(turned, mounting, further)) / step
     straight = _mounted(x, mounting, further)
@@ -399,7 +400,7 @@ def _input_and_jacobian(
 
 
 def stand_regressors(alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:
-    """Q B: derivatives (N, 3, 3) of the readings by κ, Δα + α*, ε at zero errors."""
+    """Return Q B: derivatives (N, 3, 3) of the readings by κ, Δα + α*, ε at zero errors."""
     alpha, beta = np.broadcast_arrays(np.asarray(alpha, dtype=float), np.asarray(beta, dtype=float))
     sin_a, cos_a, sin_b, cos_b = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
     zero = np.zeros_like(sin_a)
@@ -413,12 +414,12 @@ def stand_regressors(alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> 
 
 
 def nominal_input(alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:
-    """m = Q s (N, 3), (1.8): inputs in g that an ideal bench would give."""
+    """Return m = Q s (N, 3), (1.8): inputs in g of an ideal bench."""
     return np.squeeze(np.asarray(mounting) @ up(alpha, beta)[..., None], -1)
 
 
 def regressors(alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, *, symmetric: bool = False) -> NDArray:
-    """F of (1.10): the readings' derivatives by the parameters X at zero errors.
+    """Return F of (1.10): the readings' derivatives by the parameters X at zero errors.
 
     Parameters
     ----------
@@ -458,7 +459,7 @@ def sign_margin(
     bounds: tuple[float, float] = (3e-3, 1e-2),
     rule: str = "paper",
 ) -> NDArray:
-    """s_p^max of (1.7): how far errors within the bounds can move each input [g].
+    """Return s_p^max of (1.7): the largest shift of each input by errors within the bounds [g].
 
     Parameters
     ----------
@@ -494,5 +495,5 @@ def admissible(
     bounds: tuple[float, float] = (3e-3, 1e-2),
     rule: str = "paper",
 ) -> NDArray:
-    """Where the sign of each input is certain before anything is known, (1.9); (N, 3) of bool; as `sign_margin`."""
+    """Return a mask (N, 3) of the inputs whose sign is certain a priori, (1.9); arguments as `sign_margin`."""
     return np.abs(nominal_input(alpha, beta, mounting)) > sign_margin(alpha, beta, mounting, bounds=bounds, rule=rule)

@@ -1,9 +1,9 @@
-"""The two-axis turntable in time: moves, geometric errors, encoders, and what a block on it undergoes.
+"""The two-axis turntable in time: moves, geometric errors, encoders, and the motion of a block on it.
 
-Angles: the servo brings the encoder reading to the command, so the true angle is the angle of the move less its
-offset. From the base the frame is turned by κ about axis 2 (the outer axis dips below the horizon), by α about the
-outer axis, by ε about axis 2 (the inner axis leans towards +outer), by β about the inner axis, by the mounting Q, the
-mounting error ϑ, and what effects turn the block on the table by; each an exact rotation.
+Angles: the servo brings the encoder reading to the command, so the true angle is the angle of the move less its offset.
+From the base the frame is turned by κ about axis 2 (the outer axis dips below the horizon), by α about the outer axis,
+by ε about axis 2 (the inner axis leans towards +outer), by β about the inner axis, by the mounting Q, the mounting
+error ϑ, and the turns of the block on the table by effects; each an exact rotation.
 
 Increments, the integral of the block's angular rate against inertial space, are exact to rounding.
 
@@ -29,7 +29,7 @@ EARTH_RATE = 7.292115e-5
 """Rotation rate of the Earth [rad/s] (WGS 84)."""
 
 STAND_SIZE = 12
-"""What stays as it is over a run, in one vector; these constants are its places."""
+"""Length of the vector of constants of a run; the following constants are its places."""
 START = 0
 """time of the start [s]"""
 KAPPA = 1
@@ -56,10 +56,10 @@ DIFFERENCE_HOURS = 1e-2
 
 
 def geometry_effects(context: Vector, angles: Vector, effect: Vector, turns: Vector) -> float:
-    """Stage "geometry": small turns (7,) [rad] that effects add: to κ, about the outer axis, to ε, about the inner one.
+    """Stage "geometry": small turns (7,) [rad] by effects: of κ, about the outer axis, of ε, about the inner one.
 
     The last three are the rotation vector, in block axes, by which the block turns further on the table; it may jump.
-    Returns whether there are any (1.0 or 0.0); the nominal table adds nothing.
+    Returns 1.0 if there are any, else 0.0; the nominal table adds nothing.
     """
     for i in range(7):
         turns[i] = 0.0
@@ -67,7 +67,7 @@ def geometry_effects(context: Vector, angles: Vector, effect: Vector, turns: Vec
 
 
 def set_table_context(elapsed: float, angles: Vector, context: Vector) -> None:
-    """Write the true angles of the table, `elapsed` [s] after the start, into the context; the rest stands there."""
+    """Write the true angles of the table, `elapsed` [s] after the start, into the context; keep the rest."""
     context[HOURS] = elapsed / 3600.0
     context[ALPHA] = angles[0]
     context[BETA] = angles[1]
@@ -82,7 +82,7 @@ def attitude_in_base(
     attitude: Vector,
     work: Vector,
 ) -> None:
-    """Attitude (4,) of the block against the base at the true angles; `work` (4,) is working space."""
+    """Compute the attitude (4,) of the block against the base at the true angles; `work` (4,) is working space."""
     set_quaternion(math.cos(0.5 * kappa), 0.0, math.sin(0.5 * kappa), 0.0, attitude)
     turn(attitude, 0, alpha, work)
     turn(attitude, 1, epsilon, work)
@@ -93,7 +93,7 @@ def attitude_in_base(
 def set_inputs(
     angle: Vector, stand: Vector, mounting_attitude: Vector, attitude: Vector, work: Vector, context: Vector
 ) -> None:
-    """Write what the accelerometers feel of gravity [g] without effects at the true angles into the context.
+    """Write the accelerometers' inputs from gravity [g], without effects, at the true angles into the context.
 
     The attitude (4,) is overwritten by that against the base; `work` (4,) is working space.
     """
@@ -106,7 +106,7 @@ def set_inputs(
 def move_axes(
     time: float, stand: Vector, plan: Vector, motion: Vector, angle: Vector, rate: Vector, context: Vector
 ) -> None:
-    """True angles and rates of both axes at `time`, and the context.
+    """Compute true angles and rates of both axes at `time`, and the context.
 
     The sense of a move that began and ended within a step is that of its plan.
     """
@@ -135,7 +135,7 @@ def observe(
     attitude: Vector,
     specific_force: Vector,
 ) -> None:
-    """Attitude against the base, and specific force, at the true angles."""
+    """Compute the attitude against the base, and the specific force, at the true angles."""
     alpha = angle[0]
     beta = angle[1]
     kappa = stand[KAPPA]
@@ -153,17 +153,17 @@ def observe(
 
 
 def find_block_rate(stand: Vector, mounting_attitude: Vector, angle: Vector, rate: Vector, block_rate: Vector) -> None:
-    """Angular rate (3,) of the block against the base, in block axes, but for small turns that effects add."""
+    """Compute the angular rate (3,) of the block against the base, in block axes, without small turns by effects."""
     along = rate[0] * math.cos(stand[EPSILON])
     third = rate[0] * math.sin(stand[EPSILON]) + rate[1]
     to_body(mounting_attitude, along * math.cos(angle[1]), -along * math.sin(angle[1]), third, block_rate)
 
 
 def add_slip(turns: Vector, slipped: Vector, increment: Vector) -> None:
-    """Add to `increment` (3,) what the block turned on the table since the step before, as `observe` saw it.
+    """Add the block's turn on the table since the previous step, as `observe` computed it, to `increment` (3,).
 
-    `slipped` (3,) is what earlier increments hold, overwritten: the end of the step before, found again from this one,
-    may be a rounding later, and would count a jump twice.
+    `slipped` (3,) is the turn in earlier increments, overwritten: the end of the previous step, computed again from
+    this one, may be a rounding later, and would count a jump twice.
     """
     for i in range(3):
         increment[i] = increment[i] + (turns[4 + i] - slipped[i])
@@ -171,7 +171,7 @@ def add_slip(turns: Vector, slipped: Vector, increment: Vector) -> None:
 
 
 def turn_with_earth(elapsed: float, stand: Vector, attitude: Vector, work: Vector, attitude_inertial: Vector) -> None:
-    """Attitude against the inertial frame that was the base's at the start, `elapsed` [s] ago."""
+    """Compute the attitude against the inertial frame that was the base's at the start, `elapsed` [s] ago."""
     set_quaternion(1.0, 0.0, 0.0, 0.0, attitude_inertial)
     x = stand[EARTH_IN_BASE] * elapsed
     y = stand[EARTH_IN_BASE + 1] * elapsed
@@ -183,7 +183,7 @@ def turn_with_earth(elapsed: float, stand: Vector, attitude: Vector, work: Vecto
 def find_turn_rates(
     motion: Vector, context: Vector, effect: Vector, shifted: Vector, turns: Vector, turn_rates: Vector
 ) -> None:
-    """Rates (4,) [rad/s] of the small turns of the table that effects add, by central differences of sixth order.
+    """Compute rates (4,) [rad/s] of the table's small turns by effects, by central differences of sixth order.
 
     `context` is that of the moment; `shifted` (2,) and `turns` (7,) are working space.
     """
@@ -241,8 +241,8 @@ def add_increment(
 ) -> None:
     """Add `weight` [s] times the block's angular rate against inertial space, in block axes, to `increment` (3,).
 
-    `turned` is 1.0 where effects add small turns; `turns` (7,) and `turn_rates` (4,) are zeros where not. Its own
-    turn on the table is not in it, but the axes are those after it.
+    `turned` is 1.0 if effects add small turns; otherwise `turns` (7,) and `turn_rates` (4,) are zeros. The block's own
+    turn on the table is not included, but the axes are those after it.
     """
     if turned > 0.0:
         shifted[0] = motion[0]
@@ -305,9 +305,10 @@ def integrate_increment(
 ) -> None:
     """Integrate the block's angular rate over (begin, end] into `increment` (3,) [rad].
 
-    Gauss rules with five points between the ends of the phases of the moves, none over more than a quarter of a
-    radian: the increments are exact to rounding at any step size, but for a step within which the block slips on the
-    table: the rates see that from the middle of a piece on, and `add_slip` adds its own turn, one about one axis.
+    Gauss rules with five points between the ends of the phases of the moves, none over more than a quarter of a radian,
+    make the increments exact to rounding at any step size. An exception is a step within which the block slips on the
+    table: the rates include the slip from the middle of a piece on, and `add_slip` adds its own turn, one about one
+    axis.
     """
     for i in range(3):
         increment[i] = 0.0
@@ -357,7 +358,7 @@ def integrate_increment(
 
 
 def encoder_effects(context: Vector, angles: Vector, effect: Vector, added: Vector) -> None:
-    """Stage "encoder": what effects add to the readings of the two encoders [rad]; the nominal table adds nothing."""
+    """Stage "encoder": add effects to the readings of the two encoders [rad]; the nominal table adds nothing."""
     added[0] = 0.0
     added[1] = 0.0
 
@@ -458,7 +459,7 @@ def read_encoders(
     added: Vector,
     angle_reading: Vector,
 ) -> None:
-    """Readings of both encoders at the moment that was observed."""
+    """Compute the readings of both encoders at the observed moment."""
     encoder_effects(context, angle, effect, added)
     for axis in range(2):
         angle_reading[axis] = motion[2 * axis] + added[axis] + stand[FLUCTUATION_BOUND] * fluctuation[axis]
@@ -538,7 +539,7 @@ def step_table(
         resting = 1.0
     if resting > at_rest[0]:
         dwell[0] = dwell[0] + 1.0
-        # The encoders' fluctuation is one error for one rest, and another for the next.
+        # The encoders' fluctuation is constant over a rest, and drawn anew for the next.
         fluctuation[0] = symmetric(generator)
         fluctuation[1] = symmetric(generator)
     at_rest[0] = resting
@@ -547,13 +548,14 @@ def step_table(
 
 
 NEVER = 1e300
-"""The time of an event that does not come [s]."""
+"""Time of an event that never comes [s]."""
 JUST_AFTER = 1e-15
-"""By so much of itself a time is later than one at which a phase of a move is over, whatever its rounding."""
+"""Relative difference above which a time is later than the end of a phase of a move, for any rounding."""
 
 
 def next_event(time: float, plan: Vector) -> float:
-    """Time after `time` at which the next phase of a move is over: an acceleration changes, or a rest begins."""
+    """Return the time after `time` at which the next phase of a move ends: an acceleration changes, or a rest
+    begins."""
     first = NEVER
     for axis in range(2):
         at = AXIS_PLAN_SIZE * axis

@@ -1,4 +1,4 @@
-"""The bench in motion: what the gyros of a block on a two-axis turntable integrate between two moments, exactly.
+"""The bench in motion: the exact integrals of the gyros of a block on a two-axis turntable between two moments.
 
     ∫ reading dt = (I + Γ) γ + b T + S φ,    γ = ∫ ω dt,  φ = ∫ (specific force / g) dt,  both in block axes
 
@@ -6,12 +6,12 @@ The frames are those of `trihedron.models.bench`. In the axes of the inner frame
 
     ω = R₃(β) R₂(ε) e₁ α' + e₃ β' + R₃(β) R₂(ε) R₁(α − X2) R₂(κ) Ω,
 
-Ω Earth's rotation in axes of the base; the vertical goes the same way as Ω. Nothing but the angles depends on time, so
-a few integrals over a piece of motion, its `MOMENTS`, give γ and φ for any parameters: no attitude is integrated, and
-what is not known enters as one linear system. The angles are the encoders' readings; Δβ stands in the mounting
-(X13, −X12, X8), as in the readings at rest. Readings that lag by τ are those of moments that lie τ earlier.
+Ω Earth's rotation in axes of the base; the vertical transforms like Ω. Only the angles depend on time, so a few
+integrals over a piece of motion, its `MOMENTS`, give γ and φ for any parameters: no attitude is integrated, and the
+unknowns enter as one linear system. The angles are the encoders' readings; Δβ is part of the mounting (X13, −X12, X8),
+as in the readings at rest. Readings that lag by τ are those of moments τ earlier.
 
-The block is taken to sit where the axes cross, so that its specific force is gravity's also in motion.
+The block is assumed at the crossing of the axes, so its specific force is gravity's also in motion.
 """
 
 import math
@@ -44,7 +44,7 @@ _BENT = (_KAPPA, _ALPHA, _EPSILON, 12, 13, 14)
 
 
 def earth_in_base(latitude: float, azimuth: float) -> NDArray[np.float64]:
-    """Earth's rotation (3,) [rad/s] in axes of the base: 1 along the outer axis, 3 up.
+    """Return Earth's rotation (3,) [rad/s] in axes of the base: 1 along the outer axis, 3 up.
 
     `latitude` [rad] and `azimuth` [rad] of the outer axis, from north towards east.
     """
@@ -53,7 +53,8 @@ def earth_in_base(latitude: float, azimuth: float) -> NDArray[np.float64]:
 
 
 def moments_of(time: NDArray, alpha: NDArray, beta: NDArray) -> NDArray[np.float64]:
-    """The moments (N, 13) from the first row up to each, from angles (N,) [rad] without jumps, at times (N,) [s].
+    """Return the moments (N, 13) from the first row up to each, from angles (N,) [rad] without jumps, at times (N,)
+    [s].
 
     Between two rows both axes turn at constant rates: then the integrals over dα are exact.
     """
@@ -68,7 +69,7 @@ def moments_of(time: NDArray, alpha: NDArray, beta: NDArray) -> NDArray[np.float
 
 
 def growth_of(angles: NDArray, rates: NDArray, accelerations: NDArray) -> NDArray[np.float64]:
-    """How fast the moments grow (2, N, 13): first and second derivatives by time, from angles (2, N) and theirs."""
+    """Return first and second derivatives of the moments by time (2, N, 13), from angles (2, N) and theirs."""
     (turn, swing), (faster, quicker), (alpha, beta) = rates, accelerations, angles
     cos, sin, none = np.cos(beta), np.sin(beta), np.zeros_like(beta)
     first = [turn * cos, turn * sin, turn, swing]
@@ -82,7 +83,7 @@ def growth_of(angles: NDArray, rates: NDArray, accelerations: NDArray) -> NDArra
 
 
 def _products(first: Sequence[NDArray], second: Sequence[NDArray]) -> list[NDArray]:
-    """Each of the first harmonics times each of the second."""
+    """Return each of the first harmonics times each of the second."""
     products = []
     for outer in first:
         products += [outer * inner for inner in second]
@@ -94,13 +95,13 @@ def _harmonics(angle: NDArray) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def turning_of(beta: NDArray, swing: NDArray, turn: NDArray, lean: float) -> NDArray[np.float64]:
-    """Turns (N, 3) of the inner frame, in its axes, by turns (N,) about the outer and the inner axis; lean ε."""
+    """Return turns (N, 3) of the inner frame, in its axes, by turns (N,) about the outer and the inner axis; lean ε."""
     along = np.cos(lean) * swing
     return np.stack([along * np.cos(beta), -along * np.sin(beta), np.sin(lean) * swing + turn], axis=1)
 
 
 def rates_of_turning(beta: NDArray, rates: NDArray, accelerations: NDArray, lean: float) -> NDArray[np.float64]:
-    """Rates and their changes (2, N, 3) of the inner frame, in its axes, by those (N, 2) of both axes."""
+    """Return rates and their changes (2, N, 3) of the inner frame, in its axes, by those (N, 2) of both axes."""
     rate, change = (turning_of(beta, values[:, 0], values[:, 1], lean) for values in (rates, accelerations))
     across = np.cos(lean) * rates[:, 0] * rates[:, 1]
     change[:, 0] -= across * np.sin(beta)
@@ -109,7 +110,7 @@ def rates_of_turning(beta: NDArray, rates: NDArray, accelerations: NDArray, lean
 
 
 def axes_of_turns(alpha: NDArray, beta: NDArray, lean: float) -> NDArray[np.float64]:
-    """The axes (4, N, 3) of small turns in those of the inner frame, at angles (N,) from the vertical; lean ε.
+    """Return the axes (4, N, 3) of small turns in those of the inner frame, at angles (N,) from the vertical; lean ε.
 
     About κ's axis, which α, ε and β turn; about the outer axis, about that of ε, about the inner one.
     """
@@ -132,7 +133,7 @@ def integrated_readings(
     mounting: ArrayLike,
     earth: ArrayLike,
 ) -> NDArray:
-    """The integrals (S, 3) [rad] of the gyros' readings over pieces; complex parameters give derivatives.
+    """Return the integrals (S, 3) [rad] of the gyros' readings over pieces; complex parameters give derivatives.
 
     Parameters
     ----------
@@ -141,14 +142,19 @@ def integrated_readings(
     gyros : (22,) array
         in the order of `GYRO_PARAMETERS`
     moments : (S, 13) array
-        of the pieces
+        moments of the pieces
     growth : (2, S, 13) array
-        how they change as a piece moves on in time: first [1/s] and second derivatives [1/s²]; of a lag of some
-        milliseconds, while both axes turn by some rad/s, less than 1e-7 rad is left
+        their derivatives when a piece moves on in time: first [1/s] and second [1/s²]; the error is below 1e-7 rad for
+        a lag of some milliseconds, while both axes turn by some rad/s
     mounting : (3, 3) array
         Q
     earth : (3,) array
         `earth_in_base`
+
+    Returns
+    -------
+    (S, 3) array
+        integrals [rad]
     """
     g = np.asarray(gyros)
     time, turned, vertical = _inputs(np.asarray(targets), g[LAG], moments, growth, mounting, earth)
@@ -159,7 +165,8 @@ def integrated_readings(
 def _inputs(
     x: NDArray, lag: complex, moments: NDArray, growth: NDArray, mounting: ArrayLike, earth: ArrayLike
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """What gyros integrate over pieces: time (S, 1), turns and the vertical (S, 3) in axes of the block."""
+    """Return the gyros' integrated inputs over pieces: time (S, 1), turns and the vertical (S, 3) in axes of the
+    block."""
     moments = moments - lag * (growth[0] - 0.5 * lag * growth[1])
     block = small_turn(x[_TURN]) @ np.asarray(mounting)
     lean = np.cos(x[_EPSILON]), np.sin(x[_EPSILON])
@@ -169,7 +176,7 @@ def _inputs(
 
 
 def _carried(x: NDArray, moments: NDArray, vector: NDArray) -> NDArray:
-    """Integral (S, 3), in axes of the inner frame, of a vector (3,) that stays in the base."""
+    """Return the integral (S, 3), in axes of the inner frame, of a vector (3,) that is constant in the base."""
     products = moments[:, 4:].reshape(-1, 3, 3)
     cos_shift, sin_shift = np.cos(x[_ALPHA]), np.sin(x[_ALPHA])
     first_column, cos_a = products[:, 0], cos_shift * products[:, 1] + sin_shift * products[:, 2]
@@ -185,9 +192,9 @@ def _carried(x: NDArray, moments: NDArray, vector: NDArray) -> NDArray:
 def integrated_jacobian(
     arguments: Sequence[ArrayLike], rest: tuple[NDArray, NDArray, NDArray, NDArray]
 ) -> NDArray[np.float64]:
-    """Derivatives (S, 3, 40) of `integrated_readings` by the 18 targets and the gyros' parameters.
+    """Return derivatives (S, 3, 40) of `integrated_readings` by the 18 targets and the gyros' parameters.
 
-    `arguments` are targets and gyros, `rest` what follows them. By complex steps where it is not linear.
+    `arguments` are targets and gyros, `rest` the following arguments. Nonlinear parts use complex steps.
     """
     x, g = (np.asarray(values, dtype=float) for values in arguments)
     at, step, count = np.concatenate([x, g]), 1e-30, len(x)

@@ -1,6 +1,6 @@
-"""The catalogue of effects, in families by where they act: accelerometer, gyro, table, last stage of a reading.
+"""The catalogue of effects, in families by place of action: accelerometer, gyro, table, last stage of a reading.
 
-A family gives its `EFFECTS`; any other file of this package that has an `EFFECT` gives that one.
+A family defines its `EFFECTS`; any other file of this package that defines an `EFFECT` adds that one.
 """
 
 import importlib
@@ -53,7 +53,7 @@ STRAPDOWN_EFFECTS = {
 
 
 def parameter_name(place: EffectPlace, parameter: str) -> str:
-    """The name of the FMU variable that holds a parameter of an effect at its place."""
+    """Return the name of the FMU variable that holds a parameter of an effect at its place."""
     words = [place.effect, place.where]
     if place.order is not None:
         words.append(f"order_{place.order}")
@@ -70,12 +70,17 @@ def place_from_mapping(mapping: Mapping[str, object]) -> tuple[EffectPlace, dict
     Parameters
     ----------
     mapping : mapping
-        ``effect``, ``where``, where it has them ``order``, ``axes`` and ``law``, and the parameters by name
+        ``effect``, ``where``, optional ``order``, ``axes`` and ``law``, and the parameters by name
+
+    Returns
+    -------
+    tuple of EffectPlace and dict
+        the place, and the values by name
 
     Raises
     ------
     ValueError
-        one line: what is unknown, missing or of the wrong type, and what would be right
+        one line: the unknown, missing or wrong entry, and the correct form
     """
     rest = dict(mapping)
     name = rest.pop("effect", None)

@@ -1,6 +1,6 @@
-"""What an accelerometer adds to its reading.
+"""Effects on an accelerometer's reading.
 
-As a function of the inputs n [g] at that moment:
+Functions of the inputs n [g] at that moment:
 
 quadratic, cubic, odd_quadratic
     c n_p², c n_p³ and c n_p |n_p|: the terms K2, K3 and Koq of the response
@@ -9,7 +9,7 @@ cross_product, cross_square
 bias_asymmetry, scale_asymmetry
     c sign(n_p), K0', and c |n_p|: bias and scale factor depend on the sign of the input
 
-By what else there is:
+Functions of other quantities:
 
 bias_drift, scale_drift
     a bias, a scale factor that grows with time
@@ -18,7 +18,7 @@ temperature_bias, temperature_scale
 hysteresis
     the reading lags the last change of the input
 lever_arm
-    the size effect: an accelerometer that is not at the block's centre feels the block's turning
+    the size effect: an accelerometer away from the block's centre senses the block's turning
 accelerometer_lag
     the reading follows its input through a low-pass of the first order, to first order of its time constant
 """
@@ -183,7 +183,7 @@ SCALE_DRIFT = accelerometer_effect(
 
 
 def open_temperature(place: EffectPlace, values: NDArray[np.float64], rows: Rows) -> NDArray[np.float64]:
-    """What half a last digit of the temperature makes of values (N,) per kelvin, in the readings (N, 3)."""
+    """Return the effect of half a last digit of the temperature on values (N,) per kelvin, in the readings (N, 3)."""
     return accelerometer_column(place, values * rows.temperature_resolution)[..., 0]
 
 
@@ -222,7 +222,7 @@ def hysteresis(context: Vector, n: Vector, p: int, width: float, added: Vector) 
 
 
 def hysteresis_untold(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Half of the width (N, 3), per unit of it, where the sense of the last change of the input is not told."""
+    """Return half of the width (N, 3), per unit of it, where the sense of the last change of the input is unknown."""
     return accelerometer_column(place, np.where(rows.sense_told[:, place.index], 0.0, 0.5))[..., 0]
 
 
@@ -275,7 +275,8 @@ LEVER_ARM = accelerometer_effect(
 
 
 def accelerometer_lag(context: Vector, n: Vector, p: int, time: float, added: Vector) -> None:
-    """Add -τ dn_p/dt to the reading of accelerometer p; where the block turns below a vertical, that is τ (ω × n)_p."""
+    """Add -τ dn_p/dt to the reading of accelerometer p; for a block that turns below a vertical, that is τ (ω ×
+    n)_p."""
     change = context[RATE + 1] * n[2] - context[RATE + 2] * n[1]
     if p == 1:
         change = context[RATE + 2] * n[0] - context[RATE] * n[2]

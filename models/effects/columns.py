@@ -1,7 +1,7 @@
-"""What a kernel sees of a record, and the columns of linear effects: what a unit of each coefficient adds.
+"""The inputs of a kernel from a record, and the columns of linear effects: the change by a unit of each coefficient.
 
-The kernel is called with columns of rows in place of numbers: restricted Python runs on arrays as it stands. Where it
-branches on numbers that differ from row to row it runs again on the rows of each branch.
+The kernel is called with columns of rows in place of numbers: restricted Python runs on arrays unchanged. If it
+branches on numbers that differ from row to row, it runs again on the rows of each branch.
 """
 
 import math
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from .definition import Effect, EffectPlace
 
 ROOM_TEMPERATURE = 20.0
-"""What a kernel sees of rows without a temperature [degC]."""
+"""Temperature for kernels on rows without one [degC]."""
 
 
 class RowsDiffer(ValueError):
-    """Raised where a kernel branches and `some` (N,) of the rows go another way than the others."""
+    """Raised if a kernel branches and `some` (N,) of the rows go another way than the others."""
 
     def __init__(self, some: NDArray[np.bool_]) -> None:
         super().__init__("the rows differ")
@@ -53,7 +53,7 @@ class RowsDiffer(ValueError):
 
 
 class Column(np.ndarray):
-    """Numbers (N,) in place of one: true or false, or a whole number, where all of them say the same."""
+    """Numbers (N,) in place of one: true or false, or a whole number, if they all agree."""
 
     def __bool__(self) -> bool:
         values = self.view(np.ndarray) != 0
@@ -72,7 +72,7 @@ class Column(np.ndarray):
 
 
 def column(values: NDArray[np.float64] | float, count: int) -> Column:
-    """Values (N,), or N times one value, as a column."""
+    """Return values (N,), or N times one value, as a column."""
     return np.broadcast_to(np.asarray(values, dtype=float), (count,)).view(Column)
 
 
@@ -86,7 +86,7 @@ def _not_given() -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Rows:
-    """Averaged readings as the signatures see them: N rows at the relinearised point.
+    """Averaged readings for the signatures: N rows at the relinearised point.
 
     Attributes
     ----------
@@ -99,30 +99,29 @@ class Rows:
     by_alpha, by_beta : (N, 3)
         derivatives of the readings by the turns about the outer and the inner axis [g/rad]
     by_kappa, by_epsilon : (N, 3)
-        derivatives of the readings by κ and ε [g/rad]; zeros where not given
+        derivatives of the readings by κ and ε [g/rad]; zeros by default
     by_slip : (N, 3, 3)
-        derivatives of the readings by further turns of the block on the table, about its axes [g/rad]; zeros where not
-        given
+        derivatives of the readings by further turns of the block on the table, about its axes [g/rad]; zeros by default
     temperature : (N,) or None
-        [degC]; None where the record has none
+        temperature [degC]; None if the record has none
     sense_alpha, sense_beta : (N,)
-        sense of the last move of each axis: +1, -1, 0 where there was none; zeros where not given
+        sense of the last move of each axis: +1, -1, 0 without a move; zeros by default
     input_sense : (N, 3)
-        sense of the last change of each accelerometer's input; zeros where not given
+        sense of the last change of each accelerometer's input; zeros by default
     sense_told : (N, 3) of bool
-        whether the record tells that sense; everywhere where not given
+        True if the record shows that sense; everywhere by default
     own : (N, 3)
-        response of each accelerometer to its own input, (1 + Γ±) n [g]; n where not given
+        response of each accelerometer to its own input, (1 + Γ±) n [g]; n by default
     prediction : (N, 3)
-        readings of the nominal model [g]; n where not given
+        readings of the nominal model [g]; n by default
     resolution : float
         half of a last digit of the readings [g]
     temperature_resolution : float
         half of a last digit of the temperature [K]
     kept : (N,)
-        temperature that an effect with a memory keeps [degC]; zeros where not given
+        temperature in the memory of an effect [degC]; zeros by default
     axis_rates : (N, 2)
-        rates of both axes [rad/s]; zeros where not given: at rest
+        rates of both axes [rad/s]; zeros by default: at rest
     from_vertical : float
         angle of the outer axis between the encoder's zero and the vertical, X2 [rad]
     """
@@ -169,16 +168,16 @@ class Rows:
         return np.concatenate((of_axes, self.by_slip), axis=2)
 
     def by_ports(self, stage: str | None) -> NDArray[np.float64]:
-        """Derivatives (N, 3, ports) of the readings by what is added at a stage of table or accelerometers."""
+        """Return derivatives (N, 3, ports) of the readings by the additions at a stage of table or accelerometers."""
         if stage == "encoder_effects":
-            # The true angle is the reading less what an encoder errs by.
+            # The true angle is the reading less the encoder's error.
             return -np.stack((self.by_alpha, self.by_beta), axis=2)
         if stage == "geometry_effects":
             return self.by_turns
         return np.broadcast_to(np.eye(3), (len(self.hours), 3, 3))
 
     def seen_by(self, component: str | None) -> Seen:
-        """Context and values of a kernel of the table, or of the accelerometers."""
+        """Return context and values of a kernel of the table, or of the accelerometers."""
         if component == "TurntableMotion":
             return self._context, self._context[ALPHA : BETA + 1]
         return self._context, self._context[INPUT : INPUT + 3]
@@ -202,7 +201,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class MotionRows:
-    """Steps of a record in motion as the signatures see them: N rows, one a step.
+    """Steps of a record in motion for the signatures: N rows, one a step.
 
     Signatures (N, 3, K) of gyro effects are in rad/s of the reading: reading = true rate + signature · coefficients,
     with means over the step on both sides; those of accelerometers in motion are in g.
@@ -214,19 +213,19 @@ class MotionRows:
     rate_before : (N, 3)
         mean rates over the steps before; at the first step and after a gap, the rates themselves
     specific_force : (N, 3)
-        in block axes [g]
+        specific force in block axes [g]
     hours : (N,)
         time since the record's first row [h], at the ends of the steps
     step : (N,)
         lengths of the steps [s]
     temperature : (N,) or None
-        [degC]; None where the record has none
+        temperature [degC]; None if the record has none
     period : float
-        nominal time between samples [s]; 0 where there is none
+        nominal time between samples [s]; 0 if there is none
     gravity : float
         model value [m/s²]
     response : (3, 3)
-        I + Γ, how the gyros respond to the rates
+        I + Γ, the gyros' response to the rates
     """
 
     rate: NDArray[np.float64]
@@ -240,7 +239,7 @@ class MotionRows:
     response: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
     def seen_by(self, component: str | None) -> Seen:
-        """Context and values of a kernel of gyros, accelerometers or attitude computer."""
+        """Return context and values of a kernel of gyros, accelerometers or attitude computer."""
         if component == "GyroBlock":
             return self._gyro_context, _columns(self.rate)
         if component == "AttitudeComputer":
@@ -260,7 +259,7 @@ class MotionRows:
     def _gyro_context(self) -> list[Column]:
         context, count = self._circumstances(GYRO_CONTEXT_SIZE), len(self.hours)
         context[STEP_LENGTH] = context[INTERVAL] = column(self.step, count)
-        # Before the step that a row tells of the rates are taken as even.
+        # Before the first step with a row the rates are assumed constant.
         context[PREVIOUS_RATE : PREVIOUS_RATE + 3 * PREVIOUS_STEPS] = _columns(self.rate_before) * PREVIOUS_STEPS
         for place, gain in enumerate(self.response.ravel().tolist()):
             context[RESPONSE + place] = column(gain, count)
@@ -281,22 +280,22 @@ class MotionRows:
 
 
 def _columns(values: NDArray[np.float64]) -> list[Column]:
-    """The columns of values (N, k)."""
+    """Return the columns of values (N, k)."""
     return [column(axis, len(values)) for axis in values.T]
 
 
 ARRAY_MATH = SimpleNamespace(
     sin=np.sin, cos=np.cos, sqrt=np.sqrt, exp=np.exp, fabs=np.abs, atan2=np.arctan2, floor=np.floor, pi=math.pi
 )
-"""What restricted Python has of `math`, for arrays."""
+"""The functions of `math` in restricted Python, for arrays."""
 PORTS = {"encoder_effects": 2, "geometry_effects": 7, "reading_effects": 3, "final_effects": 3, "increment_effects": 3}
-"""To how many values the effects of a stage add."""
+"""Number of values that the effects of a stage change."""
 ALIKE = 0.1
-"""Axes about which turns differ by so little of themselves are one."""
+"""Relative difference below which axes of turns are one."""
 SHORT = 1e-6
 """A unit of a delay [s]: it stays within a step."""
 ONSET, TIME_CONSTANT = "onset", "time constant"
-"""What a number is that a diagnosis searches."""
+"""Kinds of a number that a diagnosis searches."""
 WHOLE = {ONSET: -1.0, TIME_CONSTANT: math.inf}
 """Numbers [h] with which an effect acts from the first row on, or does not fade."""
 
@@ -345,9 +344,9 @@ def units_of(effect: "Effect", number: float | None = None) -> list[tuple[list[f
 def ports(
     effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows, number: float | None = None
 ) -> NDArray[np.float64]:
-    """Return what a unit of each linear coefficient adds (N, ports, K) at the stage of an effect.
+    """Return the change (N, ports, K) by a unit of each linear coefficient at the stage of an effect.
 
-    Where a number is searched it has that value; by default the effect acts from the first row on, or does not fade.
+    A searched number has the value `number`; by default the effect acts from the first row on, or does not fade.
     """
     if effect.columns is not None:
         return effect.columns(place, rows)
@@ -359,7 +358,7 @@ def ports(
 def response(
     effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows, parameters: Sequence[float]
 ) -> NDArray[np.float64]:
-    """Return what the kernel of an effect adds (N, ports) at its stage with some values of its parameters."""
+    """Return the change (N, ports) by the kernel of an effect at its stage with some values of its parameters."""
     if "temperature" in effect.needs and rows.temperature is None:
         raise ValueError("effects of temperature need the temperature of the rows")
     context, values = rows.seen_by(effect.component)
@@ -370,7 +369,7 @@ def response(
 def added_by(
     kernel: Callable[..., None], context: list[Column], values: list[Column], arguments: tuple[float, ...], size: int
 ) -> NDArray[np.float64]:
-    """Return what a kernel adds (N, size) to its ports; where it branches, rows that go the same way together."""
+    """Return the change (N, size) by a kernel at its ports; if it branches, rows of one branch run together."""
     added: list[NDArray[np.float64] | float] = [0.0] * size
     table = np.zeros((len(context[0]), size))
     try:
@@ -390,7 +389,7 @@ def chosen(columns: list[Column], rows: NDArray[np.bool_]) -> list[Column]:
 
 
 def values_read(text: str, values: str, component: str, rows: Rows | MotionRows) -> NDArray[np.float64]:
-    """Return what a kernel of a component reads (N,) by an expression of its context and of its values' name."""
+    """Return the values (N,) of an expression of the context and of the stage's values, for a kernel of a component."""
     kernel = written_kernel(
         f"def reading(context: Vector, {values}: Vector, added: Vector) -> None:\n    added[0] = {text}\n"
     )
@@ -400,9 +399,8 @@ def values_read(text: str, values: str, component: str, rows: Rows | MotionRows)
 def small_turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[np.float64]:
     """Return the small turns (N, 7, K) [rad] at given encoder readings: of κ, outer, of ε, inner, of the block.
 
-    The true angle is the reading less what an encoder errs by. With the angles that the turns are functions of taken as
-    the true ones they are exact: of an effect on an encoder, `rows` has the angles with its turns in; of one on the
-    geometry, without.
+    The true angle is the reading less the encoder's error. The turns are exact functions of the true angles. For an
+    effect on an encoder, `rows` has the angles with its turns; for one on the geometry, without.
     """
     added = ports(effect, place, rows)
     if effect.stage == "geometry_effects":
@@ -413,17 +411,19 @@ def small_turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[n
 
 
 def is_inner_axis(rows: Rows, k: int) -> bool:
-    """Whether an axis of the block, counted from 0, is the inner axis at all rows, but for errors of the mounting."""
+    """Return True if an axis of the block, counted from 0, is the inner axis at all rows, except for mounting
+    errors."""
     by_axis, by_inner = rows.by_slip[:, :, k], rows.by_beta
     apart = min(np.linalg.norm(by_axis - by_inner), np.linalg.norm(by_axis + by_inner))
     return bool(apart <= ALIKE * np.linalg.norm(by_inner))
 
 
 def signature(effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows) -> NDArray[np.float64]:
-    """Return how readings [g], or of a gyro rates [rad/s], change with each coefficient (N, 3, K); not of the table."""
+    """Return the change of readings [g], or for a gyro of rates [rad/s], by each coefficient (N, 3, K); not for the
+    table."""
     added = ports(effect, place, rows)
     if effect.component == "AttitudeComputer":
         assert isinstance(rows, MotionRows)
-        # The computer adds what the readings lack.
+        # The computer adds the missing part of the readings.
         return -added / rows.step[:, None, None]
     return added

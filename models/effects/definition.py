@@ -1,4 +1,4 @@
-"""What an effect is: a piece of physics that the nominal model leaves out."""
+"""The definition of an effect: a piece of physics that the nominal model leaves out."""
 
 import inspect
 import math
@@ -20,7 +20,7 @@ ACCELEROMETERS = ("accelerometer-1", "accelerometer-2", "accelerometer-3")
 AXES = ("outer-axis", "inner-axis")
 GYRO_BLOCK = "gyro-block"
 LONGEST_NAME = 40
-"""So many characters of a law stand in the name of a variable."""
+"""Largest number of characters of a law in the name of a variable."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class EffectPlace:
     where : str
         "accelerometer-1" to "-3", "outer-axis", "inner-axis", "base", "position-N", "gyro-block", "attitude-computer"
     order : int or None
-        of a harmonic
+        order of a harmonic
     axes : tuple of int
-        the accelerometers (1 to 3) whose inputs or readings take part
+        accelerometers (1 to 3) whose inputs or readings take part
     law : str
-        of an effect that no catalogue can list: its table or its formula, from which the effect is made
+        law of an effect outside every catalogue: its table or its formula, from which the effect is made
     """
 
     effect: str
@@ -71,7 +71,7 @@ class EffectPlace:
 
     @property
     def entry(self) -> dict[str, object]:
-        """As scenarios and results write it: ``effect``, ``where``, where it has them ``order``, ``axes``, ``law``."""
+        """Entry in scenarios and results: ``effect``, ``where``, and optional ``order``, ``axes``, ``law``."""
         written: dict[str, object] = {"effect": self.effect, "where": self.where}
         if self.order is not None:
             written["order"] = self.order
@@ -83,7 +83,7 @@ class EffectPlace:
 
 
 def name_of_law(law: str) -> str:
-    """A name of the letters, digits and underscores of a law, and of no other law."""
+    """Return a name of the letters, digits and underscores of a law, unique to this law."""
     words = "_".join(re.findall(r"[a-z][a-z0-9]*", law.lower()))
     return f"{words[:LONGEST_NAME]}_{zlib.crc32(law.encode()):08x}"
 
@@ -95,11 +95,11 @@ class EffectParameter:
     Attributes
     ----------
     name, unit, description : str
-        as they stand in the FMU and in the diagnosis
+        as in the FMU and in the diagnosis
     largest : float
-        the largest absolute value that is called possible
+        largest possible absolute value
     smallest : float or None
-        the least value that is called possible; by default `largest` with a minus
+        least possible value; by default `largest` with a minus
     """
 
     name: str
@@ -110,20 +110,20 @@ class EffectParameter:
 
     @property
     def range(self) -> tuple[float, float]:
-        """The least and the largest possible value."""
+        """Least and largest possible value."""
         if self.smallest is None:
             return -self.largest, self.largest
         return self.smallest, self.largest
 
     def possible(self, value: float) -> bool:
-        """Whether a value is within the possible ones, to rounding."""
+        """Return True if a value is possible, to rounding."""
         room, (low, high) = 1e-9 * self.largest, self.range
         return low - room <= value <= high + room
 
 
 Parameters = EffectParameter | tuple[EffectParameter, ...]
 Sentence = Callable[[EffectPlace, Mapping[str, float]], str]
-"""Place, values of the parameters by name -> what an engineer is told."""
+"""Place, values of the parameters by name -> sentence for an engineer."""
 
 
 RATES = {"RATE", "ANGULAR_ACCELERATION"}
@@ -132,7 +132,7 @@ RATES = {"RATE", "ANGULAR_ACCELERATION"}
 
 @cache
 def constants_of(kernel: Callable[..., None] | None) -> frozenset[str]:
-    """Names of the constants that a kernel reads, with those of the kernels that it calls."""
+    """Return the names of the constants that a kernel reads, with those of the kernels that it calls."""
     if not inspect.isfunction(kernel):
         return frozenset()
     names = set(kernel.__code__.co_names)
@@ -143,13 +143,13 @@ def constants_of(kernel: Callable[..., None] | None) -> frozenset[str]:
 
 @cache
 def whole_numbers(kernel: Callable[..., None] | None) -> tuple[str, ...]:
-    """Names of the arguments of a kernel that are whole numbers; none where there is no kernel."""
+    """Return the names of a kernel's whole-number arguments; none without a kernel."""
     arguments = inspect.signature(kernel).parameters.values() if kernel else ()
     return tuple(a.name for a in arguments if a.annotation in (int, "int"))
 
 
 KEEPING = "kept_effects"
-"""The hook in which a component keeps what effects need of the past."""
+"""Hook in which a component updates the memory of effects."""
 
 
 @dataclass(frozen=True)
@@ -161,50 +161,51 @@ class Effect:
     name : str
         as in the contracts
     places : tuple of EffectPlace
-        where it can sit
+        possible places
     parameters : tuple of EffectParameter
+        its parameters
     sentence : callable
-        place, values of the parameters -> what an engineer is told
+        place, values of the parameters -> sentence for an engineer
     component : str or None
-        the component that its kernel extends; None where an effect has no kernel
+        component that its kernel extends; None without a kernel
     stage : str or None
-        the hook of that component's model that the kernel joins
+        hook of that component's model that the kernel joins
     kernel : callable or None
         restricted Python: ``kernel(context, values, *whole numbers of the place, *parameters, added)``
     within : str or None
-        name of the baseline whose model holds this effect already, so that it can add nothing there
+        name of the baseline whose model contains this effect already, so that it adds nothing there
     columns : callable or None
-        of a linear effect of which the kernel called with columns does not say it: place, rows -> (N, ports, K), what a
-        unit of each coefficient adds at its stage
+        for a linear effect that the kernel called with columns does not describe: place, rows -> (N, ports, K), the
+        change by a unit of each coefficient at its stage
     variants : callable or None
-        of an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act
+        for an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act
     degree : int
-        in the inputs: readings tell the inputs only up to the factor 1 − Δg/g, and a coefficient of this degree up to
-        a power of it
+        degree in the inputs: readings determine the inputs only up to the factor 1 − Δg/g, and a coefficient of this
+        degree up to a power of it
     untold : callable or None
-        of a linear effect of one coefficient that depends on what a record may not tell: place, rows -> (N, 3): by how
-        much a reading [g] may differ per unit of the coefficient where it is not told. The signature vanishes there
+        for a linear effect of one coefficient that depends on a quantity that a record may not show: place, rows -> (N,
+        3), the possible difference of a reading [g] per unit of the coefficient where it is unknown. The signature
+        vanishes there
     formula : str
-        what it adds, for people: names of its parameters, {p} (accelerometer or position), {i}, {j} (axes), {angle} and
-        {order} stand in braces (`trihedron.tools.document.notation`); empty where the sentence says it all
+        its formula for people: names of its parameters, {p} (accelerometer or position), {i}, {j} (axes), {angle} and
+        {order} in braces (`trihedron.tools.document.notation`); empty if the sentence is enough
     open_argument : callable or None
-        place, rows -> (N, 3): by how much a reading [g] may differ per unit of the size of the coefficients, within
-        what is told of the quantity that the effect depends on; None where that is exact
+        place, rows -> (N, 3): possible difference of a reading [g] per unit of the size of the coefficients, within the
+        known range of the quantity on which the effect depends; None if that is exact
     memory : callable or None
-        restricted Python: what the component keeps for the effect, called once a step by its hook `kept_effects`, as
-        the kernel is by its stage's
+        restricted Python: the component's memory for the effect, called once a step by its hook `kept_effects`, like
+        the kernel by its stage's
     of_place : callable or None
-        place -> the effect there, where parameters and kernel differ between the places; a ValueError where the
-        place's law is none
+        place -> the effect there, if parameters and kernel differ between the places; raises ValueError for a wrong law
     searched : ONSET, TIME_CONSTANT or None
-        what its last parameter [h] is, where a diagnosis searches that number: the time from which the effect acts, or
-        the time constant T of e^(-t/T), with a memory that of the lag of the temperature. The others are linear
+        kind of its last parameter [h], if a diagnosis searches that number: the time from which the effect acts, or the
+        time constant T of e^(-t/T), with a memory that of the lag of the temperature. The others are linear
         coefficients
     contains : tuple of str
-        names of effects at the same place that it can be, with some values of its parameters: where one of them
-        stands, it is no rival
+        names of effects at the same place that equal it for some values of its parameters: if one of them stands, it is
+        not a rival
     rounds : bool
-        readings come in whole steps, which no derivative tells
+        True if readings come in whole steps, which no derivative shows
     """
 
     name: str
@@ -228,53 +229,57 @@ class Effect:
     searched: str | None = None
 
     def at(self, place: EffectPlace) -> "Effect":
-        """The effect as it is at one of its places."""
+        """Return the effect as it is at one of its places."""
         return self if self.of_place is None else self.of_place(place)
 
     @property
     def of_law(self) -> bool:
-        """Whether it is made from the law of its place: it has no places of its own, and no search tries it."""
+        """True if it is made from the law of its place: it has no places of its own, and no search tries it."""
         return not self.places and self.of_place is not None
 
     @property
     def linear(self) -> bool:
-        """Whether it is linear in all of its parameters: it has no variants, and no number is searched."""
+        """True if it is linear in all of its parameters: it has no variants, and no number is searched."""
         return self.variants is None and self.searched is None
 
     @property
     def linear_parameters(self) -> tuple[EffectParameter, ...]:
-        """The parameters of an effect without variants that its linear coefficients give."""
+        """Parameters that the linear coefficients give, for an effect without variants."""
         if self.searched is None:
             return self.parameters
         return self.parameters[:-1]
 
     @property
     def in_motion(self) -> bool:
-        """Whether no record of rests shows it: it acts on gyros or their increments, or depends on rates."""
+        """True if no record of rests shows it: it acts on gyros or their increments, or depends on rates."""
         return self.component in ("GyroBlock", "AttitudeComputer") or bool(constants_of(self.kernel) & RATES)
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Attributes of the rows without which the effect cannot be tried: ("temperature",) or none."""
+        """Attributes of the rows that the effect needs: ("temperature",) or none."""
         constants = constants_of(self.kernel) | constants_of(self.memory)
         return ("temperature",) if "TEMPERATURE" in constants else ()
 
     @property
     def turns_table(self) -> bool:
-        """Whether it is linear and acts on the table, by small turns behind the encoders or by errors of these."""
+        """True if it is linear and acts on the table, by small turns behind the encoders or by errors of these."""
         return self.component == "TurntableMotion" and self.linear
 
     def signature(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
-        """How readings (N, 3, K) [g, rad/s] change with each coefficient; TypeError where the effect is not linear.
+        """Return the change of readings (N, 3, K) [g, rad/s] by each coefficient.
 
-        Of an effect on the table `columns.ports` says what it adds, an observation what that does to readings or turns.
+        For an effect on the table `columns.ports` has its additions, and an observation their consequence for readings
+        or turns. Raises TypeError if the effect is not linear.
         """
         if self.variants is not None:
             raise TypeError(f"{place.title} is not linear: it has variants, no signature")
         return columns.signature(self, place, rows)
 
     def from_coefficients(self, coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-        """Values of the linear parameters, amplitude and phase of each harmonic; TypeError where it is not linear."""
+        """Return values of the linear parameters, amplitude and phase of each harmonic.
+
+        Raises TypeError if the effect is not linear.
+        """
         if self.variants is not None:
             raise TypeError("an effect that is not linear has values for each of its variants")
         values = [float(value) for value in coefficients]
@@ -285,13 +290,13 @@ class Effect:
         return tuple(values)
 
     def kernel_at(self, stage: str) -> Callable[..., None] | None:
-        """Its kernel that joins a hook of the component: at its stage, or where the component keeps what it needs."""
+        """Return its kernel that joins a hook of the component: at its stage, or for its memory."""
         return self.kernel if stage == self.stage else self.memory if stage == KEEPING else None
 
     def place_numbers(self, place: EffectPlace) -> tuple[int, ...]:
-        """The whole numbers that the kernel takes at a place, by their names.
+        """Return the whole-number arguments of the kernel at a place, by their names.
 
-        ``p`` and ``axis`` are where it sits, ``order`` is that of a harmonic, others are the axes in turn; all but the
+        ``p`` and ``axis`` are the place, ``order`` is that of a harmonic, others are the axes in turn; all except the
         order count from 0.
         """
         axes = iter(place.axes)
@@ -304,26 +309,26 @@ CATALOGUE: dict[str, Effect] = {}
 
 
 def accelerometer_column(place: EffectPlace, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what adds values (N, K), or (N,), to the readings of one accelerometer (N, 3, K)."""
+    """Return values (N, K), or (N,), as additions to the readings of one accelerometer (N, 3, K)."""
     return at_port(3, place.index, values.reshape(len(values), -1))
 
 
 def at_port(size: int, port: int, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what adds values (N, K) to one of several ports (N, size, K)."""
+    """Return values (N, K) as additions to one of several ports (N, size, K)."""
     added = np.zeros((len(values), size, values.shape[1]))
     added[:, port] = values
     return added
 
 
 ARCSECONDS = math.degrees(1.0) * 3600.0
-"""In a radian."""
+"""Arcseconds in a radian."""
 
 
 def said(template: str) -> Sentence:
-    """A sentence with the values of the parameters by their names; {amplitude_arcsec} is one in arcseconds.
+    """Return a sentence with the values of the parameters by their names; {amplitude_arcsec} is one in arcseconds.
 
-    {p} is the accelerometer, {i} and {j} are the axes of the place, {axis} is where it sits in words, {times} how often
-    in a turn.
+    {p} is the accelerometer, {i} and {j} are the axes of the place, {axis} is the place in words, {times} the number of
+    periods in a turn.
     """
 
     def say(place: EffectPlace, values: Mapping[str, float]) -> str:

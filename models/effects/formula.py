@@ -1,7 +1,8 @@
-"""A formula that a person states, with unknown coefficients, as an effect like any other: "f2 += c*sin(3*alpha)".
+"""A user's formula with unknown coefficients, as an effect like any other: "f2 += c*sin(3*alpha)".
 
-Left stands what errs, right what is added to it, in the units of `QUANTITIES`; letters are the unknown coefficients. It
-is parsed, never evaluated as Python. The signature is its exact derivative by the coefficients.
+The left side is the erroneous quantity, the right side its error, in the units of `QUANTITIES`; letters are the unknown
+coefficients. The formula is parsed, never evaluated as Python. The signature is its exact derivative by the
+coefficients.
 """
 
 import ast
@@ -39,27 +40,28 @@ from .definition import (
 )
 
 LARGEST = 1e6
-"""No coefficient is larger, in its unit: a formula says nothing of sizes."""
+"""Largest coefficient, in its unit: a formula does not limit sizes."""
 MOST_COEFFICIENTS = 6
 TURNED = 3e-3
-"""The inner encoder's zero is not known better [rad]: its offset cannot be told from how the block is mounted."""
+"""Uncertainty of the inner encoder's zero [rad]: its offset cannot be separated from the mounting."""
 Powers = Mapping[str, int]
 """A unit: powers of g, rad, s, h and K."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something that a formula may name on its right.
+    """A quantity on the right side of a formula.
 
     Attributes
     ----------
     kernel : str
-        how a kernel reads it
+        expression in a kernel
     unit : mapping
+        its unit
     symbol : str
-        on a page
+        symbol on a page
     words : str
-        in words
+        name in words
     """
 
     kernel: str
@@ -69,7 +71,7 @@ class Quantity:
 
 
 def _quantities() -> dict[str, Quantity]:
-    """Return what may stand on the right, beside numbers, pi and coefficients."""
+    """Return the possible quantities on the right side, beside numbers, pi and coefficients."""
     quantities = {}
     for k in range(3):
         text, words = f"context[INPUT + {k}]", f"input of accelerometer {k + 1}, g"
@@ -99,31 +101,32 @@ def _quantities() -> dict[str, Quantity]:
 
 QUANTITIES = _quantities()
 ALIASES = {"t": "hours", "T": "temperature"}
-"""As formulas on pages write them."""
+"""Names in formulas on pages."""
 ALWAYS = ("hours", "time_s", "temperature")
 INPUTS, RATES, ANGLES = ("n1", "n2", "n3"), ("w1", "w2", "w3"), ("alpha", "beta")
 GROWTHS, SENSES = ("dw1", "dw2", "dw3"), ("sense_alpha", "sense_beta")
 OF_TABLE = ("alpha", "beta", "sense1", "sense2", "sense3")
-"""What a record of a block that is carried does not have."""
+"""Quantities that a record of a carried block does not have."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """What errs by a formula.
+    """The erroneous quantity of a formula.
 
     Attributes
     ----------
     where : str
-        the place of the effect
+        place of the effect
     component, stage : str
-        that its kernel joins
+        component and stage that its kernel joins
     index : int
-        of the array to which the kernel adds
+        index in the array to which the kernel adds
     names : tuple of str
-        of the quantities that are known there
+        quantities that are known there
     unit : mapping
+        unit of the error
     symbol, words : str
-        of the error on a page; in words
+        symbol of the error on a page; name in words
     """
 
     where: str
@@ -137,12 +140,12 @@ class Target:
 
     @property
     def values(self) -> str:
-        """The name of the values that a kernel of the stage takes."""
+        """Name of the values that a kernel of the stage takes."""
         return {"AccelerometerBlock": "n", "GyroBlock": "rate", "TurntableMotion": "angles"}[self.component]
 
 
 def _targets() -> dict[str, Target]:
-    """Return what may stand on the left."""
+    """Return the possible targets on the left side."""
     targets = {}
     names, unit = INPUTS + OF_TABLE + ALWAYS, {"g": 1}
     for k, where in enumerate(ACCELEROMETERS):
@@ -175,9 +178,9 @@ class Formula:
     Attributes
     ----------
     name : str
-        of its target, a key of `TARGETS`
+        name of its target, a key of `TARGETS`
     tree : ast.expr
-        what is added
+        the right side
     columns : dict
         coefficient -> exact derivative by it, in the order of appearance
     """
@@ -188,12 +191,12 @@ class Formula:
 
     @staticmethod
     def of(text: str) -> "Formula":
-        """A formula from its text.
+        """Return a formula from its text.
 
         Raises
         ------
         ValueError
-            in one line what cannot be used, and what would be right
+            in one line the unusable part, and the correct form
         """
         target, _, right = (part.strip() for part in text.partition("+="))
         if not target or not right:
@@ -211,27 +214,27 @@ class Formula:
 
     @property
     def target(self) -> Target:
-        """What errs."""
+        """Target of the formula."""
         return TARGETS[self.name]
 
     @property
     def law(self) -> str:
-        """As it is written, in one way."""
+        """Canonical text of the formula."""
         return f"{self.name} += {ast.unparse(self.tree)}"
 
     @property
     def place(self) -> EffectPlace:
-        """Where the effect sits."""
+        """Place of the effect."""
         return EffectPlace("formula", self.target.where, law=self.law)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What it depends on."""
+        """Quantities on which it depends."""
         return tuple(name for name in names_in(self.tree) if name in QUANTITIES)
 
     @property
     def texts(self) -> dict[str, str]:
-        """How a kernel at the place of the formula reads each quantity."""
+        """Expressions of each quantity in a kernel at the place of the formula."""
         texts = {name: quantity.kernel for name, quantity in QUANTITIES.items()}
         texts["pi"] = "math.pi"
         if self.target.component == "TurntableMotion":
@@ -239,7 +242,10 @@ class Formula:
         return texts
 
     def values(self, rows: Rows | MotionRows) -> dict[str, Any]:
-        """Return the values (N,) of what it depends on; a ValueError where the rows have none."""
+        """Return the values (N,) of its quantities.
+
+        Raises ValueError if the rows have none.
+        """
         values: dict[str, Any] = {"pi": np.pi}
         for name in self.quantities:
             missing = name == "temperature" and rows.temperature is None
@@ -249,7 +255,10 @@ class Formula:
         return values
 
     def factors(self, rows: Rows | MotionRows) -> NDArray[np.float64]:
-        """Return what each coefficient is multiplied by (N, K); a ValueError where that is no number."""
+        """Return the factor of each coefficient (N, K).
+
+        Raises ValueError if it is not a number.
+        """
         values = self.values(rows)
         factors = np.zeros((len(rows.hours), len(self.columns)))
         for k, column in enumerate(self.columns.values()):
@@ -262,7 +271,7 @@ class Formula:
         return factors
 
     def open_factors(self, rows: Rows) -> NDArray[np.float64]:
-        """Return by how much the factors may differ (N,), as a length, with what the record leaves open.
+        """Return the possible difference of the factors (N,), as a length, by quantities that the record leaves open.
 
         To first order: exact slopes times half a last digit, and the offset of the inner encoder's zero.
         """
@@ -275,7 +284,7 @@ class Formula:
         return np.linalg.norm(np.nan_to_num(differences), axis=1)
 
     def kernel_source(self) -> str:
-        """A kernel in restricted Python that adds what the formula says."""
+        """Source of a kernel in restricted Python that adds the formula's value."""
         target, coefficients = self.target, {name: f"coefficient_{name}" for name in self.columns}
         added = "turns" if target.stage == "geometry_effects" else "added"
         arguments = ["context: Vector", f"{target.values}: Vector"]
@@ -289,7 +298,7 @@ class Formula:
         return "\n".join(lines) + "\n"
 
     def effect(self) -> Effect:
-        """The formula as an effect."""
+        """Return the formula as an effect."""
         target, law = self.target, self.law
         untold = {"temperature", "beta"} & set(self.quantities)
         open_argument = self._open_argument if untold and target.component == "AccelerometerBlock" else None
@@ -337,7 +346,7 @@ def _nearest(name: str, names: Sequence[str]) -> str:
 
 
 class _Renamed(ast.NodeTransformer):
-    """Names of pages as those of records."""
+    """Rename the names of pages to those of records."""
 
     def visit_Name(self, node: ast.Name) -> ast.Name:
         return ast.Name(ALIASES.get(node.id, node.id), node.ctx)
@@ -348,7 +357,10 @@ def _renamed(tree: ast.expr) -> ast.expr:
 
 
 def _coefficients(tree: ast.expr, target: str) -> list[str]:
-    """The unknown coefficients; a ValueError for a name that is neither a coefficient nor known where it stands."""
+    """Return the unknown coefficients.
+
+    Raises ValueError for a name that is neither a coefficient nor known at this place.
+    """
     names, coefficients = TARGETS[target].names, []
     for name in names_in(tree):
         if name in names or name == "pi":
@@ -363,9 +375,9 @@ def _coefficients(tree: ast.expr, target: str) -> list[str]:
 
 
 def unit_of(of_error: Powers, column: ast.expr) -> str:
-    """The unit of a coefficient, such as "1/g2"; that of what errs where the other factor is a pure number.
+    """Return the unit of a coefficient, such as "1/g2"; that of the error if the other factor is a pure number.
 
-    In a sum of terms with different units the numbers in it have units, which nobody knows: it counts as a number.
+    In a sum of terms with different units its numbers have unknown units: the sum counts as a number.
     """
     powers = dict(of_error)
     for name, power in (_powers(column) or {}).items():
@@ -383,7 +395,7 @@ def unit_of(of_error: Powers, column: ast.expr) -> str:
 
 
 def _powers(node: ast.expr) -> dict[str, int] | None:
-    """The unit of an expression; None of a bare number, which may have any."""
+    """Return the unit of an expression; None for a bare number, which may have any."""
     match node:
         case ast.Constant():
             return None
@@ -423,7 +435,7 @@ def _powers(node: ast.expr) -> dict[str, int] | None:
 
 
 def degree_of(node: ast.expr) -> int:
-    """The degree of an expression in the inputs; that of its argument for a function."""
+    """Return the degree of an expression in the inputs; for a function that of its argument."""
     match node:
         case ast.Name(id=name):
             return int(name in INPUTS)
@@ -444,7 +456,10 @@ def degree_of(node: ast.expr) -> int:
 
 @cache
 def formula_at(place: EffectPlace) -> Effect:
-    """The formula of a place's law as an effect; a ValueError says what would be right."""
+    """Return the formula of a place's law as an effect.
+
+    Raises ValueError with the correct form.
+    """
     formula = Formula.of(place.law)
     if place.where != formula.target.where:
         raise ValueError(f"law {place.law!r} is of {formula.target.where}, not of {place.where}")

@@ -1,19 +1,19 @@
-"""What the gyros add to the rates they read, and the attitude computer to the increments it takes.
+"""Effects on the rates of the gyros, and on the increments of the attitude computer.
 
 gyro_bias, gyro_bias_drift
-    what they read at no rate, and its growth with time
+    reading at no rate, and its growth with time
 gyro_scale_misalignment, gyro_scale_asymmetry
     errors of scale and of direction; a scale factor that depends on the sense of the turn
 gyro_rate_squared, gyro_rate_cubed
-    a response that bends: squares and cubes of the rates
+    a nonlinear response: squares and cubes of the rates
 gyro_g_sensitivity, gyro_g_squared
     a bias that depends on the specific force, and on products of two of its components: anisoelasticity
 latency
-    the gyros read the rate of a while ago
+    the gyros read the rate of an earlier time
 jitter
-    the time stamps of a record jitter, the sampling does not, so rates count over wrong intervals
+    the time stamps of a record jitter but the sampling does not, so rates count over wrong intervals
 undersampling
-    the attitude computer leaves out what the coning within a step adds to the increment
+    the attitude computer leaves out the coning within a step
 """
 
 import math
@@ -28,16 +28,16 @@ from .columns import MotionRows
 from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect, matrix_formula
 
 ROW_BY_ROW = tuple(product((1, 2, 3), repeat=2))
-"""Gyro and axis of the elements of a matrix, as its parameters stand."""
+"""Gyro and axis of the elements of a matrix, in the order of its parameters."""
 
 
 def of_each_gyro(name: str, unit: str, description: str, largest: float) -> tuple[EffectParameter, ...]:
-    """Three parameters, one for each gyro: "bias_1", "bias_2", "bias_3"."""
+    """Return three parameters, one for each gyro: "bias_1", "bias_2", "bias_3"."""
     return tuple(EffectParameter(f"{name}_{p}", unit, f"{description} of gyro {p}", largest) for p in (1, 2, 3))
 
 
 def of_a_matrix(name: str, unit: str, description: str, largest: float) -> tuple[EffectParameter, ...]:
-    """Nine parameters, row by row: "gamma_11", "gamma_12", ..., of gyro 1 by axis 1, by axis 2, ..."""
+    """Return nine parameters, row by row: "gamma_11", "gamma_12", ..., of gyro 1 by axis 1, by axis 2, ..."""
     return tuple(
         EffectParameter(f"{name}_{p}{q}", unit, f"{description} of gyro {p} by axis {q}", largest)
         for p, q in ROW_BY_ROW
@@ -45,7 +45,7 @@ def of_a_matrix(name: str, unit: str, description: str, largest: float) -> tuple
 
 
 def sentence_of(words: str, unit: str) -> Sentence:
-    """A sentence that lists three values, or nine row by row: "the gyros' bias: +1.0e-03, ... rad/s"."""
+    """Return a sentence that lists three values, or nine row by row: "the gyros' bias: +1.0e-03, ... rad/s"."""
 
     def say(place: EffectPlace, values: Mapping[str, float]) -> str:
         return f"{words}: {listed(list(values.values()))}" + (f" {unit}" if unit else "")
@@ -54,7 +54,7 @@ def sentence_of(words: str, unit: str) -> Sentence:
 
 
 def listed(values: Sequence[float]) -> str:
-    """Values with their signs, in rows of three where there are more."""
+    """Return values with their signs, in rows of three if there are more."""
     texts = [f"{value:+.2e}" for value in values]
     rows = []
     for at in range(0, len(texts), 3):
@@ -247,7 +247,7 @@ G_SQUARED = gyro_effect(
 
 
 def earlier(context: Vector, rate: Vector, axis: int, steps: float) -> float:
-    """By how much the mean rate about an axis over a step that ended so many steps ago is more than over this one."""
+    """Return the mean rate about an axis over a step that ended `steps` steps ago, less that over this one."""
     back = 0
     if steps > 0.0:
         back = int(math.floor(steps))
@@ -265,8 +265,8 @@ def earlier(context: Vector, rate: Vector, axis: int, steps: float) -> float:
 def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:
     """Read the mean rate over a step that ended `delay` ago: the rates hold over the steps before.
 
-    Exact for delays of up to eight steps; beyond, and for gyros that lead, the rate is carried on in a straight line.
-    The whole reading is late, scale factors and misalignments included.
+    Exact for delays of up to eight steps; beyond, and for gyros that lead, the rate continues in a straight line. The
+    whole reading is late, with scale factors and misalignments.
     """
     steps = delay / context[STEP_LENGTH]
     for q in range(3):
@@ -288,9 +288,9 @@ LATENCY = gyro_effect(
 
 
 def jitter(context: Vector, rate: Vector, share: float, added: Vector) -> None:
-    """Add to each reading what it gains when its interval by the time stamps stands for the step, or for several.
+    """Add the change of each reading if its interval by the time stamps replaces the step, or several steps.
 
-    The share is 1 where the sampling is regular and all jitter is the log's, 0 where the sampling itself jitters.
+    The share is 1 if the sampling is regular and all jitter is the log's, 0 if the sampling itself jitters.
     """
     steps = context[INTERVAL] / context[STEP_LENGTH]
     whole = math.floor(steps + 0.5) + 0.0
@@ -301,9 +301,9 @@ def jitter(context: Vector, rate: Vector, share: float, added: Vector) -> None:
 
 
 def jitter_columns(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
-    """Columns (N, 3, 1): the rates times the part of each interval that is not whole nominal periods.
+    """Return columns (N, 3, 1): the rates times the part of each interval that is not whole nominal periods.
 
-    Over the interval that is an angle of the rate times interval less whole periods, as the kernel's over a step.
+    Over the interval this is an angle of the rate times interval less whole periods, like the kernel's over a step.
     """
     if rows.period <= 0.0:
         return np.zeros((*rows.rate.shape, 1))
@@ -324,7 +324,7 @@ JITTER = gyro_effect(
 
 
 def undersampling(before: Vector, increment: Vector, coefficient: float, added: Vector) -> None:
-    """Add c γ' × γ to an increment γ, with γ' the one before; c is 1/12 where the rate is linear in time.
+    """Add c γ' × γ to an increment γ, with γ' the one before; c is 1/12 if the rate is linear in time.
 
     Source: P. Savage, "Strapdown inertial navigation integration algorithm design", part 1, 1998: the second-order term
     of the coning correction from the increment before.

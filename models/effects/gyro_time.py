@@ -1,9 +1,9 @@
-"""What the gyros do otherwise as time goes on, and with what delay.
+"""Changes of the gyros in time, and delays.
 
 gyro_scale_drift
     scale factors grow with time
 gyro_bias_step, gyro_scale_step, latency_step
-    biases, scale factors, the lag of the gyros are others from a time on
+    biases, scale factors, the lag of the gyros change at a time
 gyro_warm_up
     biases settle as an exponential of time
 lag
@@ -38,7 +38,7 @@ SCALE_DRIFT = gyro_effect(
 
 
 def changed(words: str, unit: str) -> Sentence:
-    """A sentence of what changes by how much, and when."""
+    """Return a sentence on the quantity, size and time of a change."""
 
     def say(place: EffectPlace, values: Mapping[str, float]) -> str:
         *sizes, start = values.values()
@@ -113,7 +113,7 @@ SCALE_STEP = gyro_effect(
 
 
 def latency_step(context: Vector, rate: Vector, change: float, start: float, added: Vector) -> None:
-    """Read the rate of a while before, from `start` hours on."""
+    """Read the rate of an earlier time, from `start` hours on."""
     if context[HOURS] > start:
         latency(context, rate, change, added)
 
@@ -131,10 +131,10 @@ LATENCY_STEP = gyro_effect(
 
 
 def lag_of(context: Vector, rate: Vector, p: int, time: float, added: Vector) -> None:
-    """Add what gyro p lacks that follows its input through a low-pass of the first order with a time constant [s].
+    """Add the difference of gyro p behind a low-pass of the first order with a time constant [s].
 
-    Its input are the rates as it responds to them. Exact for rates that hold over the steps, but for what is older than
-    eight steps: there they go on in a straight line.
+    Its inputs are the rates in the gyros' own response. Exact for rates that hold over the steps, up to eight steps
+    back; older rates continue in a straight line.
     """
     if time > 0.0:
         steps = time / context[STEP_LENGTH]

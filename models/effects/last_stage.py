@@ -1,7 +1,7 @@
-"""What is done to a finished reading, its error included; none of it is linear in its parameters, but the outlier.
+"""Changes of a finished reading, its error included; only the outlier is linear in its parameters.
 
 dead_zone
-    an accelerometer does not feel a small input
+    an accelerometer does not sense a small input
 saturation
     an accelerometer reads no more than a level
 quantisation, gyro_quantisation
@@ -9,7 +9,7 @@ quantisation, gyro_quantisation
 exchanged_readings
     from a time on the sign of a channel is reversed, or two channels are exchanged
 outlier
-    a single reading that went wrong: it marks a row and has no kernel
+    a single wrong reading: it marks a row and has no kernel
 """
 
 import math
@@ -35,13 +35,14 @@ LARGEST_WIDTH = 0.05
 
 
 def dead_zone(context: Vector, own: Vector, p: int, width: float, reading: Vector) -> None:
-    """Take from the reading of accelerometer p what its own input adds, where |n_p| is below the width."""
+    """Subtract the own input's part from the reading of accelerometer p, if |n_p| is below the width."""
     if math.fabs(context[INPUT + p]) < width:
         reading[p] = reading[p] - own[p]
 
 
 def dead_zone_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
-    """Only the set of readings below the width matters: the smallest inputs, then the two smallest, and so on."""
+    """Return the variants: only the set of readings below the width matters, the smallest input, the two smallest,
+    ..."""
     p = place.index
     size = np.abs(rows.n[:, p])
     order = np.argsort(size, kind="stable")
@@ -85,7 +86,7 @@ LEAST_LEVEL, LARGEST_LEVEL = 0.5, 10.0
 
 
 def saturation(context: Vector, own: Vector, p: int, level: float, reading: Vector) -> None:
-    """Clip the reading of accelerometer p at ±level; a level of 0 stands for none."""
+    """Clip the reading of accelerometer p at ±level; a level of 0 means none."""
     if level > 0.0:
         if reading[p] > level:
             reading[p] = level
@@ -94,9 +95,9 @@ def saturation(context: Vector, own: Vector, p: int, level: float, reading: Vect
 
 
 def saturation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
-    """Readings at the level agree within the noise and are the largest; of those, the k with the largest prediction.
+    """Return the variants: readings at the level agree within the noise and have the k largest predictions.
 
-    A clipped reading is ±level, whatever the bench, so its change is linear in the level.
+    A clipped reading is ±level for any bench, so its change is linear in the level.
     """
     p = place.index
     size = np.abs(reading[:, p])
@@ -152,34 +153,34 @@ SATURATION = last_stage_effect(
 
 LEAST_STEP, LARGEST_STEP = 1e-7, 1e-2
 LEAST_PART = 0.2
-"""A step below this part of σ widens no bound that matters."""
+"""Step, relative to σ, below which it widens no bound that matters."""
 FINEST = 1e-10
-"""Digits of a reading [g] finer than this are rounding."""
+"""Size [g] below which digits of a reading are rounding."""
 SHARE = 0.7
-"""Part of the readings that are multiples of the step; the others are means over rests between two of them."""
+"""Share of the readings that are multiples of the step; the others are means over rests between two of them."""
 COARSE = 20.0
-"""A step is at least so many times the error of its multiples."""
+"""Least ratio of a step to the error of its multiples."""
 FEWEST_NOISY = 10
-"""Fewer different readings prove no step whose multiples have errors of their own."""
+"""Least number of different readings that prove a step whose multiples have errors of their own."""
 FEWEST = 6
-"""Fewer readings prove no step."""
+"""Least number of readings that prove a step."""
 AT_ONCE = 1 << 18
-"""So many steps are tried at once: a fast gyro without noise has hundreds of millions."""
+"""Number of steps that are tried at once: a fast gyro without noise has hundreds of millions."""
 
 
 def quantisation(context: Vector, own: Vector, p: int, step: float, reading: Vector) -> None:
-    """Round the reading of accelerometer p to a multiple of the step; a step of 0 stands for none."""
+    """Round the reading of accelerometer p to a multiple of the step; a step of 0 means none."""
     if step > 0.0:
         reading[p] = step * math.floor(reading[p] / step + 0.5)
 
 
 def quantisation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
-    """The largest steps of which the readings, within half a step of the inputs, are multiples, exactly and to σ.
+    """Return the variants of the largest steps whose multiples the readings are, exactly and to σ.
 
-    Noise after the rounding, when it is at its very bound or comes in steps of its own, makes readings that are exact
-    multiples of a fine step and to σ of a coarse one: both are tried. Of few multiples of a step most may be even by
-    chance, and a mean over a rest may lie in the middle of two: where all are multiples of half or a third of it, that
-    is tried, too.
+    Readings lie within half a step of the inputs. Noise after the rounding, at its very bound or in steps of its own,
+    makes readings that are exact multiples of a fine step and to σ of a coarse one: both are tried. Most of few
+    multiples of a step may be even by chance, and a mean over a rest may lie in the middle of two: if all are multiples
+    of half or a third of it, that is tried, too.
     """
     p, limits_of_ways = place.index, []
     tolerance = max(FINEST, rows.resolution)
@@ -210,23 +211,24 @@ def _quantisation_variant(p: int, rows: Rows, limits: tuple[float, float]) -> Va
 
 
 def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> float | None:
-    """The largest step, up to 1e-2, of which at least seven in ten values (N,) are whole multiples.
+    """Return the largest step, up to 1e-2, with at least seven in ten values (N,) as whole multiples.
 
-    Each of some values is tried as m steps, for all m: where it is, most of some others are multiples too, and few
-    steps are left for the rest to judge.
+    Each of some values is tried as m steps, for all m. If most of some others are multiples too, the step remains; the
+    rest of the values judge the few remaining steps.
 
     Parameters
     ----------
     values : (N,) array
+        the values
     tolerance : float
-        by which a value may miss its multiple
+        largest distance of a value from its multiple
     least : float
-        of the steps that are tried; more than ten times the tolerance
+        least step that is tried; more than ten times the tolerance
 
     Returns
     -------
     float or None
-        None where there is no such step, or too few different values
+        None if there is no such step, or too few different values
     """
     distinct = np.unique(np.round(np.abs(values[np.abs(values) > least]) / tolerance)) * tolerance
     if len(distinct) < FEWEST:
@@ -244,7 +246,7 @@ def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> 
                 break
     if best is None:
         return None
-    # Of few multiples of a step most may be even by chance.
+    # Most of few multiples of a step may be even by chance.
     usual = share(values, best, tolerance)
     for finer in (best / 2, best / 3):
         if share(values, finer, tolerance) >= usual + 0.15:
@@ -253,7 +255,7 @@ def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> 
 
 
 def likely_steps(base: float, probes: NDArray[np.float64], tolerance: float, least: float) -> Iterator[float]:
-    """Steps, the largest first, of which a value is a whole multiple and most of some others (K,) are too."""
+    """Yield the steps, the largest first, for which a value and most of some others (K,) are whole multiples."""
     last = math.floor(base / least)
     for first in range(math.ceil(base / LARGEST_STEP), last + 1, AT_ONCE):
         steps = base / np.arange(first, min(first + AT_ONCE, last + 1))
@@ -264,9 +266,9 @@ def likely_steps(base: float, probes: NDArray[np.float64], tolerance: float, lea
 
 
 def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float] | None:
-    """Least and largest step [g] of which all values (N,) are multiples up to an error of σ, made after the rounding.
+    """Return least and largest step [g] for which all values (N,) are multiples to an error of σ after the rounding.
 
-    Few different values, or steps that are not many times σ, prove nothing: a tenth of all values lie so near a
+    Few different values, or steps that are not many times σ, prove nothing: a tenth of all values lie that near a
     multiple by chance. Readings of the same input, which differ by their errors, count as one.
     """
     apart = np.sort(np.abs(values[np.abs(values) > COARSE * sigma]))
@@ -284,12 +286,12 @@ def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float]
 
 
 def share(values: NDArray[np.float64], step: float, tolerance: float) -> float:
-    """Part of the values that are multiples of a step."""
+    """Return the part of the values that are multiples of a step."""
     return float(np.mean(misses(values, np.full(len(values), step)) <= 2.0 * tolerance))
 
 
 def refine(values: NDArray[np.float64], step: float) -> float:
-    """The step that fits the multiples best, in the least-squares sense, where most values are multiples."""
+    """Return the step that fits the multiples best, in the least-squares sense, if most values are multiples."""
     for _ in range(3):
         counts = np.round(values / step)
         remainder = np.abs(values - counts * step)
@@ -301,7 +303,7 @@ def refine(values: NDArray[np.float64], step: float) -> float:
 
 
 def misses(values: NDArray[np.float64] | float, steps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances of values from the nearest multiples of steps."""
+    """Return distances of values from the nearest multiples of steps."""
     return np.abs(values - np.round(values / steps) * steps)
 
 
@@ -316,13 +318,13 @@ QUANTISATION = last_stage_effect(
 
 
 FINEST_RATE = 1e-9
-"""Digits of a rate [rad/s] finer than this are rounding."""
+"""Size [rad/s] below which digits of a rate are rounding."""
 MOST_RATES = 3000
-"""So many readings of a gyro are looked at, spread over the record."""
+"""Largest number of a gyro's readings that are examined, spread over the record."""
 
 
 def gyro_quantisation(context: Vector, own: Vector, step: float, reading: Vector) -> None:
-    """Round each gyro's reading to a multiple of the step; a step of 0 stands for none."""
+    """Round each gyro's reading to a multiple of the step; a step of 0 means none."""
     if step > 0.0:
         for p in range(3):
             reading[p] = step * math.floor(reading[p] / step + 0.5)
@@ -331,9 +333,10 @@ def gyro_quantisation(context: Vector, own: Vector, step: float, reading: Vector
 def gyro_quantisation_variants(
     place: EffectPlace, rows: MotionRows, reading: NDArray[np.float64], sigma: float
 ) -> list[Variant]:
-    """The largest step of which the readings (N, 3) [rad/s] are multiples; they lie within half a step of the truth.
+    """Return the variant of the largest step whose multiples the readings (N, 3) [rad/s] are.
 
-    `sigma` [rad/s] is the noise of a reading; a step far below it widens no bound that matters.
+    Readings lie within half a step of the truth. `sigma` [rad/s] is the noise of a reading; a step far below it widens
+    no bound that matters.
     """
     some = reading[:: max(1, len(reading) // MOST_RATES)]
     least = max(LEAST_STEP, 0.2 * sigma, 20.0 * FINEST_RATE)
@@ -359,13 +362,13 @@ GYRO_QUANTISATION = last_stage_effect(
 
 LAST_HOUR = 1e4
 SURELY = 0.1
-"""No bench reads an input wrong by so much [g], so that what fits another channel and not its own is exchanged."""
+"""Largest error of an input for any bench [g]: a reading that fits only another channel is exchanged."""
 FEWEST_EXCHANGED = 2
-"""So many rows on each side of a time, one of which is surely exchanged, or surely not."""
+"""Least number of rows on each side of a time; of these one must be surely exchanged, or surely not."""
 
 
 def exchanged_readings(context: Vector, own: Vector, p: int, i: int, start: float, reading: Vector) -> None:
-    """After `start` hours exchange the readings of p and i, or reverse that of p where i is p; 0 stands for none."""
+    """After `start` hours exchange the readings of p and i, or reverse that of p if i is p; 0 means none."""
     if start > 0.0 and context[HOURS] > start:
         if i == p:
             reading[p] = -reading[p]
@@ -376,9 +379,9 @@ def exchanged_readings(context: Vector, own: Vector, p: int, i: int, start: floa
 
 
 def exchanged_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
-    """Each time between two rows before which no reading is surely exchanged, and after which none surely is not.
+    """Return a variant for each time that separates surely unexchanged readings from surely exchanged ones.
 
-    An aligned bench reads each input to a few hundredths of g, whatever its errors: that tells most rows.
+    Any aligned bench reads each input to a few hundredths of g: that decides most rows.
     """
     matrix = _exchange(place)
     straight = np.abs(reading - rows.n).max(axis=1)
@@ -397,7 +400,7 @@ def exchanged_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float
 
 
 def _exchange(place: EffectPlace) -> NDArray[np.float64]:
-    """What becomes of the three readings (3, 3) when channels are exchanged."""
+    """Return the matrix (3, 3) that exchanges channels of the three readings."""
     p, i = place.index, place.axes[0] - 1
     matrix = np.eye(3)
     if p == i:
@@ -408,7 +411,7 @@ def _exchange(place: EffectPlace) -> NDArray[np.float64]:
 
 
 def exchanged_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
-    """Which channel is reversed, or which two are exchanged."""
+    """Return a sentence on the reversed or exchanged channels."""
     p, i = place.index + 1, place.axes[0]
     what = f"the sign of accelerometer {p} is reversed" if p == i else f"accelerometers {p} and {i} are exchanged"
     return f"{what} from {values['start']:.4g} h on"
@@ -431,12 +434,12 @@ EXCHANGED_READINGS = last_stage_effect(
 
 
 def place_of(position: int, accelerometer: int) -> EffectPlace:
-    """The place of an outlier: the row's index from 1 in the record, and the accelerometer from 1."""
+    """Return the place of an outlier: the row's index from 1 in the record, and the accelerometer from 1."""
     return EffectPlace("outlier", f"position-{position}", axes=(accelerometer,))
 
 
 def outlier_columns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """One at one reading; the row is counted from 1 within `rows`."""
+    """Return a column with one at one reading; the row is counted from 1 within `rows`."""
     columns = np.zeros((len(rows.alpha), 3, 1))
     columns[int(place.where.removeprefix("position-")) - 1, place.axes[0] - 1, 0] = 1.0
     return columns

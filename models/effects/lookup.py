@@ -1,6 +1,6 @@
-"""A function of one quantity at one place, by a table: what no catalogue lists, as an effect like any other.
+"""A function of one quantity at one place, by a table: an unlisted fault as an effect like any other.
 
-Its law is written as ``[factor times] quantity at knots``, ``... around knots`` of an angle that goes round, or ``...
+Its law is written as ``[factor times] quantity at knots``, ``... around knots`` for an angle of whole turns, or ``...
 jumps at knot``: "n1 at -1 0 1", "n2 times hours at 0 0.5 1", "sin alpha times beta around 0 2 4", "tilt times alpha
 around 0 2 4", "hours jumps at 0.3". At a knot in parentheses the function is zero: "n1 at (-1) -0.5 0 0.5 (1)".
 """
@@ -29,16 +29,16 @@ OF_ANGLES = {f"{wave} {angle}": (wave, angle) for wave, angle in product(("sin",
 BASE = "base"
 TILT, OUTER_TILT = "tilt", "outer tilt"
 TILTS = (TILT, OUTER_TILT)
-"""In place of a factor: the table does not turn about the axis itself. It tilts by κ or the inner axis by ε; or the
-inner axis tilts about the outer one."""
+"""Words in place of a factor for a tilt of the table: by κ, or the inner axis by ε; or of the inner axis about the
+outer one."""
 TURNS = ("turn 1", "turn 2", "turn 3")
-"""In place of a factor: the block turns about one of its axes."""
+"""Words in place of a factor: the block turns about one of its axes."""
 WAYS = (*TILTS, *TURNS)
 FROM = {"temperature": NOMINAL_TEMPERATURE}
-"""From where factors count that do not count from zero."""
+"""Origins of factors that do not count from zero."""
 MOST_KNOTS = 128
 LARGEST = 0.5
-"""The largest value of a table that is called possible, in its unit."""
+"""Largest possible value of a table, in its unit."""
 
 AT_REST = {
     "n1": ("context[INPUT]", "g"),
@@ -52,11 +52,11 @@ AT_REST = {
     "alpha": ("context[ALPHA]", "rad"),
     "beta": ("context[BETA]", "rad"),
 }
-"""Of each quantity of a record of rests how a kernel of the block reads it, and its unit."""
+"""Expression in a kernel of the block, and unit, of each quantity of a record of rests."""
 
 
 def _in_motion() -> dict[str, tuple[str, str]]:
-    """Return the same of a record in motion."""
+    """Return the same for a record in motion."""
     texts = {f"w{k + 1}": (f"rate[{k}]", "rad/s") for k in range(3)}
     for k in range(3):
         texts[f"dw{k + 1}"] = f"((rate[{k}] - context[PREVIOUS_RATE + {k}]) / context[STEP_LENGTH])", "rad/s2"
@@ -75,25 +75,25 @@ OF_TABLE = {
     "hours": AT_REST["hours"],
     "temperature": AT_REST["temperature"],
 }
-"""The same of what the table does."""
+"""The same for motions of the table."""
 OF_MOUNTING = OF_TABLE | {name: AT_REST[name] for name in ("n1", "n2", "n3")}
-"""The same of turns of the block on the table."""
+"""The same for turns of the block on the table."""
 PLACES = {
     **dict.fromkeys(ACCELEROMETERS, ("g", AT_REST)),
     **dict.fromkeys((*AXES, BASE), ("rad", OF_TABLE)),
     MOUNTING: ("rad", OF_MOUNTING),
     GYRO_BLOCK: ("rad/s", IN_MOTION),
 }
-"""Of each place the unit of what a table adds there, and the quantities that are known."""
+"""Unit of a table's values at each place, and the quantities that are known there."""
 FACTORS = ("n1", "n2", "n3", "hours", "temperature", "w1", "w2", "w3", "dw1", "dw2", "dw3", *OF_ANGLES, *WAYS)
 
 
 @dataclass(frozen=True)
 class Table:
-    """What a law says: a function of a quantity by its values at knots, straight between them, times a known factor.
+    """Content of a law: a function of a quantity by its values at knots, straight between them, times a known factor.
 
-    `kind`: "at": as at the ends beyond these; "around": round a circle; "jumps at": zero before its one knot, then one.
-    `zero` are the numbers of the knots where the function is zero.
+    `kind`: "at", constant beyond the ends; "around", round a circle; "jumps at", zero before its one knot, then one.
+    `zero` are the numbers of the knots at which the function is zero.
     """
 
     quantity: str
@@ -104,7 +104,10 @@ class Table:
 
     @staticmethod
     def of(law: str) -> "Table":
-        """A table from its law; a ValueError says what would be right."""
+        """Return a table from its law.
+
+        Raises ValueError with the correct form.
+        """
         factor, _, function = " ".join(law.split()).rpartition(" times ")
         quantity, _, rest = function.partition(" ")
         kind = next((kind for kind in KINDS if rest.startswith(kind + " ")), "")
@@ -124,7 +127,7 @@ class Table:
 
     @property
     def is_one(self) -> bool:
-        """Whether knots and names are those of a table."""
+        """True if knots and names are those of a table."""
         knots, count = np.array(self.knots), len(self.knots)
         if self.quantity not in AT_REST | IN_MOTION or (self.factor and self.factor not in FACTORS):
             return False
@@ -143,7 +146,7 @@ class Table:
 
     @property
     def law(self) -> str:
-        """As it is written."""
+        """Canonical text of the table."""
         law = f"{self.quantity} {self.kind}"
         if self.factor:
             law = f"{self.factor} times {law}"
@@ -155,7 +158,7 @@ class Table:
         return law
 
     def columns(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What each entry is multiplied by at values (N,) of the quantity: (N, K), without the factor."""
+        """Return the factor of each entry at values (N,) of the quantity: (N, K), without the table's factor."""
         if self.kind == "jumps at":
             return (values > self.knots[0]).astype(float)[:, None]
         knots = np.array(self.knots)
@@ -166,7 +169,7 @@ class Table:
         return np.stack([np.interp(values, knots, unit[:, k]) for k in self.entries], axis=1)
 
     def source(self, quantity: str) -> list[str]:
-        """Lines of a kernel that leave the function's value in ``f``, by an expression for the quantity."""
+        """Return lines of a kernel that leave the function's value in ``f``, from an expression for the quantity."""
         if self.kind == "jumps at":
             return ["f = 0.0", f"if {quantity} > {self.knots[0]!r}:", "    f = value_1"]
         knots, names = list(self.knots), [f"value_{k + 1}" for k in range(len(self.knots))]
@@ -187,9 +190,9 @@ class Table:
 
 @dataclass(frozen=True)
 class Home:
-    """Where a table joins the components: the stage, the port to which it adds, how a kernel reads quantities there.
+    """Place of a table in the components: the stage, the port to which it adds, expressions of quantities there.
 
-    `values` is the name of the values that a kernel of the stage takes, `added` that of what it adds to.
+    `values` is the name of the values that a kernel of the stage takes, `added` that of its output.
     """
 
     component: str
@@ -201,7 +204,10 @@ class Home:
 
     @staticmethod
     def of(place: EffectPlace, table: Table) -> "Home":
-        """Return the home of a table at its place; a ValueError says what would be right."""
+        """Return the home of a table at its place.
+
+        Raises ValueError with the correct form.
+        """
         _, texts = PLACES[place.where]
         for name in (table.quantity, table.factor):
             if name and name not in WAYS and not text_of(name, texts):
@@ -237,14 +243,17 @@ class Home:
         return Home("TurntableMotion", "geometry_effects", port, "angles", "turns", OF_TABLE)
 
     def read(self, name: str, rows: Any) -> NDArray[np.float64]:
-        """Return a quantity or a factor (N,) of rows; a ValueError where they have none."""
+        """Return a quantity or a factor (N,) of rows.
+
+        Raises ValueError if they have none.
+        """
         if name == "temperature" and rows.temperature is None:
             raise ValueError("a function of the temperature needs the temperature of the rows")
         return values_read(text_of(name, self.texts), self.values, self.component, rows)
 
 
 def text_of(name: str, texts: dict[str, tuple[str, str]]) -> str:
-    """Return how a kernel reads a quantity, or a wave of an angle; empty where it is none that is known."""
+    """Return the expression of a quantity in a kernel, or of a wave of an angle; empty for an unknown one."""
     wave, quantity = OF_ANGLES.get(name, ("", name))
     text, _ = texts.get(quantity, ("", ""))
     return f"math.{wave}({text})" if wave and text else text
@@ -252,7 +261,10 @@ def text_of(name: str, texts: dict[str, tuple[str, str]]) -> str:
 
 @cache
 def lookup_at(place: EffectPlace) -> Effect:
-    """Return the table of a place's law as an effect; a ValueError says what would be right."""
+    """Return the table of a place's law as an effect.
+
+    Raises ValueError with the correct form.
+    """
     table = Table.of(place.law)
     if place.where not in PLACES:
         raise ValueError(f"law {place.law!r} has no place {place.where!r}; places: {', '.join(PLACES)}")
@@ -263,7 +275,7 @@ def lookup_at(place: EffectPlace) -> Effect:
         parameters.append(EffectParameter(f"value_{k + 1}", unit, description, LARGEST))
 
     def columns(place: EffectPlace, rows: Any) -> NDArray[np.float64]:
-        """What each entry adds, with the factor."""
+        """Return the change by each entry, with the factor."""
         entries = table.columns(home.read(table.quantity, rows))
         if table.factor and table.factor not in WAYS:
             factor = home.read(table.factor, rows) - FROM.get(table.factor, 0.0)
@@ -287,7 +299,7 @@ def _kernel(place: EffectPlace, table: Table, home: Home) -> Callable[..., None]
     target = f"{home.added}[{home.port}]"
     addition = f"    {target} = {target} + f"
     if factor := text_of(table.factor, home.texts):
-        # A quantity counts as it is, a factor from where it does nothing.
+        # A quantity counts as it is, a factor from its origin.
         if table.factor in FROM:
             factor = f"({factor} - {FROM[table.factor]!r})"
         addition += f" * {factor}"
@@ -307,7 +319,7 @@ def _unit(place: EffectPlace, table: Table) -> str:
 
 
 def sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
-    """Return what a table says of its place, and its largest value."""
+    """Return a table's function of its place, and its largest value, in a sentence."""
     table = Table.of(place.law)
     function = "a function"
     if table.factor:

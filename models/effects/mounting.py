@@ -65,7 +65,7 @@ def mounting_temperature(
 
 
 def open_temperature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """What half a last digit of the temperature makes of a slope in the readings (N, 3)."""
+    """Return the effect of half a last digit of the temperature on a slope in the readings (N, 3)."""
     return np.linalg.norm(rows.by_slip, axis=2) * rows.temperature_resolution
 
 

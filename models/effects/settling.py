@@ -1,4 +1,4 @@
-"""What settles with a time constant that a diagnosis searches.
+"""Effects that settle with a time constant that a diagnosis searches.
 
 warm_up
     the bias of an accelerometer settles exponentially after the start
@@ -19,7 +19,7 @@ LARGEST_PER_KELVIN = 1e-3
 
 
 def warm_up(context: Vector, n: Vector, p: int, size: float, time_constant: float, added: Vector) -> None:
-    """Add size (1 − e^(−t/τ)) to the reading of accelerometer p; a time constant of 0 stands for none."""
+    """Add size (1 − e^(−t/τ)) to the reading of accelerometer p; a time constant of 0 means none."""
     if time_constant > 0.0:
         added[p] = added[p] + size * (1.0 - math.exp(-context[HOURS] / time_constant))
 
@@ -27,7 +27,7 @@ def warm_up(context: Vector, n: Vector, p: int, size: float, time_constant: floa
 def thermal_lag(
     context: Vector, n: Vector, p: int, coefficient: float, settling: float, time_constant: float, added: Vector
 ) -> None:
-    """Add c (T_lag − 20) + s e^(−t/τ) to the reading of accelerometer p; T_lag is what `lagging_temperature` keeps."""
+    """Add c (T_lag − 20) + s e^(−t/τ) to the reading of accelerometer p; T_lag comes from `lagging_temperature`."""
     added[p] = added[p] + coefficient * (context[KEPT + p] - NOMINAL_TEMPERATURE)
     if time_constant > 0.0:
         added[p] = added[p] + settling * math.exp(-context[HOURS] / time_constant)
@@ -36,10 +36,10 @@ def thermal_lag(
 def lagging_temperature(
     context: Vector, before: Vector, p: int, coefficient: float, settling: float, time_constant: float, kept: Vector
 ) -> None:
-    """Let the temperature that is kept for accelerometer p follow: τ T_lag' = T − T_lag.
+    """Update the memory of temperature for accelerometer p: τ T_lag' = T − T_lag.
 
-    `before` are hours and temperature [degC] of the step before: between, the temperature is taken as linear in time,
-    for which this is exact. It begins with the temperature at the start: another beginning is what settles.
+    `before` are hours and temperature [degC] of the step before. The temperature is taken as linear in time between,
+    for which this is exact. It begins with the temperature at the start: another beginning is the part that settles.
     """
     temperature = context[TEMPERATURE]
     hours = context[HOURS] - before[0]

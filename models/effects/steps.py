@@ -1,9 +1,9 @@
-"""What changes once, at a time that a diagnosis searches.
+"""Effects that change once, at a time that a diagnosis searches.
 
 bias_step, scale_step
-    the bias, the scale factor of an accelerometer is another one from a time on
+    the bias, the scale factor of an accelerometer changes at a time
 mounting_slip
-    the block turns on the table, so that its mounting error is another one from a time on
+    the block turns on the table, so that its mounting error changes at a time
 """
 
 from ..restricted import HOURS, Vector

@@ -1,15 +1,15 @@
-"""What the table does that its nominal geometry leaves out: small turns behind its encoders, and errors of these.
+"""Effects of the table beyond its nominal geometry: small turns behind its encoders, and errors of these.
 
 encoder_harmonic
     the reading of an encoder is the true angle plus a harmonic of it
 backlash
     the reading of an encoder depends on the sense of the last move of its axis
 encoder_lag
-    the reading of an encoder is late: it lacks what its axis turns within a time
+    the reading of an encoder is late: it lacks the axis's turn within a time
 axis_wobble
     the direction of an axis moves periodically as it turns
 sag
-    the table gives way under the weight it carries, behind its encoders
+    the table bends under the weight it carries, behind its encoders
 base_drift
     the foundation tilts with time, and the table with it
 """
@@ -104,7 +104,7 @@ def inner_axis_wobble(
 
 
 def wobble_at(place: EffectPlace) -> Effect:
-    """The wobble of the outer axis, of the inner one with one harmonic, or with two."""
+    """Return the wobble of the outer axis, of the inner one with one harmonic, or with two."""
     return OUTER_WOBBLE if place.index == 0 else INNER_WOBBLE_FIRST if place.order == 1 else INNER_WOBBLE
 
 
@@ -147,8 +147,8 @@ INNER_WOBBLE = dataclasses.replace(
 def sag(context: Vector, angles: Vector, axis: int, amplitude: float, phase: float, turns: Vector) -> None:
     """Add the elastic turn: outer amplitude·sin(α + phase), inner amplitude·sin α·cos(β + phase).
 
-    Weight acts across the outer axis by the angle of what it carries; across the inner one by what gravity has across
-    that axis, sin α, and the angle β.
+    The weight acts across the outer axis by the angle of its load; across the inner one by gravity's part across that
+    axis, sin α, and the angle β.
     """
     if axis == 0:
         turns[1] = turns[1] + amplitude * math.sin(angles[0] + phase)
@@ -157,7 +157,7 @@ def sag(context: Vector, angles: Vector, axis: int, amplitude: float, phase: flo
 
 
 def open_sine(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Whether the sine of the outer angle counts from the encoder's zero or from the vertical is of second order."""
+    """Return the effect of the sine's origin, the encoder's zero or the vertical, which is of second order."""
     return np.abs(rows.by_beta) * (abs(rows.from_vertical) if place.index == 1 else 0.0)
 
 

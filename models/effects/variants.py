@@ -12,18 +12,18 @@ from .columns import Rows
 
 @dataclass(frozen=True)
 class Variant:
-    """One way in which an effect that is not linear in its parameters can act on N rows: which readings it changes.
+    """One way in which an effect that is not linear in its parameters can act on N rows: the readings that it changes.
 
     Within a variant the effect is linear: the prediction gains ``offset + columns @ coefficients``.
 
     Attributes
     ----------
     offset : (N, 3)
-        what is added to the prediction of the nominal model [g]
+        addition to the prediction of the nominal model [g]
     columns : (N, 3, K)
-        derivatives by the K coefficients that remain; K may be 0
+        derivatives by the K remaining coefficients; K may be 0
     widening : (N, 3)
-        by which the bounds of the readings grow [g]
+        growth of the bounds of the readings [g]
     low, high : (K,)
         limits of the coefficients
     values : callable
@@ -31,17 +31,16 @@ class Variant:
     limits : tuple of (low, high)
         for each parameter, the values with which the effect acts in this way
     lost : (N, 3) of bool
-        readings to which the accelerometer's own input adds nothing, derivatives by the bench's parameters included
+        readings to which the accelerometer's own input adds nothing, with its derivatives by the bench's parameters
     fixed : (N, 3) of bool
         readings that do not depend on the bench at all
     stands : callable
-        rows at another fit (with `own` and `prediction` of the nominal part), coefficients -> whether the effect
-        would change these readings there, and no others
+        rows at another fit (with `own` and `prediction` of the nominal part), coefficients -> True if the effect would
+        change exactly these readings there
     mixed : (N, 3, 3) or None
-        what becomes of the three readings where channels are exchanged: matrix times readings; None where they are not
+        matrix of exchanged channels, times the three readings; None if they are not exchanged
     undecided : callable
-        other rows, σ [g] -> (N, 3) of bool: readings of which the limits of the parameters leave open what the effect
-        does to them
+        other rows, σ [g] -> (N, 3) of bool: readings whose change the limits of the parameters leave open
     """
 
     offset: NDArray[np.float64]
@@ -58,7 +57,7 @@ class Variant:
     undecided: Callable[[Rows, float], NDArray[np.bool_]] = lambda rows, sigma: np.zeros(rows.n.shape, dtype=bool)
 
     one_sign: ClassVar[bool] = False
-    """Whether its coefficients all have one sign."""
+    """True if its coefficients all have one sign."""
 
     @property
     def directions(self) -> NDArray[np.float64]:
@@ -67,15 +66,15 @@ class Variant:
 
     @property
     def touched(self) -> NDArray[np.bool_]:
-        """Readings (N, 3) that the effect changes, but for what widens their bounds."""
+        """Readings (N, 3) that the effect changes, beside a widening of their bounds."""
         changed = self.lost | self.fixed | (self.offset != 0.0) | np.any(self.columns != 0.0, axis=2)
         return changed if self.mixed is None else changed | np.any(self.mixed != np.eye(3), axis=2)
 
 
 def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **fields: Any) -> Variant:
-    """A variant on readings (N, 3) that without more adds nothing, widens nothing and has no coefficients.
+    """Return a variant on readings (N, 3) that by default adds nothing, widens nothing and has no coefficients.
 
-    The values of the parameters are the middles of their limits; `given` are the fields that differ.
+    The values of the parameters are the middles of their limits; `fields` are the ones that differ.
     """
     none = np.zeros(shape, dtype=bool)
     middles = tuple(0.5 * (low + high) for low, high in limits)
@@ -93,7 +92,7 @@ def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **f
 
 
 def at_readings(shape: tuple[int, ...], rows: NDArray[np.int_], accelerometer: int) -> NDArray[np.bool_]:
-    """True (N, 3) at some rows (n,) of an accelerometer, 0 to 2."""
+    """Return True (N, 3) at some rows (n,) of an accelerometer, 0 to 2."""
     chosen = np.zeros(shape, dtype=bool)
     chosen[rows, accelerometer] = True
     return chosen

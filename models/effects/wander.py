@@ -1,7 +1,7 @@
 """A bias that wanders: any function of time, by its values at times between which it is straight.
 
-It is no model of a process: whatever the bias does, with bounded increments, is near to such a function. It contains
-what a drift, a step, a warm-up and a temperature can do to a bias.
+It does not model a process: any bias with bounded increments is near to such a function. It contains a bias's drift,
+step, warm-up and dependence on temperature.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,9 +17,10 @@ LARGEST_OF_BIAS = 1e-1
 
 @cache
 def wander_at(place: EffectPlace) -> Effect:
-    """The wander of an accelerometer's bias by the times of its place's law; a ValueError says what would be right.
+    """Return the wander of an accelerometer's bias by the times of its place's law.
 
-    Its parameters are the values at all knots but the first, where the bias is the nominal one.
+    Its parameters are the values at all knots except the first, where the bias is the nominal one. Raises ValueError
+    with the correct form.
     """
     table = Table.of(place.law)
     if place.where not in ACCELEROMETERS or (table.quantity, table.kind, table.factor) != ("hours", "at", ""):
@@ -42,7 +43,7 @@ def wander_at(place: EffectPlace) -> Effect:
 
 
 def _kernel(place: EffectPlace, table: Table) -> Callable[..., None]:
-    """The kernel of the table of a place's law, zero at its first knot."""
+    """Return the kernel of the table of a place's law, zero at its first knot."""
     p, values = place.index, ""
     for k in range(2, len(table.knots) + 1):
         values += f"value_{k}: float, "
@@ -55,7 +56,7 @@ def _kernel(place: EffectPlace, table: Table) -> Callable[..., None]:
 
 
 def wander_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
-    """Over how much the bias wanders, and by how much an hour at most."""
+    """Return the range of the bias, and its fastest change an hour, in a sentence."""
     changes = (0.0, *values.values())
     steps = zip(pairwise(Table.of(place.law).knots), pairwise(changes), strict=True)
     fastest = max(abs(high - low) / (after - before) for (before, after), (low, high) in steps)

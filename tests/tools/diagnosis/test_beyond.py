@@ -292,7 +292,7 @@ def test_a_formula_of_fewer_numbers_comes_before_sets_of_the_catalogue(name, law
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_fifth_power_is_no_pair_of_other_laws(seed):
-    """Where other powers do as well the quantity is certain, the power is not; no sum of two laws comes before."""
+    """The quantity is certain even if other powers do as well, the power is not; no sum of two laws comes before."""
     record = record_with(seed, {"f2": lambda v: 2e-4 * v.n[:, 1] ** 5}, 36)
     result = diagnose(record, noise_bound=SIGMA, rerun=False)
     assert (result.verdict, result.level) == ("ambiguous", "quantity")
