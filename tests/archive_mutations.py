@@ -1,4 +1,4 @@
-"""Mutated archives: each kind of damage or malice, drawn from a seed; every one of them must be refused."""
+"""Mutated archives: each kind of damage or malice, drawn from a seed; every one must be refused."""
 
 import io
 import random
@@ -30,7 +30,7 @@ DOCTYPES = (
 
 
 def packed(members: Members, method: int = zipfile.ZIP_STORED) -> bytes:
-    """An archive of these members."""
+    """Return an archive of these members."""
     inner = io.BytesIO()
     with zipfile.ZipFile(inner, "w", method) as archive:
         for name, content in members.items():
@@ -83,7 +83,7 @@ def spoilt_content(members: Members, described: str, rng: random.Random) -> byte
 
 
 def spoilt_directory(members: Members, described: str, rng: random.Random) -> bytes:
-    """The central directory names another place, size, checksum, name or method."""
+    """Change place, size, checksum, name or method in the central directory."""
     archive = packed({described: members[described], **members})
     at = directory_at(archive, described)
     return rng.choice(
@@ -99,7 +99,7 @@ def spoilt_directory(members: Members, described: str, rng: random.Random) -> by
 
 
 def outside(members: Members, described: str, rng: random.Random) -> bytes:
-    """A member that would be written outside the folder: up, absolute, on a drive, with backslashes."""
+    """Add a member that would be written outside the folder: up, absolute, on a drive, with backslashes."""
     name = rng.choice(OUTSIDE).replace("{}", str(rng.getrandbits(30)))
     entry = zipfile.ZipInfo("x")
     entry.filename = name
@@ -107,21 +107,21 @@ def outside(members: Members, described: str, rng: random.Random) -> bytes:
 
 
 def link(members: Members, described: str, rng: random.Random) -> bytes:
-    """A link to somewhere else, and perhaps a file through it."""
+    """Add a link to another place, and perhaps a file through it."""
     entry = zipfile.ZipInfo(rng.choice(["resources/link", "binaries/link", "link"]))
     entry.external_attr = (stat.S_IFLNK | 0o777) << 16
     return with_entry(members, entry, rng.choice([b"/tmp", b"../..", b"/etc/passwd"]))
 
 
 def twice(members: Members, described: str, rng: random.Random) -> bytes:
-    """Two members of one name."""
+    """Add two members of one name."""
     name = rng.choice(list(members))
     archive = packed({**members, "@" * len(name): rng.randbytes(20)})
     return archive.replace(b"@" * len(name), name.encode())
 
 
 def huge(members: Members, described: str, rng: random.Random) -> bytes:
-    """Says that it unpacks to gigabytes, in one member or in several."""
+    """Declare gigabytes of unpacked size, in one member or in several."""
     archive = packed({**members, "resources/a": b"a", "resources/b": b"b"})
     size = rng.choice([0x7FFFFFFF, 0xFFFFFFF0, 3 << 30])
     for name in ("resources/a", "resources/b"):
@@ -130,7 +130,7 @@ def huge(members: Members, described: str, rng: random.Random) -> bytes:
 
 
 def countless(members: Members, described: str, rng: random.Random) -> bytes:
-    """More members than anyone needs."""
+    """Add more members than anyone needs."""
     return packed({**members, **{f"resources/{i}": b"" for i in range(20_001)}})
 
 
@@ -141,20 +141,20 @@ def encrypted(members: Members, described: str, rng: random.Random) -> bytes:
 
 
 def undescribed(members: Members, described: str, rng: random.Random) -> bytes:
-    """The description is missing, or stands elsewhere or under another name."""
+    """Remove the description, or move or rename it."""
     rest = {name: content for name, content in members.items() if name != described}
     name = rng.choice(["", f"folder/{described}", described.upper(), f"{described}.bak"])
     return packed({**rest, **({name: members[described]} if name else {})})
 
 
 def entities(members: Members, described: str, rng: random.Random) -> bytes:
-    """A DOCTYPE: entities that grow, files and addresses that would be opened."""
+    """Add a DOCTYPE: entities that grow, files and addresses that would be opened."""
     text = re.sub(r"^<\?xml.*?\?>", "", members[described].decode())
     return packed({**members, described: (rng.choice(DOCTYPES) + text).encode()})
 
 
 def not_xml(members: Members, described: str, rng: random.Random) -> bytes:
-    """A description cut off, with a tag or a quote lost, with bytes that are no text."""
+    """Cut the description off, lose a tag or a quote, or insert bytes that are not text."""
     xml = members[described]
     at = rng.randrange(60, len(xml) - 10)
     # A lost "<" may leave text between elements, which is well-formed; a lost ">" never does.
@@ -177,7 +177,7 @@ def not_xml(members: Members, described: str, rng: random.Random) -> bytes:
 
 
 def deep(members: Members, described: str, rng: random.Random) -> bytes:
-    """Elements in elements, thousands deep."""
+    """Nest elements thousands deep."""
     many = rng.randrange(3_000, 60_000)
     xml = members[described]
     end = xml.rindex(b"</")
@@ -198,14 +198,14 @@ OF_ANY: tuple[Mutation, ...] = (
 
 
 def replaced(members: Members, name: str, pattern: str, text: str) -> bytes:
-    """An archive whose description has another text in the first place that fits a pattern."""
+    """Return an archive whose description has another text in the first place that fits a pattern."""
     changed, count = re.subn(pattern, lambda m: m.expand(text), members[name].decode(), count=1)
     assert count == 1, pattern
     return packed({**members, name: changed.encode()})
 
 
 def wrong_description(members: Members, described: str, rng: random.Random) -> bytes:
-    """A model description that says what cannot be."""
+    """Write an impossible model description."""
     pattern, text = rng.choice(
         [
             (r'fmiVersion="[^"]*"', f'fmiVersion="{rng.choice(["1.0", "", "4.0", "two", "9" * 50])}"'),
@@ -228,7 +228,7 @@ def wrong_description(members: Members, described: str, rng: random.Random) -> b
 
 
 def wrong_platform(members: Members, described: str, rng: random.Random) -> bytes:
-    """Binaries for another platform only, or none."""
+    """Keep binaries only for another platform, or none."""
     foreign = rng.choice(["win32", "darwin64", "x86_64-plan9", None])
     changed = {}
     for name, content in members.items():
@@ -240,7 +240,7 @@ def wrong_platform(members: Members, described: str, rng: random.Random) -> byte
 
 
 def no_library(members: Members, described: str, rng: random.Random) -> bytes:
-    """Something else in the place of the library."""
+    """Replace the library by something else."""
     content = rng.choice([b"", b"#!/bin/sh\n", rng.randbytes(500), b"\x7fELF", b"\x7fELF\x02\x01\x01" + bytes(60)])
     return packed({n: content if n.startswith("binaries/") else c for n, c in members.items()})
 
@@ -256,7 +256,7 @@ OF_FMUS: tuple[Mutation, ...] = (wrong_description, wrong_platform, no_library, 
 
 
 def wrong_structure(members: Members, described: str, rng: random.Random) -> bytes:
-    """A system structure that says what cannot be."""
+    """Write an impossible system structure."""
     pattern, text = rng.choice(
         [
             (r'version="1.0"', f'version="{rng.choice(["0.9", "", "3.0", "x"])}"'),
@@ -285,7 +285,7 @@ SOURCES = (
 
 
 def wrong_parameters(members: Members, described: str, rng: random.Random) -> bytes:
-    """A parameter set that says what cannot be, or is none."""
+    """Write an impossible parameter set, or something else."""
     name = "resources/gain.ssv"
     if rng.random() < 0.4:
         mutation = rng.choice([entities, not_xml, deep, another_root])
@@ -303,7 +303,7 @@ def wrong_parameters(members: Members, described: str, rng: random.Random) -> by
 
 
 def wrong_fmu(members: Members, described: str, rng: random.Random) -> bytes:
-    """An .ssp whose FMU is mutated."""
+    """Return an .ssp whose FMU is mutated."""
     name = "resources/Gain.fmu"
     with zipfile.ZipFile(io.BytesIO(members[name])) as archive:
         inner = {n: archive.read(n) for n in archive.namelist()}

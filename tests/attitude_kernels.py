@@ -1,4 +1,4 @@
-"""The attitude computer's kernels for tests: the very text that an FMU carries, in multiple precision."""
+"""The attitude computer's kernels for tests: the exact text that an FMU carries, in multiple precision."""
 
 import ast
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ DIGITS = 50
 
 
 class ExactNumbers(ast.NodeTransformer):
-    """Every float literal becomes the decimal number that it says, in multiple precision."""
+    """Replace every float literal by its exact decimal number, in multiple precision."""
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
         if isinstance(node.value, float):
@@ -31,7 +31,7 @@ class ExactNumbers(ast.NodeTransformer):
 
 @cache
 def precise_kernels(component: str = "AttitudeComputer") -> dict[str, Any]:
-    """The kernels of a component with mpmath's numbers and functions in place of floats and `math`."""
+    """Return the kernels of a component with mpmath's numbers and functions in place of floats and `math`."""
     functions = {name: getattr(mpmath.mp, name) for name in ("sqrt", "sin", "cos", "atan2", "floor", "fabs", "pi")}
     namespace: dict[str, Any] = {"math": SimpleNamespace(**functions), "mpf": mpf}
     source = flat_source(components()[component])
@@ -53,12 +53,12 @@ def tables(algorithm: Algorithm) -> list:
 
 @cache
 def updater(algorithm: Algorithm) -> Callable[[Sequence, Sequence | None], list]:
-    """A function that makes one update.
+    """Return a function that makes one update.
 
     Returns
     -------
     callable
-        (increments of the step, those of the step before or None) -> quaternion; increments are flat lists
+        (increments of the step, those of the previous step or None) -> quaternion; increments are flat lists
     """
     kernels, number = precise_kernels(), mpf(algorithm.number)
     table = tables(algorithm)
@@ -83,7 +83,7 @@ def updater(algorithm: Algorithm) -> Callable[[Sequence, Sequence | None], list]
 
 
 def product(p: Sequence, q: Sequence) -> list:
-    """Quaternion product, written here once more."""
+    """Return the quaternion product, written here independently."""
     return [
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
         p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
@@ -93,6 +93,6 @@ def product(p: Sequence, q: Sequence) -> list:
 
 
 def angle_between(p: Sequence, q: Sequence) -> Any:
-    """Angle between two attitudes [rad], whatever their norms."""
+    """Return the angle between two attitudes [rad], for any norms."""
     turned = product([p[0], -p[1], -p[2], -p[3]], q)
     return 2 * mpmath.atan2(mpmath.sqrt(turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2), abs(turned[0]))

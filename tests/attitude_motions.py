@@ -26,20 +26,20 @@ CONE = math.radians(1.0)
 
 @dataclass(frozen=True)
 class Course:
-    """A motion as exact gyros sample it: increments (N, 3) [rad], attitudes (N, 4) against that at the beginning."""
+    """A motion sampled by exact gyros: increments (N, 3) [rad], attitudes (N, 4) against that at the beginning."""
 
     increments: np.ndarray
     attitudes: np.ndarray
 
     def error(self, algorithm: Algorithm) -> float:
-        """Largest angle between an algorithm's attitudes and the true ones [rad]."""
+        """Return the largest angle between an algorithm's attitudes and the true ones [rad]."""
         computed = run_algorithm(algorithm, self.increments, renormalise=True)
         ends = algorithm.samples * np.arange(1, len(computed) + 1)
         return float(angle_between(computed, self.attitudes[ends - 1]).max())
 
 
 def course_of_harmonics(harmonics: np.ndarray, rate_hz: float, duration_s: float) -> Course:
-    """A harmonic motion (36,), its increments and attitudes exact to rounding."""
+    """Return a harmonic motion (36,) with increments and attitudes exact to rounding."""
     samples = sample_motion(harmonics, 1.0 / rate_hz, round(rate_hz * duration_s))
     axes = harmonics.reshape(3, -1, 3)
     first = (axes[:, :, 0] * np.sin(axes[:, :, 2])).sum(axis=1)
@@ -49,7 +49,7 @@ def course_of_harmonics(harmonics: np.ndarray, rate_hz: float, duration_s: float
 
 
 def cone(half_angle: float, frequency: float) -> np.ndarray:
-    """The harmonics (36,) of a cone, half angle [rad] and frequency [Hz]: ϑ = A sin Ωt, γ = A cos Ωt - A."""
+    """Return the harmonics (36,) of a cone, half angle [rad] and frequency [Hz]: ϑ = A sin Ωt, γ = A cos Ωt - A."""
     turning = 2.0 * math.pi * frequency
     harmonics = np.zeros((3, 4, 3))
     harmonics[1, 0] = half_angle, turning, 0.0
@@ -59,17 +59,17 @@ def cone(half_angle: float, frequency: float) -> np.ndarray:
 
 
 def paper_error(algorithm: Algorithm, motion: str, rate_hz: float, duration_s: float = 60.0) -> float:
-    """Largest error of an algorithm on a motion of the paper [rad]; increments are exact."""
+    """Return the largest error of an algorithm on a motion of the paper [rad]; increments are exact."""
     samples = sample_motion(paper_motion(motion, EXACT), 1.0 / rate_hz, round(duration_s * rate_hz))
     true = attitudes_of_angles(samples.angles_at_steps(algorithm))
     return float(angle_between(run_algorithm(algorithm, samples.increments, renormalise=True), true).max())
 
 
 def relative_coning_drift(algorithm: Algorithm, phase: float) -> float:
-    """Drift under pure coning that an algorithm leaves, as a fraction of the drift that it has to compute.
+    """Return the remaining drift of an algorithm under pure coning, as a fraction of the drift to compute.
 
-    `phase` is Ω Δt of one gyro sample [rad]. Each update errs by the same rotation in a frame that goes round with the
-    cone, so the error's component along the axis of the cone is the drift.
+    `phase` is Ω Δt of one gyro sample [rad]. Each update errs by the same rotation in a frame that turns with the cone,
+    so the error's component along the axis of the cone is the drift.
     """
     samples = algorithm.samples
     windows = 3
@@ -102,7 +102,8 @@ def _times(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def operations_per_sample(algorithm: Algorithm, increments: np.ndarray) -> float:
-    """Operations for each gyro sample, the mean over three places of a motion: some algorithms look at increments."""
+    """Return the operations for each gyro sample, mean over three places of a motion: some algorithms read the
+    increments."""
     size = 2 * algorithm.samples
     begins = np.linspace(0, len(increments) - size, 4).astype(int)[1:]
     counts = [operations_of_update(algorithm, increments[begin : begin + size]) for begin in begins]
@@ -110,12 +111,12 @@ def operations_per_sample(algorithm: Algorithm, increments: np.ndarray) -> float
 
 
 def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
-    """Operations of one step of an algorithm and of the quaternion product that follows it.
+    """Return the operations of one step of an algorithm and of the quaternion product that follows it.
 
     Parameters
     ----------
     increments : ndarray, shape (2 * samples, 3)
-        of the step before and of this one [rad]: what some algorithms do depends on them
+        increments of the previous step and of this one [rad]: some algorithms depend on them
     """
     tally = [0]
     number = _counting_number(tally)
@@ -165,7 +166,7 @@ def _counting_number(tally: list[int]) -> type[float]:
 
 
 def _counting(kernel: Any, tally: list[int]) -> FunctionType:
-    """The kernel with functions of `math` that are counted, in all that it calls."""
+    """Return the kernel with counted functions of `math`, in all its calls."""
 
     def counted(function: Callable[..., float]) -> Callable[..., float]:
         def apply(*arguments: float) -> float:

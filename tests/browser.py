@@ -84,7 +84,7 @@ class Window:
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
-    """The installed browser; where there is none, the test is skipped and says so."""
+    """Return the installed browser; without one, the test is skipped with a message."""
     sync_api = pytest.importorskip("playwright.sync_api")
     program = next((result for name in PROGRAMS if (result := shutil.which(name))), None)
     if program is None:
@@ -97,6 +97,6 @@ def chromium() -> Iterator[Browser]:
 
 @pytest.fixture
 def window(chromium: Browser) -> Iterator[Window]:
-    """A window of its own, without a profile that stays."""
+    """Return a window of its own, without a permanent profile."""
     with chromium.new_context() as context:
         yield Window(context.new_page())

@@ -11,20 +11,20 @@ from trihedron.tools.calibration import Correction, corrected
 
 
 def interval(estimate: Parameter) -> tuple[float, float]:
-    """Both ends of an estimate's interval."""
+    """Return both ends of an estimate's interval."""
     assert estimate.low is not None
     assert estimate.high is not None
     return estimate.low, estimate.high
 
 
 def half_width(estimate: Parameter) -> float:
-    """Half the width of an estimate's interval."""
+    """Return half the width of an estimate's interval."""
     low, high = interval(estimate)
     return (high - low) / 2
 
 
 def guaranteed(estimate: Parameter) -> float:
-    """An estimate's guaranteed error."""
+    """Return an estimate's guaranteed error."""
     assert estimate.guaranteed_error is not None
     return estimate.guaranteed_error
 
@@ -45,7 +45,8 @@ def misses(result: Calibration, truth: Iterable[float]) -> list[str]:
 
 
 def tilt_left(correction: Correction, truth: Iterable[float], seed: int = 1) -> float:
-    """Error of the vertical [rad], root mean square over attitudes, that corrected readings of the true block give."""
+    """Return the error of the vertical [rad], root mean square over attitudes, of the true block's corrected
+    readings."""
     n = np.random.default_rng(seed).normal(size=(500, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     x = dict(zip(TARGETS, truth, strict=True))

@@ -37,11 +37,11 @@ PARTS = (
     *("make_order", "opened", "missing", "compute", "write", "summarise", "write_summary"),
     *("campaign_page", "write_page"),
 )
-"""Functions of the main process that tell where a campaign is."""
+"""Functions of the main process that mark the progress of a campaign."""
 
 
 def written(folder: Path, text: str, name: str = "campaign.toml") -> Path:
-    """A campaign file in a folder."""
+    """Write a campaign file into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
     path.write_text(text, encoding="utf-8")
@@ -49,17 +49,17 @@ def written(folder: Path, text: str, name: str = "campaign.toml") -> Path:
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    """Every file of a campaign's folder."""
+    """Return every file of a campaign's folder."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def assert_begun(present: dict[str, bytes], unbroken: dict[str, bytes]) -> None:
-    """Every file of a campaign's folder that is there is that of the whole campaign, but for half files (.*)."""
+    """Assert that every file in a campaign's folder is that of the whole campaign, except for half files (.*)."""
     assert all(unbroken[name] == value for name, value in present.items() if name.rpartition("/")[2][0] != ".")
 
 
 def children(pid: int) -> list[int]:
-    """Processes that a process has started."""
+    """Return the child processes of a process."""
     pids = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
@@ -70,20 +70,20 @@ def children(pid: int) -> list[int]:
 
 
 def workers_of(pid: int) -> list[int]:
-    """Processes below a process, at any depth, that work (the trackers of resources do not)."""
+    """Return the working processes below a process, at any depth (without the trackers of resources)."""
     below = [child for pid_below in children(pid) for child in (pid_below, *workers_of(pid_below))]
     return [pid_below for pid_below in below if b"resource_tracker" not in command_of(pid_below)]
 
 
 def command_of(pid: int) -> bytes:
-    """The command line of a process; nothing where it is gone."""
+    """Return the command line of a process; empty if it is gone."""
     with contextlib.suppress(OSError):
         return Path(f"/proc/{pid}/cmdline").read_bytes()
     return b""
 
 
 def wait_for(what: Callable[[], bool]) -> None:
-    """Wait until something is so."""
+    """Wait until a condition holds."""
     deadline = time.monotonic() + MOST_SECONDS
     while not what():
         assert time.monotonic() < deadline
@@ -92,7 +92,7 @@ def wait_for(what: Callable[[], bool]) -> None:
 
 @contextlib.contextmanager
 def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[Any], str]]:
-    """A scheduler and workers as processes of their own: the scheduler and its address."""
+    """Yield the scheduler and its address, with workers as processes of their own."""
     folder.mkdir(exist_ok=True)
     scheduler_file = folder / "scheduler.json"
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
@@ -110,7 +110,7 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[Any],
 
 @contextlib.contextmanager
 def ended(process: subprocess.Popen[Any]) -> Iterator[subprocess.Popen[Any]]:
-    """A process that is ended, with those below it, when the block ends."""
+    """End a process, with those below it, when the block ends."""
     try:
         yield process
     finally:

@@ -1,4 +1,4 @@
-"""Every command of the program with arguments that work, for tests over all commands."""
+"""Every command of the program with working arguments, for tests over all commands."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,11 +43,11 @@ class Command:
     Attributes
     ----------
     arguments : tuple of str
-        "out" and "out.*" are what it writes
+        "out" and "out.*" are its outputs
     inputs : tuple of str
-        those of the arguments that are files to read
+        the arguments that are input files
     slow : bool
-        whether it takes more than a few seconds
+        True if it takes more than a few seconds
     """
 
     arguments: tuple[str, ...]

@@ -133,7 +133,7 @@ def draw_inputs(component: Component, rng: random.Random) -> dict[str, float]:
 
 
 def elements_of(component: Component, *causalities: str) -> dict[str, Variable]:
-    """Names of the scalars of a component, of some causalities or of all, with the variable of each."""
+    """Return the names of the scalars of a component, of some causalities or of all, with the variable of each."""
     variables: dict[str, Variable] = {}
     for v in component.interface:
         if not causalities or v.causality in causalities:

@@ -20,7 +20,7 @@ COMPILED_AS_SHIPPED = {
     *("acceptance", "benchmarks", "test_bits", "test_capabilities", "test_installation", "test_loops"),
     *("test_native_conformance", "test_native_platforms", "test_native_translation", "test_prebuilt"),
 }
-"""Folders and modules of tests to which it matters how the C compiler optimises."""
+"""Folders and modules of tests that need the C compiler's optimisation."""
 
 # How long an example takes says how busy the machine is.
 settings.register_profile("no deadlines", deadline=None)
@@ -40,7 +40,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Modules and tests stay to the end: the collector of cycles need not go through them again and again."""
+    """Freeze modules and tests, so that the collector of cycles does not traverse them again and again."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000, 50, 50)
@@ -55,9 +55,9 @@ def _ctrl_c_is_heard() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Binaries are kept from run to run, by the hash of all that they follow from, unless a cache is named.
+    """Keep binaries from run to run, by the hash of all their sources, unless a cache is named.
 
-    Where others could put files beside them they are kept for this run, for all its workers.
+    If others could put files beside them, they are kept only for this run, for all its workers.
     """
     from trihedron.fmus.cache import others_can_write
 
@@ -70,7 +70,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 @pytest.fixture(scope="session")
 def _hasty_compiler(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
-    """The host's C compiler without its optimisation, which takes most of its time; None where it cannot be had."""
+    """Return the host's C compiler without its slow optimisation; None without a compiler."""
     real = shutil.which(os.environ.get("CC") or "cc")
     if real is None or os.name != "posix":
         return None
@@ -99,7 +99,7 @@ def _compiler(request: pytest.FixtureRequest, _hasty_compiler: Path | None) -> I
 
 @pytest.fixture(scope="session", autouse=True)
 def _interpreters_let_go_in_time() -> Iterator[None]:
-    """PythonFMU's library writes into freed memory at the end of a process, unless it has let go of Python before."""
+    """Release Python in time: PythonFMU's library otherwise writes into freed memory at the end of a process."""
     import fmpy.fmi1
 
     unload = fmpy.fmi1._FMU.freeLibrary
@@ -116,7 +116,7 @@ def _interpreters_let_go_in_time() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def programs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder for the path with a `trihedron` that starts at once."""
+    """Return a folder for the path with a `trihedron` that starts at once."""
     from warm_commands import warm_commands
 
     with warm_commands(tmp_path_factory.mktemp("programs"), os.environ) as folder:
@@ -174,7 +174,7 @@ def slaves() -> Iterator[object]:
 
 @pytest.fixture(scope="session")
 def command_inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The files that the commands of `command_table` read; they are copied, never used."""
+    """Write the input files of the commands of `command_table`; tests copy them and never use them directly."""
     from command_table import make_inputs
 
     folder = tmp_path_factory.mktemp("inputs")
@@ -184,7 +184,7 @@ def command_inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def here(command_inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with the commands' inputs in it; temporary files go beside it."""
+    """Set the current folder, with the commands' inputs in it; temporary files go beside it."""
     folder = tmp_path / "here"
     shutil.copytree(command_inputs, folder)
     scratch = tmp_path / "scratch"

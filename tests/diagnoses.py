@@ -13,7 +13,7 @@ from trihedron.tools.evidence.references import turned
 from trihedron.tools.records import PositionRecord
 
 Sizes = Sequence[float | tuple[float, float]]
-"""True values of an effect's parameters; a time between two rows is the two."""
+"""True values of an effect's parameters; a time between two rows is a pair."""
 
 
 def diagnosed(record: Any, **options: Any) -> Any:
@@ -24,7 +24,7 @@ def diagnosed(record: Any, **options: Any) -> Any:
 
 
 def sets_of(result: Any) -> list[set[EffectPlace]]:
-    """The effects of each set that would do."""
+    """Return the effects of each possible set."""
     return [{cause.place for cause in causes} for causes in result.sets]
 
 
@@ -41,7 +41,7 @@ def holds(cause: Cause, sizes: Sizes) -> bool:
 
 
 def assert_named(result: Any, hidden: Mapping[EffectPlace, Sizes]) -> None:
-    """These effects and no others explain the record, and the intervals of their parameters hold the true sizes."""
+    """Assert that only these effects explain the record, and that their intervals hold the true sizes."""
     assert result.verdict == "explained", str(result)
     assert sets_of(result) == [set(hidden)]
     for cause in result.causes:
@@ -49,9 +49,9 @@ def assert_named(result: Any, hidden: Mapping[EffectPlace, Sizes]) -> None:
 
 
 def worst_carried(evidence: Any, run: Any) -> float:
-    """The largest error, over its bound, of gravity carried by a run's attitudes to after every move.
+    """Return the largest error, over its bound, of gravity carried by a run's attitudes to the end of every move.
 
-    It is held against where the run's accelerometers say that gravity is.
+    The reference is gravity by the run's accelerometers.
     """
     attitude = run.select("q0", "q1", "q2", "q3").to_numpy()
     force = run.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:] / G

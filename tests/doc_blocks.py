@@ -25,20 +25,21 @@ class Block:
     Attributes
     ----------
     language : str
-        "given" for commands in a comment: what a reader is supposed to have
+        "given" for commands in a comment: the reader's assumed preparation
     title : str
-        name of the file that the block is, or empty
+        name of the file in the block, or empty
     text : str
+        content
     line : int
-        of the page, from 1
+        line of the page, from 1
     acceptance : bool
-        whether it takes too long for every run
+        True if it is too slow for every run
     status : int
-        the exit status of its last command
+        exit status of its last command
     fragment : bool
-        a part of a file, which only has to be well-formed
+        True for a part of a file, which only has to be well-formed
     follows : bool
-        whether it stands directly below the block before
+        True if it is directly below the previous block
     """
 
     language: str
@@ -52,7 +53,7 @@ class Block:
 
 
 def blocks_of(page: Path) -> list[Block]:
-    """The blocks of a page and the comments that prepare for them, in order."""
+    """Return the blocks of a page and the comments that prepare for them, in order."""
     text = page.read_text(encoding="utf-8")
     fences = list(FENCE.finditer(text))
     inside = [(match.start(), match.end()) for match in fences]
@@ -123,12 +124,12 @@ class Reader:
         }
 
     def read(self) -> int:
-        """Do it; the number of blocks that were run.
+        """Run the page; return the number of blocks that were run.
 
         Raises
         ------
         AssertionError
-            names page and line of the first block that does not do what it says
+            with page and line of the first block that fails
         """
         run = 0
         for block in blocks_of(self._page):

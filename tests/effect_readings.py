@@ -20,7 +20,7 @@ HOURS = np.linspace(0.01, 2.0, ROWS)
 TEMPERATURE = RNG.uniform(15.0, 30.0, ROWS)
 SENSES = RNG.choice([-1.0, 1.0], (ROWS, 2))
 APPROACH = 1e-3
-"""From so far [rad] the table comes to each position."""
+"""Distance from which the table approaches each position [rad]."""
 TRUTH = RNG.uniform(-0.005, 0.005, len(TARGETS))
 PARAMETERS = component_parameters(dict(zip(TARGETS, TRUTH, strict=True)), G, np.eye(3))
 
@@ -36,15 +36,16 @@ WOBBLES = {
 
 
 def extended_instance(name: str, effects: Effects, **settings: ArrayLike) -> Named:
-    """A component of the true bench, with those effects that belong to it, not yet initialised."""
+    """Return a component of the true bench, with its own effects, not yet initialised."""
     belonging = {place: values for place, values in effects.items() if place.definition.component == name}
     return Named(name, belonging, **(PARAMETERS.get(name, {}) | settings))
 
 
 def forces(effects: Effects, row: int) -> np.ndarray:
-    """Specific force (2, 3) [m/s²] where the approach of a row begins and at the row, at given encoder readings.
+    """Return the specific force (2, 3) [m/s²] at the start of a row's approach and at the row, at given encoder
+    readings.
 
-    The command is sought at which the encoders show the angles that are asked for.
+    The command is sought at which the encoders show the given angles.
     """
     expected = np.array([ALPHA[row], BETA[row]])
     command, force = expected.copy(), np.zeros((2, 3))
@@ -62,12 +63,12 @@ def forces(effects: Effects, row: int) -> np.ndarray:
 
 @cache
 def nominal_forces(row: int) -> np.ndarray:
-    """`forces` of the table without effects."""
+    """Return `forces` of the table without effects."""
     return forces({}, row)
 
 
 def readings(effects: Effects, **settings: ArrayLike) -> np.ndarray:
-    """Readings (7, 3) [g] of table and block, with effects composed in; the components themselves read."""
+    """Return readings (7, 3) [g] of table and block, with effects composed in, from the components themselves."""
     on_table = any(place.definition.component == "TurntableMotion" for place in effects)
     readings_of_rows = np.zeros((ROWS, 3))
     for row in range(ROWS):
@@ -80,7 +81,7 @@ def readings(effects: Effects, **settings: ArrayLike) -> np.ndarray:
 
 
 def true_bench() -> tuple[Linearisation, Rows]:
-    """The model at the truth, and the rows that signatures see there."""
+    """Return the model at the truth, and the rows for signatures there."""
     p = parametrise({"identity": np.eye(3)})
     at = Positions(ALPHA, BETA, np.zeros(ROWS, dtype=int))
     values = dict(zip(TARGETS, TRUTH, strict=True))

@@ -1,4 +1,4 @@
-"""Files from the field that showed a fault, where they are: in `field/` of the folder of measured data."""
+"""Files from the field that showed a fault: in `field/` of the folder of measured data."""
 
 import gzip
 import os
@@ -8,7 +8,7 @@ import pytest
 
 
 def field_file(name: str, folder: Path) -> Path:
-    """A file of the field, unpacked into a folder where it is packed; the test is skipped where it is not here."""
+    """Return a file of the field, unpacked into a folder if it is packed; skip the test without it."""
     places = [Path(__file__).resolve().parents[2] / "shared" / "data"]
     if os.environ.get("TRIHEDRON_DATA"):
         places.insert(0, Path(os.environ["TRIHEDRON_DATA"]))

@@ -1,7 +1,7 @@
-"""Commands in copies of one process that has everything imported: each is watched, and may be struck on its way.
+"""Commands in copies of one process with everything imported: each is watched, and may be struck.
 
 As a program (python forked_commands.py) it is that process: a line of JSON for each command on its standard input, a
-line for what came of it on its standard output.
+line for its result on its standard output.
 """
 
 import json
@@ -70,7 +70,7 @@ class Done:
 
 
 class ForkedCommands:
-    """A process that does commands, one at a time; use it in a `with`."""
+    """A process that runs commands, one at a time; use it in a `with`."""
 
     def __init__(self, environment: Mapping[str, str], scratch: Path) -> None:
         self._environment, self._scratch = dict(environment), scratch
@@ -94,9 +94,9 @@ class ForkedCommands:
         cpu_seconds: int = 0,
         most_bytes: int = 0,
     ) -> Done:
-        """Do a command in a folder; it gets no file larger than `most_bytes`.
+        """Run a command in a folder; it gets no file larger than `most_bytes`.
 
-        It is ended after so many seconds by the clock, or of the processor; 0 is no limit.
+        It is ended after these seconds of wall-clock or processor time; 0 means no limit.
         """
         output = {
             "arguments": list(arguments),
@@ -127,7 +127,7 @@ def with_temporary_folder(folder: Path) -> ForkedCommands:
 
 
 def serve() -> None:
-    """Do commands until the standard input ends."""
+    """Run commands until the standard input ends."""
     from warm_commands import import_all
 
     import_all()
@@ -212,7 +212,7 @@ def _flushed(stream: TextIO) -> None:
 
 
 class _Struck:
-    """Counts calls by the function in which they are made, and strikes once."""
+    """Count calls by the function in which they are made, and strike once."""
 
     def __init__(self, strike: Strike, told: Path) -> None:
         self._strike, self._told = strike, told
@@ -224,7 +224,7 @@ class _Struck:
             threading.Thread(target=self._watch, daemon=True).start()
 
     def _watch(self) -> None:
-        """Wait for the first file, and for the time after it, and strike."""
+        """Wait for the first file, then for the delay, and strike."""
         while not any(Path().glob(self._strike.stored)):
             time.sleep(0.002)
         time.sleep(self._strike.delay)

@@ -1,4 +1,4 @@
-"""Inputs that are almost right: a file of a command, or its options, changed at random; a seed decides everything."""
+"""Nearly correct inputs: a file of a command, or its options, changed at random; a seed decides everything."""
 
 import gzip
 import io
@@ -39,7 +39,7 @@ Bytes = Callable[[bytes, random.Random], bytes]
 
 
 def flipped(data: bytes, rng: random.Random) -> bytes:
-    """Some bits are others."""
+    """Flip some bits."""
     changed = bytearray(data)
     for _ in range(rng.choice([1, 1, 3, 30])):
         if changed:
@@ -48,12 +48,12 @@ def flipped(data: bytes, rng: random.Random) -> bytes:
 
 
 def cut(data: bytes, rng: random.Random) -> bytes:
-    """It ends too early."""
+    """Cut the end off."""
     return data[: rng.randrange(len(data) + 1)]
 
 
 def spliced(data: bytes, rng: random.Random) -> bytes:
-    """A part is missing, there twice, or elsewhere."""
+    """Remove, double or move a part."""
     a, b = sorted(rng.randrange(len(data) + 1) for _ in range(2))
     at = rng.randrange(len(data) + 1)
     part = data[a:b]
@@ -61,7 +61,7 @@ def spliced(data: bytes, rng: random.Random) -> bytes:
 
 
 def strewn(data: bytes, rng: random.Random) -> bytes:
-    """Bytes that do not belong there."""
+    """Insert foreign bytes."""
     for _ in range(rng.choice([1, 2, 10])):
         at = rng.randrange(len(data) + 1)
         data = data[:at] + rng.choice([*BYTES, rng.randbytes(rng.choice([1, 8, 200]))]) + data[at:]
@@ -69,7 +69,7 @@ def strewn(data: bytes, rng: random.Random) -> bytes:
 
 
 def recoded(data: bytes, rng: random.Random) -> bytes:
-    """Another encoding, or other ends of lines."""
+    """Change the encoding, or the ends of lines."""
     text = data.decode("utf-8", "replace")
     return rng.choice(
         [
@@ -89,7 +89,7 @@ ANY: tuple[Bytes, ...] = (flipped, cut, spliced, strewn, recoded)
 
 
 def other_number(text: str, rng: random.Random) -> str:
-    """Numbers are something else."""
+    """Replace numbers by something else."""
     result = list(re.finditer(r"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?", text))
     for match in sorted(rng.sample(result, min(len(result), rng.choice([1, 1, 3, 20]))), key=lambda m: -m.start()):
         text = text[: match.start()] + rng.choice(NUMBERS) + text[match.end() :]
@@ -108,7 +108,7 @@ def near_number(text: str, rng: random.Random) -> str:
 
 
 def near_cells(text: str, rng: random.Random) -> str:
-    """Values of a table, but for positions and times, are a little different."""
+    """Change the values of a table a little, except for positions and times."""
     lines = text.split("\n")
     for k in rng.sample(range(1, len(lines)), min(len(lines) - 1, rng.choice([1, 3, 20]))):
         cells = lines[k].split(",")
@@ -136,7 +136,7 @@ def scaled_numbers(text: str, rng: random.Random) -> str:
 
 
 def other_lines(text: str, rng: random.Random) -> str:
-    """Lines are missing, doubled, in another order, or one very long."""
+    """Remove, double or reorder lines, or make one very long."""
     lines = text.split("\n")
     k = rng.randrange(len(lines))
     return "\n".join(
@@ -157,7 +157,7 @@ def other_lines(text: str, rng: random.Random) -> str:
 
 
 def other_words(text: str, rng: random.Random) -> str:
-    """A word is another one of the file, or misspelt, or of another case."""
+    """Replace a word by another one of the file, misspell it, or change its case."""
     words = re.findall(r"[A-Za-z_]\w+", text)
     if not words:
         return text
@@ -171,7 +171,7 @@ def other_words(text: str, rng: random.Random) -> str:
 
 
 def other_separator(text: str, rng: random.Random) -> str:
-    """Another separator, or decimal mark, or quotes."""
+    """Change separator, decimal mark, or quotes."""
     return rng.choice(
         [
             text.replace(",", ";"),
@@ -185,7 +185,7 @@ def other_separator(text: str, rng: random.Random) -> str:
 
 
 def nested(text: str, rng: random.Random) -> str:
-    """Brackets within brackets."""
+    """Nest brackets within brackets."""
     depth, (remaining, right) = rng.choice([5, 900, 100_000]), rng.choice(["[]", "{}", "()"])
     at = rng.randrange(len(text) + 1)
     key = '"a":' if remaining == "{" else ""
@@ -229,7 +229,7 @@ def other_value(value: Any, rng: random.Random) -> Any:
 
 
 def other_json(text: str, rng: random.Random) -> str:
-    """A value, or a key, anywhere in it is something else."""
+    """Replace a value, or a key, anywhere in a JSON file."""
     content = json.loads(text)
     places: list[tuple[Any, Any]] = []
 
@@ -251,7 +251,7 @@ def other_json(text: str, rng: random.Random) -> str:
 
 
 def as_parquet(data: bytes, rng: random.Random) -> bytes:
-    """The table of a CSV file as Parquet, with columns of other types."""
+    """Return the table of a CSV file as Parquet, with columns of other types."""
     try:
         table = pl.read_csv(io.BytesIO(data), comment_prefix="#", infer_schema_length=None)
     except pl.exceptions.PolarsError:
@@ -284,7 +284,7 @@ def as_parquet(data: bytes, rng: random.Random) -> bytes:
 
 
 def other_member(data: bytes, rng: random.Random) -> bytes:
-    """A member of an archive is changed, or missing, and packed again."""
+    """Change or remove a member of an archive, and pack it again."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
@@ -307,7 +307,7 @@ def other_member(data: bytes, rng: random.Random) -> bytes:
 
 
 def changed(name: str, data: bytes, rng: random.Random) -> bytes:
-    """A file's content, changed as its kind may be wrong."""
+    """Return a file's content with a change of a kind that fits it."""
     ending = name.rpartition(".")[2]
     if rng.random() < 0.25 or not data:
         return rng.choice(ANY)(data or b"x", rng)

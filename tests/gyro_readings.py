@@ -13,7 +13,7 @@ STEPS = 60
 
 
 def lively_motion(*, even: bool = False) -> MotionRows:
-    """Mean rates, inputs and temperature over steps of 10 ms, uneven by up to a fifth unless they are even."""
+    """Return mean rates, inputs and temperature over steps of 10 ms, uneven by up to a fifth unless `even`."""
     rng = np.random.default_rng(5)
     step = PERIOD * (np.ones(STEPS) if even else rng.uniform(0.8, 1.2, STEPS))
     time = np.cumsum(step)
@@ -39,19 +39,20 @@ def gyro_readings(
     regular: bool = False,
     **settings,
 ) -> np.ndarray:
-    """Rates (N, 3) [rad/s] that a component of gyros puts out when it is fed with increments and what goes with them.
+    """Return rates (N, 3) [rad/s] of a gyro component driven with increments and their circumstances.
 
     Parameters
     ----------
     effects : sequence of (place, values)
-        composed into the component
+        effects composed into the component
     rows : MotionRows
+        the motion
     name : str
         GyroBlock, or GyroCompensation: then the rows are readings
     regular : bool
-        the steps are the nominal period, and the lengths in the rows are what the time stamps say
+        True if the steps are the nominal period, and the lengths in the rows are time stamps
     settings
-        of the component's parameters
+        parameters of the component
     """
     model = Named(name, {place: list(values) for place, values in effects}, **settings)
     rates = np.zeros_like(rows.rate)

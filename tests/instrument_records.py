@@ -22,7 +22,7 @@ Sized = tuple[EffectPlace, tuple[float, ...]]
 
 
 def days_of_a_suite(seed: int, count: int, own: Sized, shared: Sequence[Sized] = ()) -> list[PositionRecord]:
-    """Records of sixteen positions of one block as a suite draws them; an effect in the second, others in all."""
+    """Return records of sixteen positions of one block, drawn like a suite; an effect in the second, others in all."""
     rng = np.random.default_rng(seed)
     draw_bench(rng, (16, 16))
     hidden = [Hidden(place, values) for place, values in shared]
@@ -34,7 +34,7 @@ def days_of_a_suite(seed: int, count: int, own: Sized, shared: Sequence[Sized] =
 def at_a_table_and_by_hand(
     seed: int, hidden: Sequence[Sized] = (), *, changed: float = 0.0
 ) -> tuple[PositionRecord, StrapdownRecord]:
-    """One block at a table, then carried by hand: effects in both; a misalignment that has changed since by so much."""
+    """Return one block at a table, then carried by hand: effects in both, and a misalignment changed between them."""
     rng = np.random.default_rng(seed)
     carried = replace(draw_clean_block(77, seed, "gravity").instrument, temperature=None)
     block = dict(carried.instruments.accelerometers)

@@ -29,9 +29,9 @@ class Bench:
 class LabFile:
     """A file of a laboratory.
 
-    `needs` are the answers without which it cannot be understood, exactly those, in so many `rounds`, `wrong` others;
-    `grain` is half a last digit of its readings [m/s²], `rows` which rests of the run it has, `keeps` what its head
-    says.
+    `needs` are exactly the answers without which it cannot be understood, in this number of `rounds`; `wrong` are
+    others. `grain` is half a last digit of its readings [m/s²], `rows` are its rests of the run, `keeps` is the content
+    of its head.
     """
 
     name: str
@@ -53,7 +53,7 @@ FORCES = {
     "V": (0.25 / G, 11),
     "counts": (1e7 / G, 2),
 }
-"""Units of specific force: factor, and the decimals that are written."""
+"""Units of specific force: factor, and number of written decimals."""
 OWN = ["position", "time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"]
 GERMAN = ["Nr.", "Zeit [s]", "Außenwinkel [°]", "Innenwinkel [°]", "ax [g]", "ay [g]", "az [g]"]
 PLAIN = ["No", "t [s]", "alpha [deg]", "beta [deg]", "acc x [m/s²]", "acc y [m/s²]", "acc z [m/s²]"]
@@ -83,7 +83,7 @@ def numbers(values: np.ndarray, decimals: int, mark: str = ".") -> list[str]:
 
 
 def texts_of(bench: Bench, mark: str = ".", scale: float = 1.0, decimals: int = 9) -> dict[str, list[str]]:
-    """Number, time, angles and readings (times `scale`) as texts."""
+    """Return number, time, angles and readings (times `scale`) as texts."""
     x, y, z = (bench.force * scale).T
     return {
         "no": [str(k) for k in range(1, len(bench.time) + 1)],
@@ -102,7 +102,7 @@ def bench_columns(bench: Bench, *, scale: float = 1.0, decimals: int = 9, mark: 
 
 
 def arc(value: float, mark: str = ".", form: str = "{s}{d}°{m:02d}'{t}\"") -> str:
-    """Degrees, minutes and seconds with three decimals."""
+    """Return degrees, minutes and seconds with three decimals."""
     thousandths = round(abs(value) * 3_600_000)
     degrees, rest = divmod(thousandths, 3_600_000)
     minutes, rest = divmod(rest, 60_000)
@@ -123,13 +123,13 @@ def in_form(texts: Sequence[str], form: str) -> list[str]:
 
 
 def grouped(texts: Sequence[str], between: str, mark: str) -> list[str]:
-    """Numbers with a mark between thousands."""
+    """Return numbers with a mark between thousands."""
     marks = str.maketrans(",.", between + mark)
     return [f"{float(text):,.5f}".translate(marks) for text in texts]
 
 
 def position_files(bench: Bench) -> list[LabFile]:
-    """CSV dialects of a position record."""
+    """Return CSV dialects of a position record."""
     files: list[LabFile] = []
     count = len(bench.time)
 
@@ -143,7 +143,7 @@ def position_files(bench: Bench) -> list[LabFile]:
         layout: dict[str, Any] | None = None,
         **fields: Any,
     ) -> None:
-        """Add a file: names, unit and decimal mark of its readings, columns that are others, how it is laid out."""
+        """Add a file: names, unit and decimal mark of its readings, changed columns, layout."""
         texts = texts_of(bench, mark, *FORCES[unit]) | (columns or {})
         head = names.split(";") if isinstance(names, str) else names
         content = table(head, [column for column in texts.values() if column], **(layout or {}))
@@ -268,7 +268,7 @@ def position_files(bench: Bench) -> list[LabFile]:
 
 
 def _of_three_digits(bench: Bench) -> list[LabFile]:
-    """Files in mg whose numbers all have three digits behind their mark: it may stand between thousands."""
+    """Return files in mg with three digits behind every mark, which may therefore separate thousands."""
     rows = np.flatnonzero(np.abs(bench.force).min(axis=1) > 0.02 * G)
     some = Bench(bench.time[rows], bench.alpha[rows], bench.beta[rows], bench.force[rows], bench.temperature)
     columns = [
@@ -289,7 +289,7 @@ def _of_three_digits(bench: Bench) -> list[LabFile]:
 
 
 def repeated_file(bench: Bench, readings: int, scatter: float, seed: int, *, numbered: bool = True) -> LabFile:
-    """Several readings at every position, with noise of that standard deviation [m/s²]."""
+    """Return several readings at every position, with noise of that standard deviation [m/s²]."""
     noise = np.random.default_rng(seed).normal(0.0, scatter, (len(bench.time), readings, 3))
     rows = np.repeat(np.arange(len(bench.time)), readings)
     time = bench.time[rows] + np.tile(np.arange(readings), len(bench.time))
@@ -312,7 +312,7 @@ class Block:
 
 
 def block_columns(block: Block, rate: float, force: float, *, mark: str = ".", decimals: int = 9) -> list[list[str]]:
-    """Rates and forces times a factor as texts."""
+    """Return rates and forces times a factor as texts."""
     scaled = np.hstack([block.rate * rate, block.force * force])
     return [numbers(column, decimals, mark) for column in scaled.T]
 
@@ -326,7 +326,7 @@ def labview(
     x: bool = True,
     period: float,
 ) -> bytes:
-    """A LabVIEW measurement file; without `x` its rows have no time, only a period."""
+    """Return a LabVIEW measurement file; without `x` its rows have no time, only a period."""
     count = len(names)
     head = [
         "LabVIEW Measurement\t",
@@ -358,7 +358,8 @@ def labview(
 
 
 def strapdown_files(block: Block) -> list[LabFile]:
-    """Logs of gyros and accelerometers: counts, deg/s, g; time in ms, µs, sample numbers at a rate, of the day."""
+    """Return logs of gyros and accelerometers: counts, deg/s, g; time in ms, µs, sample numbers at a rate, of the
+    day."""
     b, degrees = block, 180.0 / np.pi
     plain = block_columns(b, 1.0, 1.0)
     ours = block_columns(b, degrees, 1.0 / G, decimals=11)

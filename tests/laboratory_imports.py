@@ -13,7 +13,7 @@ from trihedron.tools.cli import main
 
 
 def ideal_bench(count: int, period: float = 60.0) -> Bench:
-    """Readings of an ideal bench, each rest with its own angles; nine decimals."""
+    """Return readings of an ideal bench, each rest with its own angles; nine decimals."""
     k = np.arange(float(count))
     alpha, beta = (37.0 * k + 11.0) % 360.0, (101.0 * k + 7.0) % 360.0
     a, b = np.radians(alpha), np.radians(beta)
@@ -22,7 +22,7 @@ def ideal_bench(count: int, period: float = 60.0) -> Bench:
 
 
 def written(folder: Path, content: bytes | str, name: str = "lab.csv") -> Path:
-    """A file of this content in the folder."""
+    """Write a file of this content into the folder."""
     path = folder / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path
@@ -35,12 +35,12 @@ def imported(folder: Path, content: bytes | str, answers: dict[str, str] | None 
 
 
 def refused(folder: Path, content: bytes | str, answers: dict[str, str] | None = None) -> str:
-    """The line in which an import of this content is refused."""
+    """Return the line in which an import of this content is refused."""
     return asked(written(folder, content), answers)[1]
 
 
 def asked(path: Path, answers: dict[str, str] | None = None) -> tuple[set[str], str]:
-    """Keys that an import asks for, and the line in which it does."""
+    """Return the keys that an import asks for, and the line with them."""
     with pytest.raises(th.InputError) as refusal:
         th.import_record(path, answers=answers)
     message = str(refusal.value)
@@ -76,7 +76,8 @@ def assert_clean(record: Any, bench: Bench, rows: Any = None, grain: float = 1e-
 
 
 def import_proposed(path: Path, capsys: pytest.CaptureFixture[str]) -> str:
-    """The line in which a file that is no record is refused; it and `check` name the command that imports it."""
+    """Return the refusal of a file that is not a record; assert that it and `check` name the command that imports
+    it."""
     command = f"trihedron import {path} --out RECORD.csv"
     assert command in str(th.check(path))
     assert main(["diagnose", str(path), "--noise-bound", "1e-5"]) == 2

@@ -1,4 +1,4 @@
-"""Workbooks as laboratories write them: .xlsx and .xls by libraries that only write, .xlsb and .ods byte by byte."""
+"""Workbooks as laboratories write them: .xlsx and .xls by write-only libraries, .xlsb and .ods byte by byte."""
 
 import io
 import struct
@@ -19,7 +19,7 @@ Cells = Sequence[Sequence[object]]
 
 
 def rows_of(bench: Bench, scale: float = 1.0) -> Cells:
-    """Number, time, angles and readings (times `scale`) as numbers."""
+    """Return number, time, angles and readings (times `scale`) as numbers."""
     return [
         [
             k + 1,
@@ -50,7 +50,7 @@ def xlsx(sheets: dict[str, Cells], *, chart: bool = False) -> bytes:
 
 
 def xls(sheets: dict[str, Cells]) -> bytes:
-    """A workbook of the old kind."""
+    """Return a workbook of the old kind."""
     book = xlwt.Workbook()
     dated = xlwt.easyxf(num_format_str="DD.MM.YYYY HH:MM:SS")
     for name, rows in sheets.items():
@@ -64,7 +64,7 @@ def xls(sheets: dict[str, Cells]) -> bytes:
 
 
 def _part(kind: int, content: bytes = b"") -> bytes:
-    """A record of the binary format: its kind and length seven bits at a time, lowest first."""
+    """Return a record of the binary format: its kind and length seven bits at a time, lowest first."""
     head = bytes([kind]) if kind < 128 else bytes([kind & 0x7F | 0x80, kind >> 7])
     length, size = len(content), b""
     while length > 127:
@@ -88,7 +88,7 @@ def _binary_sheet(rows: Cells) -> bytes:
 
 
 def xlsb(sheets: dict[str, Cells]) -> bytes:
-    """A workbook of the binary kind, numbers and texts."""
+    """Return a workbook of the binary kind, numbers and texts."""
     stream = io.BytesIO()
     office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
     package = "http://schemas.openxmlformats.org/package/2006"
@@ -121,7 +121,7 @@ def _open_cell(value: object) -> str:
 
 
 def ods(sheets: dict[str, Cells]) -> bytes:
-    """A workbook of LibreOffice, with the empty cells up to the sheet's end that it writes."""
+    """Return a workbook of LibreOffice, with its empty cells up to the sheet's end."""
     space = "urn:oasis:names:tc:opendocument:xmlns:"
     end = '<table:table-row table:number-rows-repeated="{}"><table:table-cell table:number-columns-repeated="16384"/>'
     tables = ""
@@ -140,7 +140,7 @@ def ods(sheets: dict[str, Cells]) -> bytes:
 
 
 def workbook_files(bench: Bench) -> list[LabFile]:
-    """Workbooks of a position record."""
+    """Return workbooks of a position record."""
     head: Cells = [list(row) for row in HEAD]
     plain, in_mg = rows_of(bench), rows_of(bench, 1e3 / G)
     titled = [*head, list(PLAIN), *plain]

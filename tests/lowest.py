@@ -1,4 +1,4 @@
-"""Print what pyproject.toml asks for at the least, as requirements: `name==version`, a line for each dependency."""
+"""Print the lowest versions in pyproject.toml as requirements: `name==version`, a line for each dependency."""
 
 import re
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def lowest(project: str) -> list[str]:
-    """Each dependency of a pyproject.toml at the version that it names."""
+    """Return each dependency of a pyproject.toml at its lowest version."""
     named = tomllib.loads(project)["project"]["dependencies"]
     found = {text: re.fullmatch(r"([\w.-]+)>=([\w.]+)", text) for text in named}
     if unknown := [text for text, match in found.items() if match is None]:

@@ -1,4 +1,4 @@
-"""An instance of a component in plain Python behind the names of its variables, arrays whole."""
+"""An instance of a component in plain Python with access by the names of its variables, arrays whole."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,11 +20,13 @@ class Named:
     Parameters
     ----------
     component : Component or str
+        the component
     effects : mapping
-        composed into it: place -> values of the parameters
+        effects composed into it: place -> values of the parameters
     model : Instance
         by default one in plain Python
-    values : of variables by their names, and of elements of arrays ("bias[2]")
+    values
+        values of variables by their names, and of elements of arrays ("bias[2]")
     """
 
     def __init__(
@@ -53,7 +55,7 @@ class Named:
         return self
 
     def __getitem__(self, name: str) -> Any:
-        """A number, or an array (N,)."""
+        """Return a number, or an array (N,)."""
         result = [self.model.get(self.at[element]) for element in self.elements[name]]
         return result[0] if name in self.at else np.array(result)
 
@@ -73,11 +75,11 @@ class Named:
         return self.component.messages[message - 1]
 
     def refuses_to_begin(self) -> str:
-        """Why it does not initialise."""
+        """Return the reason for which it does not initialise."""
         return self.refusal(self.model.initialise(0.0))
 
     def refuses_step(self, time: float, length: float) -> str:
-        """Why it does not step."""
+        """Return the reason for which it does not step."""
         return self.refusal(self.model.do_step(time, length))
 
     def outputs(self) -> list[float]:

@@ -1,6 +1,6 @@
-"""Calls on a native FMU, legal and illegal in sequence, values, times and states: a status and a log line, no crash.
+"""Calls on a native FMU, legal and illegal sequences, values, times and states: a status and a log line, no crash.
 
-As a program (python native_checks.py SUBJECT.json) it does all checks, for memory checkers.
+As a program (python native_checks.py SUBJECT.json) it runs all checks, for memory checkers.
 """
 
 import ctypes as ct
@@ -36,14 +36,14 @@ class Subject:
     table: list[Entry]
 
     def find(self, causality: str, *variabilities: str, kind: str = "real") -> Entry | None:
-        """The first variable of that kind."""
+        """Return the first variable of that kind."""
         for e in self.table:
             if e.causality == causality and e.kind == kind and (not variabilities or e.variability in variabilities):
                 return e
         return None
 
     def refused(self, call: Callable[..., Any], *arguments: Any, status: int = ERROR) -> str:
-        """The message with which a call is refused; anything else is a failure. A status may stand before values."""
+        """Return the message of a refused call; anything else is a failure. A status may precede values."""
         before = len(self.library.log)
         answer = call(*arguments)
         actual = answer[0] if isinstance(answer, tuple) else answer
@@ -61,7 +61,7 @@ class Subject:
         return instance
 
     def fail_step(self, instance: int) -> bool:
-        """Bring a stepping instance into the phase after a failed step, where its inputs can do that."""
+        """Bring a stepping instance into the phase after a failed step, if its inputs can."""
         for e in self.table:
             if e.causality == "input" and e.kind == "real":
                 assert self.library.set(instance, "real", e.references, [math.nan] * e.count) == OK
@@ -69,7 +69,7 @@ class Subject:
 
 
 def at_phase(subject: Subject, phase: str) -> int | None:
-    """A new instance in a phase; None where the component cannot get there."""
+    """Return a new instance in a phase; None if the component cannot reach it."""
     library = subject.library
     instance = subject.new()
     if phase == "instantiated":
@@ -107,7 +107,7 @@ ALLOWED = {
 
 
 def calls(subject: Subject) -> dict[str, Callable[[int], int]]:
-    """The calls whose order the standard rules, those that the component's variables allow."""
+    """Return the calls in the standard's order that the component's variables allow."""
     library = subject.library
     by_name: dict[str, Callable[[int], int]] = {
         "enter": library.enter,
@@ -166,7 +166,7 @@ def check_that_the_experiment_is_set_up(subject: Subject) -> None:
 
 
 def check_instances(subject: Subject) -> None:
-    """A hundred at once, each with a memory of its own; again after they are freed; a missing one is an error."""
+    """Make a hundred at once, each with memory of its own; again after they are freed; a missing one is an error."""
     library = subject.library
     outputs = [e for e in subject.table if e.causality == "output"]
     for _ in range(2):
@@ -189,7 +189,7 @@ def check_instances(subject: Subject) -> None:
 
 
 def check_instantiation(subject: Subject) -> None:
-    """Wrong identity, no name, no callbacks, event mode in co-simulation."""
+    """Try a wrong identity, no name, no callbacks, event mode in co-simulation."""
     library = subject.library
     count = len(library.log)
     assert library.instantiate(token=b"{00000000-0000-0000-0000-000000000000}") is None
@@ -212,7 +212,7 @@ def check_instantiation(subject: Subject) -> None:
 
 
 def check_values(subject: Subject) -> None:
-    """Wrong references, types, sizes, missing arrays, values out of range: refused, and nothing is changed."""
+    """Wrong references, types, sizes, missing arrays, values out of range are refused, and nothing changes."""
     library = subject.library
     instance = subject.new()
     assert library.enter(instance) == OK
@@ -254,7 +254,7 @@ def check_values(subject: Subject) -> None:
 
 
 def check_time(subject: Subject) -> None:
-    """Steps that are none, from elsewhere, past the end; a last step of nothing does no harm."""
+    """Try steps of length zero or less, from elsewhere, past the end; a last step of zero does no harm."""
     library = subject.library
     instance = subject.new()
     assert "before the start" in subject.refused(library.enter, instance, 2.0, 1.0)
@@ -289,7 +289,7 @@ def check_time(subject: Subject) -> None:
 
 
 def run_on(subject: Subject, instance: int, start: float) -> list[list[float]]:
-    """Ten steps and all outputs after each."""
+    """Run ten steps and get all outputs after each."""
     library, values = subject.library, []
     outputs = [e for e in subject.table if e.causality == "output"]
     for k in range(10):
@@ -299,7 +299,8 @@ def run_on(subject: Subject, instance: int, start: float) -> list[list[float]]:
 
 
 def check_states(subject: Subject) -> None:
-    """Complete across get, set, serialise and other instances; wrong, damaged and missing ones are refused."""
+    """States are complete across get, set, serialise and other instances; wrong, damaged and missing ones are
+    refused."""
     library = subject.library
     first, second = subject.new(), subject.new()
     library.start(first)
@@ -401,7 +402,7 @@ CHECKS = {name: check for name, check in list(globals().items()) if name.startsw
 
 
 def main(path: Path) -> int:
-    """Do all checks on the library of a description; print what fails."""
+    """Run all checks on the library of a description; print the failures."""
     subject = json.loads(path.read_text())
     table = [Entry(**row) for row in subject["table"]]
     failures = 0

@@ -1,4 +1,4 @@
-"""The C functions of a native FMU, called directly; every message is kept. Imports nothing but the standard library."""
+"""The C functions of a native FMU, called directly; every message is kept. It imports only the standard library."""
 
 import ctypes as ct
 from collections.abc import Sequence
@@ -38,6 +38,7 @@ class Library:
     Parameters
     ----------
     binary : Path
+        the library
     fmi : int
         2 or 3
     token : str
@@ -72,7 +73,7 @@ class Library:
         callbacks: bool = True,
         logging: bool = True,
     ) -> int | None:
-        """An instance's address, None where it is refused; an empty token stands for the right one.
+        """Return an instance's address, None if it is refused; an empty token is replaced by the correct one.
 
         A `kind` other than 1 asks for model exchange (FMI 2.0) or for event mode (FMI 3.0).
         """
@@ -90,7 +91,7 @@ class Library:
         self.function("FreeInstance", None)(ct.c_void_p(instance))
 
     def call(self, name: str, instance: int | None, *arguments: Any) -> int:
-        """Status of a call; numbers are to be ctypes objects."""
+        """Return the status of a call; numbers must be ctypes objects."""
         return self.function(name)(ct.c_void_p(instance), *arguments)
 
     def enter(self, instance: int | None, start: float = 0.0, stop: float | None = None) -> int:
@@ -111,7 +112,7 @@ class Library:
         return self.call("ExitInitializationMode", instance)
 
     def start(self, instance: int | None, start: float = 0.0) -> None:
-        """Through the initialisation, with everything at its start value."""
+        """Pass through the initialisation, with everything at its start value."""
         assert self.enter(instance, start) == OK, self.log
         assert self.leave(instance) == OK, self.log
 
@@ -147,7 +148,7 @@ class Library:
         return "FMUstate" if self.fmi == 2 else "FMUState"
 
     def save(self, instance: int | None) -> ct.c_void_p:
-        """A state, handed out."""
+        """Return a saved state."""
         state = ct.c_void_p()
         assert self.call(f"Get{self.state_word}", instance, ct.byref(state)) == OK, self.log
         return state

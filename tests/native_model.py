@@ -1,4 +1,4 @@
-"""A native FMU behind the names of its component's variables."""
+"""A native FMU with access by the names of its component's variables."""
 
 import zipfile
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ def open_fmu(path: Path, folder: Path) -> Library:
 
 
 def unpack(path: Path, folder: Path) -> tuple[Path, int, str]:
-    """The library for this machine, the version of FMI and the identity of a native FMU."""
+    """Return the library for this machine, the version of FMI and the identity of a native FMU."""
     with zipfile.ZipFile(path) as archive:
         archive.extractall(folder)
     description = fmpy.read_model_description(path)
@@ -31,7 +31,7 @@ def unpack(path: Path, folder: Path) -> tuple[Path, int, str]:
 
 
 def numbering(component: Component, fmi: int) -> dict[str, list[int]]:
-    """Value references of each variable: one for each element in FMI 2.0, one in FMI 3.0."""
+    """Return value references of each variable: one for each element in FMI 2.0, one in FMI 3.0."""
     numbers, at = {}, 1
     for v in component.interface:
         count = len(v.elements) if fmi == 2 else 1
@@ -41,7 +41,7 @@ def numbering(component: Component, fmi: int) -> dict[str, list[int]]:
 
 
 def entries(component: Component, fmi: int) -> list[Entry]:
-    """The component's table as the sequences of calls take it."""
+    """Return the component's table for the sequences of calls."""
     references = numbering(component, fmi)
     return [
         Entry(v.name, v.type, v.causality, v.variability, references[v.name], len(v.elements), list(v.starts))

@@ -5,7 +5,7 @@ from scipy.optimize import linprog
 
 
 def farthest(jacobian, left, bound, weights) -> float:
-    """The greatest weights'x with |left - jacobian x| ≤ bound, by another solver."""
+    """Return the greatest weights'x with |left - jacobian x| ≤ bound, by another solver."""
     size, unit = np.abs(jacobian).max(axis=0), bound.min()
     scaled = jacobian / size
     a = np.vstack((scaled, -scaled))
@@ -15,7 +15,8 @@ def farthest(jacobian, left, bound, weights) -> float:
 
 
 def farthest_of_growing(jacobian, left, bound, rate, sign, size, weights) -> float:
-    """The greatest weights'x with |left - jacobian x| ≤ bound + rate |x_1|, x_1 of a sign and a size; -inf if none."""
+    """Return the greatest weights'x with |left - jacobian x| ≤ bound + rate |x_1|, for x_1 of a sign and size; -inf
+    if none."""
     scale, unit = np.abs(jacobian).max(axis=0), bound.min()
     scaled, grown = jacobian / scale, np.zeros_like(jacobian)
     grown[:, 0] = sign * rate / scale[0]

@@ -1,4 +1,4 @@
-"""Results of every kind that has a page, each made once for all tests, and pages as their HTML."""
+"""Results of every kind with a page, each made once for all tests, and pages as their HTML."""
 
 from collections.abc import Callable
 from functools import cache
@@ -19,29 +19,29 @@ from trihedron.tools.result import Result
 from trihedron.tools.trials import NOISE_BOUND, Options, draw_alone, draw_case
 
 NEAR_THE_LEAST = Options(strapdown=True, effects=("quadratic",), size=(1.0, 2.0))
-"""So little of a quadratic term that a moved block does not tell it from an asymmetric scale factor."""
+"""A quadratic term that a moved block cannot separate from an asymmetric scale factor."""
 MATRIX = np.array([[0.0, 3e-3, 0.0], [0.0, 0.0, 0.0], [-2e-3, 0.0, 0.0]])
 
 
 @cache
 def clean() -> PositionRecord:
-    """A bench without effects."""
+    """Return a bench without effects."""
     return draw_alone(5, effects=[]).measured()
 
 
 def few(count: int) -> PositionRecord:
-    """Too few positions of it."""
+    """Return too few positions of it."""
     return clean().selected(np.arange(count))
 
 
 @cache
 def bent() -> PositionRecord:
-    """A bench with a quadratic term."""
+    """Return a bench with a quadratic term."""
     return draw_alone(501, effects=["quadratic"]).measured()
 
 
 def with_power(p: int, coefficient: float, power: int) -> PositionRecord:
-    """The clean bench, and what accelerometer p reads beside a power of its input."""
+    """Return the clean bench with a power of its input added to accelerometer p."""
     record = clean().selected(np.arange(len(clean())))
     n = calibrate(record, noise_bound=NOISE_BOUND).linearised.input
     record.specific_force[:, p] += 9.80665 * coefficient * n[:, p] ** power
@@ -83,7 +83,7 @@ WATCHED: dict[str, Watched] = {name: Watched() for name in MAKERS}
 
 @cache
 def shown(name: str) -> tuple[Any, Any]:
-    """A result, and its record where it has one."""
+    """Return a result, and its record if it has one."""
     result, record = MAKERS[name]()
     assert getattr(result, "verdict", "") in name
     return result, record
@@ -101,10 +101,10 @@ def page_of(name: str) -> Page:
 
 @cache
 def text_of(name: str) -> str:
-    """The HTML of its page."""
+    """Return the HTML of its page."""
     return html(page_of(name))
 
 
 def html_of(make: Callable[..., Page], *arguments: Any, folder: Path | None = None, **options: Any) -> str:
-    """The HTML of the page that `make` gives."""
+    """Return the HTML of the page that `make` returns."""
     return html(make(*arguments, **options), folder)

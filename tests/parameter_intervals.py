@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 
 def intervals_in(path: Path) -> dict[str, tuple[float, float]]:
-    """Ends of each parameter of an .ssv that has an interval."""
+    """Return the ends of each parameter of an .ssv that has an interval."""
     ends = {}
     for parameter in ElementTree.parse(path).getroot().findall(".//{*}Parameter"):
         for interval in parameter.iter("interval"):

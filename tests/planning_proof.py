@@ -1,4 +1,4 @@
-"""A plan's proof, checked again from nothing but its positions, weights and dual."""
+"""A plan's proof, checked again only from its positions, weights and dual."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ BIAS = 1e-11
 
 
 class ProofError(ValueError):
-    """The positions, weights and dual prove nothing; the message says why."""
+    """The positions, weights and dual prove nothing; the message has the reason."""
 
 
 def proven_gap(plan: Plan) -> float:

@@ -1,4 +1,4 @@
-"""Reference costs that plans are held to: least guaranteed errors on the 1° grid, in units of σ, to ten digits."""
+"""Reference costs for plans: least guaranteed errors on the 1° grid, in units of σ, to ten digits."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -26,7 +26,7 @@ skew paper
   1.0099692201 1.0001985697 1.0099882481 2.0333269300 2.0333269300 2.0298081691 2.0298081691 2.0320396741 2.0320396741
   2.0005171642 2.0007144348 2.0006829276 1.0003111047 1.0003787053 1.0003477809 1.0332974956 1.0297766555 1.0319791130
 """
-"""For each mounting, a preset, and admissible set the costs in the order of `trihedron.models.bench.TARGETS`."""
+"""Costs for each mounting, a preset, and admissible set, in the order of `trihedron.models.bench.TARGETS`."""
 
 
 def _costs() -> dict[tuple[str, str], tuple[float, ...]]:
@@ -39,5 +39,5 @@ COSTS = _costs()
 
 
 def random_mounting(seed: int) -> np.ndarray:
-    """A proper rotation, uniform over all."""
+    """Draw a proper rotation, uniform over all."""
     return Rotation.from_quat(np.random.default_rng(seed).normal(size=4)).as_matrix()

@@ -16,7 +16,7 @@ OPTIMA = np.array([SINGLE] * 2 + [THIRD] + [SCALE] * 6 + [SUM] * 3 + [SINGLE] * 
 
 
 def tables_task(**options: Any) -> Task:
-    """The task with these options of a request."""
+    """Return the task with these options of a request."""
     return task_of(Request(**{"admissible": "tables", **options}), best=OPTIMA)
 
 
@@ -30,17 +30,17 @@ def stored(count: int) -> Places:
 
 @contextmanager
 def known_optima(optima: Any = OPTIMA) -> Iterator[None]:
-    """Within it the optima, which take seconds, are these: by default those of the tables' admissible set."""
+    """Replace the optima, which take seconds, by known ones: by default those of the tables' admissible set."""
     with mock.patch.object(task, "_optima", return_value=(np.array(optima), np.zeros((0, 2)))):
         yield
 
 
 def planned(count: int | None, *, optima: Any = OPTIMA, **options: Any) -> PositionPlan:
-    """A plan of one start and without a bound unless the options say more; by default on the tables' admissible set."""
+    """Return a plan, by default of one start and without a bound, on the tables' admissible set."""
     with known_optima(optima):
         return th.plan_positions(count, **{"admissible": "tables", "starts": 1, "cuts": 0, **options})
 
 
 def angles(plan: PositionPlan) -> np.ndarray:
-    """The plan's commands (N, 2) [rad]."""
+    """Return the plan's commands (N, 2) [rad]."""
     return np.radians([(at.alpha_deg, at.beta_deg) for at in plan.positions])

@@ -27,7 +27,7 @@ def reader(path: Path) -> Callable:
 
 
 def refused(read_text, content: str | bytes, *parts: str) -> str:
-    """Assert that the content is refused in one line that has these parts; give the line."""
+    """Return the one-line refusal of the content; assert that it has these parts."""
     with pytest.raises(InputError) as caught:
         read_text(content)
     message = str(caught.value)
@@ -39,14 +39,14 @@ def refused(read_text, content: str | bytes, *parts: str) -> str:
 
 
 def with_field(row: int, column: str, value: str, header: str = POSITION_HEADER, rows=ROWS) -> str:
-    """The valid record with one field replaced; `row` counts data rows from 0."""
+    """Return the valid record with one field replaced; `row` counts data rows from 0."""
     lines = [line.split(",") for line in (header, *rows)]
     lines[row + 1][lines[0].index(column)] = value
     return "\n".join(",".join(line) for line in lines) + "\n"
 
 
 def measured(name: str) -> StrapdownRecord:
-    """One of the real records; where it is not there, the test is skipped."""
+    """Return one of the real records; without it the test is skipped."""
     path = find_record(f"{name}.strapdown.csv")
     if path is None:
         pytest.skip(WHERE_TO_GET)

@@ -19,7 +19,7 @@ Matrix = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Changed:
-    """A record after a change: its table, the options that go with it, and where each accelerometer is now."""
+    """A record after a change: its table, its options, and the new number of each accelerometer."""
 
     table: pl.DataFrame
     options: Matrix = field(default_factory=dict)
@@ -27,45 +27,45 @@ class Changed:
 
 
 def named(matrix: np.ndarray) -> dict[str, Any]:
-    """A mounting as the library takes it."""
+    """Return a mounting in the library's form."""
     return {"turned": matrix.tolist()}
 
 
 def shifted(table: pl.DataFrame) -> Changed:
-    """The clock was set later, by a number that costs no digits."""
+    """Set the clock later, by a number that costs no digits."""
     return Changed(table.with_columns(pl.col("time_s") + 4096.0))
 
 
 def whole_turns(table: pl.DataFrame) -> Changed:
-    """Angles are counted on instead of from zero."""
+    """Continue the angles instead of restarting from zero."""
     return Changed(table.with_columns(pl.col("alpha_deg") + 360.0, pl.col("beta_deg") - 720.0))
 
 
 def other_columns(table: pl.DataFrame) -> Changed:
-    """Columns stand in another order."""
+    """Reorder the columns."""
     return Changed(table.select(table.columns[::-1]))
 
 
 def stronger_gravity(table: pl.DataFrame) -> Changed:
-    """Readings in a unit that is a 64th larger, and gravity in it."""
+    """Use a unit of readings that is a 64th larger, and gravity in it."""
     return Changed(table.with_columns(pl.col(READINGS) * (1.0 + 2.0**-6)), {"gravity": 9.80665 * (1.0 + 2.0**-6)})
 
 
 def doubled(table: pl.DataFrame) -> Changed:
-    """The last position was written twice: it says nothing new."""
+    """Write the last position twice, which adds no information."""
     again = table.tail(1).with_columns(pl.col("position") + 1, pl.col("time_s") + 20.0)
     return Changed(pl.concat([table, again]))
 
 
 def another_order(table: pl.DataFrame) -> Changed:
-    """The positions were measured in another order, with nothing that depends on order or time."""
+    """Measure the positions in another order, without any dependence on order or time."""
     retained = table.select("position", "time_s")
     mixed = table.drop("position", "time_s").sample(fraction=1.0, shuffle=True, seed=1)
     return Changed(retained.hstack(mixed.select(c for c in mixed.columns if not c.startswith("approach"))))
 
 
 def axes_renamed(table: pl.DataFrame) -> Changed:
-    """The block's axes have other numbers, and the mounting says so."""
+    """Renumber the block's axes, and the mounting with them."""
     new = [pl.col(READINGS[k]).alias(READINGS[j]) for j, k in enumerate(np.argmax(CYCLE, axis=1))]
     return Changed(table.with_columns(new), {"mounting": named(CYCLE)}, (3, 1, 2))
 
@@ -77,12 +77,12 @@ def channels_renamed(table: pl.DataFrame) -> Changed:
 
 
 def base_turned(table: pl.DataFrame) -> Changed:
-    """The inner axis counts from another mark, a quarter of a turn off, and the mounting says so."""
+    """Count the inner axis from another mark, a quarter of a turn off, and adapt the mounting."""
     return Changed(table.with_columns(pl.col("beta_deg") - 90.0), {"mounting": named(_inner_turn(90.0))})
 
 
 def two_mountings(table: pl.DataFrame) -> Changed:
-    """One record joined of two: the block was taken off and put back between them."""
+    """Return one record joined from two: the block was taken off and put back between them."""
     half = pl.when(pl.int_range(pl.len()) < pl.len() // 2).then(pl.lit("a")).otherwise(pl.lit("b"))
     pair = {"a": np.eye(3).tolist(), "b": np.eye(3).tolist()}
     return Changed(table.with_columns(half.alias("mounting")), {"mounting": pair})

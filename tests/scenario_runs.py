@@ -1,4 +1,4 @@
-"""Scenarios as tests write them, of foreign FMUs mostly: run, or refused in one line."""
+"""Scenarios of tests, mostly of foreign FMUs: run, or refused in one line."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ CLOCK, GAIN, ACCUMULATOR, FAILING = ({"fmu": f"{name}.fmu"} for name in ("Clock"
 
 
 def scenario(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
-    """A scenario of one second in ten steps, where its sections say nothing else."""
+    """Return a scenario of one second in ten steps, unless its sections set other times."""
     settings = {"run": ONE_SECOND, "fmus": fmus, **sections}
     return Scenario.model_validate({**settings, "base_folder": folder})
 
@@ -26,22 +26,22 @@ def here(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
 
 
 def run(folder: Path, fmus: dict[str, dict], *, compiled: bool = True, **sections: Any) -> Simulation:
-    """Its run in this process."""
+    """Run it in this process."""
     return run_scenario(here(folder, fmus, **sections), compiled=compiled)
 
 
 def run_of_guests(folder: Path, fmus: dict[str, dict], *, compiled: bool = True, **sections: Any) -> Simulation:
-    """Its run, each FMU from a file in a process of its own."""
+    """Run it, each FMU from a file in a process of its own."""
     return run_scenario(scenario(folder, fmus, **sections), compiled=compiled)
 
 
 def run_of_file(path: Path) -> Simulation:
-    """The run of a scenario's file in this process, with its averaged rests."""
+    """Run a scenario's file in this process, with its averaged rests."""
     return simulate_table(RunOptions(in_process=True).over(read_scenario(path)))
 
 
 def refusal(folder: Path, fmus: dict[str, dict], **sections: Any) -> str:
-    """The one line with which it is refused."""
+    """Return the one line of its refusal."""
     with pytest.raises(InputError) as refused:
         run(folder, fmus, **sections)
     assert "\n" not in str(refused.value)
@@ -49,5 +49,5 @@ def refusal(folder: Path, fmus: dict[str, dict], **sections: Any) -> str:
 
 
 def wires(*ends: str) -> list[dict[str, str]]:
-    """Connections from `source -> target` each."""
+    """Return connections from `source -> target` each."""
     return [dict(zip(("from", "to"), text.split(" -> "), strict=True)) for text in ends]

@@ -28,9 +28,9 @@ UP = {
 DOWN = {"low", "lower_bound", "distance_before", "distance_after", "apart_g"}
 """Keys of lower bounds."""
 BOTH = {"radius"}
-"""Up to 1 at most, above 1 at least."""
+"""Keys of bounds that are upper up to 1 and lower above 1."""
 UNITS = (1.0, 100.0, 60.0, 3600.0, 180.0 / math.pi, 10800.0 / math.pi, 648000.0 / math.pi)
-"""In what multiples a figure of the JSON may be shown."""
+"""Multiples in which a figure of the JSON may be shown."""
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Watched:
 
     @contextmanager
     def __call__(self) -> Iterator[None]:
-        """Take down every number that is rounded."""
+        """Record every number that is rounded."""
         names = ("_significant", "_placed")
 
         def watched(make: Any) -> Any:
@@ -58,7 +58,7 @@ class Watched:
 
 
 def bounds_of(content: Any, key: str = "") -> Iterator[tuple[str, float]]:
-    """Every number of a JSON object that is a bound, with its key; numbers in lists and maps have the key of these."""
+    """Return every bound of a JSON object, with its key; numbers in lists and maps have the key of these."""
     if isinstance(content, dict):
         for name, value in content.items():
             yield from bounds_of(value, name if not isinstance(value, int | float) or name in UP | DOWN | BOTH else key)
@@ -70,12 +70,12 @@ def bounds_of(content: Any, key: str = "") -> Iterator[tuple[str, float]]:
 
 
 def _key(value: float) -> str:
-    """The same for figures that differ by the rounding of a conversion."""
+    """Return one key for figures that differ by the rounding of a conversion."""
     return f"about {value:.12e}"
 
 
 def shown_too_well(content: Any, watched: Watched) -> list[str]:
-    """Bounds that are shown on their wrong side, and texts that are on the wrong side of their number."""
+    """Return the bounds that are shown on their wrong side, and texts on the wrong side of their number."""
     bounds = list(bounds_of(json.loads(json.dumps(content))))
     unbounded = {value for key, value in bounds if key not in UP | DOWN | BOTH}
     roundings: dict[str, set[str]] = {}
@@ -128,7 +128,7 @@ class _Tables(HTMLParser):
 
 
 def rows_of_page(page: str) -> list[dict[str, str]]:
-    """Every row of every table of a page's HTML, by the heads of its columns."""
+    """Return every row of every table of a page's HTML, by the heads of its columns."""
     tables = _Tables()
     tables.feed(page)
     return tables.rows
@@ -139,7 +139,7 @@ _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
 def read_off(cell: str) -> float | None:
-    """The number that a cell shows, as 5.2, −0.001 or 3.1·10⁻⁵; None where it shows none."""
+    """Return the number that a cell shows, as 5.2, −0.001 or 3.1·10⁻⁵; None if it shows none."""
     mantissa, _, power = cell.strip().replace("\u2212", "-").partition("·10")
     try:
         return float(f"{mantissa}e{power.translate(_RAISED)}" if power else mantissa)
@@ -148,14 +148,15 @@ def read_off(cell: str) -> float | None:
 
 
 def sets_shown(content: Mapping[str, Any]) -> list[list[dict[str, Any]]]:
-    """Sets of effects of a diagnosis, by its JSON, in the order of its page: the best, then the alternatives."""
+    """Return the sets of effects of a diagnosis, by its JSON, in the order of its page: the best, then the
+    alternatives."""
     if content["verdict"] not in NAMED:
         return []
     return [content["causes"]] if content["causes"] else content.get("alternatives") or []
 
 
 def wrong_on_page(page: str, content: Mapping[str, Any]) -> list[str]:
-    """Ends of intervals that a page of a diagnosis shows inside those of its JSON, estimates that it shows outside."""
+    """Return the ends of intervals shown inside those of the JSON, and estimates shown outside, on a diagnosis page."""
     rows = [row for row in rows_of_page(page) if {"low", "high"} <= set(row)]
     sizes = iter([p for causes in sets_shown(content) for cause in causes for p in cause["parameters"]])
     targets = {entry["symbol"]: entry for entry in content.get("targets") or []}

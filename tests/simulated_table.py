@@ -1,4 +1,4 @@
-"""A table with a block on it, made of the FMUs, that a test drives: it writes its readings as a laboratory's logger."""
+"""A table with a block on it, made of the FMUs and driven by a test: it writes readings like a laboratory's logger."""
 
 import math
 from collections.abc import Sequence
@@ -16,14 +16,14 @@ STEP_S = 0.25
 
 
 class SimulatedTable:
-    """Drives the FMUs from position to position; `hidden` are effects as a scenario has them.
+    """Drives the FMUs from position to position; `hidden` are effects as in a scenario.
 
     Attributes
     ----------
     file : Path
-        grows with each position
+        file that grows with each position
     time_s : float
-        of its last row
+        time of its last row [s]
     """
 
     def __init__(self, file: Path, *, seed: int = 1, hidden: Sequence[dict] = (), step_s: float = STEP_S):
@@ -34,7 +34,7 @@ class SimulatedTable:
         self._first = True
 
     def rows(self, alpha_deg: float, beta_deg: float, dwell_s: float = 6.0) -> np.ndarray:
-        """Readings (n, 6) of the move to a position and the rest there: time, angles [deg], readings [m/s²]."""
+        """Return readings (n, 6) of the move to a position and the rest there: time, angles [deg], readings [m/s²]."""
         self._seed += 1
         table = {
             **self._truth["TurntableMotion"],
@@ -86,14 +86,14 @@ class SimulatedTable:
         self.write(text_of(rows))
 
     def write(self, text: str) -> None:
-        """Append to the file, after a header where it is new."""
+        """Append to the file, after a header if it is new."""
         new = not self.file.exists()
         with self.file.open("a", encoding="utf-8") as file:
             file.write(HEADER + text if new else text)
 
 
 def text_of(rows: np.ndarray) -> str:
-    """Rows as lines of CSV, with nine decimals of readings and seven of angles."""
+    """Return rows as lines of CSV, with nine decimals of readings and seven of angles."""
     return "".join(
         f"{row[0]:.3f},{row[1]:.7f},{row[2]:.7f},{row[3]:.9f},{row[4]:.9f},{row[5]:.9f}\n" for row in rows.tolist()
     )

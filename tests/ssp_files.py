@@ -10,7 +10,7 @@ EXPERIMENT = '<ssd:DefaultExperiment startTime="2" stopTime="4"/>'
 
 
 def values(*parameters: str, units: str = "") -> str:
-    """A parameter set of `name Type value unit` each."""
+    """Return a parameter set of `name Type value unit` each."""
     lines = []
     for text in parameters:
         name, kind, value, *unit = text.split("|")
@@ -60,7 +60,7 @@ def wire(start: str, end: str, inside: str = "") -> str:
 
 
 def packed(folder: Path, fmus: Path, document: str, *models: str, tail: str = EXPERIMENT, **files: str) -> Path:
-    """An .ssp of a system and FMUs."""
+    """Return an .ssp of a system and FMUs."""
     path = folder / "made.ssp"
     name = "ssd:SystemStructureDescription"
     root = f'<{name} {HEAD} name="made" version="1.0">{document}{tail}</{name}>'

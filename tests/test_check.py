@@ -1,4 +1,4 @@
-"""`trihedron check`: everything that is wrong with a file at once, with the lines where it stands."""
+"""`trihedron check`: all problems of a file at once, with their lines."""
 
 import json
 import tomllib
@@ -21,7 +21,7 @@ STATIC = SCENARIOS / "static-calibration.toml"
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A position record that is as it should be."""
+    """Return a correct position record."""
     path = tmp_path_factory.mktemp("record") / "measured.csv"
     from generator.positions import write_hidden_record
 
@@ -50,7 +50,7 @@ def test_nothing_is_wrong_with_our_own_scenarios_and_campaigns(path: Path):
 
 
 def test_a_scenario_with_many_mistakes_has_each_with_its_line(tmp_path: Path):
-    """Mistakes of fields and of what fields say, of all sections, in one go."""
+    """Use mistakes of fields and of their content, in all sections at once."""
     mistakes = {
         "kappa = 3e-3": ("kapa = 3e-3", "did you mean 'kappa'?"),
         "epsilon = -3e-3": ("epsilon = 'small'", "must be a number"),
@@ -302,7 +302,7 @@ def test_fmus_and_ssp_archives(fmu_folder: Path, tmp_path: Path):
 
 
 def test_lines_of_toml_are_those_of_every_table_and_key():
-    """Against the structure that tomllib reads: every location is found, and the key stands in its line."""
+    """Compare with the structure of tomllib: every location is found, and its line has the key."""
     text = (
         'a = 1\n# comment\n[b.c]\n"d e" = """\n[not.a.table]\n"""\nf.g = [\n  1,\n  [2, 3],\n]\n'
         "[[h]]\ni = { j = 1, k = [1, { l = 2 }] }\n[[h]]\ni = 2\n[h.m]\nn = 1\n[[h.o]]\np = 1\n"

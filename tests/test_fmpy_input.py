@@ -53,7 +53,7 @@ def test_fmpy_gives_the_attitude_of_the_orchestrator(strapdown: Path, tmp_path: 
 
 
 def test_increments_of_velocity_are_inputs_of_the_velocity_computer(tmp_path: Path, fmu_folder: Path) -> None:
-    """A Parquet file; `check` names the columns that it has."""
+    """Test a Parquet file; `check` names its columns."""
     rng = np.random.default_rng(8)
     columns = {"time_s": PERIOD * np.arange(60)}
     columns |= {f"dtheta{i}_rad": rng.uniform(-0.01, 0.01, 60) for i in (1, 2, 3)}
@@ -121,7 +121,7 @@ def test_the_command_says_how_fmpy_runs_it(strapdown: Path, tmp_path: Path, caps
 
 
 def test_a_gap_is_bridged_and_a_limit_is_said_as_by_attitude(strapdown: Path, tmp_path: Path, capsys) -> None:
-    """The same increments as the orchestrator takes, the same bound, and the same moment in the run's own time."""
+    """The increments are the orchestrator's, with the same bound and the same moment in the run's own time."""
     table = pl.read_csv(strapdown)
     rate = np.clip(np.sin(0.05 * np.arange(200.0)), -0.8, 0.8)
     table = table.with_columns(w1_radps=pl.Series(rate), w2_radps=0.0 * pl.col("w2_radps") + 0.1, w3_radps=pl.lit(0.2))

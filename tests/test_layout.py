@@ -1,4 +1,4 @@
-"""The root is the package: every module has one name, whoever loads it."""
+"""The root is the package: every module has one name, with any loader."""
 
 import importlib
 import pkgutil
@@ -13,7 +13,7 @@ PARTS = ("models", "fmus", "tools", "scenarios")
 
 
 def names() -> list[str]:
-    """Import names of all modules of the product."""
+    """Return the import names of all modules of the product."""
     result = pkgutil.walk_packages([str(ROOT)], "trihedron.")
     parts = [module.name.split(".") for module in result]
     # What is run is not imported.
@@ -21,7 +21,7 @@ def names() -> list[str]:
 
 
 def loaded_twice() -> list[str]:
-    """Files of the product that are loaded under two names."""
+    """Return the files of the product that are loaded under two names."""
     observed: dict[Path, str] = {}
     twice = []
     for name, module in sorted(sys.modules.items()):
@@ -49,7 +49,7 @@ def test_a_module_loaded_under_two_names_is_seen(monkeypatch):
 
 
 def test_every_name_of_a_package_s_face_is_there():
-    """`__init__.pyi` says what those above may ask a package for; it comes when it is asked for."""
+    """`__init__.pyi` lists the names that a package offers to upper floors; each is loaded on request."""
     faces = sorted(ROOT.glob("tools/*/__init__.pyi"))
     assert len(faces) > 10
     for face in faces:

@@ -18,7 +18,7 @@ NOT_SHIPPED = ("__pycache__", "prebuilt")
 
 
 def packages() -> dict[str, Path]:
-    """Import names of the folders that have an __init__.py."""
+    """Return the import names of the folders with an __init__.py."""
     result = [ROOT, *(file.parent for folder in FOLDERS for file in (ROOT / folder).rglob("__init__.py"))]
     return {".".join(["trihedron", *folder.relative_to(ROOT).parts]): folder for folder in result}
 
@@ -45,7 +45,7 @@ def test_every_file_that_is_read_is_declared():
 
 
 def test_one_version():
-    """pyproject.toml has it; what else names it says the same."""
+    """pyproject.toml has the version; all other places agree."""
     version = PROJECT["project"]["version"]
     assert trihedron.__version__ == version
     assert re.search(rf"(?m)^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"))

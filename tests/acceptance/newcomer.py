@@ -2,8 +2,9 @@
 
     python tests/acceptance/newcomer.py python3.11 python3.13 [--way pip|make] [--without WORD ...] [--in FOLDER]
 
-It needs a package index. What it prints: seconds of each step, megabytes of each environment; it ends with status 1
-where a command does. `--without` leaves out commands that begin with a word, as campaign or reproduce, which take long.
+It needs a package index. It prints the seconds of each step and the megabytes of each environment, and ends with status
+1 if a command does. `--without` leaves out commands that begin with a word; use it for slow ones such as campaign or
+reproduce.
 """
 
 import argparse
@@ -35,7 +36,7 @@ def readme_commands() -> list[str]:
 
 
 def tutorial_commands() -> list[str]:
-    """The blocks of the tutorial that are typed into a shell."""
+    """Return the blocks of the tutorial that are typed into a shell."""
     return [block.text for block in blocks_of(ROOT / "docs" / "tutorial.md") if block.language == "sh"]
 
 
@@ -44,7 +45,7 @@ def megabytes(folder: Path) -> float:
 
 
 class Newcomer:
-    """Steps in a folder, one after another, with their times; `failed` are those that did not work."""
+    """Steps in a folder, one after another, with their times; `failed` are the failed ones."""
 
     def __init__(self, title: str, folder: Path) -> None:
         self.folder, self.failed = folder, list[str]()
@@ -53,7 +54,7 @@ class Newcomer:
         print(f"\n{title}", flush=True)
 
     def step(self, command: str, where: Path) -> None:
-        """A command of a shell, as it is typed."""
+        """Run a command of a shell as typed."""
         began = time.monotonic()
         process = subprocess.run(
             ["bash", "-ec", command], cwd=where, env=self.own, capture_output=True, text=True, check=False
@@ -65,7 +66,7 @@ class Newcomer:
             print((process.stdout + process.stderr)[-800:], flush=True)
 
     def commands(self, checkout: Path, without: list[str]) -> None:
-        """Every command of README and command line, then the tutorial in a folder of its own."""
+        """Run every command of README and command line, then the tutorial in a folder of its own."""
         shutil.copy(ROOT / "docs" / "gallery" / "consistent.csv", checkout / "measurements.csv")
         for command in readme_commands():
             if command.split()[1] not in without:
@@ -77,7 +78,7 @@ class Newcomer:
 
 
 def by_pip(python: str, folder: Path, without: list[str]) -> list[str]:
-    """`pip install <wheel>`, then `trihedron demo`."""
+    """Run `pip install <wheel>`, then `trihedron demo`."""
     new = Newcomer(f"{python}, by pip", folder)
     checkout, environment = folder / "checkout", folder / "environment"
     shutil.copytree(ROOT, checkout, ignore=NOT_COPIED)
@@ -93,7 +94,7 @@ def by_pip(python: str, folder: Path, without: list[str]) -> list[str]:
 
 
 def by_make(python: str, folder: Path, without: list[str]) -> list[str]:
-    """`make demo`, which sets up, in a checkout."""
+    """Run `make demo`, which sets up, in a checkout."""
     new = Newcomer(f"{python}, by make", folder)
     checkout = folder / "checkout"
     shutil.copytree(ROOT, checkout, ignore=NOT_COPIED)

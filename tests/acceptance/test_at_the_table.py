@@ -28,7 +28,7 @@ pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name != "posix", rea
 PLAN = Path(__file__).resolve().parents[2] / "scenarios" / "static-calibration-positions.csv"
 HARMONIC = {"effect": "encoder-harmonic", "where": "inner-axis", "order": 2, "amplitude": 8e-5, "phase": 0.7}
 SECONDS = 180.0
-"""So long anything may take on a machine that does other things, too."""
+"""Time limit of each step on a busy machine [s]."""
 NEXT = re.compile(r"(next|repeat) position (\d+) of (\d+): α (-?[\d.]+)°, β (-?[\d.]+)°")
 
 
@@ -57,7 +57,7 @@ class Program:
         self._terminal, self._said = ours, b""
 
     def said(self) -> str:
-        """All that stands in the terminal."""
+        """Return the whole text in the terminal."""
         while select.select([self._terminal], [], [], 0.0)[0]:
             try:
                 piece = os.read(self._terminal, 1 << 16)
@@ -72,7 +72,7 @@ class Program:
         os.write(self._terminal, text.encode())
 
     def killed(self) -> None:
-        """At once, with no time to end anything."""
+        """Kill the process at once, without time to finish anything."""
         self.process.send_signal(signal.SIGKILL)
         self.process.wait()
 
@@ -139,7 +139,7 @@ class Page:
 
 @pytest.fixture(params=["terminal", "page"])
 def operator(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[..., Terminal | Page]]:
-    """Starts the program and sits down before its terminal or its page."""
+    """Start the program, and return an operator at its terminal or its page."""
     programs: list[Program] = []
     window = request.getfixturevalue("window") if request.param == "page" else None
 

@@ -16,7 +16,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "case-study-broad-four.md"
 
 
 def test_figures_of_the_page_are_those_of_the_records():
-    """Two of four records, both ways: without, with its own, with the other's."""
+    """Compare two of four records, both ways: without effects, with their own, with the other's."""
     catalogue = {n: carried_evidence(measured(f"broad-{n}")) for n in ("06", "21")}
     sizes = {}
     for label, evidence in catalogue.items():

@@ -31,7 +31,7 @@ LONGER = CALIBRATION.replace("points = 7", "points = 60")
 
 @pytest.fixture(scope="module")
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """The files of the campaign, computed by one process that nobody disturbed."""
+    """Return the files of the campaign, computed by one undisturbed process."""
     folder = tmp_path_factory.mktemp("unbroken")
     run_campaign(written(folder, LONGER), folder / "out", jobs=1)
     return content(folder / "out")
@@ -48,7 +48,7 @@ def files_done(out: Path) -> int:
 
 @pytest.mark.parametrize("engine", ["local", "dask"])
 def test_a_worker_that_is_killed_costs_no_run_that_is_stored(tmp_path, unbroken, engine):
-    """Loky ends the campaign in one line; Dask gives the files of the worker to another one."""
+    """Loky ends the campaign with one line; Dask gives the worker's files to another one."""
     if engine == "dask":
         pytest.importorskip("distributed")
     path, out = written(tmp_path, LONGER), tmp_path / "out"

@@ -1,4 +1,4 @@
-"""Exchanged channels: every way is spotted, clean and beside an effect, and no right record is advised anything."""
+"""Exchanged channels: every way is detected, clean and beside an effect; correct records get no advice."""
 
 import re
 from dataclasses import replace
@@ -63,7 +63,7 @@ def test_all_47_ways_of_gyros_are_spotted_twice_beside_a_true_attitude() -> None
 
 
 def test_nearly_all_ways_of_gyros_are_spotted_beside_an_effect() -> None:
-    """Each of the 47 with two effects, which change from way to way."""
+    """Test each of the 47 ways with two effects, which change from way to way."""
     records = [filmed_record(2 + k, effect) for k, effect in enumerate(GYRO_EFFECTS)]
     cases = [(way, (way + 3 * turn) % len(records)) for way in range(1, len(PERMUTATIONS)) for turn in (0, 1)]
     missed = [case for case in cases if not is_mended(records[case[1]], PERMUTATIONS[case[0]])]

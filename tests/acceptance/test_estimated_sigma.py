@@ -1,4 +1,4 @@
-"""False alarms of σ that is estimated, 200 clean records a cell."""
+"""False alarms with an estimated σ: 200 clean records a cell."""
 
 import pytest
 

@@ -1,7 +1,7 @@
-"""Three hundred fresh records, by a generator that shares no code with the product: nothing that is printed misleads.
+"""Three hundred fresh records, by a generator that shares no code with the product: no output misleads.
 
-Read are JSON, the terminal's text and, of one record in four, the page as HTML. `TRIHEDRON_SUITE_SHARE` runs a part of
-them. Verdicts, wrong names and processor seconds are reported, not asserted.
+The test reads JSON, the terminal's text and, for one record in four, the page as HTML. `TRIHEDRON_SUITE_SHARE` runs a
+part of them. Verdicts, wrong names and processor seconds are reported, not asserted.
 """
 
 import os
@@ -47,7 +47,7 @@ def may_be_zero(parameters: Numbers) -> bool:
 
 
 def outside(parameters: Numbers, label: str, values: dict[str, float] | None = None) -> list[str]:
-    """Names of numbers, by default the estimates, that are outside their own intervals."""
+    """Return the names of numbers, by default the estimates, that are outside their own intervals."""
     wrong = []
     for p in parameters:
         value = p["estimate"] if values is None else values.get(p["name"])
@@ -58,7 +58,7 @@ def outside(parameters: Numbers, label: str, values: dict[str, float] | None = N
 
 
 def rounded_inwards(text: str, parameters: Numbers) -> list[str]:
-    """Names of parameters whose printed ends leave out some of the interval; the causes' are printed first."""
+    """Return the names of parameters whose printed ends cut off part of the interval; the causes' come first."""
     printed = [match.groups() for line in text.splitlines() if (match := WITHIN.match(line))]
     wrong = []
     for (name, low, high), p in zip(printed, parameters, strict=False):
@@ -70,7 +70,7 @@ def rounded_inwards(text: str, parameters: Numbers) -> list[str]:
 
 
 def misleading(fresh: Fresh, seed: int) -> tuple[str, list[str]]:
-    """The verdict on a record, and what of its diagnosis and calibration contradicts itself or the truth."""
+    """Return the verdict on a record, and the contradictions in its diagnosis and calibration."""
     record: Any = read_record(fresh.path)
     options: dict[str, Any] = {"noise_bound": SIGMA} if isinstance(record, PositionRecord) else {}
     result: Any = diagnose(record, **options)
@@ -114,7 +114,7 @@ def misleading(fresh: Fresh, seed: int) -> tuple[str, list[str]]:
     ],
 )
 def test_fresh_records_do_not_mislead(kind, make, count, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """No cause may be zero, nothing stands outside its interval, no end is rounded inwards, no true size left out."""
+    """No cause may be zero, nothing is outside its interval, no end is rounded inwards, no true size is left out."""
     wrong = {}
     for seed in range(SEED, SEED + max(1, round(SHARE * count))):
         began = time.process_time()

@@ -1,7 +1,7 @@
-"""Ten thousand inputs that are almost right, over all commands: each is refused in one line, or done.
+"""Ten thousand nearly correct inputs, over all commands: each is refused in one line, or done.
 
-TRIHEDRON_FUZZ says how many, TRIHEDRON_FUZZ_FROM from which seed; a seed decides command, file and change. A failure
-names its seed: `TRIHEDRON_FUZZ_FROM=seed TRIHEDRON_FUZZ=1` is that input alone. FOUND keeps those that found something.
+TRIHEDRON_FUZZ sets the number, TRIHEDRON_FUZZ_FROM the first seed; a seed decides command, file and change. A failure
+names its seed: `TRIHEDRON_FUZZ_FROM=seed TRIHEDRON_FUZZ=1` runs that input alone. FOUND keeps seeds that found a fault.
 """
 
 import gzip
@@ -33,7 +33,7 @@ FOUND = (2756, 3887, 3900, 6789, 8568, 21469, 23453)
 MOST_SECONDS, MOST_BYTES = 60, 3 << 30
 """Limits of processor time [s] and memory [bytes]."""
 STANDSTILL = 3600.0
-"""Seconds by the clock after which a command is ended that waits for something: other programs may run beside it."""
+"""Wall-clock limit of a command that waits [s]: other programs may run beside it."""
 BATCH = 500
 RECORD = "clean.csv measured.csv"
 FINISHED = "finished/campaign.json finished/runs/part-00000.parquet"
@@ -95,7 +95,7 @@ TRIED = {
     "demo --no-show --seed 2026 --out out": (1, ""),
     "doctor --json out.json": (2, ""),
 }
-"""Commands, how often each is tried, and the files of it that are changed."""
+"""Commands, the number of their trials, and their files that are changed."""
 SINCE = {
     "export-notebook {} --noise-bound 1e-5 --out out.ipynb --json out.json": (10, "clean.csv strapdown.csv"),
     "instrument add out {} --date 2026-11-23 --json out.json": (15, "calibration.json diagnosis.json"),
@@ -127,7 +127,7 @@ WORDS = {
     "X4-X5": ("X4+X5", "X99", "X4-", "2*X4", "X4-X4", "-X4", "X4-X5-X6-X7", "X"),
     "X16=1e-3": ("bounds", "X16=0", "X16=-1", "X16=nan", "X99=1", "X16=1e400", "X1=1e-9", "X16"),
 }
-"""Other words that may stand in place of a word that is no option's number."""
+"""Replacements for a word that is not the number of an option."""
 
 
 NAMED = """schema = "trihedron.scenario/1"
@@ -145,7 +145,7 @@ constant = [0.0, 0.0, 9.8]
 
 @dataclass(frozen=True)
 class Input:
-    """A command in a folder where one of its files may be another one than the right one."""
+    """A command in a folder in which one of its files may be replaced by another."""
 
     arguments: list[str]
     name: str = ""
@@ -153,7 +153,7 @@ class Input:
 
 
 def drawn(seed: int, inputs: Path) -> Input:
-    """The input of a seed."""
+    """Return the input of a seed."""
     rng = random.Random(seed)
     candidates, draw = TRIED, rng
     if seed not in FOUND and (later := random.Random(-1 - seed)).random() < PART_SINCE:
@@ -186,7 +186,7 @@ def _is_value(words: list[str], k: int) -> bool:
 
 @pytest.fixture(scope="session")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """All files that are right."""
+    """Write all correct files."""
     folder = tmp_path_factory.mktemp("inputs")
     make_inputs(folder)
     before = Path.cwd()

@@ -1,4 +1,4 @@
-"""FMUs of every flavour in the compiled master, watched by valgrind: nothing is written where it must not be."""
+"""FMUs of every flavour in the compiled master, watched by valgrind: no wrong write to memory."""
 
 import os
 import re
@@ -41,7 +41,7 @@ FAULT = re.compile(r"(?:Invalid (?:read|write|free)|Mismatched free|Source and d
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="skipped: no valgrind")
 @pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 def test_no_fault_in_the_master_nor_when_the_process_ends(tmp_path: Path) -> None:
-    """PythonFMU's library used to let go of Python in freed memory, when the process had ended."""
+    """PythonFMU's library used to release Python in freed memory, after the process had ended."""
     log = tmp_path / "valgrind.log"
     quiet = {"PYTHONMALLOC": "malloc", "POLARS_MAX_THREADS": "1"}
     command = ["valgrind", "--error-limit=no", "--num-callers=40", f"--log-file={log}", sys.executable, "-c", RUN]

@@ -115,7 +115,7 @@ def test_effects_that_the_catalogue_lacks_get_no_name(say):
 
 
 def measured_too(case: Any, positions: Any) -> Any:
-    """The case with more positions at the end of its programme."""
+    """Return the case with more positions at the end of its programme."""
     bench = case.instrument
     names, errors, mounting = list(bench.mountings), list(bench.mounting_errors), list(bench.mounting)
     for position in positions:

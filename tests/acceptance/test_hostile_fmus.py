@@ -30,7 +30,7 @@ def test_each_behaviour(hostile: Path, tmp_path: Path, call: str, way: str) -> N
 
 
 def test_it_ends_with_us(hostile: Path, tmp_path: Path) -> None:
-    """Whoever kills us while an FMU hangs leaves no process behind."""
+    """No process is left when ours is killed while an FMU hangs."""
     arguments = hostile_scenario(hostile, "hang_DoStep")
     del arguments["run"]["call_limit_s"]
     write_scenario(scenario(hostile, **arguments), hostile / "forever.toml")

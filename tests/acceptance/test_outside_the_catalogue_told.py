@@ -1,4 +1,4 @@
-"""Records with faults that are in no catalogue: no law of the catalogue is named alone, nothing wrong is proven.
+"""Records with faults outside the catalogue: no law of the catalogue is named alone, and no proof is wrong.
 
 `TRIHEDRON_SUITE_SHARE` runs a part of them, `TRIHEDRON_SUITE_SEED` others.
 """
@@ -31,7 +31,7 @@ def seed_of(usual: int) -> int:
 
 
 def proven_pairs(proven: dict[str, Any]) -> set[tuple[str, str, str | None]]:
-    """Place, quantity and factor that are proven, with those that the record cannot tell from them."""
+    """Return proven place, quantity and factor, with those that the record cannot separate from them."""
     if not proven.get("quantity"):
         return set()
     names = [(proven["quantity"], proven.get("factor"))]

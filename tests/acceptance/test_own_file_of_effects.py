@@ -1,4 +1,4 @@
-"""A file of effects of the user's own from a hidden effect to its FMUs, and in the processes of a suite."""
+"""A file of the user's own effects: from a hidden effect to its FMUs, and in the processes of a suite."""
 
 import json
 import re
@@ -20,7 +20,7 @@ GUIDE = Path(__file__).resolve().parents[2] / "docs" / "add-an-effect.md"
 
 @pytest.fixture(autouse=True)
 def catalogue():
-    """The catalogue is as it was behind each test."""
+    """Restore the catalogue after each test."""
     before = dict(CATALOGUE)
     yield
     CATALOGUE.clear()
@@ -34,7 +34,7 @@ def written(folder: Path) -> Path:
 
 
 def test_it_is_hidden_found_shown_and_exported(tmp_path, monkeypatch, capsys):
-    """From a "measured" record to FMUs that give it again, by its name all along."""
+    """Test from a "measured" record to FMUs that give it again, under its name throughout."""
     monkeypatch.chdir(tmp_path)
     options = ["--effects-from", str(written(tmp_path))]
     assert cli.main(["hidden", "r.csv", "--effect", "half-scale", "--seed", "3", "--answer", "a.json", *options]) == 0

@@ -49,7 +49,7 @@ def stated(table: pl.DataFrame, **options: Any) -> dict:
 
 
 def without_origin(value: Any) -> Any:
-    """Plain values without what says where a record came from, at any depth."""
+    """Return plain values without the origin of a record, at any depth."""
     if isinstance(value, dict):
         return {name: without_origin(part) for name, part in value.items() if name not in ("provenance", "warnings")}
     if isinstance(value, list):
@@ -93,7 +93,7 @@ def test_a_diagnosis_names_the_same(name, case):
 
 @pytest.mark.parametrize("effect", ["quadratic", "none"])
 def test_axes_renamed_with_the_mounting_name_the_renamed_accelerometer(effect, tmp_path):
-    """With one scale factor for each accelerometer."""
+    """Use one scale factor for each accelerometer."""
     write_hidden_record(tmp_path / "s.csv", 11, *EFFECTS[effect], symmetric=True)
     table = pl.read_csv(tmp_path / "s.csv", comment_prefix="#")
     changed = axes_renamed(table)
@@ -157,7 +157,7 @@ def test_several_records_say_the_same(name, several):
 
 
 def test_several_records_of_renamed_axes_name_the_renamed_accelerometer(tmp_path):
-    """With one scale factor for each accelerometer, as for one record."""
+    """Use one scale factor for each accelerometer, as for one record."""
     tables = []
     for seed in (11, 12):
         write_hidden_record(tmp_path / "s.csv", seed, *QUADRATIC, symmetric=True)
@@ -198,7 +198,7 @@ def test_a_run_read_from_memory_and_from_its_files_is_one_record(tmp_path):
 
 
 def test_a_diagnosis_of_a_run_and_of_its_file_is_one(tmp_path):
-    """By itself, and with another record."""
+    """Compare the diagnosis alone, and with another record."""
     run = library.simulate("scenarios/static-calibration.toml", out=tmp_path / "run")
     file = tmp_path / "run" / "positions.csv"
     assert run.positions is not None
@@ -238,7 +238,7 @@ def test_attitude_knows_no_zero_of_time(moved):
 
 
 def test_attitude_of_renamed_axes_turns_about_renamed_axes(moved):
-    """Axes 1, 2, 3 are called 3, 1, 2: so is the vector of the quaternion."""
+    """Axes 1, 2, 3 are renamed 3, 1, 2; the vector of the quaternion follows."""
     rates, forces = ([f"{q}{k}_{unit}" for k in (1, 2, 3)] for q, unit in (("w", "radps"), ("f", "mps2")))
     new = [pl.col(group[(k + 1) % 3]).alias(group[k]) for group in (rates, forces) for k in range(3)]
     first = measured.attitude_of_record(moved).to_polars()
@@ -258,7 +258,7 @@ def test_a_plan_of_renamed_axes_has_the_same_costs():
 
 
 def test_a_plan_for_a_base_that_is_turned_has_the_same_cost():
-    """The inner axis counts from another mark, and the grid of positions is the same."""
+    """The inner axis counts from another mark; the grid of positions is the same."""
     entry = th.plan("X4", grid=15.0)[0].optimum.cost
     second = th.plan("X4", grid=15.0, mounting=named(QUARTER))[0].optimum.cost
     assert second == pytest.approx(entry, rel=1e-6)

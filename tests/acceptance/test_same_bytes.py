@@ -51,7 +51,7 @@ def test_one_thread_and_two_give_the_same_bytes(line: str, inputs: Path) -> None
 
 @pytest.mark.parametrize("least", [1e-310, 5e-324, 2.2250738585072014e-308])
 def test_denormal_numbers_are_zeros(least: float, inputs: Path, tmp_path: Path) -> None:
-    """An angle, a time and a temperature that are all but nothing."""
+    """Test a nearly zero angle, time and temperature."""
     table = pl.read_csv(inputs / "clean.csv", comment_prefix="#")
     output = []
     for value in (0.0, least):
@@ -78,7 +78,8 @@ RELEASES = "from importlib.metadata import version; print(*map(version, ('numpy'
 
 @pytest.mark.parametrize(("first_python", "second_python"), [("", "python3.12"), ("python3.12", "python3.13")])
 def test_another_python_gives_the_same_bytes(first_python: str, second_python: str, inputs: Path) -> None:
-    """With the same releases of what computes; with others, which may add in another order, the same numbers."""
+    """Compare bytes with the same releases of the libraries, and numbers with others, which may add in another
+    order."""
     programs = [
         ROOT / "build" / name / "bin" / "python" if name else Path(sys.executable)
         for name in (first_python, second_python)
@@ -95,7 +96,7 @@ def test_another_python_gives_the_same_bytes(first_python: str, second_python: s
 
 
 def test_another_installation_gives_the_same_bytes(inputs: Path, tmp_path: Path) -> None:
-    """A copy of the product elsewhere, with nothing compiled yet."""
+    """Test a copy of the product elsewhere, with nothing compiled yet."""
     retained = {"__pycache__", *(path.name for path in ROOT.iterdir() if path.name not in PRODUCT)}
     shutil.copytree(ROOT, tmp_path / "trihedron", ignore=lambda folder, names: retained & {*names}, symlinks=True)
     further = {"PYTHONPATH": str(tmp_path), "TRIHEDRON_CACHE": str(tmp_path / "cache")}

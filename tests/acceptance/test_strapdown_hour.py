@@ -23,7 +23,7 @@ print(json.dumps({"status": status, "seconds": seconds, "bytes": 1024 * used[0].
 
 @pytest.mark.acceptance
 def test_an_hour_at_a_kilohertz_is_diagnosed_in_two_minutes_and_two_gigabytes(tmp_path):
-    """Whole, from the CSV file, with an effect that is named and simulated again."""
+    """Diagnose from the CSV file, with an effect that is named and simulated again."""
     sys.path.insert(0, str(TESTS))
     from generator.carried import POSES, strapdown_record, true_motion
 

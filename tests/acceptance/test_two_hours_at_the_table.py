@@ -16,7 +16,7 @@ DWELL_ROWS, MOVE_ROWS = 12_000, 400
 
 
 def resident() -> float:
-    """Memory of this process [MB]."""
+    """Return the memory of this process [MB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 2**20
 
 

@@ -1,6 +1,6 @@
-"""SIGKILL and Ctrl-C at two hundred places of a campaign and of a simulation, and where each of them fell.
+"""SIGKILL and Ctrl-C at two hundred places of a campaign and of a simulation, with the place of each.
 
-TRIHEDRON_KILLS says how many there are.
+TRIHEDRON_KILLS sets the number.
 """
 
 import os
@@ -72,7 +72,7 @@ def number_of(kind: tuple[str, str]) -> int:
 
 
 class Campaign:
-    """A campaign that is struck again and again; from the beginning whenever it has come to its end."""
+    """A campaign that is struck repeatedly; it restarts from the beginning after each end."""
 
     def __init__(self, folder: Path, commands: ForkedCommands) -> None:
         self._commands, self._folder = commands, folder
@@ -144,7 +144,7 @@ def test_strikes_of_a_campaign(tmp_path: Path, commands: ForkedCommands, fell: C
 
 
 def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands, fell: Counter[str]) -> None:
-    """Rows that were saved until then are those of the whole run; most strikes fall after the first were."""
+    """Saved rows are those of the whole run; most strikes come after the first ones were saved."""
     path = tmp_path / "s.toml"
     path.write_text(SCENARIO, encoding="utf-8")
     first = commands.run(["simulate", str(path), "--out", "whole"], tmp_path, strike=Strike("", JOURNAL))
@@ -181,7 +181,7 @@ def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands, fell:
 
 
 def test_two_resumes_at_once(tmp_path: Path, commands: ForkedCommands) -> None:
-    """One works, the other one is refused in one line, as often as it is tried."""
+    """One process works and the other is refused in one line, in each repetition."""
     path = written(tmp_path, CALIBRATION)
     command = ["campaign", str(path), "--out", "out", "--jobs", "1", "--resume"]
     assert commands.run([*command[:3], "whole", *command[4:]], tmp_path).status == 0
@@ -212,7 +212,7 @@ def test_two_resumes_at_once(tmp_path: Path, commands: ForkedCommands) -> None:
 
 
 def test_files_that_may_not_be_larger_stop_a_campaign_in_one_line(tmp_path: Path, commands: ForkedCommands) -> None:
-    """As a full disk does, wherever it is: the limit is that of the process."""
+    """The process's limit of file size has the effect of a full disk, at any place."""
     path = written(tmp_path, CALIBRATION)
     command = ["campaign", str(path), "--out", "out", "--jobs", "1", "--resume"]
     assert commands.run([*command[:3], "whole", *command[4:]], tmp_path).status == 0

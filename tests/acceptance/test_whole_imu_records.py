@@ -1,4 +1,4 @@
-"""Two hundred bench records: every true parameter inside its interval, what both determine never known worse."""
+"""Two hundred bench records: every true parameter is inside its interval, and a joint interval is never wider."""
 
 from dataclasses import replace
 

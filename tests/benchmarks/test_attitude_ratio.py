@@ -32,7 +32,7 @@ COUNT = 160_000
 ROUNDS = 5
 SHORT = 8_000
 FEW = 4_000
-"""Samples for what takes tens of microseconds for each."""
+"""Number of samples for code that takes tens of microseconds for each."""
 
 KERNELS = (
     "mean-rate",
@@ -53,7 +53,7 @@ Run = Callable[[np.ndarray], np.ndarray]
 
 
 def scipy_one_by_one(increments: np.ndarray) -> np.ndarray:
-    """One product for each sample."""
+    """Multiply once for each sample."""
     attitude = Rotation.identity()
     result = np.empty((len(increments), 4))
     for k, turned in enumerate(Rotation.from_rotvec(increments)):
@@ -63,7 +63,7 @@ def scipy_one_by_one(increments: np.ndarray) -> np.ndarray:
 
 
 def scipy_in_blocks(increments: np.ndarray) -> np.ndarray:
-    """Products of many samples at once: within all blocks together, then over the blocks."""
+    """Multiply many samples at once: within all blocks together, then over the blocks."""
     length = 2 ** round(math.log2(math.sqrt(len(increments))) - 1)
     blocks = len(increments) // length
     turned = Rotation.from_rotvec(increments).as_quat().reshape(blocks, length, 4)
@@ -87,7 +87,7 @@ def ahrs_closed_form(increments: np.ndarray) -> np.ndarray:
 
 
 def compiled(name: str, folder: Path) -> ctypes.CDLL | None:
-    """A source beside this file, as the compiler of this machine makes it."""
+    """Return a source beside this file, compiled by the compiler of this machine."""
     compiler = shutil.which("cc")
     if compiler is None:
         return None
@@ -101,7 +101,7 @@ POINTER = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
 
 
 def plain_c(folder: Path, *, renormalise: bool) -> Run | None:
-    """(22) in C."""
+    """Run (22) in C."""
     library = compiled("two_sample_rodrigues.c", folder)
     if library is None:
         return None
@@ -116,7 +116,7 @@ def plain_c(folder: Path, *, renormalise: bool) -> Run | None:
 
 
 def native_fmu(algorithm: str, folder: Path) -> Run:
-    """The attitude computer as a native FMU, in a loop in C that sets, steps and gets for each sample."""
+    """Run the attitude computer as a native FMU, in a loop in C that sets, steps and gets for each sample."""
     component = components()["AttitudeComputer"]
     number = next(a.number for a in ALGORITHMS if a.name == algorithm)
     fmu = open_fmu(build(component.name, folder, flavour="native"), folder / "unpacked")
@@ -140,7 +140,7 @@ def native_fmu(algorithm: str, folder: Path) -> Run:
 
 
 def nanoseconds(run: Run, increments: np.ndarray, rounds: int) -> tuple[float, np.ndarray]:
-    """Best time for one gyro sample, and the attitudes."""
+    """Return the best time for one gyro sample [ns], and the attitudes."""
     attitudes = run(increments[: len(increments) // 40 * 8])
     best = math.inf
     gc.collect()
@@ -152,7 +152,7 @@ def nanoseconds(run: Run, increments: np.ndarray, rounds: int) -> tuple[float, n
 
 
 def error_deg(attitudes: np.ndarray, samples: Samples, taken: int) -> float:
-    """Largest error over the first `FEW` gyro samples [deg]; `taken` of them make one update."""
+    """Return the largest error over the first `FEW` gyro samples [deg]; `taken` of them make one update."""
     true = attitudes_of_angles(samples.angles[taken - 1 : FEW : taken])
     return math.degrees(float(angle_between(attitudes[: len(true)], true).max()))
 
@@ -194,7 +194,8 @@ def test_ratio_to_scipy_ahrs_and_c(tmp_path: Path, capsys: pytest.CaptureFixture
 
 @pytest.mark.benchmark_ratio
 def test_ratio_of_a_sample_through_a_native_fmu_to_c(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """(22), renormalised: in C, compiled by numba, and in a native FMU that a host in C drives sample by sample."""
+    """Compare (22), renormalised: in C, compiled by numba, and in a native FMU that a host in C drives sample by
+    sample."""
     c = plain_c(tmp_path, renormalise=True)
     if c is None:
         pytest.skip("no C compiler")

@@ -36,7 +36,7 @@ def test_a_hundred_positions_under_a_second(capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.benchmark_ratio
 def test_a_hundred_thousand_positions_against_a_decomposition(capsys: pytest.CaptureFixture[str]) -> None:
-    """In units of one singular value decomposition of the readings' derivatives, 300,000 rows by 18."""
+    """The unit is one singular value decomposition of the readings' derivatives, 300,000 rows by 18."""
     rng = np.random.default_rng(1)
     bench, count = random_bench(rng), 100_000
     alpha, beta = rng.uniform(0, 2 * np.pi, (2, count))

@@ -1,4 +1,4 @@
-"""Two workers against one, side by side, so that both meet the same load of the machine."""
+"""Two workers against one, side by side under the same load of the machine."""
 
 import os
 import subprocess
@@ -22,7 +22,7 @@ repeats = {5 * FILES}
 
 @pytest.mark.skipif(usable_cores() < 2, reason="two workers need two cores")
 def test_two_workers_do_nearly_twice_the_work_of_one(tmp_path):
-    """Static calibrations, from the first files of both to the end of the faster one; at least 0.85 of linear."""
+    """Run static calibrations, from the first files of both to the end of the faster one; at least 0.85 of linear."""
     (tmp_path / "c.toml").write_text(CAMPAIGN, encoding="utf-8")
     command = [sys.executable, "-m", "trihedron.tools.cli", "campaign", str(tmp_path / "c.toml")]
     alone, pair = tmp_path / "alone", tmp_path / "both"
@@ -54,5 +54,5 @@ def test_two_workers_do_nearly_twice_the_work_of_one(tmp_path):
 
 
 def done(folder: Path) -> int:
-    """Files that are there."""
+    """Return the number of stored files."""
     return len(list(folder.glob("runs/part-*.parquet")))

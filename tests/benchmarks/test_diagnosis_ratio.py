@@ -1,4 +1,4 @@
-"""The search for causes: sets of three over the whole catalogue, proven, against a linear programme for each set."""
+"""The search for causes: proven sets of three over the whole catalogue, against a linear programme for each set."""
 
 import math
 import time
@@ -97,7 +97,7 @@ def test_least_radii_against_the_solver(positions, capsys):
 
 
 def test_how_far_a_set_goes_against_the_solver(capsys):
-    """Both ends of each parameter of what 100 positions leave possible: by the solver, warm, and by exchange."""
+    """Compare both ends of each parameter possible with 100 positions: by the solver, warm, and by exchange."""
     evidence: Any = evidence_of(three_effects(100).measured(), **options_of(three_effects(100)))
     matrix = evidence.rows.nominal / evidence.rows.bound[:, None]
     matrix = matrix / np.abs(matrix).max(axis=0)

@@ -69,7 +69,7 @@ def seconds(folder: Path, steps: int, out: Path | None) -> float:
 
 
 def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
-    """The loop as one writes it with FMPy: getReal and setReal with lists."""
+    """Run the usual loop with FMPy: getReal and setReal with lists."""
     unpacked = fmpy.extract(folder / "Light.fmu", work)
     slaves = []
     for name in "abc":

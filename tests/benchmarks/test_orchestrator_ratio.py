@@ -47,7 +47,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def plain_loop(folder: Path, work: Path, steps: int) -> tuple[float, np.ndarray]:
-    """The loop as one writes it with FMPy: getReal and setReal with lists."""
+    """Run the usual loop with FMPy: getReal and setReal with lists."""
     slaves, refs = {}, {}
     for name in NAMES:
         description = fmpy.read_model_description(folder / f"{name}.fmu")
@@ -87,7 +87,8 @@ def plain_loop(folder: Path, work: Path, steps: int) -> tuple[float, np.ndarray]
 
 
 def bare_program(folder: Path, work: Path) -> Path:
-    """A C program that makes the calls of the compiled loop, with the FMUs' names and references written into it."""
+    """Return a C program that makes the calls of the compiled loop, with the FMUs' names and references written into
+    it."""
     lines = [
         f"#define STEP {STEP!r}",
         "#define STOP 1e9",
@@ -121,7 +122,7 @@ def bare_program(folder: Path, work: Path) -> Path:
 
 
 def scenario(folder: Path, steps: int, *, in_process: bool = True, **more: object) -> Scenario:
-    """The three FMUs coupled, with the seven outputs."""
+    """Return the three FMUs coupled, with the seven outputs."""
     return Scenario.model_validate(
         {
             "base_folder": folder,

@@ -1,4 +1,4 @@
-"""Column generation against the full linear programme given to HiGHS, and how long proofs take, in one run."""
+"""Column generation against the full linear programme in HiGHS, and the time of proofs, in one run."""
 
 import resource
 import subprocess
@@ -15,7 +15,7 @@ from trihedron.tools.planning import optimal_plans
 
 
 def full_columns() -> np.ndarray:
-    """F (K, 18) in the paper's X of every admissible reading of the 1° grid over [0°, 360°]², as the tables."""
+    """Return F (K, 18) in the paper's X of every admissible reading of the 1° grid over [0°, 360°]², as the tables."""
     angle = np.radians(np.arange(361))
     alpha, beta = (g.ravel() for g in np.meshgrid(angle, angle, indexing="ij"))
     retained = admissible(alpha, beta, np.eye(3), rule="tables")
@@ -23,7 +23,7 @@ def full_columns() -> np.ndarray:
 
 
 def full_cost(columns: np.ndarray, target: np.ndarray) -> tuple[float, float]:
-    """min Σ|Φ| with Σ Φ F = a over all columns, in HiGHS with its own choices; the cost and the seconds."""
+    """Return min Σ|Φ| with Σ Φ F = a over all columns, in HiGHS with its own choices; the cost and the seconds."""
     began = time.perf_counter()
     pair = np.vstack([columns, -columns])
     which, rows = np.nonzero(pair)
@@ -75,7 +75,7 @@ def test_all_targets_on_the_one_degree_grid(capsys: pytest.CaptureFixture[str]) 
 
 
 def processor(*command: str) -> float:
-    """Least of three times that Python needs for a whole process [s of processor]."""
+    """Return the least of three times of a whole Python process [s of processor]."""
 
     def used() -> float:
         children = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -94,7 +94,7 @@ def processor(*command: str) -> float:
 def test_a_whole_process_against_one_that_only_imports(
     options: tuple[str, ...], most: float, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """18 plans from the command line, in units of what Python, NumPy and SciPy need until they stand ready."""
+    """Compute 18 plans from the command line, in units of the start-up of Python, NumPy and SciPy."""
     unit = processor("-c", "import numpy, scipy.optimize")
     ours = processor("-m", "trihedron.tools.cli", "plan", "target", *options)
     with capsys.disabled():

@@ -68,7 +68,7 @@ def test_latency_comes_first_in_broad_03_then_scale_and_misalignment():
 
 @pytest.mark.acceptance
 def test_a_lag_and_scale_factors_remain_in_broad_03_by_what_is_stated_of_the_cameras():
-    """Latency or a low-pass, beside scale factors that are wrong or drift: so wide bounds tell no more."""
+    """Latency or a low-pass, beside wrong or drifting scale factors: these wide bounds determine no more."""
     record = measured(BROAD)
     needed = [
         float(figure)
@@ -90,7 +90,7 @@ def test_a_lag_and_scale_factors_remain_in_broad_03_by_what_is_stated_of_the_cam
 
 @pytest.mark.acceptance
 def test_the_gyros_of_the_xsens_unit_feel_gravity():
-    """Found blind; and the means at rest, without any move, say the same sizes."""
+    """The effect is found blind; the means at rest, without any move, give the same sizes."""
     result = diagnose(measured(XSENS), rerun=False)
     assert (result.verdict, [cause.effect for cause in result.causes]) == ("explained", ["gyro-g-sensitivity"])
     (at_rest,) = result.evidence.reader.found.gyros.standing

@@ -21,14 +21,14 @@ SITUATIONS = (("1", 100.0), ("first", 2000.0), ("second", 1000.0))
 
 
 def table(name: str) -> list[list[str]]:
-    """Cells of a table of the page, without its head."""
+    """Return the cells of a table of the page, without its head."""
     text = PAGE[PAGE.index(f"<!-- {name} -->") : PAGE.index(f"<!-- end of {name} -->")]
     lines = text.splitlines()[3:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
 def operations(name: str) -> float:
-    """Operations for one gyro sample on the slow, large motion."""
+    """Return the operations for one gyro sample on the slow, large motion."""
     algorithm = algorithm_named(name)
     increments = sample_motion(paper_motion("1", EXACT), 0.01, 2 * algorithm.samples).increments
     return operations_per_sample(algorithm, increments)
@@ -48,7 +48,7 @@ def test_coning_drift_is_the_fourth_power_over_thirty(name, phase):
 
 
 def test_coning_drift_of_the_mean_rate_is_exact():
-    """(7.18) sees the chord for the arc: 1 - drift = sin(x)/x of the cone's projection, but for the cone's size."""
+    """(7.18) takes the chord for the arc: 1 - drift = sin(x)/x of the cone's projection, except for the cone's size."""
     phase = 0.8
     expected = 1.0 - math.sin(phase) / phase
     assert relative_coning_drift(algorithm_named("mean-rate"), phase) == pytest.approx(expected, rel=1e-3)

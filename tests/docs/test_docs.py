@@ -21,7 +21,7 @@ RUNNABLE = [page for page in PAGES if any(block.language != "text" for block in 
 
 @pytest.fixture(scope="module")
 def records(tmp_path_factory, programs) -> Path:
-    """A bench that was simulated, and a record with a secret."""
+    """Return a simulated bench, and a record with a secret."""
     folder = tmp_path_factory.mktemp("records")
     page = folder / "page.md"
     page.write_text(

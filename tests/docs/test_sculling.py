@@ -11,7 +11,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 def test_the_component_drifts_as_theory_says() -> None:
-    """In doubles, where they can show 1e-3 of it."""
+    """Compare in doubles where they can show 1e-3 of it."""
     for algorithm in ALGORITHMS:
         phase = nearest_phase(algorithm, 0.8)
         assert measured(algorithm, phase) == pytest.approx(theory(algorithm, phase), rel=1e-3)

@@ -35,7 +35,7 @@ needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no
 
 @pytest.fixture(scope="module", autouse=True)
 def _names_are_parsed_once() -> Iterator[None]:
-    """FMPy's grammar of names takes longer than all else; the flavours of a component have the same names."""
+    """Cache parsed names: FMPy's grammar is slow, and the flavours of a component share their names."""
 
     @cache
     def parser(grammar: str, start: str) -> SimpleNamespace:
@@ -133,13 +133,13 @@ def fmpy_reads(component: Component, fmi: int) -> bool:
 
 
 def rows_of(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Heads and cells of a table of reference results."""
+    """Return heads and cells of a table of reference results."""
     heads, *rows = (line.split(",") for line in path.read_text(encoding="utf-8").splitlines())
     return [head.strip('"') for head in heads], rows
 
 
 def numbers_in(cell: str, variable: Variable) -> list[float]:
-    """The numbers of a cell, each written as its type is."""
+    """Return the numbers of a cell, each written in its type."""
     return [float(text) if variable.type == "real" else float(int(text)) for text in cell.split(" ")]
 
 
@@ -147,7 +147,7 @@ def numbers_in(cell: str, variable: Variable) -> list[float]:
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("name", sorted(components()))
 def test_the_reference_inputs_give_the_reference_outputs(name, fmi, tmp_path):
-    """Every input is driven, what moves the component moves it, and the numbers come back to the bit."""
+    """Every input is driven, every variable that moves the component does so, and the numbers return to the bit."""
     component = components()[name]
     path = build(name, tmp_path, flavour="native", fmi=fmi)
     files = write_reference(component, tmp_path, fmi)
@@ -226,7 +226,7 @@ def test_fmpy_reproduces_the_reference_results(name, fmi, tmp_path):
 @needs_compiler
 @pytest.mark.parametrize("name", sorted(components()))
 def test_outputs_during_the_initialisation_are_those_after_it(name, tmp_path, slaves):
-    """In every flavour: a master may read them before it ends the initialisation."""
+    """In every flavour, a master may read outputs before it ends the initialisation."""
     component = components()[name]
     parameters = draw_parameters(component, random.Random(3))
     plain = Named(component, **parameters)

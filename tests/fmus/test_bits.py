@@ -42,7 +42,7 @@ class Compiled(Instance):
 
 
 def by_variable(component: Component, elements: dict[str, float]) -> dict[str, list[float]]:
-    """Values of whole variables from those of elements; a variable is there when all its elements are."""
+    """Return values of whole variables from those of elements; a variable needs all its elements."""
     values: dict[str, list[float]] = {}
     for v in component.interface:
         if set(v.elements) <= elements.keys():
@@ -51,7 +51,7 @@ def by_variable(component: Component, elements: dict[str, float]) -> dict[str, l
 
 
 def plan(component: Component, steps: int) -> tuple[dict[str, float], list[dict[str, float]], list[float]]:
-    """Random parameters, inputs for each step and lengths of steps."""
+    """Draw parameters, inputs for each step, and lengths of steps."""
     rng = random.Random(f"{component.name} {len(component.effects)}")
     parameters = draw_parameters(component, rng)
     inputs = draw_inputs(component, rng)

@@ -16,7 +16,7 @@ from trihedron.tools.compiled import COMPILES, compiled_and_kept
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache of its own."""
+    """Return an empty cache."""
     monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
@@ -95,7 +95,7 @@ def test_a_file_in_the_place_of_the_cache(cache: Path) -> None:
 
 
 class _Bomb:
-    """A pickle of it makes a file when it is loaded."""
+    """An object whose pickle makes a file when it is loaded."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -110,7 +110,7 @@ def _triple(x):
 
 @pytest.mark.skipif(not COMPILES, reason="needs numba")
 def test_damaged_machine_code_is_compiled_again(cache: Path, tmp_path: Path) -> None:
-    """Code of numba is in the checked cache, and only there; no content of it ends a call."""
+    """Code of numba is only in the checked cache; no content of it ends a call."""
     assert compiled_and_kept(_triple)(2.0) == 6.0
     (path,) = cache.glob("code/*")
     content = path.read_bytes()

@@ -29,12 +29,12 @@ TRIED = {
 OVER_A_STEP = ("increment", "increment_reading")
 UNIT = [0.02] * 50
 UNEVEN = [0.005, 0.02, 0.1, 0.0123, 0.3, 0.0027, 0.25, 0.06, 0.24, 0.01]
-"""Two ways through a second; the last step is a short one."""
+"""Two step sequences for a second; the last step is short."""
 PROGRAMME = {"positions": [3.0], "alpha": [0.1 * i for i in range(128)], "dwell_time": [0.2] * 128, "period": [0.01]}
 
 
 def claims(path: Path) -> dict[str, bool]:
-    """The flags of the model description's co-simulation."""
+    """Return the flags of the model description's co-simulation."""
     with zipfile.ZipFile(path) as archive:
         interface = ElementTree.fromstring(archive.read("modelDescription.xml")).find("CoSimulation")
     assert interface is not None
@@ -42,7 +42,7 @@ def claims(path: Path) -> dict[str, bool]:
 
 
 class Driven:
-    """A native instance or one of the Python flavour with the same inputs at every step, increments by its length."""
+    """A native or Python instance with the same inputs at every step; increments scale with its length."""
 
     def __init__(self, component: Component, path: Path, folder: Path, slaves=None) -> None:
         self.component = component
@@ -68,7 +68,7 @@ class Driven:
             assert all(self.model.set(name, every) == OK for name, every in values.items()), self.model.library.log
 
     def over(self, length: float) -> dict[str, list[float]]:
-        """The inputs of a step of this length."""
+        """Return the inputs of a step of this length."""
         values = {}
         for v in self.component.interface:
             if v.causality == "input":
@@ -96,7 +96,7 @@ class Driven:
         return by_name
 
     def second(self, lengths: Sequence[float]) -> dict[str, list[float]]:
-        """Outputs after a second in steps of these lengths; of increments their sums."""
+        """Return the outputs after a second in steps of these lengths; for increments their sums."""
         time, sums = 0.0, {}
         for length in lengths:
             assert self.step(time, length)

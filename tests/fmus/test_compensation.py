@@ -1,4 +1,4 @@
-"""AccelerometerCompensation undoes AccelerometerBlock: at every sign, at zero, and says where no inverse is certain."""
+"""AccelerometerCompensation undoes AccelerometerBlock at every sign and at zero, and reports an uncertain inverse."""
 
 import math
 
@@ -43,7 +43,7 @@ def test_the_inverse_of_the_block_for_every_force(values, force):
 
 
 def test_signs_that_the_readings_do_not_show():
-    """Biases and crossed axes turn the signs of readings about; the inverse finds those of the inputs."""
+    """Biases and crossed axes reverse the signs of readings; the inverse finds those of the inputs."""
     parameters = {"bias[1]": 0.02, "gamma_21": 0.3, "gamma_23": -0.3, "scale_error_plus[2]": 0.1}
     parameters |= {"scale_error_minus[2]": -0.1, "scale_error_plus[1]": 0.2, "scale_error_minus[1]": -0.2}
     for force in ((-0.01, 0.05, -9.8), (9.0, -1.0, 3.0), (-9.0, 1.0, 3.0), (-0.1, -0.1, -0.1)):

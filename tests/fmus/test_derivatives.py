@@ -60,7 +60,7 @@ class Subject:
         return self.library.call("GetDirectionalDerivative", self.model.instance, *seeds), list(values)
 
     def difference(self, outputs: list[Variable], cause: Variable, element: int, h: float) -> np.ndarray:
-        """By the five-point rule."""
+        """Return the derivative by the five-point rule."""
         state, total = list(self.values[cause.name]), np.zeros(sum(len(v.elements) for v in outputs))
         for steps, weight in STENCIL.items():
             ends = []
@@ -74,7 +74,7 @@ class Subject:
         return total
 
     def compare(self, knowns: list[Variable]) -> dict[tuple[str, str], float]:
-        """Largest derivative of each output by each known; every one agrees with the differences."""
+        """Return the largest derivative of each output by each known; assert that all agree with the differences."""
         outputs = [v for v in self.component.interface if v.causality == "output" and v.type == "real"]
         largest: dict[tuple[str, str], float] = {}
         for cause in knowns:
@@ -96,7 +96,7 @@ class Subject:
 
 
 def dependencies(component: Component, path) -> dict[str, set[str]]:
-    """By ModelStructure: of each output the inputs that it follows at once."""
+    """Return, by ModelStructure, the inputs that each output follows at once."""
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
     variables = root.find("ModelVariables")
@@ -116,7 +116,7 @@ def dependencies(component: Component, path) -> dict[str, set[str]]:
 
 
 def kinds() -> list[Component]:
-    """Every component that gives derivatives, and the extended ones without the effects that round."""
+    """Return every component with derivatives, and the extended ones without rounding effects."""
     selected = []
     for component in all_kinds():
         smooth = tuple(place for place in component.effects if not place.definition.rounds)

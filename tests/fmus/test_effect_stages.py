@@ -15,7 +15,7 @@ from trihedron.tools.records import PositionRecord
 
 
 def block(effects: dict[EffectPlace, tuple[float, ...]], **settings):
-    """A block, and a function that reads it at a specific force [g]."""
+    """Return a block, and a function that reads it at a specific force [g]."""
     model = Named("AccelerometerBlock", effects, **settings)
     return model, lambda *n: (model.put(specific_force=G * np.array(n))["reading"] / G).tolist()
 
@@ -25,7 +25,7 @@ def at_accelerometer_1(name: str) -> EffectPlace:
 
 
 def test_the_order_of_effects_on_the_table_does_not_matter():
-    """Each is evaluated on the angles without the others: the same bits but for the order of the sum."""
+    """Each effect is evaluated on the angles without the others: the same bits except for the order of the sum."""
     harmonic, backlash = EffectPlace("encoder-harmonic", "outer-axis", 2), EffectPlace("backlash", "inner-axis")
     effects = {**WOBBLES, harmonic: (1e-3, 0.2), backlash: (5e-4,)}
     assert readings(dict(reversed(effects.items()))) == pytest.approx(readings(effects), abs=1e-15)
@@ -107,7 +107,7 @@ def test_hours_count_from_the_beginning_to_the_end_of_the_step(name, place, valu
 
 
 def table(effects: dict[EffectPlace, tuple[float, ...]], **settings) -> Named:
-    """The table of the true bench, at rest."""
+    """Return the table of the true bench, at rest."""
     return extended_instance("TurntableMotion", effects, **settings).begin()
 
 
@@ -136,7 +136,7 @@ def test_a_move_that_is_turned_round_within_a_step_ends_in_its_last_sense():
 
 
 def test_a_record_without_approach_columns_gives_senses_from_the_row_before():
-    """The first input comes from none; a change of mounting is a new beginning."""
+    """The first input has no predecessor; a change of mounting is a new beginning."""
     model, _ = true_bench()
     record = PositionRecord(
         position=np.arange(1, ROWS + 1),

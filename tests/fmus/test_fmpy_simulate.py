@@ -1,4 +1,4 @@
-"""`fmpy simulate` runs every component as it comes."""
+"""`fmpy simulate` runs every component unchanged."""
 
 import fmpy
 import numpy as np

@@ -12,7 +12,7 @@ H = 0.01
 
 
 def run(inputs: dict[str, np.ndarray], **settings) -> tuple[np.ndarray, np.ndarray]:
-    """Readings of rates and increments (N, 3) for inputs, one row a step."""
+    """Return readings of rates and increments (N, 3) for inputs, one row a step."""
     model = Named("GyroBlock", **settings)
     rows = len(next(iter(inputs.values())))
     outputs = np.zeros((rows, 6))
@@ -55,7 +55,7 @@ def test_scale_misalignment_and_bias_enter_as_the_equation_says():
 
 
 def test_quanta_are_whole_and_their_sum_stays_within_half_of_one():
-    """The remainder is carried: the integral of the angle does not walk away, as it would with plain rounding."""
+    """The remainder is carried: the integral of the angle does not drift, as it would with plain rounding."""
     quantum = 1e-3
     w = turning(2000)
     _, increment = run({"increment": w * H}, quantum=quantum)

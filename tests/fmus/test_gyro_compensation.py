@@ -23,7 +23,7 @@ ERRORS: dict[str, Any] = {
 }
 LATENCY = EffectPlace("latency", "gyro-block")
 FADES_IN = 0.01
-"""Time constant [h] of what fades."""
+"""Time constant [h] of fading effects."""
 INVERTIBLE = [e.places[0] for e in STRAPDOWN_EFFECTS.values() if e.stage == "reading_effects"]
 
 
@@ -71,7 +71,7 @@ def test_a_lag_of_a_step_and_a_fifth_is_taken_out_of_a_hand_like_motion():
 
 @pytest.mark.parametrize("steps", [0.5, 1.3, 4.0, 8.0])
 def test_no_lag_makes_it_unstable(steps):
-    """A reading that jumps up and down is the worst that there is: a series of two terms cannot exceed 1 + 2 + 4."""
+    """A reading that jumps up and down is the worst case: a series of two terms cannot exceed 1 + 2 + 4."""
     rows = lively_motion(even=True)
     jumping = replace(rows, rate=np.where(np.arange(len(rows.rate)) % 2 == 0, 1.0, -1.0)[:, None] * np.ones(3))
     response = gyro_readings([(LATENCY, [steps * PERIOD])], jumping, "GyroCompensation")

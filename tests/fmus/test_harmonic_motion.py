@@ -18,7 +18,7 @@ def motion(parameters: dict[str, float]) -> Named:
 
 
 def rotation(angle: np.ndarray) -> Rotation:
-    """ψ about the second axis, then ϑ about the third, then γ about the first, by scipy."""
+    """Return ψ about the second axis, then ϑ about the third, then γ about the first, by scipy."""
     return Rotation.from_euler("YZX", angle)
 
 
@@ -56,7 +56,7 @@ def test_angles_and_attitude_are_what_the_harmonics_say() -> None:
 
 
 def moment(model: Named, time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Angles and body rate of a motion at any time, by the kernel that outputs and increments are made with."""
+    """Return angles and body rate of a motion at any time, by the kernel of outputs and increments."""
     angle, rate = [0.0] * 3, [0.0] * 3
     move_harmonically(time, model.model.memory["harmonics"], angle, [0.0] * 3, rate)
     return np.array(angle), np.array(rate)
@@ -75,7 +75,7 @@ def test_the_rate_is_the_derivative_of_the_attitude() -> None:
 @settings(max_examples=20)
 @given(st.floats(0.0, 60.0), st.floats(1e-4, 0.1))
 def test_the_increment_is_the_integral_of_the_rate(begin: float, step: float) -> None:
-    """Against Gauss's rule of forty nodes on pieces of a millisecond."""
+    """Compare with Gauss's rule of forty nodes on pieces of a millisecond."""
     model = motion(FAST)
     nodes, weights = np.polynomial.legendre.leggauss(40)
     pieces = 1 + int(step / 1e-3)

@@ -47,7 +47,7 @@ class Exchange:
         return self.library.call(name, self.model.instance, *arguments)
 
     def update(self) -> float | None:
-        """Update discrete states; the time of the next event."""
+        """Update discrete states; return the time of the next event."""
         if self.library.fmi == 2:
             info = Info2()
             assert self.call("NewDiscreteStates", ct.byref(info)) == OK, self.library.log
@@ -65,7 +65,7 @@ class Exchange:
         return self.call("SetTime", ct.c_double(time))
 
     def complete(self) -> bool:
-        """End a step of the integrator; whether event mode is asked for."""
+        """End a step of the integrator; return True if it asks for event mode."""
         kind = ct.c_int if self.library.fmi == 2 else ct.c_bool
         enter, end = kind(), kind()
         assert self.call("CompletedIntegratorStep", kind(True), ct.byref(enter), ct.byref(end)) == OK, self.library.log
@@ -74,7 +74,7 @@ class Exchange:
 
 
 def made(library: Library) -> int | None:
-    """An instance for model exchange, None where it is refused."""
+    """Return an instance for model exchange, None if it is refused."""
     if library.fmi == 2:
         return library.instantiate(b"model", kind=0)
     no, yes = ct.c_bool(False), ct.c_bool(True)

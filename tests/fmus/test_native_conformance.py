@@ -30,7 +30,7 @@ def test_every_call_is_done_or_refused_as_the_standard_says(component, fmi, tmp_
 
 
 def watched(component: Component, fmi: int, folder: Path, flags: list[str]) -> tuple[Path, Path]:
-    """A library compiled with debugging flags from an FMU's own sources, and the description of it for the program."""
+    """Return a library compiled with debugging flags from an FMU's own sources, and its description for the program."""
     path = build(component.name, folder, component.effects, flavour="native", fmi=fmi)
     _, _, token = unpack(path, folder / "unpacked")
     compiler = host_compiler()
@@ -46,7 +46,7 @@ def watched(component: Component, fmi: int, folder: Path, flags: list[str]) -> t
 
 
 def blamed(message: str, binary: Path) -> list[str]:
-    """Lines of a memory checker that name the FMU: its library, or one of its sources."""
+    """Return the lines of a memory checker that name the FMU: its library, or one of its sources."""
     return re.findall(rf".*(?:{re.escape(binary.name)}|\b(?:model|component|values|state|fmi[23]\w*)\.c:).*", message)
 
 
@@ -113,7 +113,7 @@ def test_only_the_functions_of_fmi_are_visible(tmp_path):
 
 
 def test_the_program_that_memory_checkers_watch_counts_failures(tmp_path):
-    """A library that is none of ours fails the checks: they can."""
+    """A foreign library fails the checks, so the checks can fail."""
     component = all_kinds()[0]
     _, described = watched(component, 2, tmp_path, [])
     message = json.loads(described.read_text())

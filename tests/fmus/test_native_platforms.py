@@ -1,4 +1,4 @@
-"""The sources of native FMUs compiled for other platforms: the same bits, but for sin, cos and atan2."""
+"""The sources of native FMUs compiled for other platforms: the same bits, except for sin, cos and atan2."""
 
 import hashlib
 import os
@@ -22,11 +22,11 @@ from trihedron.fmus.native.compile import FLAGS, binary
 STEPS = 1000
 RUNNERS = {"x86_64-linux-musl": None, "aarch64-linux-musl": "qemu-aarch64", "x86_64-windows-gnu": "wine"}
 BOUND = 1e-12
-"""Greatest difference that the platforms' sin and cos may make, relative to the largest output."""
+"""Largest difference from the platforms' sin and cos, relative to the largest output."""
 
 
 def script_and_result(component: Component) -> tuple[str, list[float]]:
-    """Lines for the host, and the real outputs that plain Python has after each step."""
+    """Return lines for the host, and the real outputs of plain Python after each step."""
     rng = random.Random(5)
     kinds = {name: v.type for name, v in elements_of(component).items()}
     names = [name for name in elements_of(component, "output") if kinds[name] == "real"]
@@ -85,7 +85,7 @@ def test_other_platforms_give_the_same_bits_but_for_sin_and_cos(name, target, tm
 
 
 def load_commands(library: bytes) -> dict[int, bytes]:
-    """The load commands of a Mach-O library, by their kind."""
+    """Return the load commands of a Mach-O library, by their kind."""
     count, at, commands = struct.unpack_from("<I", library, 16)[0], 32, {}
     for _ in range(count):
         kind, length = struct.unpack_from("<2I", library, at)

@@ -1,4 +1,4 @@
-"""Native FMUs that come with a wheel: taken where nothing compiles, and only where they are of just this source."""
+"""Native FMUs of a wheel: used if nothing compiles, and only for exactly this source."""
 
 import json
 import zipfile
@@ -19,7 +19,7 @@ if compiler.host_compiler() is None or host_name() not in compiler.PLATFORMS:
 
 @pytest.fixture
 def wheel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder as a wheel has it, with one component for this machine; and no compiler any more."""
+    """Return a wheel's folder with one component for this machine, and disable the compiler."""
     folder = tmp_path / "prebuilt"
     for fmi in (2, 3):
         build(NAME, folder / f"fmi{fmi}", flavour="native", fmi=fmi)
@@ -55,7 +55,7 @@ def refused(tmp_path: Path, *names: str, **options) -> str:
 
 
 def test_another_source_is_not_taken(wheel: Path, tmp_path: Path):
-    """With an effect the kernels are others; another component was not made; other platforms are not in it."""
+    """An effect changes the kernels; another component was not built; other platforms are not included."""
     assert "need a C compiler" in refused(tmp_path, NAME, effects=["quadratic accelerometer-3"])
     assert "need a C compiler" in refused(tmp_path, "TurntableMotion")
     altered = next(name for name in compiler.PLATFORMS if name != host_name())
@@ -82,5 +82,5 @@ def test_what_is_stale_or_damaged_is_not_taken(damage: str, wheel: Path, tmp_pat
 
 
 def test_a_checkout_has_none():
-    """They would not be those of the sources after the next change of a kernel."""
+    """They would not match the sources after the next change of a kernel."""
     assert not compiler.has_prebuilt()

@@ -50,7 +50,7 @@ def kernel(x: float, y: float, k: int, v: Vector, out: Vector) -> int:
 
 
 def made(*texts: str, kernels: str = "kernel") -> dict:
-    """The kernels and their tangents, in Python; they go through the translator, too."""
+    """Return the kernels and their tangents, in Python; they pass through the translator, too."""
     parts = [SourcePart(text.strip(), "kernel.py", 10) for text in texts]
     every = [*parts, *tangents(parts, [kernels])]
     translate(every)

@@ -20,7 +20,7 @@ def table(**values) -> Named:
 
 
 def frame_rotation(axis: str, angle: float) -> np.ndarray:
-    """Matrix that takes components to a frame turned by `angle` about an axis."""
+    """Return the matrix that takes components to a frame turned by `angle` about an axis."""
     return Rotation.from_euler(axis, -angle).as_matrix()
 
 
@@ -114,7 +114,7 @@ def test_increments_integrate_to_the_attitude_against_inertial_space(effects):
 
 @pytest.mark.parametrize(("effects", "rounding"), [({}, 3e-14), (WOBBLES, 3e-13)], ids=["none", "all"])
 def test_increments_do_not_depend_on_the_step(effects, rounding):
-    """Increments add up: coarse steps give the sums of fine ones, kinks and all."""
+    """Increments add up: coarse steps give the sums of fine ones, including kinks."""
     coarse, fine = (Named("TurntableMotion", effects, **SETTINGS).begin() for _ in range(2))
     for model in (coarse, fine):
         model.put(command=[1.7, -2.9])

@@ -1,4 +1,4 @@
-"""FMUs that are none of ours: PythonFMU scripts, which the tests build."""
+"""Foreign FMUs: PythonFMU scripts, which the tests build."""
 
 import re
 import shutil
@@ -16,7 +16,7 @@ HERE = Path(__file__).parent
 
 
 def build_foreign(script: str, folder: Path) -> Path:
-    """Build a script of this folder as an FMU; the process forgets that it imported it."""
+    """Build a script of this folder as an FMU; the process forgets its import."""
     from pythonfmu.builder import FmuBuilder
 
     path, modules = list(sys.path), set(sys.modules)
@@ -33,7 +33,7 @@ def build_foreign(script: str, folder: Path) -> Path:
 
 
 def rewritten(fmu: Path, target: Path, change: Callable[[str, bytes], tuple[str, bytes] | None]) -> Path:
-    """A copy of an FMU in which each member is changed, or left out where `change` gives None."""
+    """Return a copy of an FMU in which each member is changed, or left out if `change` gives None."""
     with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(target, "w") as new:
         for member in old.infolist():
             changed = change(member.filename, old.read(member))
@@ -45,10 +45,10 @@ def rewritten(fmu: Path, target: Path, change: Callable[[str, bytes], tuple[str,
 def compile_foreign(
     source: str, folder: Path, variables: Mapping[str, str], kind: str, options: str = "", end: str = ""
 ):
-    """Compile a C file of this folder as an FMU of FMI 2.0 (skipped where there is no cc), as `Name.fmu`.
+    """Compile a C file of this folder as an FMU of FMI 2.0 (skipped without cc), as `Name.fmu`.
 
-    `variables` are attributes and type of each, by the order of their value references; `kind` is the element that says
-    what it is for, `more` are further attributes of the description, `end` what stands in its structure.
+    `variables` are attributes and type of each, by the order of their value references. `kind` is the element of its
+    use, `more` are further attributes of the description, `end` is the content of its structure.
     """
     compiler = shutil.which("cc")
     if compiler is None:
@@ -72,7 +72,7 @@ def compile_foreign(
 
 
 def declaring(fmu: Path, target: Path, attributes: dict[str, str]) -> Path:
-    """A copy of an FMU whose description declares more of some Real variables: name to `unit="rad" min="0"`."""
+    """Return a copy of an FMU whose description declares more of some Real variables: name to `unit="rad" min="0"`."""
 
     def change(name: str, content: bytes) -> tuple[str, bytes]:
         if name != "modelDescription.xml":

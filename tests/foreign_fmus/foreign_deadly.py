@@ -1,4 +1,4 @@
-"""Not one of ours: gives its parameter back; above 1 it takes its process with it, below -1 it fails."""
+"""Return the parameter; above 1, end the process; below -1, fail."""
 
 import os
 

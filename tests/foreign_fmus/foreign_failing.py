@@ -1,4 +1,4 @@
-"""Fails on demand, in each of the ways in which an FMU can."""
+"""Fail on demand, in each of the ways in which an FMU can."""
 
 import math
 

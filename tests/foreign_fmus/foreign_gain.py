@@ -1,4 +1,4 @@
-"""Multiplies two inputs, with a parameter of every type; its output follows its inputs at once."""
+"""Multiply two inputs, with a parameter of every type; the output follows the inputs at once."""
 
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Fmi2Variability, Integer, Real, String
 

@@ -1,4 +1,4 @@
-"""An FMU that misbehaves as its name says, the runs in which each of its calls is made, and what must be said of it."""
+"""An FMU that misbehaves by its name, the runs that make each of its calls, and the expected messages."""
 
 import re
 import shutil
@@ -37,7 +37,7 @@ WAYS = {
 
 
 def build_hostile(folder: Path) -> Path:
-    """Build it; the test is skipped where there is no C compiler named cc."""
+    """Build it; the test is skipped without a C compiler named cc."""
     compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("needs a C compiler named cc")
@@ -57,7 +57,7 @@ def build_hostile(folder: Path) -> Path:
 
 
 def hostile_scenario(folder: Path, name: str, **sections: Any) -> dict[str, Any]:
-    """Ten steps of 0.1 s in which all calls of the FMU of this name are made that a run of its kind makes."""
+    """Return ten steps of 0.1 s that make all calls of the FMU of this name for a run of its kind."""
     settings = f"good.Real_out -> {name}.Real_in"
     if name.partition("_")[2] in STATES:
         connections, coupling = wires(settings, f"{name}.Real_out -> good.Real_in"), {"coupling": "iterate"}
@@ -79,7 +79,7 @@ def outcome(folder: Path, name: str, out: Path) -> str:
 
 
 def assert_named_and_kept(folder: Path, call: str, way: str, out: Path) -> None:
-    """The run of an FMU that does this in this call names it, the call and the time, and keeps its rows until then."""
+    """Assert that the run of such an FMU names it, the call and the time, and keeps its rows until then."""
     name = f"{way}_{call}"
     message = outcome(folder, name, out)
     begin, last = {

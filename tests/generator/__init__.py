@@ -1,7 +1,7 @@
 """Records from an exact model of its own, which shares no formula with the product.
 
-The model is that of contracts: a table whose axes may be wrong in every way, a block of accelerometers and gyros on it
-or in the hand, errors within a bound, and effects that are added by definitions of their own.
+The model is that of contracts: a table with errors of every kind in its axes, a block of accelerometers and gyros on it
+or in the hand, errors within a bound, and effects by independent definitions.
 """
 
 G = 9.80665

@@ -39,7 +39,7 @@ def sizes(rng: np.random.Generator, count: int, size: float) -> np.ndarray:
 
 
 def changed(stand: Any, group: str, change: np.ndarray, rng: np.random.Generator) -> Any:
-    """The stand after a change."""
+    """Return the stand after a change."""
     one = np.zeros(3)
     one[rng.integers(3)] = change[0]
     if group == "bias":
@@ -65,7 +65,7 @@ NUMBERS = {"biases": 3, "mounting": 3, "scale factors": 3, "biases and mounting"
 
 
 def joined_readings(session: Session, stands: list[Any], rows: list[int]) -> np.ndarray:
-    """Readings (N, 3) [g] of a session whose stand is another one from each of some rows on."""
+    """Return readings (N, 3) [g] of a session whose stand changes at some rows."""
     reading = session.read()[1]
     for stand, row in zip(stands, rows, strict=True):
         reading[row:] = replace(session, stand=stand).read()[1][row:]
@@ -103,7 +103,7 @@ def two_things(
 
 
 def broken_record(seed: int, group: str, count: int = 48, size: float = 6.0, row: int | None = None) -> Broken:
-    """A record of a drawn session with a break of a group before a row, by default a drawn one."""
+    """Return a record of a drawn session with a break of a group before a row, by default a drawn one."""
     rng = np.random.default_rng([seed, count, GROUPS.index(group)])
     session = Session.drawn(rng, count)
     row = int(rng.integers(count // 5, count - count // 5)) if row is None else row

@@ -25,7 +25,7 @@ Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def true_motion(poses: np.ndarray = POSES, rest: float = 3.0, move: float = 1.5, period: float = PERIOD) -> Motion:
-    """Smooth turns between rests in poses."""
+    """Return smooth turns between rests in poses."""
     rates, inputs = [], []
     still = round(rest / period)
     for k, (before, after) in enumerate(pairwise(poses)):
@@ -62,7 +62,7 @@ def strapdown_record(
     rate_noise: float = 1e-3,
     **columns: Any,
 ) -> StrapdownRecord:
-    """A record of a motion: Γ and b [g] of the accelerometers, bias [rad/s], drift [rad/s/h] and G [rad/s/g]."""
+    """Return a record of a motion: Γ and b [g] of the accelerometers, bias [rad/s], drift [rad/s/h] and G [rad/s/g]."""
     time, rate, n = true_motion() if motion is None else motion
     rng = np.random.default_rng(seed)
     reading = n @ (np.eye(3) + gamma).T
@@ -76,7 +76,7 @@ def strapdown_record(
 def drawn_motion(
     rng: np.random.Generator, moves: int = 16, rest: float = 4.0, period: float = PERIOD
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, Rotation]:
-    """A motion with its attitudes: moves about drawn axes, slow and fast."""
+    """Draw a motion with its attitudes: moves about drawn axes, slow and fast."""
     rates, still = [np.zeros((round(2.0 * rest / period), 3))], round(rest / period)
     for _ in range(moves):
         length = rng.uniform(0.8, 3.0)
@@ -92,7 +92,7 @@ def drawn_motion(
 
 
 def slow_noise(rng: np.random.Generator, rows: int, size: float) -> np.ndarray:
-    """Noise (rows, 3) that wanders over all times from 16 rows to the record alike, as flicker noise does."""
+    """Draw noise (rows, 3) that wanders equally over all times from 16 rows to the record, like flicker noise."""
     total = np.zeros((rows, 3))
     for octave in range(4, int(np.log2(rows)) + 1):
         knots = np.arange(0, rows + 2**octave, 2**octave)
@@ -103,7 +103,7 @@ def slow_noise(rng: np.random.Generator, rows: int, size: float) -> np.ndarray:
 
 
 def camera_attitude(rng: np.random.Generator, attitude: Rotation, error: float) -> np.ndarray:
-    """Quaternions (N, 4), scalar first, of an attitude that cameras see with an error of this rms [rad]."""
+    """Return quaternions (N, 4), scalar first, of an attitude seen by cameras with this rms error [rad]."""
     filmed = attitude * Rotation.from_rotvec(error * rng.standard_normal((len(attitude), 3)))
     return np.roll(filmed.as_quat(), 1, axis=1)
 
@@ -131,7 +131,7 @@ class HandMotion:
 
     @property
     def count(self) -> int:
-        """Rows of the record."""
+        """Number of rows of the record."""
         return round((len(self.turns) * (self.rest + self.move) + self.rest) / PERIOD) + 1
 
     @property
@@ -140,7 +140,7 @@ class HandMotion:
         return PERIOD * np.arange(self.count)
 
     def rate(self, times: np.ndarray) -> np.ndarray:
-        """True rates (N, 3) [rad/s] at times (N,)."""
+        """Return true rates (N, 3) [rad/s] at times (N,)."""
         span, poses = self.rest + self.move, len(self.turns)
         number = np.minimum((times // span).astype(int), poses - 1)
         since = times - number * span
@@ -157,7 +157,7 @@ class HandMotion:
 
 
 def wandering(rng: np.random.Generator, rows: int) -> np.ndarray:
-    """A walk (rows, 3) [rad/s] that settles; it stands for the flicker of a good MEMS gyro."""
+    """Draw a walk (rows, 3) [rad/s] that settles, like the flicker of a good MEMS gyro."""
     walk = np.zeros((rows, 3))
     for k, kick in enumerate(rng.normal(0.0, 2e-6, (rows - 1, 3))):
         walk[k + 1] = 0.999 * walk[k] + kick
@@ -165,7 +165,7 @@ def wandering(rng: np.random.Generator, rows: int) -> np.ndarray:
 
 
 def mems_force(rng: np.random.Generator, n: np.ndarray) -> np.ndarray:
-    """Readings (N, 3) [g] of the accelerometers of a good MEMS unit at inputs (N, 3)."""
+    """Return readings (N, 3) [g] of the accelerometers of a good MEMS unit at inputs (N, 3)."""
     gamma = np.tril(rng.uniform(-3e-3, 3e-3, (3, 3)))
     return n + n @ gamma.T + rng.uniform(-3e-3, 3e-3, 3) + rng.normal(0.0, 1e-3, n.shape)
 
@@ -173,7 +173,7 @@ def mems_force(rng: np.random.Generator, n: np.ndarray) -> np.ndarray:
 def write_strapdown(
     path: Path, times: np.ndarray, rate: np.ndarray, force: np.ndarray, attitude: np.ndarray | None = None
 ) -> None:
-    """Write a record of rates (N, 3) [rad/s], readings (N, 3) [g] and, where it is known, the true attitude (N, 4)."""
+    """Write a record of rates (N, 3) [rad/s], readings (N, 3) [g] and, if known, the true attitude (N, 4)."""
     names = "time_s,w1_radps,w2_radps,w3_radps,f1_mps2,f2_mps2,f3_mps2"
     columns, formats = [times + PERIOD, rate, G * force], ["%.4f"] + 3 * ["%.8f"] + 3 * ["%.7f"]
     if attitude is not None:
@@ -223,10 +223,10 @@ GYRO_FAULTS: Sequence[tuple[str, str]] = (
 
 @dataclass(frozen=True)
 class OutsideGyro:
-    """A record in a file with what nobody tells the diagnosis.
+    """A record in a file, and its secret.
 
-    `place` and `quantity` by the product's names; `fault` (N,) is what that gyro reads too much [rad/s] at values (N,)
-    of the quantity.
+    `place` and `quantity` by the product's names; `fault` (N,) is the error of that gyro [rad/s] at values (N,) of the
+    quantity.
     """
 
     path: Path
@@ -240,7 +240,7 @@ class OutsideGyro:
 
 
 def outside_gyro(path: Path, seed: int, index: int) -> OutsideGyro:
-    """One record with a fault; every other one has a reference of attitude."""
+    """Return one record with a fault; every other one has a reference of attitude."""
     rng = np.random.default_rng([seed, index])
     shape, source = GYRO_FAULTS[index % len(GYRO_FAULTS)]
     with_truth = (index + index // len(GYRO_FAULTS)) % 2 == 0

@@ -1,4 +1,4 @@
-"""Records whose channels are exchanged or reversed, and right ones of every kind that might look so."""
+"""Records whose channels are exchanged or reversed, and correct ones of every kind that might look so."""
 
 from dataclasses import replace
 from itertools import permutations, product
@@ -20,7 +20,8 @@ GYRO_EFFECTS = ("scale", "bias-drift", "sensitivity", "lag", "quadratic", "step"
 
 
 def plan(rng: np.random.Generator, kind: str, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Angles (N,) of the table [rad]: well spread, in steps of 45°, near level, in one plane or two, on faces."""
+    """Return angles (N,) of the table [rad]: well spread, in steps of 45°, near level, in one plane or two, on
+    faces."""
     alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
     if kind == "steps":
         alpha, beta = np.radians(45.0) * rng.integers(0, 8, (2, count))
@@ -39,7 +40,7 @@ def plan(rng: np.random.Generator, kind: str, count: int) -> tuple[np.ndarray, n
 
 
 def with_effect(rng: np.random.Generator, kind: str, size: float, n: np.ndarray, reading: np.ndarray) -> np.ndarray:
-    """Readings (N, 3) [g] at inputs (N, 3) with an effect of a size [g] on one accelerometer."""
+    """Return readings (N, 3) [g] at inputs (N, 3) with an effect of a size [g] on one accelerometer."""
     z, p, part = reading.copy(), int(rng.integers(3)), np.linspace(0.0, 1.0, len(reading))
     size *= rng.choice([-1.0, 1.0])
     added = {
@@ -65,13 +66,13 @@ def with_effect(rng: np.random.Generator, kind: str, size: float, n: np.ndarray,
 
 
 def _record(reading: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> PositionRecord:
-    """The record of readings (N, 3) [g] at angles [rad]."""
+    """Return the record of readings (N, 3) [g] at angles [rad]."""
     number = np.arange(1, len(reading) + 1)
     return PositionRecord(number, 60.0 * number, alpha, beta, G * reading, path=Path("measured.csv"))
 
 
 def right_record(seed: int) -> PositionRecord:
-    """A record that is read as it should be: few positions or many, bad plans, blocks and effects good and bad."""
+    """Return a correct record: few positions or many, bad plans, blocks and effects good and bad."""
     rng = np.random.default_rng([1, seed])
     count = int(rng.choice([8, 8, 10, 12, 14, 16, 24, 40, 100]))
     alpha, beta = plan(rng, str(rng.choice(PLANS)), count)
@@ -92,7 +93,7 @@ def right_record(seed: int) -> PositionRecord:
 
 
 def wrong_record(way: int, seed: int, *, hidden: bool) -> tuple[PositionRecord, np.ndarray]:
-    """A record whose channels are exchanged in one of 47 ways, and the matrix (3, 3) that reads them right.
+    """Return a record whose channels are exchanged in one of 47 ways, and the matrix (3, 3) that corrects them.
 
     `hidden`: beside an effect of five times σ.
     """
@@ -110,7 +111,7 @@ def wrong_record(way: int, seed: int, *, hidden: bool) -> tuple[PositionRecord, 
 
 
 def filmed_record(seed: int, effect: str = "", *, moves: int = 16) -> StrapdownRecord:
-    """A block moved from rest to rest, as cameras see it in some rows or all; an effect of ten times the noise."""
+    """Return a block moved from rest to rest, filmed in some rows or all; an effect of ten times the noise."""
     rng = np.random.default_rng([3, seed])
     time, rate, n, attitude = drawn_motion(rng, moves)
     p, size = int(rng.integers(3)), float(rng.choice([-1.0, 1.0]))

@@ -34,12 +34,13 @@ class Visits:
 
 
 def _changed_sign(n: np.ndarray) -> np.ndarray:
-    """Sense (N,) of the last change of an input, from zero at first."""
+    """Return the sense (N,) of the last change of an input, from zero at first."""
     return np.sign(np.diff(n, prepend=0.0))
 
 
 def lagged(hours: np.ndarray, temperature: np.ndarray, constant: float) -> np.ndarray:
-    """Temperature (N,) behind a lag of first order [h], settled at the first row; linear between the rows."""
+    """Return the temperature (N,) behind a lag of first order [h], settled at the first row; linear between the
+    rows."""
     late = np.array(temperature)
     for k in range(1, len(late)):
         step = hours[k] - hours[k - 1]
@@ -107,7 +108,7 @@ def last_stage(visits: Visits, own: np.ndarray, reading: np.ndarray, hidden: Seq
 
 
 def slipped(visits: Visits, theta: np.ndarray, hidden: Sequence[Sized]) -> np.ndarray:
-    """Mounting errors (N, 3) [rad] of a block that slips at a time, or turns with time, temperature or an input.
+    """Return mounting errors (N, 3) [rad] of a block that slips at a time, or turns with time, temperature or an input.
 
     Beside the mounting error it turns further, about its own axes.
     """

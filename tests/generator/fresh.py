@@ -1,4 +1,4 @@
-"""Fresh records in files, each with one hidden fault or none, and the truth that nobody tells the product."""
+"""Fresh records in files, each with one hidden fault or none, and its secret truth."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,11 +14,11 @@ from generator.turns import up_in_body
 
 @dataclass(frozen=True)
 class Fresh:
-    """A record in a file, and what nobody tells the diagnosis.
+    """A record in a file, and its secret.
 
-    `kind` is what is hidden, `hidden` the names (effect, place) under which it is known, none where no name is right;
+    `kind` is the hidden fault, `hidden` the names (effect, place) under which it is known, none if no name is correct;
     `values` the sizes of the effect by parameter, as far as they are its own; `targets` the true values of the
-    calibration's targets, where the record is one of positions.
+    calibration's targets, if the record is one of positions.
     """
 
     path: Path
@@ -44,7 +44,8 @@ POSITION_KINDS = (
 
 
 def position_record(path: Path, kind: str, seed: int) -> Fresh:
-    """A record of 16 to 100 positions with an effect; errors are uniform within σ, Gaussian within it, or at it."""
+    """Return a record of 16 to 100 positions with an effect; errors are uniform within σ, Gaussian within it, or at
+    it."""
     rng = np.random.default_rng([POSITION_KINDS.index(kind), seed])
     count = int(rng.choice([16, 24, 30, 36, 40, 60, 100]))
     session = Session.drawn(rng, max(count, 30) if kind == "quantisation" else count)
@@ -123,7 +124,7 @@ GYRO_NAMES = {
 
 
 def strapdown_record(path: Path, kind: str, seed: int) -> Fresh:
-    """A block that rests, is turned by hand, and rests again, two dozen times; noise and bias of a good MEMS unit."""
+    """Return a block that alternates rests and turns by hand, two dozen times; noise and bias of a good MEMS unit."""
     rng = np.random.default_rng([100 + STRAPDOWN_KINDS.index(kind), seed])
     fast = 6.0 if kind == "fast-latency" else 1.0
     motion = HandMotion.drawn(rng, 24, 3.0, (1.0, 2.6), fast=fast)

@@ -18,7 +18,7 @@ FORMATS = ("%d", "%.1f", "%.9f", "%.9f", "%.9f", "%.9f", "%.9f", "%.4f", "%d", "
 
 @dataclass(frozen=True)
 class Session:
-    """A stand and when it stood where: true readings of the encoders [rad], times [s], temperatures, (N,) each."""
+    """A stand with its visits: true readings of the encoders [rad], times [s], temperatures, (N,) each."""
 
     stand: Stand
     alpha: np.ndarray
@@ -28,7 +28,7 @@ class Session:
 
     @staticmethod
     def drawn(rng: np.random.Generator, count: int) -> "Session":
-        """Positions anywhere; a temperature that swings and drifts."""
+        """Draw positions anywhere; the temperature swings and drifts."""
         stand = Stand.drawn(rng)
         alpha, beta = np.radians(np.round(rng.uniform(0.0, 360.0, (2, count)), 3))
         time_s = np.round(np.cumsum(rng.uniform(40.0, 80.0, count)) * rng.choice([1.0, 3.0]), 1)
@@ -39,14 +39,14 @@ class Session:
 
     @staticmethod
     def planned(stand: Stand, alpha: np.ndarray, beta: np.ndarray) -> "Session":
-        """A position every 10 s; a temperature that swings once in ten minutes."""
+        """Return a session with a position every 10 s; the temperature swings once in ten minutes."""
         time_s = 10.0 * np.arange(1, len(alpha) + 1)
         temperature = np.round(20.0 + 4.0 * np.sin(2.0 * np.pi * time_s / 600.0), 4)
         return Session(stand, alpha, beta, time_s, temperature)
 
     @property
     def hours(self) -> np.ndarray:
-        """Since the first row."""
+        """Time since the first row [h]."""
         return (self.time_s - self.time_s[0]) / 3600.0
 
     @property
@@ -65,7 +65,7 @@ class Session:
         return Visits(angles, n, self.hours, self.temperature, self.senses)
 
     def read(self, hidden: Sequence[Sized] = (), error: Any = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Angles (N, 2) [rad] that the encoders read, and readings (N, 3) [g], with effects and errors (N, 3)."""
+        """Return encoder angles (N, 2) [rad] and readings (N, 3) [g], with effects and errors (N, 3)."""
         blind = self.visits(np.zeros((len(self.alpha), 3)))
         off = axes_off(blind, hidden)
         tilted = replace(
@@ -81,12 +81,12 @@ class Session:
         return angles, last_stage(visits, self.stand.own(n), reading, hidden)
 
     def record(self, hidden: Sequence[Sized] = (), error: Any = 0.0) -> PositionRecord:
-        """The record with effects and errors (N, 3) [g]."""
+        """Return the record with effects and errors (N, 3) [g]."""
         angles, reading = self.read(hidden, error)
         return self.recorded(angles, reading)
 
     def recorded(self, angles: np.ndarray, reading: np.ndarray) -> PositionRecord:
-        """The record of readings (N, 3) [g] at angles (N, 2) [rad] of the encoders."""
+        """Return the record of readings (N, 3) [g] at angles (N, 2) [rad] of the encoders."""
         return replace(
             record(reading, *angles.T),
             time_s=self.time_s,
@@ -98,7 +98,7 @@ class Session:
     def write(
         self, path: Path, angles: tuple[np.ndarray, np.ndarray], reading: np.ndarray, rng: np.random.Generator
     ) -> None:
-        """A record of readings (N, 3) [g] at angles that the encoders read; senses of approach are drawn."""
+        """Write a record of readings (N, 3) [g] at encoder angles; senses of approach are drawn."""
         senses = rng.choice([-1, 1], (2, len(reading)))
         degrees = np.degrees(np.stack(angles, axis=1))
         number = np.arange(1, len(reading) + 1)
@@ -107,7 +107,7 @@ class Session:
 
 
 def standard_positions() -> tuple[np.ndarray, np.ndarray]:
-    """Angles (40,) each [rad]: 24 with all signs certain, 16 between them that share no angle."""
+    """Return angles (40,) each [rad]: 24 with all signs certain, 16 between them that share no angle."""
     pairs = []
     for k in range(8):
         for beta in (25, 145, 265):
@@ -121,7 +121,7 @@ def standard_positions() -> tuple[np.ndarray, np.ndarray]:
 def hidden_record(
     seed: int, place: Any = None, sizes: Sequence[float] = (), *, symmetric: bool = False
 ) -> PositionRecord:
-    """The standard positions in random order, with one effect or none; errors are uniform within σ."""
+    """Return the standard positions in random order, with one effect or none; errors are uniform within σ."""
     rng = np.random.default_rng(seed)
     session = standard_session(rng, symmetric=symmetric)
     hidden = [] if place is None else [(place, sizes)]
@@ -138,7 +138,7 @@ def drawn_record(
     temperature: bool = False,
     symmetric: bool = False,
 ) -> PositionRecord:
-    """Positions anywhere, every 10 s, with effects; errors are uniform within σ, or at it, or none."""
+    """Return positions anywhere, every 10 s, with effects; errors are uniform within σ, or at it, or none."""
     rng = np.random.default_rng([seed, count])
     stand = Stand.drawn(rng)
     if symmetric:
@@ -163,9 +163,9 @@ def record_with(
     larger: float = 1.0,
     temperature: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> PositionRecord:
-    """A record of a drawn session in which readings f1 to f3 [g], or encoders alpha and beta [rad], err by functions.
+    """Return a record of a drawn session with errors of readings f1 to f3 [g], or encoders alpha and beta [rad].
 
-    Errors are so many times as large as σ allows; `temperature` is one of the part of the time from 0 to 1.
+    `scale` multiplies the errors that σ allows; `temperature` is a function of the part of the time from 0 to 1.
     """
     rng = np.random.default_rng(seed)
     session = Session.drawn(rng, count)
@@ -183,7 +183,7 @@ def record_with(
 
 
 def standard_session(rng: np.random.Generator, *, symmetric: bool = False) -> Session:
-    """A stand at the standard positions in random order."""
+    """Return a stand at the standard positions in random order."""
     stand = Stand.drawn(rng)
     if symmetric:
         stand = replace(stand, minus=stand.plus)
@@ -214,7 +214,7 @@ def of_one_instrument(
 
 
 def errors(rng: np.random.Generator, count: int) -> tuple[np.ndarray, str]:
-    """Errors (N, 3) [g] within σ, and how they are distributed: uniform, Gaussian within it, or at it."""
+    """Return errors (N, 3) [g] within σ, and their distribution: uniform, Gaussian within it, or at it."""
     error = rng.uniform(-SIGMA, SIGMA, (count, 3))
     shape = str(rng.choice(["uniform", "gaussian", "bound"], p=[0.5, 0.3, 0.2]))
     if shape == "gaussian":

@@ -20,7 +20,7 @@ def up(alpha: ArrayLike, beta: ArrayLike) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Bench:
-    """A table run: smooth moves, readings of an ideal block with the errors given (in g, rad, s)."""
+    """A table run: smooth moves, readings of an ideal block with the given errors (in g, rad, s)."""
 
     dwell: float = 20.0
     step: float = 0.1
@@ -37,7 +37,7 @@ class Bench:
     seed: int = 1
 
     def run(self, positions: Sequence[tuple[float, float]]) -> tuple[RawRecord, np.ndarray]:
-        """The raw record and the specific force in g, drift left out, that each rest should give."""
+        """Return the raw record and the expected specific force of each rest [g], without drift."""
         rng = np.random.default_rng(self.seed)
         angles, forces, truth = [], [], []
         start = np.zeros(2)
@@ -67,5 +67,5 @@ class Bench:
 
 
 def mean_errors(record: PositionRecord, truth: np.ndarray, drift_per_hour: float = 0.0) -> np.ndarray:
-    """Errors (N, 3) [g] of averaged readings."""
+    """Return errors (N, 3) [g] of averaged readings."""
     return record.specific_force / G - truth - drift_per_hour * record.time_s[:, None] / 3600

@@ -1,4 +1,4 @@
-"""A table with a block of accelerometers at rest, exactly: every error that the papers allow.
+"""A table with a block of accelerometers at rest, exactly, with every error of the papers.
 
 Source: Golovan, Matasov, Tarygin 2022, section 1.
 """
@@ -36,7 +36,7 @@ class Stand:
 
     @staticmethod
     def drawn(rng: np.random.Generator) -> "Stand":
-        """Parts of the bounds 3e-3 and 1e-2 of (1.7)."""
+        """Draw parts of the bounds 3e-3 and 1e-2 of (1.7)."""
         share = rng.uniform(0.1, 1.0)
         u, v = 3e-3 * share, 1e-2 * share
         gamma = np.tril(rng.uniform(-v, v, (3, 3)), -1) / 2.0
@@ -47,7 +47,7 @@ class Stand:
 
     @staticmethod
     def of_elements(elements: ArrayLike) -> "Stand":
-        """From the 24 elementary parameters as the product numbers them."""
+        """Return a stand from the 24 elementary parameters in the product's order."""
         e = np.asarray(elements, dtype=float)
         gamma = np.zeros((3, 3))
         gamma[[1, 2, 0, 2, 0, 1], [0, 0, 1, 1, 2, 2]] = e[15:21]
@@ -67,12 +67,13 @@ class Stand:
         )
 
     def inner_frames(self, alpha: np.ndarray, beta: np.ndarray) -> np.ndarray:
-        """Axes (N, 3, 3) of the inner frame from those of the base, at true readings of the encoders [rad]."""
+        """Return the axes (N, 3, 3) of the inner frame from those of the base, at true readings of the encoders
+        [rad]."""
         outer = about(0, alpha - self.alpha_error - self.alpha_star) @ about(1, self.kappa)
         return about(2, beta - self.beta_error) @ about(1, self.epsilon) @ outer
 
     def inputs(self, alpha: np.ndarray, beta: np.ndarray, mounting: ArrayLike | None = None) -> np.ndarray:
-        """Specific force (N, 3) over the model's g, with the block mounted by a matrix."""
+        """Return the specific force (N, 3) over the model's g, with the block mounted by a matrix."""
         block = turned(self.theta) @ (np.eye(3) if mounting is None else np.asarray(mounting))
         return (1.0 - self.gravity_error) * (block @ self.inner_frames(alpha, beta))[:, :, 2]
 
@@ -81,11 +82,11 @@ class Stand:
         return n * (1.0 + np.diagonal(self.gamma)) + np.where(n > 0.0, self.plus, self.minus) * n
 
     def readings(self, n: np.ndarray) -> np.ndarray:
-        """Readings (N, 3) [g] at inputs (N, 3)."""
+        """Return readings (N, 3) [g] at inputs (N, 3)."""
         return n + n @ self.gamma.T + np.where(n > 0.0, self.plus, self.minus) * n + self.bias
 
     def targets(self) -> dict[str, float]:
-        """True values of the targets, exact in case (A1)."""
+        """Return true values of the targets, exact in case (A1)."""
         gravity = 1.0 - self.gravity_error
         mounting = rotation_vectors(turned(self.theta) @ about(2, -self.beta_error))
         values = {"X1": self.kappa, "X2": self.alpha_error + self.alpha_star, "X3": self.epsilon}
@@ -99,7 +100,7 @@ class Stand:
 
 
 def random_bench(rng: np.random.Generator, u: float = 3e-3, v: float = 1e-2) -> NDArray:
-    """Elementary parameters (24,) of case (A1) for which every X of the paper keeps within u and v."""
+    """Draw elementary parameters (24,) of case (A1) with every X of the paper within u and v."""
     reach = np.full(24, v / 3)
     reach[:6] = u, u, u / 2, v / 3, u / 2, v / 3
     reach[9:15] = 2 * v / 3
@@ -115,7 +116,7 @@ def record(
     mounting: Sequence[str] | None = None,
     resolution: float = 0.0,
 ) -> PositionRecord:
-    """The position record of readings (N, 3) [g], twice a minute."""
+    """Return the position record of readings (N, 3) [g], twice a minute."""
     count = len(reading)
     return PositionRecord(
         position=np.arange(1, count + 1),
@@ -135,7 +136,7 @@ def simulated(
     noise: ArrayLike = 0.0,
     mounting: ArrayLike | None = None,
 ) -> PositionRecord:
-    """The record of a bench (24,) with noise (N, 3) [g], in one mounting."""
+    """Return the record of a bench (24,) with noise (N, 3) [g], in one mounting."""
     stand = Stand.of_elements(bench)
     inputs = stand.inputs(np.asarray(alpha), np.asarray(beta), mounting)
     return record(stand.readings(inputs) + noise, alpha, beta)

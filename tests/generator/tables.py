@@ -1,6 +1,6 @@
-"""Bench records whose truth is known: a block with gyros on a table, at rest and turning.
+"""Bench records with known truth: a block with gyros on a table, at rest and turning.
 
-The gyros' turn is the logarithm of what the attitude does from one fine step to the next, against inertial space.
+The gyros' turn is the logarithm of the attitude's change from one fine step to the next, against inertial space.
 """
 
 import math
@@ -40,7 +40,7 @@ class Truth:
 
     @staticmethod
     def drawn(rng: np.random.Generator) -> "Truth":
-        """Any bench and block within usual sizes."""
+        """Draw any bench and block within usual sizes."""
 
         def within(size: float, *shape: int) -> np.ndarray:
             return rng.uniform(-size, size, shape)
@@ -65,7 +65,7 @@ class Truth:
 
     @property
     def targets(self) -> list[float]:
-        """In the order of the paper's 18."""
+        """Return the targets in the order of the paper's 18."""
         scales = np.stack([self.plus, self.minus], axis=1).ravel()
         shears = [self.gamma[1, 0], self.gamma[2, 0], self.gamma[2, 1]]
         stand = [self.kappa, self.alpha_offset, self.epsilon]
@@ -73,7 +73,7 @@ class Truth:
 
     @property
     def gyros(self) -> list[float]:
-        """Bias, matrix and sensitivity row by row, lag."""
+        """Return bias, matrix and sensitivity row by row, lag."""
         return [*self.gyro_bias, *self.gyro_matrix.ravel(), *self.sensitivity.ravel(), self.lag]
 
     @property
@@ -84,7 +84,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Programme:
-    """Positions [deg] that the table takes, with rests [s] between moves at one rate [rad/s]; ramps are smooth."""
+    """Positions [deg] of the table, with rests [s] between moves at one rate [rad/s]; ramps are smooth."""
 
     positions: tuple[tuple[float, float], ...]
     dwell: float = 6.0
@@ -93,7 +93,7 @@ class Programme:
     step: float = 0.02
 
     def angles(self) -> np.ndarray:
-        """Both true angles before any offset, on the fine grid (N, 2) [rad]."""
+        """Return both true angles before any offset, on the fine grid (N, 2) [rad]."""
         fine = self.step / FINE
         rest = round(self.dwell / self.step) * FINE
         start, parts = np.deg2rad(self.positions[0]), []
@@ -121,7 +121,7 @@ PROGRAMME = Programme(STILL_POSITIONS + OUTER_TURNS + INNER_TURNS + ((30.0, -450
 
 @dataclass(frozen=True)
 class Errors:
-    """Bounds of what readings err by: accelerometers at rest [g], a gyro's sample [rad/s], encoders [rad]."""
+    """Error bounds of readings: accelerometers at rest [g], a gyro's sample [rad/s], encoders [rad]."""
 
     force: float = 1e-5
     rate: float = 2e-4
@@ -130,7 +130,8 @@ class Errors:
 
 
 def _turned_block(truth: Truth, time: np.ndarray, angle: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Block axes (N, 3, 3) from those of the base, and from inertial ones, in which the base turns with the Earth."""
+    """Return block axes (N, 3, 3) from those of the base, and from inertial ones, in which the base turns with the
+    Earth."""
     inner = about(2, angle[:, 1]) @ about(1, truth.epsilon) @ about(0, angle[:, 0] - truth.alpha_offset)
     in_base = turned(truth.turn) @ q @ inner @ about(1, truth.kappa)
     level = EARTH * math.cos(LATITUDE)
@@ -139,12 +140,12 @@ def _turned_block(truth: Truth, time: np.ndarray, angle: np.ndarray, q: np.ndarr
 
 
 def attitudes_of(truth: Truth, record: BenchRecord) -> np.ndarray:
-    """Block axes (N, 3, 3) from inertial ones at a record's rows, by the angles that it has."""
+    """Return block axes (N, 3, 3) from inertial ones at a record's rows, by its angles."""
     return _turned_block(truth, record.time_s, np.stack([record.alpha, record.beta], axis=1), np.eye(3))[1]
 
 
 def _at(moments: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (N, K) at moments (M,), linear between the times."""
+    """Return values (N, K) at moments (M,), linear between the times."""
     columns = np.empty((len(moments), values.shape[1]))
     for k in range(values.shape[1]):
         columns[:, k] = np.interp(moments, time, values[:, k])
@@ -152,7 +153,7 @@ def _at(moments: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray
 
 
 def _felt(truth: Truth, time: np.ndarray, force: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Specific force (N, 3, 3) [g] where each accelerometer is, as late as it reads it."""
+    """Return the specific force (N, 3, 3) [g] at each accelerometer, with its lag."""
     turning = _at(time, 0.5 * (time[1:] + time[:-1]), rate)
     faster = np.diff(turning, axis=0, prepend=turning[:1], append=turning[-1:])
     faster = 0.5 * (faster[1:] + faster[:-1]) * (len(time) - 1) / (time[-1] - time[0])
@@ -163,7 +164,7 @@ def _felt(truth: Truth, time: np.ndarray, force: np.ndarray, rate: np.ndarray) -
 
 
 def _increments(truth: Truth, middle: np.ndarray, rate: np.ndarray, force: np.ndarray, fine: float) -> np.ndarray:
-    """Increments (N, 3) [rad] that the gyros read from row to row; the first is like the second."""
+    """Return increments (N, 3) [rad] of the gyros from row to row; the first equals the second."""
     lagging = _at(middle - truth.lag, middle, rate)
     felt = 0.5 * (force[1:] + force[:-1])
     reading = lagging @ (np.eye(3) + truth.gyro_matrix).T + truth.gyro_bias + felt @ truth.sensitivity.T

@@ -11,7 +11,7 @@ FINE = 8
 
 
 def about(axis: int, angle: ArrayLike) -> np.ndarray:
-    """Direction cosines (..., 3, 3) of a frame turned about one of its axes, 0 to 2."""
+    """Return direction cosines (..., 3, 3) of a frame turned about one of its axes, 0 to 2."""
     angle = np.asarray(angle, dtype=float)
     first, second = ((1, 2), (2, 0), (0, 1))[axis]
     matrix = np.zeros((*angle.shape, 3, 3))
@@ -23,7 +23,7 @@ def about(axis: int, angle: ArrayLike) -> np.ndarray:
 
 
 def turned(vector: ArrayLike) -> np.ndarray:
-    """Direction cosines (..., 3, 3) of a frame turned by rotation vectors (..., 3)."""
+    """Return direction cosines (..., 3, 3) of a frame turned by rotation vectors (..., 3)."""
     vector = np.asarray(vector, dtype=float)
     size = np.linalg.norm(vector, axis=-1)[..., None, None]
     cross = np.zeros((*vector.shape, 3))
@@ -36,7 +36,7 @@ def turned(vector: ArrayLike) -> np.ndarray:
 
 
 def rotation_vectors(matrix: np.ndarray) -> np.ndarray:
-    """Rotation vectors (..., 3) of direction cosines (..., 3, 3), less than half a turn each."""
+    """Return rotation vectors (..., 3) of direction cosines (..., 3, 3), less than half a turn each."""
     odd = np.stack(
         [
             matrix[..., 1, 2] - matrix[..., 2, 1],
@@ -52,7 +52,8 @@ def rotation_vectors(matrix: np.ndarray) -> np.ndarray:
 
 
 def attitudes(rate: Callable[[np.ndarray], np.ndarray], count: int, period: float) -> np.ndarray:
-    """Quaternions (N, 4), body to reference, of true rates [rad/s]; midpoints of eight steps in each interval."""
+    """Return quaternions (N, 4), body to reference, of true rates [rad/s]; midpoints of eight steps in each
+    interval."""
     times = period * (np.arange((count - 1) * FINE) + 0.5) / FINE
     steps = rate(times) * period / FINE
     turning = turned_by(np.vstack([np.zeros(3), steps]))
@@ -60,13 +61,14 @@ def attitudes(rate: Callable[[np.ndarray], np.ndarray], count: int, period: floa
 
 
 def up_in_body(quaternion: np.ndarray) -> np.ndarray:
-    """The reference's third axis (N, 3) in the body."""
+    """Return the reference's third axis (N, 3) in the body."""
     w, x, y, z = quaternion.T
     return np.stack((2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
 
 
 def turned_by(steps: np.ndarray) -> Rotation:
-    """Attitudes (N,) of a block that begins level and is turned by rotation vectors (N, 3) one after the other."""
+    """Return attitudes (N,) of a block that begins level and is turned by rotation vectors (N, 3) one after the
+    other."""
     attitude, span = Rotation.from_rotvec(steps), 1
     # Products of 1, 2, 4, ... neighbours: the order of the factors stays.
     while span < len(steps):

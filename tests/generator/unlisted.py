@@ -1,11 +1,11 @@
-"""Records with a fault that is in no catalogue: an unknown function of one quantity at one place.
+"""Records with a fault outside the catalogue: an unknown function of one quantity at one place.
 
-The function has a known factor or none. Its size is in units of detection: 2 σ over the Chebyshev distance of the unit
-fault from what the model of bench and block can say at these positions, by a programme of this module's own.
+The function has a known factor or none. The unit of its size is detection: 2 σ over the Chebyshev distance of the unit
+fault from the range of bench and block at these positions, by a programme of this module.
 
-What a record cannot tell from the truth counts as the truth: another place and quantity of which some function, of no
-more pieces than the true one needs, does to the readings what the fault does to within a quarter of σ; and α for n3,
-which is its cosine.
+An alternative that a record cannot separate from the truth counts as the truth. It is another place and quantity, of
+which some function, with no more pieces than the true one needs, changes the readings like the fault to within a
+quarter of σ; or α for n3, which is its cosine.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ from generator.positions import Law, Session, errors
 
 COUNTS = (16, 20, 24, 30, 36, 48, 60, 100)
 PIECES, LIKE_TRUTH = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24), 0.25
-"""Pieces of a function that are tried; so near to the fault [σ] a function stands for it."""
+"""Numbers of pieces of a function that are tried; largest distance from the fault of an equivalent function [σ]."""
 LARGEST = 3e-3
 """Largest change of a reading by a fault [g]: a larger fault is not weak."""
 CIRCLES = ("alpha", "beta")
@@ -101,7 +101,7 @@ class Known:
         return Known(session, n, np.stack(columns, axis=-1).reshape(n.size, -1))
 
     def values(self, quantity: str) -> np.ndarray:
-        """A quantity (N,)."""
+        """Return a quantity (N,)."""
         values = {
             "alpha": self.session.alpha,
             "beta": self.session.beta,
@@ -117,12 +117,12 @@ class Known:
         return product
 
     def part(self, quantity: str) -> np.ndarray:
-        """A quantity (N,) from 0 at its least to 1 at its greatest."""
+        """Return a quantity (N,) scaled from 0 at its least to 1 at its greatest."""
         values = self.values(quantity)
         return (values - values.min()) / np.ptp(values)
 
     def read(self, fault: Fault, size: float) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
-        """Angles that are read, and readings (N, 3) without errors."""
+        """Return read angles, and readings (N, 3) without errors."""
         true = np.array([self.session.alpha, self.session.beta])
         stand = self.session.stand
         reading = stand.readings(stand.inputs(*(true + size * fault.turn))) + size * fault.readings
@@ -136,7 +136,7 @@ class Known:
         return ((reading - stand.readings(stand.inputs(*angles))) / size).ravel()
 
     def unit_turns(self) -> dict[str, np.ndarray]:
-        """Derivatives (N, 3) by turns: about the outer axis, of the outer axis, about the inner axis, of it."""
+        """Return derivatives (N, 3) by turns: about the outer axis, of the outer axis, about the inner axis, of it."""
         stand, (a, b), h = self.session.stand, (self.session.alpha, self.session.beta), 1e-6
         moved = {
             "outer": (stand, a + h, b),
@@ -175,7 +175,7 @@ class Known:
         return np.clip(1.0 - np.abs(off), 0.0, None)
 
     def steps(self, quantity: str) -> np.ndarray:
-        """One jump in each gap between two values of a quantity (N, N - 1)."""
+        """Return one jump in each gap between two values of a quantity (N, N - 1)."""
         values = self.values(quantity)
         return np.where(values[:, None] > np.sort(values)[:-1], 1.0, 0.0)
 
@@ -184,22 +184,22 @@ class Known:
 
 
 def bell(off: np.ndarray, width: float) -> np.ndarray:
-    """A bump of height one."""
+    """Return a bump of height one."""
     return np.exp(-0.5 * (off / width) ** 2)
 
 
 def around(angle: np.ndarray, centre: float) -> np.ndarray:
-    """The angle from a centre, within half a turn."""
+    """Return the angle from a centre, within half a turn."""
     return np.remainder(angle - centre + np.pi, 2.0 * np.pi) - np.pi
 
 
 def teeth_of(angle: np.ndarray, phase: float) -> np.ndarray:
-    """A straight line from -1 to 1 in each turn, and back at once."""
+    """Return a sawtooth: a straight line from -1 to 1 in each turn."""
     return 2.0 * np.remainder(angle / (2.0 * np.pi) + phase, 1.0) - 1.0
 
 
 def on_encoder(truth: Known, rng: np.random.Generator, law: Callable[[np.ndarray], np.ndarray], kind: str) -> Fault:
-    """A function of an encoder's angle that this encoder reads too much."""
+    """Return a fault of an encoder: a function of its angle is added to its reading."""
     axis = int(rng.integers(2))
     encoder = np.zeros((2, len(truth.n)))
     encoder[axis] = law(truth.values(CIRCLES[axis]))
@@ -207,7 +207,7 @@ def on_encoder(truth: Known, rng: np.random.Generator, law: Callable[[np.ndarray
 
 
 def on_accelerometer(truth: Known, p: int, quantity: str, values: np.ndarray, kind: str = "smooth") -> Fault:
-    """Values (N,) added to the readings of accelerometer p, from 0."""
+    """Return a fault with values (N,) added to the readings of accelerometer p, from 0."""
     return Fault(Pair(f"accelerometer-{p + 1}", quantity), kind, readings=values[:, None] * np.eye(3)[p])
 
 
@@ -319,7 +319,7 @@ SHAPES: tuple[Callable[[Known, np.random.Generator], Fault], ...] = (
 
 
 def distance(change: np.ndarray, columns: np.ndarray) -> float:
-    """The least of max |change - columns x| over x."""
+    """Return the least of max |change - columns x| over x."""
     count, wide = columns.shape
     scale = np.abs(columns).max(axis=0)
     columns = columns / np.where(scale > 0.0, scale, 1.0)
@@ -346,7 +346,7 @@ def as_near(change: np.ndarray, columns: np.ndarray, near: float) -> bool:
 
 
 def carried(carriers: list[np.ndarray], functions: np.ndarray) -> np.ndarray:
-    """Columns (3 N, K) of functions (N, k) times each carrier (N, 3)."""
+    """Return columns (3 N, K) of functions (N, k) times each carrier (N, 3)."""
     return np.hstack([(c[:, :, None] * functions[:, None, :]).reshape(-1, functions.shape[1]) for c in carriers])
 
 
@@ -365,7 +365,7 @@ def stands_with_a_jump(truth: Known, change: np.ndarray, pair: Pair, carriers: l
 
 
 def same_as(truth: Known, fault: Fault, change: np.ndarray) -> tuple[int | None, list[Pair]]:
-    """Pieces that the truth needs (None: a jump, or more than all of `PIECES`), and the pairs that stand for it."""
+    """Return the pieces that the truth needs (None: a jump, or more than all of `PIECES`), and the equivalent pairs."""
     pairs = dict(truth.carriers())
     if fault.kind == "jump":
         standing = [pair for pair, carriers in pairs.items() if stands_with_a_jump(truth, change, pair, carriers)]
@@ -381,7 +381,7 @@ def same_as(truth: Known, fault: Fault, change: np.ndarray) -> tuple[int | None,
 
 
 def outside_case(folder: Path, seed: int, index: int) -> Outside:
-    """Case `index` of a seed, one shape after the other, each time another bench; its record is in the folder."""
+    """Return case `index` of a seed: shapes in turn, each time another bench; its record is in the folder."""
     shape = SHAPES[index % len(SHAPES)]
     for attempt in range(30):
         rng = np.random.default_rng([seed, index, attempt])
@@ -422,7 +422,7 @@ def outside_case(folder: Path, seed: int, index: int) -> Outside:
 
 @dataclass(frozen=True)
 class Formula:
-    """An error by a formula, its true coefficients, and another formula that is false of the same record."""
+    """An error by a formula, its true coefficients, and another formula that is false for the same record."""
 
     error: Law
     sizes: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""Records of a block that is moved by hand, and readings of it that are wrong: units, signs, ranges, lost rows."""
+"""Records of a block moved by hand, and wrong readings of it: units, signs, ranges, lost rows."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +16,7 @@ RATE_NOISE, FORCE_NOISE = 2e-3, 0.02
 
 
 def hand_record(seed: int, *, truth: bool, moves: int = 12, period: float = 0.01) -> StrapdownRecord:
-    """A right record with usual errors: scale factors and misalignments of 1 %, biases of 0.01 rad/s."""
+    """Return a correct record with usual errors: scale factors and misalignments of 1 %, biases of 0.01 rad/s."""
     rng = np.random.default_rng(seed)
     time, rate, up, attitude = drawn_motion(rng, moves=moves, rest=2.5, period=period)
     gyros = rate @ (np.eye(3) + rng.normal(0.0, 0.01, (3, 3))).T + rng.normal(0.0, 0.01, 3)
@@ -33,7 +33,7 @@ def hand_record(seed: int, *, truth: bool, moves: int = 12, period: float = 0.01
 
 
 def with_rates(record: StrapdownRecord, change: Callable[[np.ndarray], np.ndarray]) -> StrapdownRecord:
-    """The record with changed rates."""
+    """Return the record with changed rates."""
     assert record.rate is not None
     return replace(record, rate=change(record.rate.copy()))
 
@@ -46,7 +46,7 @@ def fastest_row(rate: np.ndarray, axis: int) -> int:
 
 
 def spiked(seed: int, rows: int = 1) -> Callable[[np.ndarray], np.ndarray]:
-    """One reading, or a few in a row, of 10 to 100 rad/s, at rest or in a move."""
+    """Make one reading, or a few in a row, of 10 to 100 rad/s, at rest or in a move."""
 
     def change(rate: np.ndarray) -> np.ndarray:
         rng = np.random.default_rng(seed)
@@ -94,7 +94,7 @@ GYROS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "overflow": overflowing(0.85),
     "lost": losing(20),
 }
-"""Gyros that are read wrongly: with and without a true attitude each makes results wrong."""
+"""Wrongly read gyros: each makes results wrong, with and without a true attitude."""
 ATTITUDES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "scalar-last": lambda q: np.roll(q, -1, axis=1),
     "inverse": lambda q: q * [1.0, -1.0, -1.0, -1.0],
@@ -154,7 +154,7 @@ def wrong_bench(name: str, right: BenchRecord) -> BenchRecord:
 
 
 def wrong_record(name: str, seed: int, *, truth: bool, **motion: Any) -> StrapdownRecord:
-    """A record that is wrong in this way."""
+    """Return a record that is wrong in this way."""
     record = hand_record(seed, truth=truth or name in ATTITUDES, **motion)
     if name in ATTITUDES:
         assert record.attitude is not None

@@ -24,40 +24,40 @@ Spoiled = Callable[[np.ndarray, np.ndarray, int, np.random.Generator], None]
 
 
 def angle_off(angles: np.ndarray, reading: np.ndarray, row: int, rng: np.random.Generator) -> None:
-    """A digit of an angle is wrong."""
+    """Make a digit of an angle wrong."""
     angles[row, rng.integers(2)] += np.radians(rng.choice([-1.0, 1.0]) * rng.choice([0.1, 0.4, 1.0, 3.0, 10.0, 60.0]))
 
 
 def angles_exchanged(angles: np.ndarray, reading: np.ndarray, row: int, rng: np.random.Generator) -> None:
-    """α and β are written in each other's column."""
+    """Write α and β in each other's column."""
     angles[row] = angles[row, ::-1].copy()
 
 
 def sign_turned(angles: np.ndarray, reading: np.ndarray, row: int, rng: np.random.Generator) -> None:
-    """An angle is written with the other sign."""
+    """Reverse the sign of an angle."""
     axis = rng.integers(2)
     angles[row, axis] = -angles[row, axis]
 
 
 def channel_turned(angles: np.ndarray, reading: np.ndarray, row: int, rng: np.random.Generator) -> None:
-    """A reading is written with the other sign."""
+    """Reverse the sign of a reading."""
     axis = rng.integers(3)
     reading[row, axis] = -reading[row, axis]
 
 
 def channels_exchanged(angles: np.ndarray, reading: np.ndarray, row: int, rng: np.random.Generator) -> None:
-    """Two readings are written in each other's column."""
+    """Write two readings in each other's column."""
     i, j = rng.choice(3, 2, replace=False)
     reading[row, [i, j]] = reading[row, [j, i]]
 
 
 def copied(angles: np.ndarray, reading: np.ndarray, row: int, rng: np.random.Generator) -> None:
-    """The readings are those of another row."""
+    """Copy the readings of another row."""
     reading[row] = reading[(row + rng.integers(1, len(reading))) % len(reading)]
 
 
 def disturbed(angles: np.ndarray, reading: np.ndarray, row: int, rng: np.random.Generator) -> None:
-    """Something shook the table."""
+    """Add the disturbance of a shaken table."""
     reading[row] += SIGMA * rng.choice([-1.0, 1.0], 3) * rng.uniform(8.0, 60.0, 3)
 
 

@@ -32,24 +32,24 @@ RATES = np.array([[0.9, -0.4, 0.7], [0.5, 1.1, -0.6], [-1.2, 0.3, 0.8], [0.4, -0
 
 
 def increments(count: int, span: float = 1.0) -> np.ndarray:
-    """Increments (count, 3) of the polynomial rate over equal parts of `span` seconds."""
+    """Return increments (count, 3) of the polynomial rate over equal parts of `span` seconds."""
     times = np.linspace(0.0, span, count + 1)
     powers = np.array([times ** (k + 1) / (k + 1) for k in range(4)]).T
     return np.diff(powers @ RATES, axis=0)
 
 
 def computer(algorithm: Algorithm, **parameters) -> Named:
-    """A computer that is ready to step."""
+    """Return a computer that is ready to step."""
     return Named(COMPUTER, algorithm=algorithm.number, **parameters).begin()
 
 
 def feed(model: Named, gamma, begin: float, step: float) -> Named:
-    """One increment over (begin, begin + step]."""
+    """Feed one increment over (begin, begin + step]."""
     return model.put(increment=gamma).step(begin, step)
 
 
 def refused(model: Named, gamma, begin: float = 0.0, step: float = 0.1) -> str:
-    """Why an increment is not taken; the attitude stays."""
+    """Return the refusal of an increment; assert that the attitude stays."""
     before = model["attitude"].tolist()
     message = model.put(increment=gamma).refuses_step(begin, step)
     assert model["attitude"].tolist() == before
@@ -57,7 +57,7 @@ def refused(model: Named, gamma, begin: float = 0.0, step: float = 0.1) -> str:
 
 
 def carry(gammas: np.ndarray, algorithm: Algorithm, step: float = 0.01, **parameters: float) -> np.ndarray:
-    """Attitude after all increments, from the identity."""
+    """Return the attitude after all increments, from the identity."""
     model = computer(algorithm, **parameters)
     for k, gamma in enumerate(gammas):
         feed(model, gamma, k * step, step)
@@ -70,7 +70,7 @@ def rotation(q: np.ndarray) -> Rotation:
 
 
 def distance(p: np.ndarray, q: np.ndarray) -> float:
-    """Angle between two attitudes [rad]."""
+    """Return the angle between two attitudes [rad]."""
     return float((rotation(p).inv() * rotation(q)).magnitude())
 
 
@@ -135,7 +135,7 @@ def test_a_constant_rate_is_exact_where_that_is_stated(algorithm: Algorithm) -> 
 
 @every
 def test_the_valid_range_is_where_one_update_errs_by_what_is_stated(algorithm: Algorithm) -> None:
-    """Between two updates at a constant rate, so that the step before is known."""
+    """Test between two updates at a constant rate, so that the previous step is known."""
     direction = np.array([2.0, -3.0, 6.0]) / 7.0
 
     def error(size: float) -> float:

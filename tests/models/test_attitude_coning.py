@@ -22,13 +22,13 @@ def _fifty_digits():
 
 
 def coning(cone: mpf, time: mpf) -> list:
-    """Attitude of a body whose axis goes round a cone of half-angle `cone` at 1 rad/s."""
+    """Return the attitude of a body whose axis moves round a cone of half-angle `cone` at 1 rad/s."""
     half = cone / 2
     return [mpmath.cos(half), mpmath.sin(half) * mpmath.cos(time), mpmath.sin(half) * mpmath.sin(time), mpf(0)]
 
 
 def coning_increments(cone: mpf, begin: mpf, sample: mpf, count: int) -> list:
-    """Integrals of ω = (-sin a sin t, sin a cos t, cos a - 1)."""
+    """Return integrals of ω = (-sin a sin t, sin a cos t, cos a - 1)."""
     g = []
     for m in range(count):
         a, b = begin + m * sample, begin + (m + 1) * sample
@@ -45,9 +45,9 @@ def conjugate(q: Sequence) -> list:
 
 
 def relative_drift(algorithm: Algorithm, sample: mpf, cone: mpf) -> mpf:
-    """Error of the drift about the cone's axis, divided by the coning rate 1 - cos a.
+    """Return the error of the drift about the cone's axis, divided by the coning rate 1 - cos a.
 
-    Coning repeats itself from step to step but for a turn about that axis, so one update tells the drift.
+    Coning repeats itself from step to step except for a turn about that axis, so one update gives the drift.
     """
     update, span = updater(algorithm), sample * algorithm.samples
     g = coning_increments(cone, mpf(0), sample, algorithm.samples)
@@ -58,7 +58,7 @@ def relative_drift(algorithm: Algorithm, sample: mpf, cone: mpf) -> mpf:
 
 
 def polynomial_products(count: int) -> dict[tuple[int, int], Fraction]:
-    """Coefficients of γi × γj (i < j) in ½∫ α × ω dt for the polynomial through `count` increments, exactly."""
+    """Return coefficients of γi × γj (i < j) in ½∫ α × ω dt for the polynomial through `count` increments, exactly."""
 
     def times(p: list, q: list) -> list:
         r = [Fraction(0)] * (len(p) + len(q) - 1)
@@ -90,7 +90,7 @@ def polynomial_products(count: int) -> dict[tuple[int, int], Fraction]:
 
 
 def products_of(algorithm: Algorithm) -> dict[int, Fraction]:
-    """Coefficients of the vector products by the distance of their increments."""
+    """Return coefficients of the vector products by the distance of their increments."""
     products = {(i, j): k for i, j, k in algorithm.products}
     if not products and algorithm.samples > 1:
         products = polynomial_products(algorithm.samples)
@@ -103,7 +103,7 @@ def products_of(algorithm: Algorithm) -> dict[int, Fraction]:
 
 
 def analytic_drift(algorithm: Algorithm, x: mpf) -> mpf:
-    """Relative drift for a vanishing cone: (Σ K_p 4 sin²(x/2) sin(p x) - (N x - sin N x)/2) / (N x/2)."""
+    """Return the relative drift for a vanishing cone: (Σ K_p 4 sin²(x/2) sin(p x) - (N x - sin N x)/2) / (N x/2)."""
     count = algorithm.samples
     factors = {p: mpf(k.numerator) / k.denominator for p, k in products_of(algorithm).items()}
     if algorithm.name == "adaptive-degree" and x > 0.6:

@@ -30,7 +30,7 @@ def rate_at(time: mpf) -> list:
 
 
 def taken(algorithm: Algorithm, kind: str, begin: mpf, step: mpf) -> list:
-    """Increments of a step as the kernel finds them from exact inputs."""
+    """Return increments of a step by the kernel, from exact inputs."""
     samples = algorithm.samples
     number = samples // 2 if kind == "mixed" else samples
     part = step / number
@@ -70,7 +70,7 @@ def test_order_with_rates_and_mixed_inputs_is_what_is_stated(algorithm: Algorith
 
 
 def test_weights_are_those_of_known_rules() -> None:
-    """Sums over the step: trapezoid, Simpson, 3/8, Boole; a half of a sample between two rates by hand."""
+    """Compare sums over the step: trapezoid, Simpson, 3/8, Boole; a half of a sample between two rates by hand."""
     sums = {n: [sum(column) for column in zip(*weights_of(n, False), strict=True)] for n in (1, 2, 3, 4)}
     assert sums[1] == [Fraction(1, 2)] * 2
     assert [3 * x for x in sums[2]] == [1, 4, 1]
@@ -82,7 +82,7 @@ def test_weights_are_those_of_known_rules() -> None:
 
 
 def carried(name: str, kind: int, steps: int, span: float = 2.0) -> np.ndarray:
-    """Attitude behind a turn about axes that move, from rates (cos t, sin 2t, t/2) and their integral."""
+    """Return the attitude behind a turn about moving axes, from rates (cos t, sin 2t, t/2) and their integral."""
     h = span / steps
     model = Named("AttitudeComputer", algorithm=BY_NAME[name].number, input_kind=kind, sample_period=h)
     model.put(rate=(1.0, 0.0, 0.0)).begin()
@@ -124,7 +124,7 @@ def test_a_rate_within_a_sample_does_not_count_and_odd_numbers_are_not_mixed() -
     ],
 )
 def test_order_under_coning_is_that_of_the_inputs_at_most(name: str, order: int) -> None:
-    """Two rates a quarter of a turn apart as the parts of exp(ixu): what comes out turns, its mean is the drift."""
+    """Use two rates a quarter of a turn apart as the parts of exp(ixu): the result turns, and its mean is the drift."""
     algorithm, errors = BY_NAME[name], []
     n = algorithm.samples
     for x in (0.1, 0.2):

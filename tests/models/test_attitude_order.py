@@ -1,4 +1,4 @@
-"""Observed orders of every attitude algorithm, in multiple precision: the very kernels, fifty digits."""
+"""Observed orders of every attitude algorithm, in multiple precision: the original kernels, fifty digits."""
 
 import random
 from dataclasses import replace
@@ -38,7 +38,7 @@ def rates_for(algorithm: Algorithm) -> list:
 
 @cache
 def attitude_series(high: bool, terms: int = 90) -> list[list]:
-    """Coefficients of the power series of the attitude from the identity at 0, by the kinematic equation."""
+    """Return coefficients of the power series of the attitude from the identity at 0, by the kinematic equation."""
     rates = HIGH if high else CUBIC
     series = [[mpf(1), mpf(0), mpf(0), mpf(0)]]
     for k in range(terms):
@@ -50,7 +50,7 @@ def attitude_series(high: bool, terms: int = 90) -> list[list]:
 
 
 def attitude(rates: list, time: mpf) -> list:
-    """Attitude at `time` from the identity at 0: the power series, summed to its end."""
+    """Return the attitude at `time` from the identity at 0: the power series, summed to its end."""
     value = [mpf(0)] * 4
     for coefficient in reversed(attitude_series(rates is HIGH)):
         value = [a * time + b for a, b in zip(value, coefficient, strict=True)]
@@ -58,7 +58,7 @@ def attitude(rates: list, time: mpf) -> list:
 
 
 def increments(rates: list, begin: mpf, length: mpf, count: int) -> list:
-    """Flat exact increments over `count` equal parts."""
+    """Return flat exact increments over `count` equal parts."""
 
     def angle(time: mpf, axis: int) -> mpf:
         return sum((rate[axis] * time ** (k + 1) / (k + 1) for k, rate in enumerate(rates)), mpf(0))
@@ -68,7 +68,7 @@ def increments(rates: list, begin: mpf, length: mpf, count: int) -> list:
 
 
 def local_order(algorithm: Algorithm) -> float:
-    """Power of the step in the error of one update, with the step before it known."""
+    """Return the power of the step in the error of one update, with the previous step known."""
     rates, update, begin = rates_for(algorithm), updater(algorithm), mpf(1) / 8
     errors = []
     for step in (HALF**7, HALF**8):
@@ -80,7 +80,7 @@ def local_order(algorithm: Algorithm) -> float:
 
 
 def run(algorithm: Algorithm, steps: int, span: mpf) -> list:
-    """Attitude after `steps` updates over `span`, not renormalised."""
+    """Return the attitude after `steps` updates over `span`, not renormalised."""
     rates, update = rates_for(algorithm), updater(algorithm)
     attitude, before = [mpf(1), mpf(0), mpf(0), mpf(0)], None
     for k in range(steps):
@@ -90,7 +90,7 @@ def run(algorithm: Algorithm, steps: int, span: mpf) -> list:
 
 
 def global_orders(algorithm: Algorithm) -> tuple[float, float | None]:
-    """Powers of the step in the attitude's error over a fixed time and in the norm's, None where that is rounding."""
+    """Return powers of the step in the attitude's error over a fixed time and in the norm's, None for rounding."""
     span = mpf(1) / 8
     true = attitude(rates_for(algorithm), span)
     coarse, fine = (run(algorithm, steps, span) for steps in (4, 8))

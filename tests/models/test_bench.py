@@ -36,7 +36,7 @@ A, B = np.random.default_rng(3).uniform(0, 2 * np.pi, (2, 40))
 
 
 def paper_parameters(mounting: np.ndarray) -> np.ndarray:
-    """X1..X18 (18, 24) as linear functions of the elementary parameters, as the paper defines them."""
+    """Return X1..X18 (18, 24) as linear functions of the elementary parameters, as the paper defines them."""
     q = mounting
     c12, c13, c23 = (q[i, 0] * q[j, 1] - q[i, 1] * q[j, 0] for i, j in ((0, 1), (0, 2), (1, 2)))
     definitions = {

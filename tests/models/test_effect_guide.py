@@ -1,4 +1,4 @@
-"""The guide to a new effect: its example works as it stands."""
+"""The guide to a new effect: its example works unchanged."""
 
 import importlib.util
 import re
@@ -32,7 +32,7 @@ def example(tmp_path, monkeypatch) -> Effect:
 
 
 def test_the_example_of_the_guide_is_an_effect(example, tmp_path):
-    """It is read by the components, seen by its signature, and exported."""
+    """The components read it, its signature shows it, and it is exported."""
     for place in example.places:
         up, down = (readings({place: (size,)}) for size in (1e-3, -1e-3))
         column = example.signature(place, true_bench()[1])[..., 0]

@@ -11,12 +11,12 @@ from trihedron.models.effects.last_stage import LEAST_STEP, common_step, noisy_s
 
 
 def predicted(variant: Variant, coefficients: np.ndarray) -> np.ndarray:
-    """Readings (7, 3) [g] of the true bench with a variant of an effect."""
+    """Return readings (7, 3) [g] of the true bench with a variant of an effect."""
     return true_bench()[1].prediction + variant.offset + variant.columns @ coefficients
 
 
 def one_variant(name: str, accelerometer: int, parameter: float) -> tuple[Variant, np.ndarray]:
-    """The variant of an effect that acts as the component does, and the component's readings (7, 3) [g]."""
+    """Return the variant of an effect that acts like the component, and the component's readings (7, 3) [g]."""
     place = EffectPlace(name, f"accelerometer-{accelerometer}")
     measured = readings({place: (parameter,)})
     variants = CATALOGUE[name].variants
@@ -62,7 +62,7 @@ def test_quantisation_widens_the_bounds_of_its_accelerometer():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_step_of_averaged_readings_is_found_and_none_where_there_is_none(seed):
-    """Means over rests of rounded samples: some rests lie between two steps. Nine decimals, as a record has."""
+    """Use means over rests of rounded samples: some rests lie between two steps. Nine decimals, as in a record."""
     rng = np.random.default_rng(seed)
     count, step = int(rng.integers(15, 90)), 10.0 ** rng.uniform(-4.5, -2.5)
     n = rng.uniform(-1.0, 1.0, count)
@@ -74,7 +74,7 @@ def test_the_step_of_averaged_readings_is_found_and_none_where_there_is_none(see
 
 @pytest.mark.parametrize("odd", [0, 1])
 def test_a_step_of_which_most_readings_are_even_multiples_by_chance_is_tried_too(odd):
-    """An odd one is no proof: a mean over a rest in which half of the samples are rounded up lies there as well."""
+    """An odd one is not a proof: a mean over a rest with half of the samples rounded up lies there as well."""
     step, counts = 2e-4, np.array([-2274, -218, 2002, -884, 4108, 986, 894, 412, -1264, 1154, -3756, 4062 + odd])
     reading = np.zeros((len(counts), 3))
     reading[:, 1] = np.round(step * counts * G, 9) / G
@@ -101,7 +101,7 @@ def test_a_step_that_noise_came_on_top_of_is_found_and_none_where_there_is_none(
 
 @pytest.mark.parametrize("seed", range(8))
 def test_many_readings_of_few_inputs_prove_no_step_under_noise(seed):
-    """Nine inputs, each read three times: that all lie near multiples of some step happens by chance."""
+    """Nine inputs are read three times each: all may lie near multiples of some step by chance."""
     rng = np.random.default_rng(seed)
     step, sigma = 10.0 ** rng.uniform(-3.5, -2.1), 1e-5
     inputs = np.repeat(rng.integers(50, 100, 9) * step, 3)
@@ -109,7 +109,7 @@ def test_many_readings_of_few_inputs_prove_no_step_under_noise(seed):
 
 
 def test_no_step_below_the_least_is_sought_however_small_the_noise():
-    """To try them all would fill the memory, and the catalogue has none so small."""
+    """Trying all of them would fill the memory, and the catalogue has none of this size."""
     values = 0.2 * LEAST_STEP * np.random.default_rng(3).integers(-(10**7), 10**7, 60).astype(np.float64)
     assert noisy_step(values, 1e-10) is None
 

@@ -86,7 +86,7 @@ def test_the_catalogue_is_the_contracts():
 
 @pytest.mark.parametrize("place", LINEAR, ids=lambda p: p.title)
 def test_signatures_are_the_derivatives_of_what_the_components_read(place):
-    """Central differences at two sizes, extrapolated."""
+    """Use central differences at two sizes, extrapolated."""
     effect = CATALOGUE[place.effect].at(place)
     rows = true_bench()[1]
     columns = signature_columns([place], rows)
@@ -126,8 +126,7 @@ def test_small_turns_are_exact_for_large_effects(place):
 
 def test_what_the_bench_cannot_tell_apart_has_the_same_signature():
     """Wobble of the outer axis of order 1 is in the nominal model; sag about it is the first harmonic of its encoder;
-    the tilt of the inner axis, once a turn, is its lean a quarter of a turn later, but for what the model holds.
-    """
+    the tilt of the inner axis, once a turn, is its lean a quarter of a turn later, except for the part in the model."""
     rng = np.random.default_rng(8)
     p = parametrise({"identity": np.eye(3)})
     at = Positions(rng.uniform(-3.0, 3.0, 60), rng.uniform(-3.0, 3.0, 60), np.zeros(60, dtype=int))
@@ -255,7 +254,7 @@ def test_what_a_record_leaves_of_a_width_is_no_negative_width():
 
 
 def test_of_no_rows_effects_in_motion_have_columns_of_no_rows():
-    """As of a record that is too slow for its motion: none of its rows is in steady motion."""
+    """A record that is too slow for its motion has no row in steady motion."""
     none = np.zeros((0, 3))
     rows = MotionRows(none, none, none, np.zeros(0), np.zeros(0))
     place = EffectPlace("lever-arm", "accelerometer-1")

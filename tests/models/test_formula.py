@@ -1,4 +1,4 @@
-"""Formulas that a person states: exact signatures, kernels, units, and one line for everything that is none."""
+"""Formulas of a user: exact signatures, kernels, units, and one line for every other text."""
 
 import contextlib
 import math
@@ -39,7 +39,7 @@ AT_REST = (
 
 @pytest.mark.parametrize("text", AT_REST)
 def test_its_signature_is_the_derivative_of_what_the_components_read(text):
-    """Kernel and signature are made from the same tree by different means."""
+    """Kernel and signature come from the same tree by different means."""
     place = Formula.of(text).place
     effect, columns = place.definition, signature_columns([place], true_bench()[1])
     assert columns.shape == (3 * ROWS, len(effect.parameters))
@@ -121,7 +121,7 @@ def test_it_has_an_equation_for_pages():
 
 
 def test_what_is_not_told_of_its_quantities_widens_the_bounds():
-    """Half a last digit of the temperature, and the zero of the inner encoder, to first order."""
+    """The bounds grow by half a last digit of the temperature, and by the zero of the inner encoder, to first order."""
     rows = true_bench()[1]
     for text, slope in (
         ("f2 += c*temperature**2", 2.0 * np.asarray(rows.temperature) * 0.05),

@@ -32,10 +32,10 @@ CONTRACT = {
 }
 """Number of parameters and unit."""
 SETTING_IN = {"gyro-bias-step": (3, "rad/s"), "gyro-scale-step": (3, "1"), "latency-step": (1, "s")}
-"""The same of those that act from a time on, without that."""
+"""The same for effects that act from a time on, without the time."""
 IN_GYROS = [p for effect in STRAPDOWN_EFFECTS.values() if effect.component == "GyroBlock" for p in effect.places]
 FADING = {"gyro-warm-up": (3, "rad/s")}
-"""The same of those that fade with a time constant, without that."""
+"""The same for effects that fade with a time constant, without it."""
 LINEAR = [p for p in IN_GYROS if p.definition.linear]
 
 
@@ -57,7 +57,7 @@ def test_the_catalogue_is_the_contracts():
 
 @pytest.mark.parametrize("place", LINEAR, ids=lambda p: p.title)
 def test_signatures_are_the_derivatives_of_what_the_block_reads(place):
-    """Steps are uneven."""
+    """Use uneven steps."""
     effect, rows = STRAPDOWN_EFFECTS[place.effect], lively_motion()
     columns = effect.signature(place, rows)
     assert columns.shape == (len(rows.rate), 3, len(effect.parameters))
@@ -113,7 +113,7 @@ def test_the_block_reads_what_the_contract_defines():
 
 @pytest.mark.parametrize("steps", [-0.7, 0.4, 1.0, 2.5, 7.999, 8.0, 11.0])
 def test_late_gyros_read_the_rate_of_a_while_ago(steps):
-    """Rates that hold over the steps, read between steps k and k + 1 of the past; beyond eight, a straight line."""
+    """Rates hold over the steps and are read between steps k and k + 1 of the past; beyond eight, a straight line."""
     rows = lively_motion(even=True)
     measured = gyro_readings([(EffectPlace("latency", "gyro-block"), [steps * rows.step[0]])], rows)
     w = rows.rate
@@ -202,7 +202,7 @@ def test_effects_of_gyros_add_up_in_any_order():
 
 
 def test_jitter_of_the_log_alone_makes_rates_count_over_wrong_intervals():
-    """Increments that were made of rates and logged intervals; a missed sample is two periods, not jitter."""
+    """Use increments made from rates and logged intervals; a missed sample is two periods, not jitter."""
     rows = lively_motion()
     lengths = rows.step.copy()
     lengths[20] += rows.period
@@ -227,7 +227,7 @@ def test_steps_of_the_gyros_are_found_in_their_readings():
 
 
 def test_undersampling_leaves_out_what_the_computer_then_adds():
-    """A coning motion, by the mean-rate algorithm: with c = 1/12 its drift goes, and the signature says how."""
+    """Use a coning motion and the mean-rate algorithm: with c = 1/12 its drift vanishes, as the signature predicts."""
     place = EffectPlace("undersampling", "attitude-computer")
     step, rows = 0.01, 400
     edges = step * np.arange(rows + 1)
@@ -257,7 +257,7 @@ def test_undersampling_leaves_out_what_the_computer_then_adds():
 
 
 def attitude_after(increments: np.ndarray, step: float, place: EffectPlace, coefficient: float | None) -> Rotation:
-    """Attitude that the computer, extended where there is a coefficient, has after increments (N, 3) [rad]."""
+    """Return the attitude of the computer, extended if there is a coefficient, after increments (N, 3) [rad]."""
     model = Named("AttitudeComputer", {} if coefficient is None else {place: [coefficient]}, algorithm=2).begin()
     for k, increment in enumerate(increments):
         model.put(increment=increment).step(k * step, step)

@@ -1,4 +1,4 @@
-"""The size effect: what accelerometers off the block's centre feel of its turning."""
+"""The size effect: readings of off-centre accelerometers while the block turns."""
 
 import math
 
@@ -13,7 +13,7 @@ PLACES = CATALOGUE["lever-arm"].places
 
 
 def accelerometer_readings(arms: dict[EffectPlace, np.ndarray], rows=None) -> np.ndarray:
-    """Readings (N, 3) [g] of a block over a lively motion, with some of its accelerometers off-centre."""
+    """Return readings (N, 3) [g] of a block over a lively motion, with some of its accelerometers off-centre."""
     rows = lively_motion() if rows is None else rows
     model = Named("AccelerometerBlock", arms)
     readings, time = np.zeros_like(rows.rate), 0.0
@@ -38,7 +38,8 @@ def test_the_signature_is_the_derivative_of_what_the_block_reads(place):
 
 
 def test_it_is_the_acceleration_of_a_point_of_a_turning_body():
-    """A block that swings about its third axis, twenty times a second: the second derivative of where the point is."""
+    """Use a block that swings about its third axis, twenty times a second: the second derivative of the point's
+    place."""
     arm, swing, omega, step = np.array([0.05, -0.03, 0.02]), 0.4, 20.0, 1e-4
     time = step * np.arange(400, dtype=np.float64)
     angle, rate = swing * np.sin(omega * time), swing * omega * np.cos(omega * time)
@@ -59,7 +60,7 @@ def test_it_is_the_acceleration_of_a_point_of_a_turning_body():
 
 
 def test_it_is_of_the_accelerometers_in_motion_alone():
-    """No rest shows it, and no gyro reads it."""
+    """No rest shows it, and no gyro senses it."""
     assert "lever-arm" not in POSITION_EFFECTS
     assert "lever-arm" not in STRAPDOWN_EFFECTS
     effect = CATALOGUE["lever-arm"]

@@ -1,4 +1,4 @@
-"""Tables of a function of one quantity: signature against the components, exact kernels, laws that are refused."""
+"""Tables of a function of one quantity: signature against the components, exact kernels, refused laws."""
 
 import inspect
 
@@ -39,7 +39,7 @@ LAWS = (
 
 @pytest.mark.parametrize(("where", "law"), LAWS)
 def test_its_signature_is_the_derivative_of_what_the_components_read(where, law):
-    """A reading near a knot may lie on the other side of it when an encoder errs: it is left out."""
+    """A reading near a knot may be on its other side when an encoder errs: it is left out."""
     place = EffectPlace("lookup", where, law=law)
     rows = true_bench()[1]
     columns = signature_columns([place], rows)
@@ -98,7 +98,7 @@ def test_a_function_of_a_gyros_rate_has_its_rows_and_its_kernel():
 
 
 def test_a_function_of_an_angular_acceleration_has_its_rows_and_its_kernel():
-    """From the step before, 0.5 s long: its rate stands in the context."""
+    """The previous step is 0.5 s long, and its rate is in the context."""
     law, before, rate = "w1 times dw3 at -2.0 0.0 2.0", np.array([[0.0, 0.0, 0.2]]), np.array([[3.0, 0.0, 0.7]])
     place = EffectPlace("lookup", "gyro-block", axes=(2,), law=law)
     rows = MotionRows(rate, before, np.zeros((1, 3)), np.zeros(1), np.array([0.5]))

@@ -7,7 +7,7 @@ from trihedron.models.random_numbers import GENERATOR_SIZE, MODULUS_1, MODULUS_2
 
 
 def exact_draws(state: list[int], count: int) -> list[float]:
-    """The generator in whole numbers, straight from the recurrences of the paper."""
+    """Return the generator in whole numbers, straight from the recurrences of the paper."""
     m1, m2 = 4294967087, 4294944443
     a, b = list(state[:3]), list(state[3:])
     drawn = []

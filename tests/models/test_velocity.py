@@ -32,7 +32,7 @@ def _fifty_digits():
 
 
 def gained(algorithm: Algorithm, g: list, v: list, before: Sequence[list], form: float = JOINT) -> list:
-    """Velocity of a step, by the computer's own kernel."""
+    """Return the velocity of a step, by the computer's own kernel."""
     empty = [mpf(0)] * STEP_SIZE
     filled = [[*x, *empty][:STEP_SIZE] for x in (before[0], g, before[1], v)]
     work = [[mpf(0)] * size for size in (SPACE_SIZE, 4, 4, 4)]
@@ -44,7 +44,7 @@ def gained(algorithm: Algorithm, g: list, v: list, before: Sequence[list], form:
 
 @cache
 def force_series(high: bool, terms: int = 30) -> list:
-    """Power series of the specific force in the reference, about 0: λ ∘ f ∘ λ*."""
+    """Return the power series of the specific force in the reference, about 0: λ ∘ f ∘ λ*."""
     attitude = attitude_series(high)
     total = []
     for n in range(terms):
@@ -59,7 +59,7 @@ def force_series(high: bool, terms: int = 30) -> list:
 
 
 def true_gain(rates: list, step: mpf) -> list:
-    """Velocity over (0, step] in the body at 0."""
+    """Return the velocity over (0, step] in the body at 0."""
     series = force_series(rates is HIGH)
     return [sum((c[i] * step ** (k + 1) / (k + 1) for k, c in enumerate(series)), mpf(0)) for i in range(3)]
 
@@ -76,7 +76,7 @@ def local_order(algorithm: Algorithm, form: float = JOINT) -> float:
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
 def test_velocity_has_the_order_of_the_attitude(algorithm: Algorithm) -> None:
-    """Formulas of the attitude that lose an order for another reason than their products have it in the velocity."""
+    """Some formulas lose an order of the attitude for another reason than their products; the velocity has it."""
     order = local_order(algorithm) - 1
     assert order > algorithm.order - 0.05
     if algorithm.kernel.__name__.startswith(("by_products", "functional", "adaptive")) and algorithm.constant_rate:
@@ -91,9 +91,10 @@ def test_the_classic_form_is_of_third_order_and_the_first_order_one_of_second() 
 
 
 def sculling_drift(algorithm: Algorithm, phase: mpf, form: float = JOINT) -> tuple[mpf, mpf]:
-    """Relative error of the velocity across a small turn θ = A sin Ωt about x and a force f = B sin Ωt along y.
+    """Return the relative error of the velocity for a small turn θ = A sin Ωt about x and a force f = B sin Ωt along y.
 
-    Its mean is A B/2 along z. Averaged over a period, which the steps divide: the phase in a sample is returned, too.
+    Its mean is A B/2 along z. It is averaged over a period, which the steps divide; the phase in a sample is returned,
+    too.
     """
     n, a = algorithm.samples, mpf(10) ** -12
     steps = int(mpmath.nint(2 * mpmath.pi / (phase * n)))
@@ -136,7 +137,7 @@ def feed(model: Named, increments: np.ndarray, velocities: np.ndarray) -> Named:
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
 def test_a_constant_rate_and_force_are_exact_where_a_rate_is(algorithm: Algorithm) -> None:
-    """Velocity of a body that turns by φ about an axis and is pushed by a force fixed in it."""
+    """Compare with the velocity of a body that turns by φ about an axis under a force fixed in it."""
     count = 2 * algorithm.samples
     gamma, upsilon = 0.9 * algorithm.max_increment * np.array([0.0, 0.0, 1.0]), np.array([0.2, 0.0, 0.1])
     model = feed(computer(algorithm), np.tile(gamma, (count, 1)), np.tile(upsilon, (count, 1)))
@@ -185,7 +186,7 @@ def test_what_is_no_velocity_increment_is_refused_and_changes_nothing(bad: float
 
 
 def test_an_effect_in_motion_reaches_the_velocity() -> None:
-    """A block off the centre of a steady turn feels ω × (ω × r): its velocity is that of a point on a circle."""
+    """A block off the centre of a steady turn senses ω × (ω × r): its velocity is that of a point on a circle."""
     arm, rate, period, count = 0.2, 0.5, 0.01, 400
     effects = {EffectPlace("lever-arm", f"accelerometer-{p}"): (arm, 0.0, 0.0) for p in (1, 2)}
     block = Named("AccelerometerBlock", effects, rate=(0.0, 0.0, rate)).begin()
