@@ -1,4 +1,4 @@
-"""Ten effects that the catalogue lacks, on records of the suite's benches, and how near its best sets of three come."""
+"""Ten effects outside the catalogue, on records of the suite's benches, and the distance of its best sets of three."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ EXACT = 12
 
 
 def on(p: int, values: NDArray) -> NDArray:
-    """Values (N,) on one accelerometer (N, 3)."""
+    """Return values (N,) on one accelerometer (N, 3)."""
     return values[:, None] * (np.arange(3) == p)
 
 
@@ -55,7 +55,7 @@ def resonance(p: int, rows: Rows) -> NDArray:
 
 
 def pulse_in_time(p: int, rows: Rows) -> NDArray:
-    """A bias that jumps, and jumps back."""
+    """Return a bias that jumps, and jumps back."""
     return on(p, np.where(np.abs(rows.hours / rows.hours[-1] - 0.55) < 0.2, 1.0, -1.0))
 
 
@@ -92,7 +92,7 @@ UNKNOWN: tuple[Callable[[int, Rows], NDArray], ...] = (
 
 @dataclass(frozen=True)
 class UnknownCase:
-    """A record with an effect that the catalogue lacks."""
+    """A record with an effect outside the catalogue."""
 
     case: Case
     record: PositionRecord
@@ -101,10 +101,11 @@ class UnknownCase:
 
 
 def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCase:
-    """An unknown effect so large that the catalogue's best set of three leaves 1.5 σ or more, but not many times that.
+    """Draw an unknown effect for which the catalogue's best set of three leaves at least 1.5 σ, but not many times
+    that.
 
-    A search of the test's own says so, and the diagnosis itself, asked with 1.5 σ for the noise bound: were the two to
-    disagree, one of them would have missed a set.
+    An independent search and the diagnosis itself, with 1.5 σ for the noise bound, confirm it: if the two disagreed,
+    one of them would have missed a set.
     """
     rng = np.random.default_rng([seed, index])
     effect = UNKNOWN[index % len(UNKNOWN)]
@@ -138,10 +139,10 @@ def is_beyond_three(case: Case, record: PositionRecord) -> bool:
 
 
 def nearest_triple(case: Case, record: PositionRecord, change: NDArray | None = None) -> float:
-    """The least distance [g] of a record's residual, or of a change, from the model with three effects, as found.
+    """Return the least distance [g] of a record's residual, or of a change, from the model with three effects.
 
-    A beam search of its own: singles, pairs and triples, outliers among them, are grown by least squares, the best
-    triples judged by the Chebyshev programme. What it finds is no more than the best; the best may be better.
+    A beam search grows singles, pairs and triples, outliers among them, by least squares; the Chebyshev programme
+    judges the best triples. Its result is an upper bound of the true least distance.
     """
     bench = case.instrument
     fit = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))

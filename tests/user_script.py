@@ -1,4 +1,4 @@
-"""A script as a user writes it: `make lint` looks at its types, a test runs it. It uses public names alone."""
+"""A user's script: `make lint` checks its types, a test runs it. It uses public names only."""
 
 from pathlib import Path
 from typing import assert_type
@@ -11,7 +11,7 @@ import trihedron as th
 
 
 def bench(folder: Path) -> float:
-    """Simulate, calibrate, correct, compare; gives the bound of the first accelerometer's bias [g]."""
+    """Simulate, calibrate, correct, compare; return the bound of the first accelerometer's bias [g]."""
     th.new("scenario", folder / "bench.toml")
     run = th.simulate(folder / "bench.toml", out=folder / "run")
     assert_type(run.table, pl.DataFrame)

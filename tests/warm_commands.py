@@ -1,4 +1,4 @@
-"""`trihedron` for tests that give many commands: a copy of a process that has everything imported does each of them.
+"""`trihedron` for tests that run many commands: a copy of a process with everything imported runs each of them.
 
 As a program (python warm_commands.py SOCKET) it is that process: it ends when its standard input does.
 """
@@ -25,7 +25,7 @@ OTHERS = (
     *("fmpy", "highspy", "jinja2", "matplotlib.backends.backend_svg", "numba", "polars", "pythonfmu.builder"),
     *("rich.progress", "rich.table", "scipy.optimize", "scipy.signal", "scipy.spatial.transform", "scipy.special"),
 )
-"""Libraries that the product imports where it needs them."""
+"""Libraries that the product imports lazily."""
 LONGEST = 1 << 20
 SHIM = f"""#!{sys.executable} -IS
 import json, os, socket, sys
@@ -39,14 +39,19 @@ with socket.socket(socket.AF_UNIX) as there:
 
 @contextmanager
 def warm_commands(folder: Path, environment: Mapping[str, str]) -> Iterator[Path]:
-    """A folder for the path with a `trihedron` that runs in copies of one process.
+    """Return a folder for the path with a `trihedron` that runs in copies of one process.
 
     Parameters
     ----------
     folder : Path
-        empty
+        empty folder
     environment : mapping
-        of that process; each command has its own
+        environment of that process; each command has its own
+
+    Returns
+    -------
+    Path
+        the folder
     """
     # A socket's name may be no longer than about a hundred characters.
     with tempfile.TemporaryDirectory(prefix="warm-") as short:
@@ -71,7 +76,7 @@ def import_all() -> None:
 
 
 def serve(path: Path) -> None:
-    """Do commands until the standard input ends."""
+    """Run commands until the standard input ends."""
     import_all()
     with socket.socket(socket.AF_UNIX) as door:
         door.bind(str(path.with_suffix(".new")))
@@ -90,7 +95,7 @@ def serve(path: Path) -> None:
 
 
 def answer(caller: socket.socket, said: dict, streams: list[int]) -> None:
-    """Be the command: its folder, its environment, its streams; send its exit status and end."""
+    """Run the command in its folder, environment and streams; send its exit status and end."""
     from trihedron.tools.cli import main
 
     status = 70

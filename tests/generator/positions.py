@@ -165,7 +165,7 @@ def record_with(
 ) -> PositionRecord:
     """Return a record of a drawn session with errors of readings f1 to f3 [g], or encoders alpha and beta [rad].
 
-    `scale` multiplies the errors that σ allows; `temperature` is a function of the part of the time from 0 to 1.
+    `larger` multiplies the errors that σ allows; `temperature` is a function of the part of the time from 0 to 1.
     """
     rng = np.random.default_rng(seed)
     session = Session.drawn(rng, count)

@@ -1,4 +1,4 @@
-"""Two runs or records held against each other: every difference is found where it is, and nothing else."""
+"""Comparison of two runs or records: every difference is found at its place, and no other."""
 
 from pathlib import Path
 
@@ -152,7 +152,7 @@ def test_rates_and_increments_are_not_taken_the_shorter_way_round():
 
 
 def quaternion(angle: np.ndarray, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Turns about (1, 2, 2) / 3 by an angle, q0 first."""
+    """Return turns about (1, 2, 2) / 3 by an angle, q0 first."""
     half = 0.5 * angle
     parts = [np.cos(half), np.sin(half) / 3.0, 2.0 * np.sin(half) / 3.0, 2.0 * np.sin(half) / 3.0]
     return dict(zip(names, parts, strict=True))

@@ -1,4 +1,4 @@
-"""The demonstration, run as `make demo` runs it."""
+"""The demonstration, run like `make demo`."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Every file that is named, to a command or in another file, is read by one reader: no devices, no giants."""
+"""One reader reads every file named to a command or in another file: no devices, no giants."""
 
 import errno
 import os
@@ -63,7 +63,7 @@ GIVEN: dict[str, list[str]] = {
 
 
 def as_written(where: str, text: str, file: str, folder: Path) -> list[str]:
-    """The command that reads a file which names `file`."""
+    """Return the command that reads a file which names `file`."""
     text = text.format(file=file)
     if where == "scenario":
         if text.startswith("foreign "):
@@ -80,14 +80,14 @@ def as_written(where: str, text: str, file: str, folder: Path) -> list[str]:
 
 
 def command(name: str, file: Path, folder: Path) -> list[str]:
-    """The command that is given the file, or a file that names it."""
+    """Return the command that is given the file, or a file that names it."""
     if name in NAMED:
         return as_written(*NAMED[name], str(file), folder)
     return [part.format(file=file) for part in GIVEN[name]]
 
 
 def refusal(name: str, file: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line in which it is refused; nothing is written."""
+    """Return the one line of its refusal; assert that nothing is written."""
     before = {path.name for path in folder.iterdir()}
     assert cli.main(command(name, file, folder)) == 2
     output = capsys.readouterr().err
@@ -98,7 +98,7 @@ def refusal(name: str, file: Path, folder: Path, capsys: pytest.CaptureFixture[s
 
 @pytest.fixture
 def giant(tmp_path: Path) -> Path:
-    """More bytes than are read of any file; on the disk it takes none."""
+    """Make a sparse file larger than any that is read."""
     path = tmp_path / "giant"
     with path.open("wb") as file:
         file.truncate(LARGEST + 1)
@@ -109,7 +109,7 @@ def giant(tmp_path: Path) -> Path:
 def test_what_has_no_end_is_refused_wherever_it_is_named(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A link to a device, and a pipe into which nobody writes."""
+    """Use a link to a device, and a pipe into which nobody writes."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "zero").symlink_to("/dev/zero")
     os.mkfifo(tmp_path / "pipe")
@@ -136,7 +136,7 @@ def test_the_limit_is_the_largest_that_is_read(tmp_path: Path) -> None:
 
 
 def test_a_small_file_of_too_many_rows_is_refused_before_they_are_unpacked(tmp_path: Path, capsys) -> None:
-    """Parquet packs rows that are alike into next to nothing."""
+    """Parquet packs similar rows into next to nothing."""
     path = tmp_path / "packed.parquet"
     pl.DataFrame({"alpha_deg": pl.repeat(True, MOST_NUMBERS + 1, eager=True)}).write_parquet(path)
     assert path.stat().st_size < 1 << 20
@@ -278,7 +278,7 @@ def test_where_one_output_fails_none_stays(
 def test_outputs_are_looked_at_before_the_work(
     options: list[str], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The record is not even there."""
+    """The record does not even exist."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder.html").mkdir()
     assert cli.main(["calibrate", "none.csv", *options]) == 2
@@ -372,7 +372,7 @@ def test_a_plan_never_replaces_the_mounting_that_it_reads(option: str, tmp_path:
 
 @pytest.mark.parametrize("linked", [True, False])
 def test_files_of_a_user_beside_a_folder_are_left_alone(linked: bool, tmp_path: Path) -> None:
-    """A name that looks like a working file of ours: `.NAME.before`, a file, or a link to one elsewhere."""
+    """Use names that look like our working files: `.NAME.before`, a file, or a link to one elsewhere."""
     out, treasure = tmp_path / "out", tmp_path / "treasure"
     out.mkdir()
     treasure.write_text("mine")

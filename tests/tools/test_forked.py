@@ -1,4 +1,4 @@
-"""A forked process works, or says at once that its parent had used polars' threads; it never waits for ever."""
+"""A forked process works, or reports at once that its parent had used polars' threads; it never waits for ever."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""In Python as on the command line: arguments are named, tables of any library taken, pages and pictures made."""
+"""Python as on the command line: named arguments, tables of any library, pages and pictures."""
 
 import json
 import subprocess
@@ -20,7 +20,7 @@ from trihedron.tools.records import PositionRecord, write_record
 
 SIGMA = 1e-5
 LOOSE: Any = th
-"""As one calls it who checks no types."""
+"""The library without its types."""
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def calibration(record):
 
 
 class Pandas:
-    """A table as pandas has it: column names that are an index, columns that go to NumPy."""
+    """A table like pandas': column names that are an index, columns that convert to NumPy."""
 
     def __init__(self, columns: dict[str, list[float]]) -> None:
         self.columns, self._column = np.array(list(columns), dtype=object), columns
@@ -180,7 +180,7 @@ def test_linear_algebra_has_one_thread_in_a_call_and_its_own_again_after_it():
 
 
 def test_calls_in_calls_end_where_no_library_can_be_told(monkeypatch: pytest.MonkeyPatch):
-    """As where NumPy was built with another one than OpenBLAS."""
+    """Test NumPy built with another library than OpenBLAS."""
     monkeypatch.setattr(arguments, "_libraries", list)
     assert in_python(lambda: in_python(lambda: 3)())() == 3
 

@@ -32,7 +32,7 @@ SCALE_FACTORS_OF_1 = [9, 12]
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory) -> Path:
-    """Three calibrations of one bench; the scale factors of the first accelerometer change before the third."""
+    """Write three calibrations of one bench; the scale factors of the first accelerometer change before the third."""
     root, rng = tmp_path_factory.mktemp("instrument"), np.random.default_rng(4)
     bench = random_bench(rng)
     for k in range(3):
@@ -50,7 +50,7 @@ def root(tmp_path_factory) -> Path:
 
 
 def ends_over_time(trend: Calibration) -> dict[str, list[tuple[float | None, float | None]]]:
-    """Ends of each parameter in each record; two times None where it tells nothing."""
+    """Return the ends of each parameter in each record; None twice without information."""
     ends = {}
     for change in trend.changes:
         alone = trend.each(change.symbol)
@@ -97,7 +97,7 @@ def test_a_scale_factor_that_changed_is_no_constant_since_that_date_and_nothing_
 
 
 def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_share_stands_once(root, tmp_path):
-    """Biases are of each record, at its own date; the scale factors of the first two days are at the second's."""
+    """Biases belong to each record, at its own date; the scale factors of the first two days are at the second's."""
     shared, files = tmp_path / "shared.json", [root / "0.csv", root / "1.csv"]
     together = th.calibrate_together(*files, noise_bound=SIGMA)
     shared.write_text(together.json_text(), encoding="utf-8")
@@ -127,7 +127,7 @@ def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_
 
 
 def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_date(tmp_path):
-    """Two days without a secret; then the same as if a scale factor of the second differed: that day tells it alone."""
+    """Use two days without a secret; then a changed scale factor in the second: that day alone shows it."""
     files = [tmp_path / f"{k}.csv" for k in range(2)]
     for path, date, record in zip(files, DATES, of_one_instrument(21, 2, positions=20), strict=False):
         write_record(record, path)
@@ -171,7 +171,7 @@ Ends = st.tuples(st.integers(-9, 9), st.integers(0, 6)).map(lambda pair: (pair[0
 
 @given(st.lists(Ends, min_size=1, max_size=8))
 def test_the_first_date_is_that_at_which_no_number_lies_in_all_intervals_so_far(ends):
-    """Held against every number that could: ends of intervals are whole numbers here."""
+    """Compare with every possible number: ends of intervals are whole numbers here."""
     common = [
         any(all(low <= number <= high for low, high in ends[: k + 1]) for number in range(-9, 16))
         for k in range(len(ends))

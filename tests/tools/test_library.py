@@ -20,13 +20,13 @@ SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 @pytest.fixture(scope="module")
 def run() -> th.Simulation:
-    """The static calibration, in memory."""
+    """Return the static calibration, in memory."""
     return th.simulate(SCENARIOS / "static-calibration.toml")
 
 
 @pytest.fixture(scope="module")
 def hidden():
-    """A record with a hidden quadratic term."""
+    """Return a record with a hidden quadratic term."""
     return th.hide(7, "quadratic")
 
 
@@ -37,7 +37,7 @@ def found(hidden):
 
 
 def test_importing_it_imports_nothing():
-    """No library, and of our own modules the one that knows how results are shown: all else comes when it is used."""
+    """Only the module that shows results is imported at once: everything else is imported on use."""
     output = subprocess.run(
         [sys.executable, "-c", "import sys; before = set(sys.modules); import trihedron; "
          "print(*(set(sys.modules) - before))"],
@@ -48,7 +48,7 @@ def test_importing_it_imports_nothing():
 
 
 def test_python_and_the_command_line_say_the_same_words_of_a_shared_option(capsys):
-    """The words stand once, with the type; a function's own words go before them."""
+    """The words exist once, with the type; a function's own words go before them."""
     documented = " ".join((th.calibrate.__doc__ or "").split())
     assert cli.main(["calibrate", "--help"]) == 0
     text = " ".join(capsys.readouterr().out.replace("│", "").split())

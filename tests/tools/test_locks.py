@@ -78,7 +78,7 @@ def test_the_folder_of_a_killed_process_is_taken_away_by_the_next(base: Path) ->
 
 
 def test_what_is_not_left_by_such_a_process_is_let_alone(base: Path) -> None:
-    """A user's own folder with that beginning has no lock; one whose process did not get so far is empty, and goes."""
+    """A user's own folder with that prefix has no lock and stays; an empty one of an unfinished process is removed."""
     group = base / f"{PREFIX}results"
     group.mkdir()
     (group / "result.json").write_text("{}")
@@ -93,7 +93,7 @@ def test_what_is_not_left_by_such_a_process_is_let_alone(base: Path) -> None:
 
 
 def test_a_folder_taken_away_before_it_is_locked_is_made_again(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another process takes the new folder for one that was left."""
+    """Another process takes the new folder for an abandoned one."""
     make, written = tempfile.mkdtemp, []
 
     def robbed(**named: str) -> str:

@@ -1,4 +1,4 @@
-"""A file of effects of the user's own: an equal citizen where it is right, one line where it is not."""
+"""A file of the user's own effects: equal to the catalogue if it is correct, one line if it is not."""
 
 import re
 from dataclasses import replace
@@ -23,7 +23,7 @@ KNOWN = [effect for effect in CATALOGUE.values() if effect.kernel is not None]
 
 @pytest.fixture(autouse=True)
 def catalogue(monkeypatch):
-    """The catalogue is as it was behind each test."""
+    """Restore the catalogue after each test."""
     before = dict(CATALOGUE)
     yield
     CATALOGUE.clear()
@@ -56,7 +56,7 @@ def test_it_is_tried_within_the_block_and_not_behind_it(tmp_path):
 
 
 def test_it_is_among_what_a_record_is_tried_with(tmp_path):
-    """A record in which it is hidden is mended by it, at its place, and by it at no other."""
+    """It mends a record in which it is hidden, at its place and at no other."""
     path = written(tmp_path)
     record = th.hide(3, "half-scale", effects_from=path)
     hidden = record.secret["hidden"]
@@ -85,7 +85,7 @@ columns = {f3_mps2 = "block.reading[3]"}
 
 
 def test_a_scenario_may_name_it_and_runs_nothing_by_itself(tmp_path, monkeypatch, capsys):
-    """The file is run where the user names it and nowhere else; another text is another component."""
+    """The file is run only where the user names it; another text is another component."""
     monkeypatch.chdir(tmp_path)
     Path("s.toml").write_text(SCENARIO, encoding="utf-8")
     path = written(tmp_path)
@@ -192,7 +192,7 @@ def test_what_is_no_file_of_effects_is_refused_too(tmp_path, capsys):
 
 
 def test_an_unknown_way_of_acting_is_checked(tmp_path):
-    """An effect that is not linear: its variants have to be such."""
+    """The variants of an effect that is not linear must have the correct type."""
     dead = CATALOGUE["dead-zone"]
     with pytest.raises(InputError, match="variants give no list of Variant"):
         check_effect("x.py", replace(dead, variants=lambda *given: [1]))  # type: ignore[arg-type]

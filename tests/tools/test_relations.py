@@ -42,7 +42,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
 
 
 def found(table: pl.DataFrame, **options: Any) -> dict:
-    """A calibration as plain values, without where the record came from."""
+    """Return a calibration as plain values, without the origin of the record."""
     result = measured.calibrate(table, noise_bound=SIGMA, convention="A2", **options).to_json()
     return {name: value for name, value in result.items() if name not in (*FILE, "warnings", "mountings")}
 
@@ -60,7 +60,7 @@ def test_a_calibration_is_the_same(name, clean, first):
 
 @pytest.mark.parametrize("name", SAME)
 def test_a_calibration_is_the_same_but_for_names(name, clean, first):
-    """Verdict, radius and every interval."""
+    """Compare verdict, radius and every interval."""
     changed = SAME[name](clean)
     second = found(changed.table, **changed.options)
     assert second["verdict"] == first["verdict"] == "consistent"
@@ -85,7 +85,7 @@ def test_a_block_taken_off_and_put_back_leaves_more_possible(clean, first):
 
 
 def test_axes_renamed_with_the_mounting_are_the_same_block(tmp_path):
-    """With one scale factor for each accelerometer; two go by the signs of inputs along the convention's own axes."""
+    """Use one scale factor for each accelerometer; two go by the signs of inputs along the convention's own axes."""
     write_hidden_record(tmp_path / "s.csv", 5, symmetric=True)
     table = pl.read_csv(tmp_path / "s.csv", comment_prefix="#")
     changed = axes_renamed(table)
@@ -99,7 +99,7 @@ def test_axes_renamed_with_the_mounting_are_the_same_block(tmp_path):
 
 
 def corrected(table: pl.DataFrame, folder: Path, **options: Any) -> np.ndarray:
-    """The readings of a record corrected by its own calibration, (N, 3)."""
+    """Return the readings of a record corrected by its own calibration, (N, 3)."""
     calibration = measured.calibrate(table, noise_bound=SIGMA, convention="A2", **options)
     path = folder / "record.csv"
     table.write_csv(path)
@@ -120,7 +120,7 @@ def calibration(clean: pl.DataFrame) -> Any:
 
 
 def applied(calibration: Any, table: pl.DataFrame, path: Path) -> np.ndarray:
-    """The readings of a record corrected by a calibration, (N, 3)."""
+    """Return the readings of a record corrected by a calibration, (N, 3)."""
     (table.write_csv if path.suffix == ".csv" else table.write_parquet)(path)
     return apply_calibration(calibration, path).record.specific_force
 
@@ -208,7 +208,7 @@ def test_an_inspection_of_csv_and_of_parquet_are_the_same(moved, tmp_path):
 
 
 def test_an_inspection_of_renamed_axes_says_the_same_of_renamed_axes(moved):
-    """Axes 1, 2, 3 are called 3, 1, 2, of gyros and accelerometers alike."""
+    """Axes 1, 2, 3 are renamed 3, 1, 2, for gyros and accelerometers alike."""
     groups = (["w1_radps", "w2_radps", "w3_radps"], READINGS)
     new = [pl.col(group[(k + 1) % 3]).alias(group[k]) for group in groups for k in range(3)]
     first, second = inspected(moved), inspected(moved.with_columns(new))
@@ -224,7 +224,7 @@ def test_an_inspection_of_renamed_axes_says_the_same_of_renamed_axes(moved):
 
 
 def attitude(table: pl.DataFrame | Path, **options: Any) -> np.ndarray:
-    """The attitude that the computer finds, (N, 4)."""
+    """Return the computer's attitude, (N, 4)."""
     return measured.attitude_of_record(table, **options).attitude
 
 
@@ -256,7 +256,7 @@ def test_attitude_of_a_record_that_ends_early_is_the_beginning_of_the_whole(move
 
 
 def imported(table: pl.DataFrame, path: Path, write: Callable[[pl.DataFrame, Path], object]) -> pl.DataFrame:
-    """The record that an import makes of a laboratory's table."""
+    """Return the record of an import of a laboratory's table."""
     write(table, path)
     out = path.parent / "record.csv"
     written = measured.import_record(path, out=out, answers={"units.force": "mg", "decimal": "."})
@@ -318,7 +318,7 @@ def test_settings_in_other_columns_are_the_same_settings(tmp_path):
 
 
 def test_an_imported_record_is_of_its_rows(clean, tmp_path):
-    """Whatever their columns' order, separator, file and number; a clock set later is later in the record."""
+    """Columns' order, separator, file and number do not matter; a later clock is later in the record."""
     names = {f"f{k}_mps2": f"f{k} [mg]" for k in (1, 2, 3)}
     force = pl.col(list(names)) * (1000.0 / 9.80665)
     table = clean.select("position", "time_s", "alpha_deg", "beta_deg", *names).with_columns(force).rename(names)

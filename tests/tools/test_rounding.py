@@ -1,4 +1,4 @@
-"""Bounds are rounded up, ends of intervals outwards, and nothing that is not zero is shown as zero."""
+"""Bounds are rounded up, ends of intervals outwards, and no nonzero number is shown as zero."""
 
 import math
 from decimal import Decimal
@@ -150,5 +150,5 @@ def test_intervals_as_they_are_shown():
 
 
 def test_a_positive_number_known_to_some_powers_of_ten_keeps_its_digits():
-    """A time constant between a twentieth of an hour and 3000 h is not 0."""
+    """A time constant between a twentieth of an hour and 3000 h is not shown as 0."""
     assert [str(number) for number in interval(0.2051, 0.05123, 2996.7)] == ["0.205", "0", "2997"]

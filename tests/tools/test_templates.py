@@ -16,7 +16,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_new_scenario_runs_and_calibrates_as_it_is():
-    """The plan of 24 has a position twice; it makes two rests all the same."""
+    """The plan of 24 has a position twice, which makes two rests."""
     assert th.new("scenario", "bench.toml", positions=24) == [Path("bench.toml"), Path("bench-positions.csv")]
     assert th.check("bench.toml").good
     assert th.check("bench-positions.csv").kind == "position programme"
@@ -44,7 +44,7 @@ def test_a_new_record_names_each_field_that_is_to_be_filled_in():
 
 
 def test_a_record_that_was_filled_in_calibrates():
-    """Angles from the template, readings of a simulated bench at them."""
+    """Use angles from the template, and readings of a simulated bench at them."""
     th.new("scenario", "bench.toml", positions=14)
     th.new("record", "r.csv", positions=14)
     positions = th.simulate("bench.toml").positions

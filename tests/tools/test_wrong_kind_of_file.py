@@ -16,7 +16,7 @@ SIGMA = 1e-5
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A file of each kind, by its kind."""
+    """Return a file of each kind, by its kind."""
     folder = tmp_path_factory.mktemp("kinds")
     rng = np.random.default_rng(11)
     record = simulated(random_bench(rng), noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))

@@ -1,4 +1,4 @@
-"""The point that is stated: possible always, at the centre of all slacks, the same in any coordinates."""
+"""The analytic centre: always possible, at the centre of all slacks, the same in any coordinates."""
 
 import math
 
@@ -14,7 +14,7 @@ UNITS = np.array([1.0, 1e-4, 1e3, 1.0])
 
 
 def problem(seed: int, rows: int = 24, columns: int = 4, units=UNITS) -> Bounded:
-    """Errors within bounds of different sizes about some x, and columns in very different units."""
+    """Return errors within bounds of different sizes about some x, and columns in very different units."""
     rng = np.random.default_rng(seed)
     bound = rng.uniform(1e-6, 1e-4, rows)
     jacobian = rng.normal(size=(rows, columns)) * np.resize(units, columns)
@@ -36,7 +36,7 @@ def found(bounded: Bounded, **limits: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("rows", [6, 24, 1500])
 def test_nothing_pulls_at_the_centre_and_it_is_inside(seed, rows):
-    """The gradient of the sum of logarithms, written down by hand, is zero beside its own terms."""
+    """The gradient of the sum of logarithms, written by hand, is zero beside its own terms."""
     bounded = problem(seed, rows)
     x = found(bounded)
     assert slacks(bounded, x).min() > 0.0
@@ -146,7 +146,7 @@ def test_a_set_without_interior_has_no_analytic_centre_but_a_middle(seed):
 
 @pytest.mark.parametrize("rows", [24, 1200])
 def test_the_central_programme_is_possible_and_nothing_is_nearer_to_the_middles(rows):
-    """Against another solver, with another formulation."""
+    """Compare with another solver, with another formulation."""
     bounded = problem(3, rows, units=np.ones(1))
     weights = np.vstack((np.eye(4), [1.0, -1.0, 0.0, 0.5]))
     x = found(bounded)

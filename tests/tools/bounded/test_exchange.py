@@ -1,4 +1,4 @@
-"""The least largest residual by exchanging rows, against linear programmes and its own proof."""
+"""The least largest residual by exchange of rows, against linear programmes and its own proof."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_columns_that_depend_on_each_other_are_left_to_the_programme():
 
 @pytest.mark.parametrize("paid", [False, True])
 def test_of_many_rows_few_are_given_to_the_solver(paid, monkeypatch):
-    """And the same comes out, with duals that prove it, as when it gets them all."""
+    """The result equals that of all rows, with duals that prove it."""
     rng = np.random.default_rng(3)
     jacobian, residual, bound = rng.normal(size=(3000, 6)), rng.normal(size=3000), rng.uniform(0.5, 2.0, 3000)
     ends = np.append(np.full(5, np.inf), 1.0)

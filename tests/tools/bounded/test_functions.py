@@ -1,4 +1,4 @@
-"""Functions that bounds leave possible: ends that are attained, truths inside, what parameters imitate."""
+"""Functions that bounds leave possible: attained ends, truths inside, parts that parameters imitate."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def assert_in_band(functions: Functions, truth: np.ndarray) -> Band:
 
 
 def straight(q: np.ndarray, **more) -> tuple[np.ndarray, Unknown]:
-    """Parameters that are a line and something that jumps about, and a function of q (N,)."""
+    """Return parameters that are a line and a jumping column, and a function of q (N,)."""
     jumping = np.cos(40.0 * np.arange(len(q)) ** 2)
     knots = np.unique(q)
     return np.stack((np.ones_like(q), q, jumping), axis=1), Unknown(knots, hats(q, knots), **more)
@@ -44,7 +44,7 @@ def test_the_truth_is_in_the_band_and_lines_are_no_part_of_it(shape):
 
 
 def test_a_parabola_read_between_knots_is_in_the_band():
-    """Noise lies on one side, so that the straight lines between the parabola's values at the knots are excluded."""
+    """The noise is on one side, which excludes the straight lines between the parabola's values at the knots."""
     q, knots = np.linspace(-1.0, 1.0, 200), np.linspace(-1.0, 1.0, 9)
     cell = np.clip(np.searchsorted(knots, q), 1, 8)
     between = (q - knots[cell - 1]) * (knots[cell] - q) / (knots[cell] - knots[cell - 1]) / 2.0
@@ -58,7 +58,7 @@ def test_a_parabola_read_between_knots_is_in_the_band():
 
 
 def test_ends_are_those_of_one_programme_written_out():
-    """Unknown: two parameters, the function's values, the size of each change of slope."""
+    """The unknowns are two parameters, the function's values, the size of each change of slope."""
     random = np.random.default_rng(5)
     q = np.linspace(0.0, 1.0, 12)
     jacobian, unknown = straight(q)
@@ -98,7 +98,7 @@ def test_what_bends_least_is_a_line_where_a_line_will_do():
 
 
 def test_a_function_round_a_circle_has_no_ends():
-    """A wave that is shifted along the circle bends as much, whereever its first knot lies."""
+    """A wave that is shifted along the circle bends as much, wherever its first knot lies."""
     random = np.random.default_rng(8)
     angle = np.sort(random.uniform(0.0, TURN, 30))
     columns = np.stack([np.interp(angle, np.append(angle, angle[0] + TURN), u) for u in np.eye(30, 31)], axis=1)

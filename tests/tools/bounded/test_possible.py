@@ -27,7 +27,7 @@ from trihedron.tools.bounded import (
 
 
 def problem(seed: int, rows: int = 24, columns: int = 4):
-    """Errors at a fit, within bounds of different sizes, and columns in very different units."""
+    """Return errors at a fit, within bounds of different sizes, and columns in very different units."""
     rng = np.random.default_rng(seed)
     bound = rng.uniform(1e-6, 1e-4, rows)
     return (
@@ -62,7 +62,7 @@ def test_an_error_beyond_its_bound_is_allowed_as_much_and_no_more():
 
 
 def grown(rate, sign, size, column=0):
-    """The growth by a coefficient's size, of one sign and up to a size, about a fit at which it is zero."""
+    """Return the growth by a coefficient's size, of one sign and up to a size, about a fit at which it is zero."""
     rows, low, high = np.zeros((len(rate), 4)), np.full(4, -np.inf), np.full(4, np.inf)
     rows[:, column] = sign * rate
     low[column], high[column] = sorted((0.0, sign * size))
@@ -109,7 +109,7 @@ def test_a_radius_is_paid_for_by_the_size_that_it_takes(sign):
 
 
 def alike(seed: int, proofs: dict | None):
-    """Nine sets that are nearly alike: their columns change little by little; the second branch of some is empty."""
+    """Return nine similar sets: their columns change little by little; the second branch of some is empty."""
     jacobian, residual, bound = problem(seed)
     rng = np.random.default_rng(seed + 20)
     change = 0.02 * rng.normal(size=jacobian.shape) * np.abs(jacobian).max(axis=0)
@@ -165,7 +165,7 @@ def of_points(points: np.ndarray):
 @settings(max_examples=60)
 @given(st.floats(-math.pi, math.pi), st.floats(0.1, 10.0))
 def test_the_length_of_a_pair_is_bounded_whatever_its_direction(angle, length):
-    """A corner halfway between two directions is the worst: there the bound is attained."""
+    """A corner halfway between two directions is the worst case: it attains the bound."""
     corner = length * np.array([[math.cos(angle), math.sin(angle)], [0.0, 0.0]])
     bound = largest_length(of_points(corner))
     assert length * (1.0 - 1e-12) <= bound <= length / math.cos(math.pi / BOUNDING) * (1.0 + 1e-12)
@@ -180,7 +180,7 @@ def test_the_bound_of_a_length_is_attained_between_two_directions():
 @settings(max_examples=60)
 @given(st.floats(-math.pi, math.pi), st.floats(0.5, 3.0), st.floats(1e-3, 0.4))
 def test_amplitude_and_phase_of_a_set_away_from_zero(angle, distance, size):
-    """A small square about a point: its corners are within the intervals, which are hardly wider than they."""
+    """The corners of a small square about a point are within the intervals, which are hardly wider."""
     centre = distance * np.array([math.cos(angle), math.sin(angle)])
     corners = centre + size * distance * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) / 2.0
     (low, high), (begin, end) = polar_intervals(of_points(corners))

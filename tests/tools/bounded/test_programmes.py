@@ -1,4 +1,4 @@
-"""The linear programmes, on cases that can be done by hand or by another solver."""
+"""The linear programmes, on cases that can be solved by hand or by another solver."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Smallest sets of effects: the bounds are bounds, and the search finds what exhaustive search finds."""
+"""Smallest sets of effects: the bounds are valid, and the search agrees with exhaustive search."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -107,7 +107,7 @@ def test_of_candidates_that_are_alike_a_set_has_one_at_most(size):
 
 @pytest.mark.parametrize("alike", [0, 30])
 def test_many_candidates_are_judged_by_some_rows_first_and_what_stands_is_the_same(alike, monkeypatch):
-    """Steps that are the same in those rows are one there, and each of them is judged where it stands."""
+    """Steps that are the same in those rows are one there, and each of them is judged in all rows."""
     rng = np.random.default_rng(2)
     rows, hidden = 90, (3, 25)
     columns = [rng.normal(size=(rows, 1)) for _ in range(10)]
@@ -128,7 +128,8 @@ def test_many_candidates_are_judged_by_some_rows_first_and_what_stands_is_the_sa
 
 
 def test_columns_that_depend_on_others_change_nothing():
-    """The same column twice, a zero column, a column of the nominal model: no division by zero, the same bounds."""
+    """Test the same column twice, a zero column, a column of the nominal model: no division by zero, the same
+    bounds."""
     plain = random_problem(11, effects=3)
     twice = np.hstack((plain.columns, plain.columns[:, :1], np.zeros((40, 1)), plain.nominal[:, 1:2]))
     last = plain.blocks[-1].stop
@@ -158,7 +159,7 @@ def test_lawsons_algorithm_makes_the_bound_sharp():
 
 @pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(k, marks=pytest.mark.acceptance) for k in range(3, 8))])
 def test_the_search_finds_exactly_the_sets_that_will_do(seed):
-    """Against exhaustive search by linear programmes over every set of up to three."""
+    """Compare with exhaustive search by linear programmes over every set of up to three."""
     rng = np.random.default_rng(seed)
     problem = random_problem(seed, rows=24, effects=5)
     true = EffectSet(

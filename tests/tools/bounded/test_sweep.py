@@ -14,7 +14,7 @@ LIMIT = 1.0 + 1e-7
 
 
 def drawn(seed: int, spread: float) -> Rows:
-    """Rows of three columns, and two that change with 60 values of a number along a curve; noise within bounds."""
+    """Draw rows of three columns, and two that change with 60 values of a number along a curve; noise within bounds."""
     rng = np.random.default_rng(seed)
     fixed, moving, bound = rng.normal(size=(80, 5)), np.zeros((80, 2)), rng.uniform(0.5, 1.5, 80)
     moving[:30] = rng.normal(size=(30, 2))
@@ -26,7 +26,7 @@ def drawn(seed: int, spread: float) -> Rows:
 
 
 def standing_at(rows: Rows) -> dict[int, tuple[Possible, NDArray]]:
-    """A set for each value that stands, with its centre."""
+    """Return a set for each value that stands, with its centre."""
     standing = {}
     for way in range(len(rows.ways)):
         radius, x, _ = chebyshev_radius(rows.matrix(way), rows.residual, rows.bound)

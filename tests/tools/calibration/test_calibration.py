@@ -62,7 +62,7 @@ def test_guaranteed_errors_are_those_of_the_linear_model_for_small_errors():
 
 
 def adversarial(bench: np.ndarray, k: int, sense: float) -> np.ndarray:
-    """The noise (24, 3) within σ that drives the estimate of target k furthest from its truth."""
+    """Return the noise (24, 3) within σ that drives the estimate of target k furthest from its truth."""
     linearised = fit_record(simulated(bench), noise_bound=SIGMA)
     programme = Polytope(linearised.jacobian, linearised.bound)
     programme.confine(-linearised.bound, linearised.bound)
@@ -115,7 +115,7 @@ def test_scale_factors_wrong_by_five_percent_and_a_crooked_mounting_converge():
 
 
 def test_gross_errors_and_readings_near_zero_input_are_unbiased():
-    """Scale factors wrong by 5 %, inputs at and near zero: without noise the estimates are the truth."""
+    """With scale factors wrong by 5 %, inputs at and near zero, and no noise, the estimates are the truth."""
     alpha = np.concatenate([ALPHA, np.radians([0.0, 90.0, 180.0, 270.0, 90.0, 0.2])])
     beta = np.concatenate([BETA, np.radians([0.0, 0.0, 90.0, 90.0, 180.0, 30.0])])
     for seed in range(4):
@@ -242,7 +242,7 @@ def test_readings_written_too_coarsely_for_the_noise_bound_are_said_to_be():
 
 
 def positions_with_inputs_at_zero(bench, rng) -> tuple[np.ndarray, np.ndarray]:
-    """Outer angles at which one input is zero to 3e-5, so that its sign stays open."""
+    """Return outer angles at which one input is zero to 3e-5, so that its sign stays open."""
     linearised = fit_record(simulated(bench), noise_bound=SIGMA)
     angles = []
     for k in range(9):
@@ -313,7 +313,7 @@ def test_truth_within_the_priors_is_within_every_interval(seed):
 
 
 def test_a_prior_bounds_what_the_readings_leave_open_and_nothing_else():
-    """Accelerometer 1 up alone: scale factor and bias are one number; a prior on the bias bounds both."""
+    """With accelerometer 1 up alone, scale factor and bias are one number; a prior on the bias bounds both."""
     measured = record(np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.radians([90.0, 90.0]), np.radians([90.0, 90.0]))
     alone = calibrate(measured, noise_bound=SIGMA, targets=["X4+X16"])
     by_symbol = {e.symbol: e for e in alone.parameters}

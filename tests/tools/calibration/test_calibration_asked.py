@@ -252,7 +252,7 @@ def test_an_accelerometer_that_stands_still_is_said_to_be_dead_whatever_the_nois
 
 @pytest.mark.parametrize("seed", [28, 45, 81])
 def test_a_step_so_long_that_its_misfit_is_infinite_is_halved_without_a_warning(seed):
-    """Readings of chance alone: the fit comes to where a square is no number any more."""
+    """With random readings the fit reaches a point at which a square overflows."""
     reading = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(ALPHA), 3))
     with pytest.raises(InputError, match=r"does not converge|noise-bound"):
         calibrate(record(reading, ALPHA, BETA), noise_bound=1e-5, baseline="symmetric")

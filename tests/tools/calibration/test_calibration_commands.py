@@ -24,7 +24,7 @@ SIGMA = 1e-5
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder with the record of a bench, p.csv, and one of few positions, few.csv."""
+    """Return a folder with the record of a bench, p.csv, and one of few positions, few.csv."""
     rng = np.random.default_rng(3)
     measured = simulated(random_bench(rng), noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
     write_record(measured, tmp_path / "p.csv")

@@ -1,4 +1,4 @@
-"""Baselines, conventions and mountings of the calibration; its published object, and what that is used for."""
+"""Baselines, conventions and mountings of the calibration; its published object, and its uses."""
 
 import json
 

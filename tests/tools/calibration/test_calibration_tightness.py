@@ -1,4 +1,4 @@
-"""Guaranteed bounds are nearly attained: some admissible truth comes as far as the bound says, and none further."""
+"""Guaranteed bounds are nearly attained: some admissible truth reaches the bound, and none goes beyond."""
 
 import numpy as np
 import pytest
@@ -33,14 +33,14 @@ BOUNDS = (3e-3, 1e-2)
 
 
 def fitted(seed: int, noise: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray, Linearisation]:
-    """A bench's targets, its readings with noise (24, 3), and the fit."""
+    """Return a bench's targets, its readings with noise (24, 3), and the fit."""
     truth = target_values(random_bench(np.random.default_rng(seed)), IDENTITY)
     reading = target_reading(truth, ALPHA, BETA, IDENTITY) + noise
     return truth, reading, fit_record(record(reading), noise_bound=SIGMA)
 
 
 def test_a_worst_case_noise_attains_the_guaranteed_error():
-    """Readings that belong to another bench as well: no estimator can tell the two apart."""
+    """The readings belong to another bench as well: no estimator can separate the two."""
     truth, reading, linearised = fitted(2)
     programme = Polytope(linearised.jacobian, linearised.bound)
     programme.confine(-linearised.bound, linearised.bound)
@@ -91,7 +91,7 @@ def test_half_a_last_digit_and_no_more_is_allowed_to_the_radius():
 
 
 def test_the_bound_of_a_reading_whose_sign_is_open_is_what_an_asymmetric_block_does():
-    """One position, the input of accelerometer 1 nominally at zero: nothing but (1.7) bounds input and asymmetry."""
+    """At one position, with the input of accelerometer 1 nominally at zero, only (1.7) bounds input and asymmetry."""
     u, v = BOUNDS
     alpha, beta = np.array([0.9]), np.array([0.0])
     at = Positions(alpha, beta, np.array([0]))
@@ -116,7 +116,8 @@ def test_the_bound_of_a_reading_whose_sign_is_open_is_what_an_asymmetric_block_d
 
 
 def uncertain_block(size: float) -> tuple[Correction, np.ndarray]:
-    """The correction of a block without errors that are known to `size` each, and all extreme true blocks (K, 18)."""
+    """Return the correction of a block whose zero errors are known to `size` each, and all extreme true blocks (K,
+    18)."""
     weights = error_weights(parametrise({"identity": IDENTITY}))
     uncertain = np.flatnonzero(np.abs(weights).max(axis=0))
     benches = np.zeros((2 ** len(uncertain), 18))
@@ -128,7 +129,7 @@ def uncertain_block(size: float) -> tuple[Correction, np.ndarray]:
 
 
 def true_inputs(benches: np.ndarray, reading: np.ndarray) -> np.ndarray:
-    """The inputs (K, 3) at which blocks read `reading` (3,) [g]."""
+    """Return the inputs (K, 3) at which blocks read `reading` (3,) [g]."""
     x = dict(zip(TARGETS, benches.T, strict=True))
     cross = [np.zeros(len(benches))] * 3
     n = np.zeros((len(benches), 3))
@@ -156,7 +157,8 @@ def test_no_true_input_is_further_from_the_corrected_one_than_said_and_some_is_n
 
 @pytest.mark.parametrize("size", [1e-3, 0.1, 0.3])
 def test_the_bound_of_corrected_readings_is_attained_by_a_scale_factor(size):
-    """Accelerometer 1 alone, its scale factor known to `size`: what reads 1 g is at most 1/(1 − size)."""
+    """With only the scale factor of accelerometer 1 known to `size`, the input for a reading of 1 g is at most 1/(1
+    − size)."""
     ends = np.zeros((2, 3, 3, 3, 3))
     ends[0, 0, [0, 2], 1, 1], ends[1, 0, [0, 2], 1, 1] = -size, size
     block = Correction(GRAVITY, np.ones(3), np.ones(3), np.zeros((3, 3)), np.zeros(3), ends[0], ends[1])

@@ -28,7 +28,7 @@ ARCSEC = np.radians(1.0 / 3600.0)
 
 
 def random_record(seed: int, count: int, noise: str = "uniform"):
-    """A bench's targets and its record at random positions, with errors within σ."""
+    """Return a bench's targets and its record at random positions, with errors within σ."""
     rng = np.random.default_rng(seed)
     bench = random_bench(rng)
     alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
@@ -50,7 +50,7 @@ def column(result: Calibration, key: str) -> np.ndarray:
 
 
 def rms(error: np.ndarray) -> float:
-    """In σ."""
+    """Return the root mean square in units of σ."""
     return float(np.sqrt(np.mean(error**2))) / SIGMA
 
 
@@ -84,7 +84,7 @@ def test_the_estimate_is_possible_and_near_the_truth(count, noise, part_of_a_pri
 
 
 def sections_of(result: Calibration, record: PositionRecord | None = None) -> Sequence[Section]:
-    """The sections of a calibration's page."""
+    """Return the sections of a calibration's page."""
     page = page_of(result, record)
     assert page is not None
     return page.sections
@@ -109,7 +109,7 @@ def test_more_readings_prove_a_priori_estimates_impossible_and_it_is_said():
 
 @pytest.mark.parametrize(("count", "worst", "gain"), [(100, 1.0, 2.0), (1000, 0.15, 20.0)])
 def test_readings_corrected_by_it_are_better_than_by_the_a_priori_estimates(count, worst, gain):
-    """Tilt against truth [arcsec], over many attitudes, root mean square."""
+    """Compare the tilt with the truth [arcsec], over many attitudes, root mean square."""
     truth, result = calibrated(3, count)
     tilt, a_priori = (
         tilt_left(correction_of(content, "here"), truth) / ARCSEC
@@ -120,7 +120,7 @@ def test_readings_corrected_by_it_are_better_than_by_the_a_priori_estimates(coun
 
 
 def test_least_squares_and_its_standard_error_are_what_practitioners_know():
-    """In Gaussian noise errors are as large as the standard errors say; the fit is that of ordinary least squares."""
+    """In Gaussian noise errors agree with the standard errors; the fit is that of ordinary least squares."""
     ratios = []
     for seed in range(12):
         truth, result = calibrated(seed, 60, "Gaussian")
@@ -187,7 +187,7 @@ def test_without_a_possible_point_there_is_no_estimate_and_it_is_said(tmp_path: 
 
 
 def of_second_schema(result: Calibration) -> dict:
-    """The same calibration as the second schema wrote it."""
+    """Return the same calibration in the second schema."""
     content = json.loads(result.json_text())
     sigma = content.pop("sigma")
     content |= {"schema": "trihedron.calibration/2", "noise_bound": sigma["value"], "noise_bound_basis": sigma["from"]}
@@ -203,7 +203,7 @@ def of_second_schema(result: Calibration) -> dict:
 
 
 def of_first_schema(result: Calibration) -> dict:
-    """The same calibration as the first schema wrote it."""
+    """Return the same calibration in the first schema."""
     content = of_second_schema(result)
     keys = ("symbol", "name", "unit", "guaranteed_error", "low", "high")
     content["schema"] = "trihedron.calibration/1"
@@ -229,7 +229,7 @@ def test_a_file_of_the_second_schema_says_the_same_as_one_of_the_third(verdict):
 
 
 def test_a_file_of_the_first_schema_is_still_read(tmp_path: Path):
-    """Its estimates are the a-priori ones, wherever it is used."""
+    """Its estimates are the a-priori ones, in every use."""
     _, result = calibrated(3, 100)
     old = of_first_schema(result)
     values = {e.symbol: e for e in result.parameters}

@@ -1,4 +1,4 @@
-"""Corrected readings: the inverse of the block, bounds that hold for every truth, files that come out right."""
+"""Corrected readings: the inverse of the block, bounds that hold for every truth, correct files."""
 
 import json
 from dataclasses import replace
@@ -33,7 +33,7 @@ SIGMA = 1e-5
 
 
 def calibrated(seed: int):
-    """A bench's elementary parameters and the correction that its noisy record gives."""
+    """Return a bench's elementary parameters and the correction from its noisy record."""
     rng = np.random.default_rng(seed)
     bench = random_bench(rng)
     noise = SIGMA * rng.choice([-1.0, 1.0], (24, 3)) if seed % 2 else rng.uniform(-SIGMA, SIGMA, (24, 3))
@@ -43,7 +43,7 @@ def calibrated(seed: int):
 
 @cache
 def faultless() -> str:
-    """The calibration of a bench without errors, as text."""
+    """Return the calibration of a bench without errors, as text."""
     return calibrate(simulated(np.zeros(24)), noise_bound=SIGMA).json_text()
 
 
@@ -86,7 +86,7 @@ def test_truth_is_within_what_remains_and_levelling_is_no_worse_than_guaranteed(
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_readings_that_err_are_further_from_the_truth_by_what_they_err(side):
-    """Every reading at its bound: truth is within what remains only where both ends have room for it."""
+    """With every reading at its bound, the truth is inside only if both ends have room for it."""
     bench, _, correction = calibrated(1)
     truth, noise = directions(np.random.default_rng(7), 50), 30.0 * SIGMA
     reading = block_readings(bench, truth) + side * noise
@@ -99,7 +99,7 @@ def test_readings_that_err_are_further_from_the_truth_by_what_they_err(side):
 
 
 def test_the_errors_are_those_of_the_true_input_not_of_the_corrected_one():
-    """A scale factor that may be s too small: the truth is s / (1 − s) of the reading further, not s."""
+    """If a scale factor may be s too small, the truth is s / (1 − s) of the reading further, not s."""
     s, none = 0.05, np.zeros((3, 3, 3, 3))
     low, high = none.copy(), none.copy()
     for at, side in ((0, -1.0), (2, 1.0)):

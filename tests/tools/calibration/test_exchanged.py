@@ -1,4 +1,4 @@
-"""Exchanged and reversed channels, senses and units of angles: said with the options that mend it, never applied."""
+"""Exchanged and reversed channels, senses and units of angles: reported with the correcting options, never applied."""
 
 import re
 from dataclasses import replace
@@ -28,7 +28,7 @@ def advised(record: PositionRecord, mounting: str = "identity") -> str:
 
 
 def options_in(line: str) -> list[str]:
-    """The values of --channels that a line names, the first one first, those beside a mounting left out."""
+    """Return the values of --channels in a line, in order, without those beside a mounting."""
     line = re.sub(r"--mounting[^;]*", "", line)
     return [quoted or plain for quoted, plain in re.findall(r'--channels (?:"([^"]*)"|([^\s;)]+))', line)]
 
@@ -51,7 +51,8 @@ def test_every_signed_permutation_is_said_with_the_order_that_mends_it(hidden):
 
 @pytest.mark.parametrize("part", [0.0, 0.1, 0.25, 0.5, 0.9])
 def test_channels_that_change_during_a_run_are_advised_nothing(part):
-    """Exchanged from a row on, at least two rows before it and two behind telling: an effect, and no way of reading."""
+    """Channels exchanged from a row on, with at least two telling rows on each side, are an effect, not a way of
+    reading."""
     changes = 0
     for way, seed in product(range(len(WRONG)), range(0, 4, 2)):
         record, matrix = wrong_record(way, seed, hidden=False)

@@ -10,7 +10,7 @@ from trihedron.tools.records import PositionRecord, read_record
 
 @pytest.mark.parametrize("seed", range(12))
 def test_every_interval_holds_the_truth_and_what_is_stated(seed, tmp_path):
-    """Benches and blocks up to the paper's bounds, errors uniform, Gaussian or at their very bound."""
+    """Draw benches and blocks up to the paper's bounds, errors uniform, Gaussian or at their very bound."""
     fresh = position_record(tmp_path / "fresh.csv", "clean", seed)
     result = calibrate(read_record(fresh.path, PositionRecord), noise_bound=SIGMA)
     assert result.verdict == "consistent"

@@ -1,4 +1,4 @@
-"""The word "guaranteed" stands only where the conditions of a correction hold; else `apply` says which one does not."""
+"""The word "guaranteed" appears only under the conditions of a correction; else `apply` names the missing one."""
 
 from dataclasses import replace
 from typing import Any
@@ -23,7 +23,7 @@ def bench_of(seed: int) -> np.ndarray:
 
 
 def measured(bench: np.ndarray, seed: int, about: dict[str, str], degrees: float | None = 21.0) -> PositionRecord:
-    """A day's record of a bench, with noise of its own."""
+    """Return a day's record of a bench, with noise of its own."""
     noise = np.random.default_rng(seed).uniform(-SIGMA, SIGMA, (24, 3))
     record = simulated(bench, noise=noise)
     temperature = None if degrees is None else np.full(len(record), degrees)
@@ -31,7 +31,7 @@ def measured(bench: np.ndarray, seed: int, about: dict[str, str], degrees: float
 
 
 def reasons(calibrated: PositionRecord, record: PositionRecord, noise_bound: float | None = SIGMA) -> list[str]:
-    """Why the correction of one record by the calibration of another is not guaranteed."""
+    """Return the reasons why the correction of one record by another's calibration is not guaranteed."""
     calibration = th.calibrate(calibrated, noise_bound=noise_bound)
     applied: Any = th.apply(calibration, record)
     page = text(applied_page(applied, None))

@@ -28,13 +28,13 @@ def raw(white: float) -> Any:
 
 
 def promises(page: str) -> list[str]:
-    """The clauses of a page that say "guaranteed" other than to deny it."""
+    """Return the clauses of a page that say "guaranteed" other than to deny it."""
     clauses = re.split(r"[.;,<>\n]", page)
     return [c for c in clauses if "guaranteed" in c and not re.search(r"\b(not|nothing|no|No)\b", c)]
 
 
 def pages_of(result: Any, folder: Path) -> str:
-    """The text, the page and the sheet of a calibration."""
+    """Return the text, the page and the sheet of a calibration."""
     write_report(folder / "page.html", result)
     result.sheet(folder / "sheet.html")
     pages = [(folder / name).read_text(encoding="utf-8") for name in ("page.html", "sheet.html")]
@@ -43,7 +43,7 @@ def pages_of(result: Any, folder: Path) -> str:
 
 @pytest.mark.parametrize("white", [3e-5, 1e-4, 3e-4])
 def test_scatter_within_rests_is_no_bound(white, tmp_path):
-    """The verdict says so, and how to find a bound; the estimates stand."""
+    """The verdict says so, and how to find a bound; the estimates are given."""
     result = th.calibrate(raw(white))
     assert result.verdict == "noise-unknown"
     content = result.to_json()
@@ -57,7 +57,8 @@ def test_scatter_within_rests_is_no_bound(white, tmp_path):
 
 
 def test_scatter_that_the_model_exceeds_is_no_bound_either(tmp_path):
-    """Errors that hold over a rest, a hundred times its scatter: least squares stand, with positions to repeat."""
+    """Errors are constant over a rest, a hundred times its scatter: least squares are given, with positions to
+    repeat."""
     record = raw(3e-6)
     off = 5e-3 * np.sin(37.0 * record.alpha + 23.0 * record.beta)
     record = replace(record, specific_force=record.specific_force + off[:, None])

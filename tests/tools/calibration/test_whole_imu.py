@@ -1,4 +1,4 @@
-"""The whole IMU from a bench record: records by a generator of its own, whose truth is known."""
+"""The whole IMU from a bench record: independently generated records with known truth."""
 
 import shutil
 from dataclasses import replace
@@ -77,7 +77,7 @@ def gyros_of(result: Calibration) -> Gyros:
 
 
 def outside(result: Calibration, truth: Truth) -> list[str]:
-    """Symbols whose interval does not hold the truth."""
+    """Return the symbols whose interval does not hold the truth."""
     pairs = zip(result.parameters, [*truth.targets, *truth.gyros, *truth.lags], strict=True)
     return [e.symbol for e, x in pairs if e.low is None or e.high is None or not e.low <= x <= e.high]
 
@@ -108,7 +108,7 @@ def test_a_diagnosis_of_the_rests_says_that_the_gyros_are_left_out(record):
 
 
 def test_the_model_gives_what_an_exact_bench_integrates(truth):
-    """Without errors of readings nothing is left but what sampling leaves of moves of both axes at once."""
+    """Without errors of readings, only the sampling of moves of both axes at once remains."""
     exact = bench_record(truth, replace(PROGRAMME, step=0.01), Errors(force=0.0, rate=0.0))
     residual = turns(exact).residual(np.array(truth.targets), np.array(truth.gyros))
     assert np.abs(residual).max() < 2e-6
@@ -118,7 +118,7 @@ def test_the_model_gives_what_an_exact_bench_integrates(truth):
 
 
 def test_a_lag_is_exact_of_moves_of_both_axes_and_of_moves_that_are_never_steady(truth):
-    """A short move is fastest for a moment only; in a fast one the block's rate turns with the inner axis."""
+    """A short move is fastest only for a moment; in a fast one the block's rate turns with the inner axis."""
     late = replace(truth, lag=4e-3)
     short = tuple((angle * (k % 2), angle * (k % 2)) for k, angle in enumerate((30.0, 35.0, 40.0, 45.0, 50.0, 55.0)))
     places = ((0.0, 0.0), (360.0, 300.0), (0.0, 0.0), (-300.0, 360.0), (0.0, 0.0), *short)
@@ -165,7 +165,7 @@ def test_every_interval_holds_the_truth(result, truth):
 
 
 def test_latencies_are_told_beside_places_that_nobody_knows(result, truth):
-    """Accelerometers centimetres from the crossing of the axes, milliseconds late: known to microseconds."""
+    """Accelerometers centimetres from the crossing of the axes and milliseconds late are known to microseconds."""
     for e, x in zip(result.of_gyros[-2:], truth.lags, strict=True):
         numbers = (e.a_priori, e.guaranteed_error, e.estimate, e.error_bound, e.low, e.high)
         assert None not in numbers
@@ -200,7 +200,7 @@ def test_what_both_determine_is_never_known_worse_and_the_leaning_of_the_axes_be
 
 
 def test_a_truth_as_far_as_the_guaranteed_error_gives_records_within_the_bounds(record):
-    """Each a-priori error is attained: two benches so far apart, whose readings differ by the bounds at most."""
+    """Each a-priori error is attained by two benches that far apart, whose readings differ by the bounds at most."""
     rests = position_record_of(record)
     system = with_turns(calibrate(rests, noise_bound=SIGMA).linearised, turns(record), "record")
     polytope = Polytope(system.jacobian, system.bound)
@@ -216,7 +216,7 @@ def test_a_truth_as_far_as_the_guaranteed_error_gives_records_within_the_bounds(
 
 
 def test_scale_factors_that_differ_by_sense_falsify_and_the_turns_are_named(record, truth):
-    """A gyro that reads a turn one way by 3e-4 more than the other way has no one scale factor."""
+    """A gyro that reads a turn one way by 3e-4 more than the other way has no single scale factor."""
     factor = np.where(record.increment > 0.0, 1.0 + 3e-4, 1.0)
     calibration = told(replace(record, increment=record.increment * factor))
     assert calibration.verdict == "falsified"
@@ -227,7 +227,7 @@ def test_scale_factors_that_differ_by_sense_falsify_and_the_turns_are_named(reco
 
 
 def test_without_turns_about_the_inner_axis_what_they_would_tell_is_missing(truth):
-    """At one inner angle gyros see one axis only: M is open, and the accelerometers' verdict stands."""
+    """At one inner angle gyros sense one axis only: M is undetermined, and the accelerometers' verdict holds."""
     still = replace(PROGRAMME, positions=tuple((45.0 * k, 25.0) for k in range(12)))
     calibration = told(bench_record(truth, still, ERRORS))
     assert not calibration["M11"].determined
@@ -251,9 +251,9 @@ def test_rates_say_what_increments_say(record, result):
 
 
 def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
-    """Table, both blocks and attitude computer as FMUs, with shorter rests and a longer step than as shipped.
+    """Run table, both blocks and attitude computer as FMUs, with shorter rests and a longer step than as shipped.
 
-    At twenty rows a second what both axes do between rows, as they speed up, is more than the noise: bounds hold it.
+    At twenty rows a second the motion of both axes between rows, as they speed up, exceeds the noise: bounds hold it.
     """
     text = (SCENARIOS / "imu-calibration.toml").read_text(encoding="utf-8")
     short = text.replace("dwell_s = 62.0", "dwell_s = 3.0").replace("step_s = 0.005", "step_s = 0.05")
@@ -286,7 +286,8 @@ def test_exchanged_gyros_are_refused_with_the_option(record):
 
 
 def test_an_inspection_judges_the_accelerometers_by_the_table(record):
-    """Their scale factors depend on the sign, which the norm of gravity cannot hold: the table's angles can."""
+    """Their scale factors depend on the sign, for which the table's angles are needed: the norm of gravity is not
+    enough."""
     calibration = th.inspect(record)
     assert calibration.accelerometers is None
     assert calibration.at_table is not None
@@ -391,7 +392,7 @@ def test_the_true_attitude_by_the_table_is_that_of_the_bench(record, result, tru
 
 @pytest.mark.acceptance
 def test_against_inertial_space_the_earth_is_no_error_of_the_gyros(truth):
-    """The bounds of an attitude that has Earth's rotation in it are those of noise and reference: far smaller."""
+    """The bounds of an attitude with Earth's rotation are those of noise and reference: far smaller."""
     places = tuple((90.0 * k, 90.0 * (k % 3)) for k in range(14))
     none = replace(truth, sensitivity=np.zeros((3, 3)), lag=0.0)
     short = bench_record(none, replace(PROGRAMME, positions=places, step=0.02, dwell=5.0), Errors(rate=5e-5))

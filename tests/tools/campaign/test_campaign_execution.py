@@ -1,4 +1,4 @@
-"""Campaigns are carried out whole, in any order; their bytes do not tell who computed what."""
+"""Campaigns run whole, in any order; their bytes do not depend on the process."""
 
 import json
 import os
@@ -24,7 +24,7 @@ PARTS = [f"part-{partition:05d}.parquet" for partition in range(7)]
 
 @pytest.fixture(scope="module", autouse=True)
 def _each_calibration_once() -> Iterator[None]:
-    """A run's scalars follow from the campaign's text, its values and its seed: who makes it is tested here."""
+    """Cache each calibration: a run's scalars follow from the campaign's text, its values and its seed."""
     run, remembered = CalibrationRuns.run, {}
 
     def once(self: CalibrationRuns, number: int, values: Any, seed: np.random.SeedSequence) -> RunOutputs:
@@ -40,7 +40,7 @@ def _each_calibration_once() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """The files of the campaign, computed by this process alone."""
+    """Return the files of the campaign, computed by this process alone."""
     folder = tmp_path_factory.mktemp("unbroken")
     run_campaign(written(folder, CALIBRATION), folder / "out", jobs=1)
     return content(folder / "out")
@@ -48,7 +48,7 @@ def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 @pytest.fixture
 def stopped(monkeypatch: pytest.MonkeyPatch):
-    """Have the run of a number raise an error, once."""
+    """Make the run of a number raise an error, once."""
 
     def at(number: int, error: BaseException) -> None:
         run, errors = CalibrationRuns.run, [error]

@@ -197,7 +197,7 @@ def test_hidden_effect_cases_are_those_of_the_suite():
 
 @pytest.mark.acceptance
 def test_an_fmu_that_takes_its_process_with_it_costs_its_run_alone(tmp_path):
-    """For real: an FMU that ends its process in one run, fails in another, and works in the others; no worker ends."""
+    """An FMU ends its process in one run, fails in another, and works in the others; no worker ends."""
     build_foreign("foreign_deadly", tmp_path)
     (tmp_path / "scenario.toml").write_text(
         'schema = "trihedron.scenario/1"\n[run]\nstop_s = 1.0\nstep_s = 0.5\n[fmus.f]\nfmu = "Deadly.fmu"\n'

@@ -28,7 +28,7 @@ OUTPUTS = {
 
 
 def made(folder: Path, text: str, value, failing=lambda run: False, seed: int = 0) -> Store:
-    """A campaign's folder whose runs gave what `value(run, parameters, rng)` says."""
+    """Return a campaign's folder with the results of `value(run, parameters, rng)`."""
     written = (HEAD + f"seed = {seed}\n[attitude]\n" + text).encode()
     campaign = parse_campaign(written, folder / "c.toml")
     columns = ResultColumns(dict.fromkeys(campaign.parameters, pl.Float64), OUTPUTS)
@@ -61,7 +61,7 @@ sensitivity = ["largest_error_rad"]
 
 
 def test_sobol_indices_of_a_function_of_which_they_are_known(tmp_path):
-    """Ishigami's function, a = 7, b = 0.1: its indices are published (Saltelli et al. 2008, section 4.3)."""
+    """Use Ishigami's function, a = 7, b = 0.1: its indices are published (Saltelli et al. 2008, section 4.3)."""
 
     def ishigami(_, values, rng):
         x1, x2, x3 = values.values()
@@ -205,7 +205,7 @@ def test_more_failures_and_worse_verdicts_are_regressions(tmp_path):
 
 
 def test_other_draws_are_two_samples_and_chance_alone_is_not_called_a_change(tmp_path):
-    """Ten comparisons of campaigns that differ by their seeds alone; 1 % each is what may be called a change."""
+    """Compare campaigns that differ by their seeds alone, ten times; each may report a change in 1 %."""
     called = 0
     for number in range(10):
         for name, seed in (("a", 2 * number), ("b", 2 * number + 1)):

@@ -1,4 +1,4 @@
-"""The command line as a user meets it: exit status, one line for a mistake, nothing left behind."""
+"""The command line for a user: exit status, one line for a mistake, no leftovers."""
 
 import json
 import os
@@ -18,7 +18,7 @@ SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory) -> Path:
-    """A measured record with a hidden quadratic term."""
+    """Write a measured record with a hidden quadratic term."""
     path = tmp_path_factory.mktemp("record") / "measured.csv"
     answer = path.with_name("answer.json")
     assert cli.main(["hidden", str(path), "--seed", "5", "--answer", str(answer), "--effect", "quadratic"]) == 0
@@ -54,7 +54,8 @@ def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, c
 
 
 def test_dwell_scatter_alone_falsifies_nothing(tmp_path, monkeypatch, capsys):
-    """A clean run without --noise-bound: errors held over a rest do not show in the scatter, so nothing is proved."""
+    """In a clean run without --noise-bound, errors held over a rest do not show in the scatter, so nothing is
+    proved."""
     monkeypatch.chdir(tmp_path)
     assert run(capsys, "simulate", SCENARIOS / "static-calibration.toml", "--out", "run")[0] == 0
     for command in ("calibrate", "diagnose"):
@@ -97,7 +98,7 @@ def test_a_fault_of_the_program_is_one_line_and_status_one(capsys, monkeypatch):
 
 
 def test_the_program_is_found_under_its_name():
-    """As installed, from another folder, with nothing of the checkout on the path."""
+    """Run it as installed, from another folder, with nothing of the checkout on the path."""
     program = Path(sys.executable).with_name("trihedron")
     output = subprocess.run(
         [program, "--version"], capture_output=True, text=True, check=True, cwd=os.sep, timeout=300

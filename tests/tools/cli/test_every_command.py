@@ -1,4 +1,4 @@
-"""Every command with wrong options and inputs: one clear line, the right exit status, nothing half-written."""
+"""Every command with wrong options and inputs: one clear line, the correct exit status, no half-written file."""
 
 import io
 import os
@@ -40,7 +40,7 @@ def check_refused(status: int, capsys: pytest.CaptureFixture[str], *names: str) 
 
 
 def of_app(command: Command) -> tuple[Any, int]:
-    """The command's application and how many words its name has."""
+    """Return the command's application and the number of words in its name."""
     app, words = cli.app[command.arguments[0]], 1
     if len(command.arguments) > 1 and command.arguments[0] in ("instrument", "plan", "reproduce"):
         app, words = app[command.arguments[1]], 2
@@ -55,7 +55,7 @@ def names_of_commands() -> Iterator[str]:
 
 
 def kinds(hint: Any) -> tuple[Any, ...]:
-    """The types in an option's annotation, None left out; the choices of a literal as one tuple."""
+    """Return the types in an option's annotation, without None; the choices of a literal as one tuple."""
     if get_origin(hint) is Literal:
         return (get_args(hint),)
     inner = [kind for part in get_args(hint) if part not in (type(None), Ellipsis) for kind in kinds(part)]
@@ -86,7 +86,7 @@ def wrong_options(command: Command) -> Iterator[tuple[str, ...]]:
 
 
 def test_the_table_has_every_command():
-    """A new command is tested like all others as soon as it is in the table; this says when it is not."""
+    """This test fails for a new command that is not in the table."""
     titles = {" ".join(command.arguments[: of_app(command)[1]]) for command in COMMANDS}
     assert titles == set(names_of_commands())
 
@@ -117,7 +117,7 @@ def test_wrong_options(command: Command, here: Path, capsys):
 
 
 def without(arguments: tuple[str, ...], option: str) -> list[str]:
-    """The arguments without an option and its values."""
+    """Return the arguments without an option and its values."""
     if option not in arguments:
         return list(arguments)
     at = arguments.index(option)
@@ -163,7 +163,7 @@ def test_wrong_inputs(command: Command, kind: str, here: Path, monkeypatch, caps
 
 
 def forbid(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a file be unreadable, for the superuser too, who could read it whatever its mode."""
+    """Make a file unreadable, also for the superuser."""
     opened = io.open
 
     def refuse(file: Any, *arguments: Any, **named: Any) -> Any:

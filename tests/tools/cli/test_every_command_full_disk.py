@@ -1,4 +1,4 @@
-"""Every command and a full disk: one line, and nothing half-written."""
+"""Every command and a full disk: one line, and no half-written file."""
 
 import os
 import shutil
@@ -26,9 +26,9 @@ def can_mount() -> bool:
 
 
 LOCK = "campaign.lock"
-"""A lock is never taken away: another process may wait for it."""
+"""The lock stays: another process may wait for it."""
 SHORT = ("simulate run.toml", "export AccelerometerBlock", "export-ssp run.toml", "new scenario")
-"""Commands that a full disk is tried on in each run of the tests."""
+"""Commands that meet a full disk in each run of the tests."""
 KEPT = ("campaign campaign.toml", "instrument show")
 """Commands that keep files as they come, and commands that write their object to `--out`."""
 ONCE = ("new", "instrument", "completion", "export-notebook")
@@ -55,7 +55,7 @@ cd "$folder" && find . -name filler -o -type f -print > "$result/left"
     ids=lambda c: c.title,
 )
 def test_a_full_disk(command: Command, here: Path, tmp_path: Path):
-    """Everything that the command writes is on a disk that is full."""
+    """All outputs of the command are on a full disk."""
     full, result = tmp_path / "full", tmp_path / "result"
     full.mkdir()
     result.mkdir()
@@ -84,7 +84,7 @@ def test_a_full_disk(command: Command, here: Path, tmp_path: Path):
 def test_an_object_that_cannot_be_written_leaves_nothing_else(
     command: Command, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    """Only what `--json` names is on a disk that is full; what an earlier run has left stays."""
+    """Only the output of `--json` is on a full disk; earlier files stay."""
 
     def full(path: Path, text: str) -> None:
         raise InputError(f"{path}: cannot be written (No space left on device)")
@@ -112,7 +112,7 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommand
 @pytest.mark.skipif(os.name == "nt", reason="limits of processes")
 @pytest.mark.parametrize("command", TOGETHER, ids=lambda c: c.title)
 def test_a_disk_that_ends_in_the_middle(command: Command, here: Path, tmp_path: Path, commands: ForkedCommands):
-    """No file may be as large as one of those that the command writes, each of them in turn, but the smallest."""
+    """No file may reach the size of one of the command's outputs, each of them in turn, except the smallest."""
     folder = tmp_path / "folder"
     shutil.copytree(here, folder)
     before = files(folder)

@@ -37,7 +37,7 @@ def calls_of(command: Command) -> int:
 
 
 def interrupted_at(command: Command, number: int) -> int:
-    """The exit status of a command that Ctrl-C strikes in the n-th call of our functions."""
+    """Return the exit status of a command that Ctrl-C strikes in the n-th call of our functions."""
     count = 0
 
     def strike(frame: Any, event: str, argument: Any) -> None:
@@ -67,12 +67,12 @@ def is_ours(frame: Any) -> bool:
 
 
 STRIKES = (0.02, 0.5, 0.97)
-"""Parts of the way at which Ctrl-C comes."""
+"""Parts of the run at which Ctrl-C comes."""
 LONG = (
     *("calibrate clean.csv", "diagnose measured.csv", "plan target X4", "plan positions 6", "plan check angles.csv"),
     *("hidden --cases", "campaign campaign.toml", "reproduce calibration"),
 )
-"""Commands whose every call is not counted in each run of the tests."""
+"""Commands whose calls are not all counted in each run of the tests."""
 INTERRUPTIBLE = [c for c in QUICK if c.arguments[0] not in ("completion", "doctor")]
 
 

@@ -15,7 +15,7 @@ SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
 @pytest.fixture
 def folder(tmp_path: Path, command_inputs: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder: a record, a scenario that lacks a key, a strapdown record, a loop of links."""
+    """Set the current folder: a record, a scenario that lacks a key, a strapdown record, a loop of links."""
     monkeypatch.chdir(tmp_path)
     for name in ("measured.csv", "strapdown.csv"):
         Path(name).write_bytes((command_inputs / name).read_bytes())

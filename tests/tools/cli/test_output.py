@@ -19,7 +19,7 @@ PROGRAM = [sys.executable, "-m", "trihedron.tools.cli"]
 
 @pytest.fixture
 def record(tmp_path, monkeypatch) -> Path:
-    """A record of a faultless bench, in the current folder."""
+    """Write a record of a faultless bench into the current folder."""
     monkeypatch.chdir(tmp_path)
     write_record(simulated(np.zeros(24)), tmp_path / "record.csv")
     return Path("record.csv")
@@ -38,7 +38,7 @@ def record(tmp_path, monkeypatch) -> Path:
 )
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_device_is_not_replaced_by_a_file(arguments, record, capsys):
-    """A pipe stands for /dev/null: as root, a rename would put a file in its place for the whole machine."""
+    """A pipe replaces /dev/null: for root, a rename would put a file in its place for the whole machine."""
     os.mkfifo("pipe")
     assert cli.main(arguments) == 2
     output = capsys.readouterr()

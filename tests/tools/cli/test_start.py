@@ -1,4 +1,4 @@
-"""The command line before anything is done: it starts without libraries, speaks plainly, completes and hints."""
+"""The command line before any work: it starts without libraries, speaks plainly, completes and hints."""
 
 import json
 import os
@@ -18,7 +18,7 @@ HEAVY = ("numpy", "scipy", "polars", "numba", "llvmlite", "matplotlib", "fmpy", 
 
 
 def imported_by(*arguments: str) -> set[str]:
-    """Modules that a command has imported when it ends."""
+    """Return the modules that a command has imported at its end."""
     code = "import sys; from trihedron.tools import cli; cli.main(sys.argv[1:]); print('\\n', *sorted(sys.modules))"
     output = subprocess.run(
         [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True, timeout=300
@@ -44,7 +44,7 @@ def test_starting_imports_nothing_that_takes_its_time(arguments: list[str]):
 
 @pytest.mark.acceptance
 def test_the_list_of_heavy_modules_is_one_of_modules_that_are_used():
-    """A name that nothing ever imports would prove nothing: a real command imports them."""
+    """A module that nothing ever imports would prove nothing: a real command imports them."""
     present = imported_by("check", str(SCENARIOS / "static-calibration.toml"))
     assert {"numpy", "polars", "fmpy", "pydantic", "trihedron.models", "trihedron.fmus"} <= present
 
@@ -67,7 +67,7 @@ def test_a_plan_imports_nothing_that_reads_records_or_makes_components():
 
 
 def test_a_diagnosis_needs_no_library_of_distributions():
-    """It takes as long to import as a small record to diagnose; the few functions that are needed are special ones."""
+    """Its import takes as long as a diagnosis of a small record; the few functions needed are special ones."""
     code = "import sys, trihedron.tools.diagnosis.procedure; print('scipy.stats' in sys.modules)"
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
     assert output.stdout.strip() == "False"
@@ -75,7 +75,7 @@ def test_a_diagnosis_needs_no_library_of_distributions():
 
 @pytest.mark.acceptance
 def test_plain_text_where_there_is_no_terminal():
-    """Nor with a terminal that is asked to be plain."""
+    """Test without a terminal, and with a terminal that is set to plain."""
     commands = (["plan", "--help"], ["check", str(SCENARIOS / "table-attitude.toml")])
     for variables in ({}, {"TERM": "xterm-256color", "NO_COLOR": "1"}):
         environment = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "CLICOLOR_FORCE")} | variables

@@ -40,13 +40,13 @@ def days(folder: Path, name: str, *effect: Any) -> Path:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """Two records of an instrument with a quadratic term, and the diagnosis of the first."""
+    """Return two records of an instrument with a quadratic term, and the diagnosis of the first."""
     return days(tmp_path_factory.mktemp("block"), "block", QUADRATIC, (4e-4,))
 
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory) -> Path:
-    """The same with an encoder's harmonic."""
+    """Return the same with an encoder's harmonic."""
     return days(tmp_path_factory.mktemp("table"), "table", ENCODER, (3e-4, 0.4))
 
 

@@ -30,7 +30,7 @@ COUNT = 36
 
 
 def bench_of(seed: int, count: int = COUNT) -> tuple[np.random.Generator, np.ndarray, np.ndarray, np.ndarray]:
-    """A generator, readings (N, 3) [g] of a bench at N random positions with noise, and their angles."""
+    """Return a generator, readings (N, 3) [g] of a bench at N random positions with noise, and their angles."""
     rng = np.random.default_rng([seed, 23])
     alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
     noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (count, 3))
@@ -43,7 +43,7 @@ def bump(angle: np.ndarray) -> np.ndarray:
 
 @cache
 def of_power(power: int) -> Beyond:
-    """A power of its own input in accelerometer 2."""
+    """Return a record with a power of its own input in accelerometer 2."""
     _, reading, alpha, beta = bench_of(power)
     reading[:, 1] += 1.2e-4 * reading[:, 1] ** power
     return beyond_of(position_record(reading, alpha, beta))
@@ -60,7 +60,7 @@ def beyond_of(record: PositionRecord) -> Beyond:
 
 @cache
 def of_bump() -> tuple[PositionRecord, Diagnosis]:
-    """An encoder that errs in one part of its circle."""
+    """Return a record with an encoder that errs in one part of its circle."""
     _, reading, alpha, beta = bench_of(7)
     record = position_record(reading, np.remainder(alpha + bump(alpha), 2.0 * np.pi), beta)
     return record, diagnose(record, noise_bound=NOISE_BOUND)
@@ -97,7 +97,7 @@ def test_the_truth_is_in_the_band_and_among_the_laws(power: int):
 
 @cache
 def with_temperature() -> Evidence:
-    """A clean record with temperatures."""
+    """Return a clean record with temperatures."""
     rng, reading, alpha, beta = bench_of(12)
     record = dataclasses.replace(position_record(reading, alpha, beta), temperature=rng.uniform(15.0, 30.0, COUNT))
     return bench_evidence(record, noise_bound=NOISE_BOUND)
@@ -125,7 +125,7 @@ def test_what_the_search_can_prove_a_table_says_with_a_kernel():
 
 @pytest.mark.acceptance
 def test_where_every_error_is_at_its_bound_a_table_is_told_with_the_noise_bound_that_it_needs(tmp_path: Path):
-    """No straight pieces stand for a smooth function then; its intervals hold the truth, and it predicts."""
+    """No straight pieces fit a smooth function then; its intervals hold the truth, and it predicts."""
     case = outside_case(tmp_path, 17, 165)
     record = read_record(tmp_path / case.file)
     assert isinstance(record, PositionRecord)
@@ -154,7 +154,7 @@ def test_where_every_error_is_at_its_bound_a_table_is_told_with_the_noise_bound_
 
 @pytest.mark.acceptance
 def test_a_function_times_a_sine_of_an_angle_is_told_by_its_formula_and_extends_the_model(tmp_path: Path):
-    """An elastic turn about the inner axis that goes with the load, twice a turn: a law that the catalogue has not."""
+    """The fault is an elastic turn about the inner axis by the load, twice a turn: a law outside the catalogue."""
     _, _, alpha, beta = bench_of(2)
     bench = random_bench(np.random.default_rng(2))
     turned = beta + 1.5e-4 * np.sin(alpha) * np.sin(2.0 * beta + 1.0)
@@ -266,7 +266,7 @@ def test_a_jump_in_temperature_is_told_where_it_is():
 
 
 def test_a_function_of_a_sense_has_no_formula():
-    """Its two values are in no order, and no formula is made of them; hysteresis of the catalogue is one."""
+    """Its two values have no order, so there is no formula of them; the catalogue's hysteresis is one."""
     case = draw_alone(1, effects=["hysteresis"])
     evidence = bench_evidence(case.measured(), noise_bound=NOISE_BOUND)
     pair = next(p for p in evidence.reader.pairs if p.told and p.where == case.places[0].where)

@@ -20,7 +20,7 @@ from trihedron.tools.evidence import PIECES, Carried, Form, carried_evidence
 from trihedron.tools.records import StrapdownRecord, read_record
 
 HUMP = 9
-"""A gyro's bias that rises and falls once, between rests."""
+"""Case of the generator with a gyro's bias that rises and falls once, between rests."""
 
 
 @cache
@@ -50,7 +50,7 @@ def test_the_true_function_is_in_the_band():
 
 @pytest.mark.acceptance
 def test_the_extension_predicts_what_was_left_out_and_is_exported(tmp_path):
-    """The extended gyros carry gravity to where the accelerometers say it is, after every move, within the bounds."""
+    """The extended gyros carry gravity to its direction by the accelerometers, after every move, within the bounds."""
     case, result = of_hump()
     extension = result.extension
     assert extension is not None
@@ -78,7 +78,7 @@ def test_bounds_as_much_larger_as_is_said_would_do():
 @pytest.mark.acceptance
 @pytest.mark.parametrize("law", ["w2 += c*w2**3", "w1 += a*n2 + b*dw3", "f3 += c*n3**2"])
 def test_a_law_that_comes_later_has_the_columns_of_one_that_was_run(law):
-    """Beside the catalogue from the first on, or added to evidence that is there: the same rows."""
+    """The rows are the same with the catalogue from the beginning, or added to existing evidence."""
     case, result = of_hump()
     place = Formula.of(law).place
     run = carried_evidence(read_record(case.path, StrapdownRecord), further=[place])
@@ -96,7 +96,7 @@ def test_a_place_that_knows_no_such_law_is_refused():
 
 
 def test_the_power_is_what_can_hide():
-    """From that size on every function shows, and of a smaller size one hides: by a programme of the test's own."""
+    """From that size on every function shows, and a smaller one may hide: by an independent programme."""
     _, result = of_hump()
     assert result.power is not None
     evidence, rng = result.evidence, np.random.default_rng(3)

@@ -24,7 +24,7 @@ SCALE_FACTORS_OF_1 = [9, 12]
 
 
 def every_parameter(calibration: Calibration) -> list[tuple[str | None, Parameter]]:
-    """Each parameter with its record, None where it is the instrument's."""
+    """Return each parameter with its record, None if it is the instrument's."""
     pairs: list[tuple[str | None, Parameter]] = [(None, p) for p in calibration.parameters]
     for label, record in calibration.of_record.items():
         pairs += [(label, p) for p in record.parameters]
@@ -143,7 +143,7 @@ def test_a_scale_factor_that_changed_falsifies_that_it_is_shared_and_not_that_it
 
 
 def of_joint_schema(together: Calibration) -> dict[str, Any]:
-    """The same calibration as the schema of several records wrote it."""
+    """Return the same calibration in the schema of several records."""
     content = together.to_json()
     parameters, of_records = [], {}
     for record, p in every_parameter(together):

@@ -17,7 +17,7 @@ SCALE_FACTORS = (("X4", "X5"), ("X9", "X10"), ("X14", "X15"))
 
 @cache
 def corrected(seed: int, effect: str) -> tuple[Any, Any, Any]:
-    """A hidden record, its diagnosis, and the record corrected by it."""
+    """Return a hidden record, its diagnosis, and the record corrected by it."""
     hidden = th.hide(seed, effect)
     diagnosis = th.diagnose(hidden.record, noise_bound=SIGMA)
     assert diagnosis.verdict == "explained"
@@ -26,7 +26,7 @@ def corrected(seed: int, effect: str) -> tuple[Any, Any, Any]:
 
 @pytest.mark.parametrize("seed", [1, 2, 5, 8])
 def test_the_true_scale_factors_lie_in_the_intervals_of_a_corrected_record(seed, tmp_path):
-    """They are read from the file as from memory."""
+    """The intervals from the file and from memory agree."""
     hidden, diagnosis, applied = corrected(seed, "quadratic")
     path = tmp_path / "corrected.csv"
     write_record(applied.record, path)

@@ -30,12 +30,12 @@ def depending(record: Any, work: Work | None = None) -> Any:
 
 
 def proven_by(result: Any) -> tuple[str, str] | None:
-    """Place and quantity, with its factor, that are proven."""
+    """Return the proven place and quantity, with its factor."""
     return result.proven and (result.proven.pair.where, result.proven.pair.name)
 
 
 def part_of(visits: Any) -> np.ndarray:
-    """The part of the time, from 0 to 1."""
+    """Return the part of the time, from 0 to 1."""
     return visits.hours / visits.hours[-1]
 
 
@@ -58,14 +58,14 @@ def test_what_is_proven_of_a_fault_outside_the_catalogue_is_true(index, tmp_path
 
 @pytest.mark.parametrize("index", [61, 166])
 def test_a_quantity_is_found_though_every_error_is_at_its_bound(index, tmp_path):
-    """Then no function that is only about the true one stands: it takes many coefficients."""
+    """Then no function that is only near the true one fits: it takes many coefficients."""
     case = outside_case(tmp_path, 17, index)
     assert proven_by(depending(read_record(tmp_path / case.file))) == (case.place, case.quantity)
 
 
 @pytest.mark.parametrize(("size", "says"), [(3e-4, None), (1e-2, ROUGHLY), (1.6e-2, NOT_COMPARED)])
 def test_that_functions_were_compared_roughly_or_not_at_all_is_said(size, says):
-    """The linear model by which they are compared is wrong by the square of the misfit: a bound, or a third of one."""
+    """The linear model for the comparison is wrong by the square of the misfit: a bound, or a third of one."""
     evidence = evidence_of(record_with([6, 41], {"f2": lambda v: size * v.n[:, 1] ** 2}))
     low, high = {None: (0.0, 0.3), ROUGHLY: (0.3, 1.0), NOT_COMPARED: (1.0, np.inf)}[says]
     assert low < evidence.model.second_order < high
@@ -78,7 +78,7 @@ def test_that_functions_were_compared_roughly_or_not_at_all_is_said(size, says):
 
 
 def test_many_forms_at_once_are_bounded_as_each_by_itself(tmp_path):
-    """Each bound is what weighted least squares leaves with the form beside the model; no programme leaves less."""
+    """Each bound is the weighted least-squares remainder with the form beside the model; no programme leaves less."""
     case = outside_case(tmp_path, 3, SMOOTH[0])
     evidence = evidence_of(read_record(tmp_path / case.file, PositionRecord))
     forms = Search(evidence, evidence.reader.pairs, Work())
@@ -98,7 +98,7 @@ def test_many_forms_at_once_are_bounded_as_each_by_itself(tmp_path):
 
 
 def test_noise_beyond_its_bound_and_faults_at_two_places_prove_no_single_place():
-    """Any function makes the one a little better; a larger noise bound does, too."""
+    """Any function improves the one a little; a larger noise bound does, too."""
     for larger in (1.05, 1.15, 1.25):
         for seed in range(4):
             result = depending(record_with([5, seed], {}, 30, larger=larger))
@@ -111,7 +111,7 @@ def test_noise_beyond_its_bound_and_faults_at_two_places_prove_no_single_place()
 
 @pytest.mark.parametrize("count", [36, 100])
 def test_quantities_are_the_same_where_one_is_a_function_of_the_other(count):
-    """n3 = cos α, and a temperature that rises and falls is a function of time though time is none of it."""
+    """n3 = cos α; and a temperature that rises and falls is a function of time, though not conversely."""
     pairs = evidence_of(record_with([13, count], {}, count, temperature=rising_and_falling)).reader.pairs
     of = {pair.quantity: pair for pair in pairs if pair.where == "accelerometer-1" and not pair.factor}
     for first, second, same in (
@@ -215,7 +215,7 @@ def test_a_jump_in_a_temperature_that_jumps_once_is_not_told_from_a_step_in_time
 
 @pytest.mark.parametrize("seed", [2, 7])
 def test_a_single_reading_that_is_off_is_a_function_of_no_quantity(seed):
-    """With few positions a function with a spike where it was read would do as much; a reading is simpler."""
+    """With few positions a function with a spike at its place would do as much; a reading is simpler."""
     result = diagnosed(record_with([13, seed], {"f3": lambda v: 8e-5 * (np.arange(16) == 5)}, 16))
     assert EffectPlace("outlier", "position-6", axes=(3,)) in [cause.place for cause in result.causes]
     assert result.band is None

@@ -163,7 +163,7 @@ def test_an_accelerometer_that_bends_is_not_put_down_to_a_gyro():
 
 @pytest.mark.parametrize("record_of", [filmed, between_rests])
 def test_the_linear_functions_of_a_pair_are_the_columns_of_the_catalogue(record_of):
-    """A linear function of a rate is a scale factor or a misalignment, one of time a drift: exactly, by two ways."""
+    """A linear function of a rate is a scale factor or a misalignment, one of time a drift: exactly, in two ways."""
     evidence = carried_evidence(record_of(at_gyro(1, swing)))
     assert isinstance(evidence.model, Carried)
     pairs = {(pair.where, pair.name): pair for pair in evidence.reader.pairs}
@@ -209,7 +209,7 @@ def test_a_wave_has_a_place_among_forms():
 
 @pytest.mark.acceptance
 def test_of_three_gyros_each_has_a_band_that_holds_its_function_and_together_they_extend_the_model():
-    """The bias of each swings, in a size of its own, which no catalogue lists."""
+    """The bias of each swings with a size of its own, which no catalogue lists."""
     sizes = SIZE * np.array([1.0, -0.8, 1.2])
     result = diagnose(filmed(lambda time, rate: swing(time, rate)[:, None] * sizes), rerun=False)
     assert isinstance(result, Diagnosis)
@@ -239,7 +239,7 @@ def test_of_three_gyros_each_has_a_band_that_holds_its_function_and_together_the
 
 @pytest.mark.acceptance
 def test_a_law_of_three_gyros_that_is_named_is_told_beside_those_that_do_as_well():
-    """Each errs with the fifth power of its own rate: the cube of the catalogue stands, and is not the only one."""
+    """Each errs with the fifth power of its own rate: the cube of the catalogue fits, but is not the only one."""
     sizes = 0.05 * np.array([1.2e-3, -0.9e-3, 1.5e-3])
     result = diagnose(filmed(lambda time, rate: sizes * rate**5), rerun=False)
     assert isinstance(result, Diagnosis)

@@ -1,4 +1,4 @@
-"""Effects that a diagnosis names and the parameters, solved in one programme: the intervals hold, and are no wider."""
+"""Effects of a diagnosis and the parameters, solved in one programme: the intervals hold, and are no wider."""
 
 import json
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class Drawn:
 
 
 def drawn_effect(rng: np.random.Generator) -> tuple[EffectPlace, tuple[float, ...]]:
-    """An effect of 25 to 60 σ; those of a time or a temperature in their units."""
+    """Draw an effect of 25 to 60 σ; those of a time or a temperature in their units."""
     p, size = int(rng.integers(1, 4)), float(rng.choice([-1.0, 1.0]) * SIGMA * rng.uniform(25.0, 60.0))
     block, phase = f"accelerometer-{p}", float(rng.uniform(0.0, 6.0))
     axis, others = str(rng.choice(["outer-axis", "inner-axis"])), tuple(sorted({1, 2, 3} - {p}))
@@ -55,7 +55,8 @@ def drawn_effect(rng: np.random.Generator) -> tuple[EffectPlace, tuple[float, ..
 
 
 def worst_signs(record: PositionRecord, place: EffectPlace, symbol: str) -> np.ndarray:
-    """Signs (N, 3) of the errors by which a target and an effect's sizes together are known worst; 0 of others."""
+    """Return the signs (N, 3) of the errors by which a target and an effect's sizes together are known worst; 0 of
+    others."""
     model = bench_evidence(record, noise_bound=SIGMA).model
     columns = np.hstack((model.rows.nominal, model.columns_of([place])))
     wanted = np.zeros(columns.shape[1])
@@ -69,7 +70,7 @@ def worst_signs(record: PositionRecord, place: EffectPlace, symbol: str) -> np.n
 
 @cache
 def drawn(seed: int) -> Drawn:
-    """The first record of a seed whose effect is explained."""
+    """Return the first record of a seed whose effect is explained."""
     for attempt in range(6):
         rng = np.random.default_rng([seed, attempt])
         place, sizes = drawn_effect(rng)
@@ -87,7 +88,7 @@ def drawn(seed: int) -> Drawn:
 
 
 def missed(result: Any, truth: dict[str, float]) -> list[str]:
-    """The targets whose intervals miss the truth."""
+    """Return the targets whose intervals miss the truth."""
     return [symbol for symbol, value in truth.items() if not result[symbol].low <= value <= result[symbol].high]
 
 

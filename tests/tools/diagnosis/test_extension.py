@@ -33,7 +33,7 @@ HIDDEN = {
     EffectPlace("thermal-lag", "accelerometer-2"): (1.2e-5, 2e-5, 0.015),
     EffectPlace("quantisation", "accelerometer-3"): (6e-4,),
 }
-"""Effects and their sizes; `make acceptance` exports those that take long, or that another test here has too."""
+"""Effects and their sizes; `make acceptance` exports slow ones, and those of other tests here."""
 
 
 @cache
@@ -46,7 +46,7 @@ def with_harmonic() -> Any:
 
 
 def misses(record, again) -> np.ndarray:
-    """Differences (N, 3) of readings over σ."""
+    """Return differences (N, 3) of readings over σ."""
     return np.abs(again.specific_force - record.specific_force) / G / SIGMA
 
 
@@ -162,7 +162,7 @@ def test_start_values_and_parameter_sets_hold_values_and_intervals(tmp_path):
 
 @pytest.mark.acceptance
 def test_a_strapdown_record_is_carried_again(tmp_path):
-    """Gravity where the accelerometers say it is after every move, within the bounds; the same bits both ways."""
+    """Gravity agrees with the accelerometers after every move, within the bounds; both ways give the same bits."""
     place = EffectPlace("gyro-g-sensitivity", "gyro-block")
     matrix = 2e-3 * np.array([[1.0, 0.2, -0.5], [0.3, -2.0, 0.4], [0.0, 0.3, 1.5]])
     record = strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3]), sensitivity=matrix)
@@ -196,13 +196,13 @@ def test_nothing_is_written_where_nothing_is_explained_and_a_value_beyond_a_comp
 
 
 def starts_of(path: Path) -> dict[str, float]:
-    """Start values of an FMU's parameters, by name."""
+    """Return the start values of an FMU's parameters, by name."""
     variables = fmpy.read_model_description(path).modelVariables
     return {str(v.name): float(v.start or "nan") for v in variables if v.causality == "parameter" and v.type == "Real"}
 
 
 def with_fmpy(path: Path, times: np.ndarray, inputs: dict, output: str, values: dict) -> np.ndarray:
-    """Outputs (N, 3) of an array that FMPy gives at the times, each input held over the step that begins there."""
+    """Return FMPy's outputs (N, 3) of an array at the times, each input held over the step that begins there."""
     step = float(times[1] - times[0])
     kinds = [("time", float), *((name, float) for name in inputs)]
     rows = np.array(list(zip(times, *inputs.values(), strict=True)), dtype=kinds)

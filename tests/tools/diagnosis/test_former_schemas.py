@@ -1,4 +1,4 @@
-"""Diagnoses of former schemas are read as the present one, by `check` and by what uses them."""
+"""Diagnoses of former schemas are read like the present one, by `check` and by all their users."""
 
 import json
 from typing import Any
@@ -27,7 +27,7 @@ OTHER = {**CUBIC, "equivalents": [], "parameters": [SIZE]}
 
 
 def of_one(**changed: Any) -> dict[str, Any]:
-    """The diagnosis of a position record as schema 2 wrote it."""
+    """Return the diagnosis of a position record in schema 2."""
     return {
         "schema": "trihedron.diagnosis/2",
         "verdict": "explained",
@@ -44,7 +44,7 @@ def of_one(**changed: Any) -> dict[str, Any]:
 
 
 def of_several() -> dict[str, Any]:
-    """The diagnosis of several records as it was written: a cause of all, a parameter that differs in one."""
+    """Return the diagnosis of several records in its former schema: a cause of all, a parameter that differs in one."""
     nothing = {"equivalents": ["bias-drift accelerometer-1"], "parameters": [SIZE]}
     shared = {"title": "quadratic", "of": "instrument", "record": None, "effect": QUADRATIC, "parameter": None}
     of_run = {"title": "X4 differs in b", "of": "run", "record": "b", "effect": None, "parameter": "X4"}

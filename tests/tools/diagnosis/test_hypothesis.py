@@ -1,4 +1,4 @@
-"""Formulas as hypotheses: true ones stand with their coefficients, false ones are refuted, wrong ones are one line."""
+"""Formulas as hypotheses: true ones stand with their coefficients, false ones are refuted, wrong ones give one line."""
 
 import json
 from typing import Any
@@ -26,7 +26,7 @@ def answer_of(record: PositionRecord, text: str, **options):
 
 
 def record_of(text: str) -> PositionRecord:
-    """A record in which the target of a formula errs as it says."""
+    """Return a record with the error of a formula in its target."""
     return record_with(len(text), {text.split()[0]: FORMULAS[text].error})
 
 
@@ -37,7 +37,7 @@ def within(parameter, size: float, room: float = 0.0) -> bool:
 @pytest.mark.first(2)
 @pytest.mark.parametrize("text", FORMULAS)
 def test_a_true_formula_stands_and_a_false_one_is_refuted(text):
-    """On ten records of 36 positions every answer is right, and the intervals hold the true coefficients."""
+    """On ten records of 36 positions every answer is correct, and the intervals hold the true coefficients."""
     formula = FORMULAS[text]
     evidence = bench_evidence(record_of(text), noise_bound=SIGMA)
     places = places_of([text, formula.false], at_table=True, with_gyros=False)
@@ -53,7 +53,7 @@ def test_a_true_formula_stands_and_a_false_one_is_refuted(text):
 
 @pytest.mark.acceptance
 def test_a_formula_of_a_gyro_is_judged_on_a_block_that_is_carried(tmp_path):
-    """One gyro reads the cube of its rate: that stands with its size, other laws and another gyro do not."""
+    """One gyro reads the cube of its rate: that formula stands with its size, other laws and another gyro do not."""
     record = read_record(strapdown_record(tmp_path / "s.strapdown.csv", "nothing", 3).path, StrapdownRecord)
     assert record.rate is not None
     record.rate[:, 0] += 4e-3 * record.rate[:, 0] ** 3
@@ -77,7 +77,7 @@ def test_what_is_in_the_model_or_is_not_needed_is_said_so():
 
 
 def worst_miss(folder, record) -> float:
-    """The largest difference [g] of a record from what an exported scenario gives."""
+    """Return the largest difference [g] of a record from the readings of an exported scenario."""
     again = run_of_file(folder / "scenario.toml").position_record()
     return float(np.abs(again.specific_force - record.specific_force).max()) / G
 

@@ -17,7 +17,7 @@ Effects = dict[EffectPlace, tuple[Any, ...]]
 
 
 def before_row(row: int) -> tuple[float, float]:
-    """The hours of two rows, counted from 0, between which something happens."""
+    """Return the hours of two rows, counted from 0, between which an event happens."""
     return PERIOD_S * (row - 1) / 3600.0, PERIOD_S * row / 3600.0
 
 
@@ -42,7 +42,7 @@ class Hidden:
     options: dict[str, bool] = field(default_factory=dict)
 
     def record(self, seed: int) -> Any:
-        """The record; what happens between two rows does so in the middle."""
+        """Return the record; an event between two rows is in the middle."""
         effects = []
         for place, sizes in self.effects.items():
             effects.append((place, [np.mean(size) for size in sizes]))
@@ -129,7 +129,7 @@ def test_what_is_hidden_in_other_records_is_named_or_among_the_candidates(name):
 @pytest.mark.acceptance
 @pytest.mark.parametrize(("bent", "size"), [("saturation", 0.93), ("dead-zone", 0.045)])
 def test_what_is_not_linear_is_among_the_candidates_beside_a_linear_effect(bent, size):
-    """An outlier may stand for what changes a single reading, a settling bias for a drift; nothing else may."""
+    """An outlier may replace a change of a single reading, a settling bias a drift; nothing else may."""
     effects = {DRIFT: (6e-3,), on(bent, 2): (size,)}
     result = Hidden(effects, 40).diagnosed(2)
     assert set(effects) in sets_of(result)
@@ -152,7 +152,7 @@ def test_a_weak_step_has_every_time_at_which_it_could_be_in_its_interval():
 
 @pytest.mark.acceptance
 def test_outliers_of_a_whole_g_are_found_although_they_turn_the_signs_of_other_inputs():
-    """Such misfits leave the linear model open by which other functions are compared: no level is claimed."""
+    """Large misfits exceed the linear model of the comparison: no level is claimed."""
     effects = {outlier(11, 3): (-2.0,), outlier(4, 2): (1.0,)}
     result = Hidden(effects, 40).diagnosed(5)
     assert_named(result, effects)
@@ -161,7 +161,7 @@ def test_outliers_of_a_whole_g_are_found_although_they_turn_the_signs_of_other_i
 
 @pytest.mark.acceptance
 def test_rounded_temperatures_and_angles_do_not_refuse_the_right_name():
-    """Every error is at its bound: what rounding adds is beyond it."""
+    """Every error is at its bound: rounding goes beyond it."""
     case = Hidden({on("temperature-bias", 1): (6e-5,)}, 36, AT_BOUND | WARM)
     record, digit = case.record(1), np.deg2rad(1e-6)
     rounded = replace(

@@ -1,4 +1,4 @@
-"""Nothing is named where nothing is wrong, where no name is right, and where several are."""
+"""Nothing is named if nothing is wrong, if no name is correct, or if several are."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,7 +27,7 @@ HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
     ids=str,
 )
 def test_nothing_is_named_on_a_clean_record(options):
-    """Also where readings are off by exactly σ: the radius may reach one, and one is not falsified."""
+    """Readings may be off by exactly σ: the radius may reach one, which is not falsified."""
     baseline = "symmetric" if "symmetric" in options else "asymmetric"
     for seed in range(3):
         result = diagnosed(drawn_record(seed, count=40, **options), baseline=baseline)
@@ -58,7 +58,7 @@ def with_added(record: PositionRecord, added: np.ndarray, accelerometer: int = 1
 
 
 def rolled(record: PositionRecord) -> PositionRecord:
-    """Readings of other positions."""
+    """Return the record with the readings of other positions."""
     return replace(record, specific_force=np.roll(record.specific_force, 1, axis=0))
 
 
@@ -73,7 +73,7 @@ def doubled(record: PositionRecord) -> PositionRecord:
 
 
 def with_product(record: PositionRecord) -> PositionRecord:
-    """A product of three inputs."""
+    """Return a record with a product of three inputs."""
     return with_added(record, 2e-3 * np.prod(record.specific_force / G, axis=1))
 
 
@@ -82,7 +82,7 @@ def with_fifth_power(record: PositionRecord) -> PositionRecord:
 
 
 def with_three_outliers(record: PositionRecord) -> PositionRecord:
-    """At most two may be a cause: enough outliers explain anything."""
+    """At most two outliers may be a cause: enough of them explain anything."""
     for row, p, size in ((3, 1, 4e-4), (20, 2, -3e-4), (29, 0, 5e-4)):
         record.specific_force[row, p] += G * size
     return record
@@ -106,7 +106,7 @@ def test_what_the_catalogue_lacks_is_not_given_a_name(spoilt: Callable):
 
 
 def test_impossible_sizes_are_no_cause():
-    """A cubic term of 0.015 per g² is not one that an accelerometer has, though it would explain every reading."""
+    """No accelerometer has a cubic term of 0.015 per g², though it would explain every reading."""
     place = EffectPlace("cubic", "accelerometer-1")
     size = 1.5 * place.definition.parameters[0].largest
     result = diagnosed(hidden_record(5, place, (size,)))
@@ -115,7 +115,7 @@ def test_impossible_sizes_are_no_cause():
 
 @pytest.mark.acceptance
 def test_two_effects_in_time_get_no_name_from_three_that_look_like_them():
-    """A drift and the temperature stand for a bias that settles, beside a step: pairs in time are not tried."""
+    """Beside a step, a drift and the temperature imitate a settling bias: pairs in time are not tried."""
     hidden = [(EffectPlace("warm-up", "accelerometer-1"), (2e-4, 0.03))]
     hidden += [(EffectPlace("bias-step", "accelerometer-2"), (1e-4, 0.07))]
     result = diagnosed(drawn_record(1, hidden, 40, temperature=True))
@@ -140,7 +140,7 @@ def test_what_a_single_row_at_an_end_shows_is_no_step(row):
 
 
 def with_open_senses(seed: int, fault: Callable) -> PositionRecord:
-    """Sixteen positions, each approached from any side, and a fault of the first accelerometer."""
+    """Return sixteen positions, each approached from any side, and a fault of the first accelerometer."""
     record = record_with(seed, {"f1": fault}, 16)
     sides = np.random.default_rng(seed).choice([-1.0, 1.0], (2, 16))
     return replace(record, temperature=None, approach_alpha=sides[0], approach_beta=sides[1])
@@ -170,7 +170,7 @@ def test_a_drift_is_named_alone_where_an_open_sense_would_have_absorbed_it(seed)
 
 @pytest.mark.acceptance
 def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():
-    """At outer angles 20 + 45 k orders 2 and 6 are one up to a phase; where it is proposed the right one remains."""
+    """At outer angles 20 + 45 k orders 2 and 6 are one up to a phase; the proposed positions leave the correct one."""
     stand = Stand.drawn(np.random.default_rng(6))
     angles = np.radians(np.stack((np.repeat(20.0 + 45.0 * np.arange(8), 3), np.tile([25.0, 145.0, 265.0], 8))))
 
@@ -199,7 +199,8 @@ def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():
     ids=lambda value: getattr(value, "title", ""),
 )
 def test_the_loop_is_closed(place, sizes, symmetric):
-    """Named; the extended FMU predicts positions that were not used within the noise; the targets move to the truth."""
+    """The effect is named; the extended FMU predicts unused positions within the noise; the targets move to the
+    truth."""
     record = hidden_record(17, place, sizes, symmetric=symmetric)
     result = diagnosed(record, baseline="symmetric" if symmetric else "asymmetric", rerun=True)
     assert_named(result, {place: sizes})

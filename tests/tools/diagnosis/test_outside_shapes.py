@@ -1,4 +1,4 @@
-"""Records with faults outside the catalogue show as much as their generator says: two programmes agree."""
+"""Records with faults outside the catalogue have the size that their generator states: two programmes agree."""
 
 from pathlib import Path
 

@@ -22,12 +22,12 @@ from trihedron.tools.trials import Options, diagnosed_case, draw_case
 FIELD = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[4] / "shared" / "data")) / "field"
 SAG = EffectPlace("sag", "outer-axis")
 QUADRATICS = [EffectPlace("quadratic", f"accelerometer-{p}") for p in (1, 2, 3)]
-"""The first is tried every time, the others before a release."""
+"""Effects: the first is tried every time, the others before a release."""
 LONG = [pytest.param(place, marks=pytest.mark.acceptance) for place in QUADRATICS[1:]]
 
 
 def field_diagnosis(name: str) -> Any:
-    """The diagnosis of a record from the field."""
+    """Return the diagnosis of a record from the field."""
     if not (FIELD / name).exists():
         pytest.skip(f"{FIELD / name} is not there; TRIHEDRON_DATA names the folder above")
     return trihedron.diagnose(FIELD / name, noise_bound=1e-5)

@@ -17,7 +17,7 @@ WARNING = "warning: the search was cut off: single effects were not all tried"
 
 
 def walking(seed: int, step: float = 1e-5):
-    """Evidence of a bench whose first accelerometer's bias walks: no effect of the catalogue."""
+    """Return evidence of a bench whose first accelerometer's bias walks: no effect of the catalogue."""
     rng = np.random.default_rng(seed)
     alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, 24))
     noise = rng.uniform(-SIGMA, SIGMA, (24, 3))
@@ -56,7 +56,7 @@ def test_what_was_found_before_the_search_was_cut_off_stands():
 
 @pytest.mark.acceptance
 def test_some_of_many_sets_are_no_answer_beside_one_function_as_simple():
-    """A walk at one accelerometer: pairs of unrelated effects fit it, too, and the search finds some of them."""
+    """Pairs of unrelated effects fit a walk at one accelerometer, too, and the search finds some of them."""
     result: Any = diagnosed(walking(8, 1.1e-5), most_work=2e6)
     assert (result.verdict, result.complete, result.cut_off_at) == ("unexplained", False, 2)
     assert (result.causes, bool(result.not_named)) == ((), True)

@@ -26,13 +26,13 @@ QUADRATIC, CUBIC = EffectPlace("quadratic", "accelerometer-2"), EffectPlace("cub
 
 
 def together(*records, **options) -> Any:
-    """The diagnosis of several records."""
+    """Return the diagnosis of several records."""
     return th.diagnose_together(*records, **options)
 
 
 @pytest.fixture(scope="module")
 def three_records() -> Any:
-    """Three records: a quadratic term in all, a cubic one in the second alone."""
+    """Return three records: a quadratic term in all, a cubic one in the second alone."""
     records = of_one_instrument(5, shared=[(QUADRATIC, (4e-4,))], own={1: [(CUBIC, (4e-4,))]})
     return together(*records, noise_bound=SIGMA)
 
@@ -92,7 +92,7 @@ def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs
 
 
 def judged(monkeypatch, records) -> Any:
-    """Records judged together; nothing is simulated."""
+    """Judge records together, without simulation."""
     monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
     return several.diagnosed_together(
         {f"record-{k}": procedure.diagnose(r, noise_bound=SIGMA, rerun=False) for k, r in enumerate(records, start=1)}
@@ -101,9 +101,9 @@ def judged(monkeypatch, records) -> Any:
 
 @pytest.mark.acceptance
 def test_what_is_sought_in_one_record_alone_stays_a_rival_of_what_is_sought_in_all(monkeypatch):
-    """The truth, a step, is not sought in several records: the record that shows it has it among its own sets.
+    """The true step is not sought in several records: the record that shows it has it among its own sets.
 
-    What only contains one of these, as a lag contains the temperature itself, is none.
+    An effect that only contains one of these, as a lag contains the temperature itself, is not a rival.
     """
     step = EffectPlace("bias-step", "accelerometer-2")
     records = of_one_instrument(33, 2, positions=16, own={1: [(step, (3e-5, 0.009))]})
@@ -118,7 +118,7 @@ def test_what_is_sought_in_one_record_alone_stays_a_rival_of_what_is_sought_in_a
 
 @pytest.mark.acceptance
 def test_what_is_sought_in_one_record_alone_is_a_rival_beside_what_is_sought_in_all(monkeypatch):
-    """By itself the second record needs the step and the term of all: together the step is one of two, not three."""
+    """The second record alone needs the step and the common term; together, the step is one of two, not three."""
     step = EffectPlace("bias-step", "accelerometer-2")
     result = judged(monkeypatch, days_of_a_suite(33, 3, (step, (3e-5, 0.009)), [(QUADRATIC, (4e-4,))]))
     sets = [{cause.title for cause in causes} for causes in result.sets]
@@ -219,7 +219,7 @@ def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect()
 
 
 def test_a_bias_that_is_shared_by_request_and_changed_is_said_to_differ(monkeypatch):
-    """Its signature is constant: where it belongs only other accelerometers can say."""
+    """Its signature is constant: only other accelerometers show its place."""
     monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
     result = together(*of_one_instrument(21, 2, positions=20), noise_bound=SIGMA, shared=["bias-1"])
     sets = result.sets
@@ -228,7 +228,7 @@ def test_a_bias_that_is_shared_by_request_and_changed_is_said_to_differ(monkeypa
 
 @pytest.mark.acceptance
 def test_where_more_than_three_must_differ_that_is_said_of_each_and_nothing_is_named(monkeypatch):
-    """A block that was dropped before the third day: scale factors of two accelerometers, both signs."""
+    """A block was dropped before the third day: scale factors of two accelerometers, both signs."""
     rng = np.random.default_rng(4)
     benches = [random_bench(rng)] * 3
     benches[2] = benches[2] + 0.0
@@ -269,7 +269,7 @@ def test_a_record_that_shows_no_size_of_what_would_mend_it_is_judged_with_the_ot
 
 
 def test_where_fewer_than_two_can_be_judged_the_first_line_says_that_and_not_that_nothing_is_wrong():
-    """Each may well falsify the simulation by itself."""
+    """Each of them may well falsify the simulation alone."""
     alone = procedure.diagnose(of_one_instrument(21, 1, positions=20)[0], noise_bound=SIGMA, rerun=False)
     printed = str(several.diagnosed_together({"a": alone}, rerun=False)).splitlines()[0]
     assert printed == "Insufficient: nothing is said of all together, as fewer than two records can be judged so."

@@ -43,7 +43,7 @@ def exact_misfit(result: Any) -> float:
     ids=["errors uniform", "errors at their bound: no interior"],
 )
 def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):
-    """Least squares is not one: some reading is beyond its bound there."""
+    """Least squares does not give one: some reading is beyond its bound there."""
     record = hidden_record(4, place, values)
     fit = bench_evidence(record, noise_bound=NOISE_BOUND).model.refit([place])
     rng = np.random.default_rng(0)

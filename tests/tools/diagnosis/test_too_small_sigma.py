@@ -15,7 +15,7 @@ QUADRATIC = EffectPlace("quadratic", "accelerometer-2")
 
 
 def with_effect(seed: int, place: EffectPlace, size: float, count: int = 48):
-    """A record with one effect and uniform errors within 1e-5 g."""
+    """Return a record with one effect and uniform errors within 1e-5 g."""
     rng = np.random.default_rng(seed)
     session = Session.drawn(rng, count)
     return session.record([(place, (size,))], rng.uniform(-1e-5, 1e-5, (count, 3)))

@@ -1,4 +1,4 @@
-"""A block that turns on the table by an input, time or temperature is named so, not as two accelerometers."""
+"""A block that turns on the table by an input, time or temperature is named as a turn, not as two accelerometers."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def flexure(axis: int, by_input: int) -> EffectPlace:
 
 
 def session_record(seed: int, place: EffectPlace, sizes: tuple[float, ...], count: int) -> PositionRecord:
-    """A record of a drawn session, an hour long or longer."""
+    """Return a record of a drawn session, an hour long or longer."""
     rng = np.random.default_rng([seed, count])
     return Session.drawn(rng, count).record([(place, sizes)], errors(rng, count)[0])
 

@@ -1,6 +1,6 @@
-"""Candidates that differ in time: positions are to be measured again, at stated hours, and these decide.
+"""Candidates that differ in time: the proposal repeats positions at given hours, and these decide.
 
-Of records without temperatures: a lag of many hours behind temperatures can do nearly what a step or a drift does.
+In records without temperatures a lag of many hours behind temperatures can nearly imitate a step or a drift.
 """
 
 from dataclasses import replace
@@ -21,14 +21,14 @@ SPAN = 1.0
 
 
 def measured(bench: np.ndarray, angles: np.ndarray, hours: np.ndarray, added: np.ndarray, seed: int) -> PositionRecord:
-    """A record of a bench at angles (2, N) [rad] and times (N,), whose second accelerometer reads so much [g] more."""
+    """Return a record of a bench at angles (2, N) [rad] and times (N,), with an addition to accelerometer 2 [g]."""
     noise = np.random.default_rng(seed).uniform(-NOISE_BOUND, NOISE_BOUND, (len(hours), 3))
     noise[:, 1] += added
     return replace(simulated(bench, angles[0], angles[1], noise), time_s=3600.0 * hours)
 
 
 def joined(first: PositionRecord, then: PositionRecord) -> PositionRecord:
-    """One record after another."""
+    """Return one record after another."""
     arrays = ("time_s", "alpha", "beta", "specific_force")
     columns = {name: np.concatenate((getattr(first, name), getattr(then, name))) for name in arrays}
     return replace(

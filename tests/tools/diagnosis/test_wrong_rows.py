@@ -1,4 +1,4 @@
-"""Wrong rows of a position record are named, with the change that makes each fit, before any physics."""
+"""Wrong rows of a position record are named, with the change that corrects each, before any physics."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A stretch of a record that does not belong to the rest is named, with what mends it."""
+"""A stretch of a record that does not belong to the rest is named, with its correction."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Signs of typography, intervals that are drawn, equations."""
+"""Typographic signs, drawn intervals, equations."""
 
 from xml.etree import ElementTree
 

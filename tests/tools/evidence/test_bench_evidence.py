@@ -36,7 +36,7 @@ IDENTITY = parametrise({"identity": np.eye(3)})
 
 
 def judged(seed: int, place: EffectPlace | None = None, rows: int | None = None) -> Any:
-    """The witness on an effect that is there (by default), or on one that is not."""
+    """Return the witness on a present effect (by default), or on an absent one."""
     case = draw_alone(seed, effects=["quadratic", "encoder-harmonic", "cross-product"] if place is None else [])
     record = case.measured()
     evidence = bench_evidence(record if rows is None else record.selected(np.arange(rows)), noise_bound=NOISE_BOUND)
@@ -90,7 +90,8 @@ def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to()
 
 
 def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_wrong():
-    """Noise at its very bound is no objection; a reading that is off by six bounds is one, where it fits by chance."""
+    """Noise at its very bound is no objection; a reading that is off by six bounds is one, even if it fits by
+    chance."""
     place = EffectPlace("quadratic", "accelerometer-1")
     record = hidden_record(512, place, (2e-4,))
     rng = np.random.default_rng(512)
@@ -111,7 +112,7 @@ def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_w
 
 @pytest.mark.parametrize(("kind", "seed"), [("thermal-lag", 8), ("bias-step", 1)])
 def test_the_extended_model_runs_at_one_possible_point(tmp_path: Path, kind: str, seed: int):
-    """Two lags nearly cancel in least squares, with biases of hundreds of bounds: that is no point to simulate at."""
+    """Two lags nearly cancel in least squares, with biases of hundreds of bounds: that point is impossible."""
     fresh = fresh_record(tmp_path / "record.csv", kind, seed)
     record = read_record(fresh.path)
     assert isinstance(record, PositionRecord)
@@ -134,7 +135,7 @@ def test_too_few_positions_cannot_be_judged_and_that_is_said():
 
 
 def test_leaving_one_out_agrees_with_the_closed_form():
-    """The error of one reading that is left out is its residual over 1 − its leverage."""
+    """The error of one left-out reading is its residual over 1 − its leverage."""
     rng = np.random.default_rng(0)
     jacobian, residual, bound = rng.normal(size=(30, 4)), rng.normal(size=30), np.ones(30)
     hat = jacobian @ np.linalg.pinv(jacobian)
@@ -173,7 +174,7 @@ def test_a_mounting_is_proposed_for_sets_that_remain_or_not_at_all():
 
 @pytest.fixture(scope="module")
 def coarse():
-    """A clean bench whose readings are written to 3e-6 g."""
+    """Return a clean bench whose readings are written to 3e-6 g."""
     record = draw_alone(31, effects=[]).measured()
     force = 9.80665 * 3e-6 * np.round(record.specific_force / 9.80665 / 3e-6)
     rounded = replace(record, specific_force=force, resolution=0.5 * 9.80665 * 3e-6)
@@ -181,7 +182,7 @@ def coarse():
 
 
 def test_an_excluded_size_is_nearly_possible_and_none_beyond_it_is(coarse):
-    """In 96 directions of amplitude and phase, by another solver, with all that rounding adds to the bounds."""
+    """Test 96 directions of amplitude and phase, by another solver, with the bounds' growth by rounding."""
     fit, room = coarse.model.baseline, 1.5e-6 + 2e-15
     assert coarse.model.room == pytest.approx(room, rel=1e-9)
     above = {(e["effect"], e["where"], e.get("order")): e["above"] for e in excluded_sizes(coarse, fit)}
@@ -239,7 +240,7 @@ def test_positions_that_separate_put_candidates_further_apart_than_both_bounds()
 
 
 def test_from_where_a_sag_counts_is_within_what_the_bounds_grow_by():
-    """The sine of the outer angle from the encoder's zero or from the vertical: the record does not tell."""
+    """The record does not show whether the sine counts from the encoder's zero or from the vertical."""
     place, part = EffectPlace("sag", "inner-axis"), np.array([3e-3, 4e-3])
     evidence = bench_evidence(hidden_record(4), noise_bound=NOISE_BOUND)
     readings, point = evidence.model.readings, evidence.model.search.centre.point

@@ -1,4 +1,4 @@
-"""A whole bench diagnosed: what effects do to the turns, two witnesses of one cause, at a terminal."""
+"""A whole bench diagnosed: effects on the turns, two witnesses of one cause, output at a terminal."""
 
 import shutil
 from dataclasses import replace
@@ -97,7 +97,7 @@ def test_turns_change_as_the_extended_components_say(clean, place, values):
 def test_turns_from_row_to_row_hold_the_coning_that_increments_lack(clean):
     """A computer that takes rates' integrals for the body's turns lacks 1/12 of γ' × γ.
 
-    About the inner axis, where angles at rows tell it: what axes that speed up add within a row is across.
+    Angles at rows show it about the inner axis: the addition of accelerating axes within a row is across.
     """
     fit, travel = clean
     record = measured().raw
@@ -120,9 +120,9 @@ def faultless():
 
 @pytest.mark.parametrize("effect", ["backlash", "hysteresis"])
 def test_a_sense_is_that_of_the_last_move_in_motion_too(faultless, effect):
-    """With true sizes the readings stand, where one axis comes before the other, and as an input passes its largest.
+    """With true sizes the readings stand if one axis comes before the other, and as an input passes its largest.
 
-    Where no sense is told an error may be as large as the effect, and only there.
+    If the sense is unknown, an error may be as large as the effect, and only there.
     """
     places = CATALOGUE[effect].places
     evidence = whole_evidence(measured(*(Hidden(place, (1e-4,)) for place in places)), bench().place, noise_bound=SIGMA)
@@ -137,7 +137,7 @@ def test_a_sense_is_that_of_the_last_move_in_motion_too(faultless, effect):
 
 
 def test_a_reading_in_motion_says_nothing_where_its_input_may_change_its_sign(faultless):
-    """As the table turns about an accelerometer its input stays near zero: what depends on its sign is not told."""
+    """As the table turns about an accelerometer its input stays near zero: effects of its sign are unknown."""
     places, sizes = CATALOGUE["bias-asymmetry"].places, np.full(3, 1e-3)
     evidence = whole_evidence(measured(*(Hidden(place, (1e-3,)) for place in places)), bench().place, noise_bound=SIGMA)
     residual = evidence.model.at(places, faultless.point, sizes)[0][: evidence.model.of_readings].reshape(-1, 3)
@@ -150,7 +150,7 @@ def test_a_reading_in_motion_says_nothing_where_its_input_may_change_its_sign(fa
 
 @pytest.mark.acceptance
 def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsys):
-    """Named at a terminal with page and components; each witness by itself is satisfied."""
+    """The harmonic is named at a terminal with page and components; each witness alone agrees."""
     monkeypatch.chdir(tmp_path)
     record = measured(Hidden(HARMONIC, (6e-5, 1.0)))
     assert record.raw is not None
@@ -209,7 +209,7 @@ def test_what_only_motion_shows_is_named_with_its_size_inside(place, values):
 
 
 def bumped(size: float) -> Hidden:
-    """An encoder of the outer axis that errs about 2 rad alone."""
+    """Return a bench whose outer encoder errs only near 2 rad."""
     knots = np.round(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), 6)
     values = size * np.exp(-0.5 * ((knots - 2.0) / 0.4) ** 2)
     law = f"alpha around {' '.join(map(repr, knots.tolist()))}"
@@ -281,7 +281,7 @@ def test_a_formula_is_of_what_the_record_has():
 
 
 def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
-    """By two ways: functions at nodes, and effects at every row; of the table on readings and on turns."""
+    """Compare functions at nodes with effects at every row, for the table on readings and on turns."""
     evidence = whole_evidence(measured(), bench().place, noise_bound=SIGMA)
     pairs = {(pair.where, pair.name): pair for pair in evidence.reader.pairs}
     harmonic, alpha_pair = evidence.rows.columns_of([HARMONIC]), pairs["outer-axis", "alpha"]
@@ -294,7 +294,7 @@ def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
 
 
 def test_no_reading_in_motion_is_off_by_itself():
-    """Beside an effect that is not linear one was a candidate, and then had no number of its position."""
+    """Beside an effect that is not linear one was a candidate, and then had no position number."""
     evidence = whole_evidence(measured(), bench().place, noise_bound=SIGMA)
     still, moving = (
         reading_at(int(np.flatnonzero(evidence.model.moving.at_rest == at)[0]) * 3) for at in (True, False)

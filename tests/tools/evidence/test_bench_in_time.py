@@ -45,7 +45,8 @@ def holds(fit: Fit, true: Sequence[float]) -> bool:
 
 
 def test_a_slip_is_not_lost_where_the_time_next_to_the_best_parts_a_reading():
-    """13 arcmin near the end of a move: that reading tells nothing of a slip at that time, and all of one before it."""
+    """A slip of 13 arcmin near the end of a move: its reading shows nothing of it at that time, and all of an
+    earlier one."""
     drawn = draw_whole(np.random.default_rng([5, 6]))
     bench = replace(drawn, alpha=drawn.alpha[-28:], beta=drawn.beta[-28:])
     values = -3.1027e-3, -4.1974e-4, 1.88724e-3, 0.051250382
@@ -76,7 +77,7 @@ def test_a_range_of_numbers_holds_what_each_within_it_does(seed, part):
 
 
 def began_of(evidence: Evidence) -> float:
-    """When a bench's record begins [s]."""
+    """Return the time at which a bench's record begins [s]."""
     reader: Any = evidence.reader
     return reader.circumstances.began
 
@@ -96,7 +97,7 @@ def test_turns_change_as_the_extended_component_says(place, values):
 
 
 def test_a_slip_is_seen_by_readings_and_by_gyros_as_the_extended_component_says():
-    """In the middle of a move: the turn that holds the slip has it, too; a rest of both sides says nothing."""
+    """In the middle of a move, the turn with the slip contains it; a rest of both sides shows nothing."""
     values = (2e-4, -1e-4, 3e-4, 152.303 / 3600.0)
     clean, moved = evidence_with(), evidence_with(Hidden(SLIP, values))
     turns = clean.model.whole.turns

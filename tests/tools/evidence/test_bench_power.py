@@ -1,4 +1,4 @@
-"""The power against faults that no catalogue lists: the same by a programme of the test's own, and true of records."""
+"""The power against faults outside the catalogue: equal to that of an independent programme, and true for records."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ PAIRS += ("outer-axis alpha", "inner-axis beta tilt", "outer-axis hours")
 
 
 def drawn(path: Path, seed: int, count: int) -> tuple[Known, PositionRecord]:
-    """A session, and its record without errors."""
+    """Return a session, and its record without errors."""
     rng = np.random.default_rng(seed)
     truth = Known.of(Session.drawn(rng, count))
     session = truth.session
@@ -62,7 +62,7 @@ def class_of(truth: Known, pair: str) -> tuple[NDArray, NDArray]:
 
 
 def most_hidden(model: NDArray, columns: NDArray, imitated: NDArray) -> tuple[float, NDArray, NDArray]:
-    """The greatest size that 2 σ hides, the values at the knots, and what parameters make of them (3 N,)."""
+    """Return the greatest size that 2 σ hides, the values at the knots, and the parameters' part of them (3 N,)."""
     base = np.linalg.qr(imitated)[0]
     projection = np.eye(len(imitated)) - base @ base.T
     every = np.hstack([model, columns])

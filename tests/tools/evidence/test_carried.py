@@ -32,19 +32,19 @@ BIAS = EffectPlace("gyro-bias", "gyro-block")
 
 @cache
 def simulated():
-    """Evidence of a clean record of hand-like moves between rests."""
+    """Return evidence of a clean record of hand-like moves between rests."""
     return linear_evidence(inspect_record(strapdown_record(seed=8)), "calibrated")
 
 
 @cache
 def clean(index: int, reference=None):
-    """A clean record of the suite."""
+    """Return a clean record of the suite."""
     return draw_clean_block(11, index, reference).measured()
 
 
 @pytest.fixture(scope="module")
 def sensitive():
-    """Γ of gyros that depend on gravity, and the diagnosis of a record of theirs: the one that is shown on a page."""
+    """Return Γ of gyros that depend on gravity, and the diagnosis of their record, which a page shows."""
     return MATRIX, shown("block, explained")[0]
 
 
@@ -117,7 +117,7 @@ def test_latency_is_named_in_samples_beside_the_true_attitude_and_nothing_where_
 @pytest.mark.first(1)
 @pytest.mark.parametrize("reference", ["gravity", "truth"])
 def test_signatures_are_what_the_exported_components_do(reference):
-    """An effect of a small size in the compensation turns the errors as its columns say, to a few per cent."""
+    """An effect of a small size in the compensation turns the errors by its columns, to a few per cent."""
     result = inspect_record(clean(0 if reference == "gravity" else 1))
     evidence = linear_evidence(result, "nominal")
     part = next(p for p in evidence.rows.parts if p.scored)
@@ -143,7 +143,7 @@ def test_signatures_are_what_the_exported_components_do(reference):
 
 
 def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path, monkeypatch):
-    """The extended compensation, exported and run by the orchestrator in this process: the same attitude."""
+    """The extended compensation, exported and run by the orchestrator in this process, gives the same attitude."""
     if usual_flavour() != "native":
         pytest.skip("nothing compiles here")
     result = inspect_record(clean(1))
@@ -209,7 +209,7 @@ def test_a_wrong_clock_looks_like_scale_factors_that_are_alike_and_is_said_to(fa
 
 @pytest.mark.parametrize("index", [0, pytest.param(8, marks=pytest.mark.acceptance)])
 def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
-    """Accelerometers that lag by 200 rows belong to no block: the fit of one goes beyond its parameters' limits."""
+    """Accelerometers that lag by 200 rows belong to no block: the fit of one exceeds its parameters' limits."""
     record = clean(index)
     result = diagnose(replace(record, specific_force=np.roll(record.specific_force, 200, axis=0)), rerun=False)
     assert result.verdict == "unexplained"

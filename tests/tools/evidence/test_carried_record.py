@@ -1,4 +1,4 @@
-"""Strapdown records that are wrong, poor or broken: refused in one line, or a verdict that names nothing wrong."""
+"""Strapdown records that are wrong, poor or broken: refused in one line, or a verdict without a wrong name."""
 
 from dataclasses import fields, replace
 
@@ -16,13 +16,13 @@ from trihedron.tools.trials import draw_clean_block
 
 @pytest.fixture(scope="module")
 def clean() -> StrapdownRecord:
-    """Moves between rests, rates, no truth."""
+    """Return a record of moves between rests, rates, without truth."""
     return strapdown_record(seed=1)
 
 
 @pytest.fixture(scope="module")
 def filmed() -> StrapdownRecord:
-    """A record with true attitude."""
+    """Return a record with true attitude."""
     return draw_clean_block(3, 1, "truth").measured()
 
 

@@ -24,14 +24,14 @@ SEARCHED = [name for name, effect in POSITION_EFFECTS.items() if effect.searched
 
 
 def drawn(seed: int) -> tuple[np.random.Generator, np.ndarray, np.ndarray]:
-    """A generator, hours (N,) of rows, and a temperature (N,) that wanders."""
+    """Return a generator, hours (N,) of rows, and a temperature (N,) that wanders."""
     rng = np.random.default_rng([seed, 41])
     hours = np.cumsum(rng.uniform(0.005, 0.05, int(rng.integers(8, 60))))
     return rng, hours - hours[0], 20.0 + np.cumsum(rng.normal(0.0, 1.0, len(hours)))
 
 
 def drawn_rows(seed: int) -> tuple[np.random.Generator, Rows]:
-    """A generator, and rows with inputs, derivatives by slips and a temperature."""
+    """Return a generator, and rows with inputs, derivatives by slips and a temperature."""
     rng, hours, temperature = drawn(seed)
     n = rng.uniform(-1.0, 1.0, (len(hours), 3))
     slopes = rng.uniform(-1.0, 1.0, (len(hours), 3, 3))
@@ -97,7 +97,7 @@ def test_the_cells_cover_all_constants_that_a_record_shows_and_beginnings_of_a_l
 @given(seed=st.integers(0, 2**20), part=st.floats(0.12, 0.88))
 @pytest.mark.parametrize("name", ["bias-step", "scale-step", "warm-up"])
 def test_a_truth_at_any_number_is_within_the_intervals_of_cells_that_stand(name, seed, part):
-    """Errors are at their bounds; records are made by other code than the kernels."""
+    """Errors are at their bounds; independent code makes the records."""
     place = POSITION_EFFECTS[name].places[-1]
     hours = drawn_record(seed).time_s / 3600.0
     number = part * float(hours[-1] - hours[0])

@@ -28,7 +28,7 @@ SCALE_STEP = EffectPlace("gyro-scale-step", "gyro-block")
 def drawn_evidence(
     *, filmed: bool, step: float = 0.0, scale: float = 0.0, at: float = 0.5, settling: tuple[float, float] = (0.0, 1.0)
 ) -> Evidence:
-    """Evidence of drawn moves; bias [rad/s] and scale factor of gyro 2 may change by a step at a part of the time.
+    """Return evidence of drawn moves; bias [rad/s] and scale factor of gyro 2 may step at a part of the time.
 
     The bias of gyro 3 may settle from a size [rad/s] with a time constant that is a part of the time.
     """
@@ -46,7 +46,7 @@ def drawn_evidence(
 
 
 def with_rows(evidence: Evidence, rows: Rows) -> Evidence:
-    """The evidence of a run with other rows."""
+    """Return the evidence of a run with other rows."""
     model = replace(evidence.model, rows=rows)
     return Evidence(model, replace(evidence.reader, model=model))
 
@@ -57,13 +57,13 @@ def drawn_once(filmed: bool) -> Evidence:
 
 
 def stacked(columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Columns (S, d, K) of each group as rows (M, K)."""
+    """Return columns (S, d, K) of each group as rows (M, K)."""
     return np.concatenate([part.reshape(-1, part.shape[2]) for part in columns])
 
 
 @pytest.mark.parametrize("filmed", [False, True])
 def test_a_stretch_holds_what_each_time_within_it_does(filmed):
-    """Columns of an effect that sets in within a stretch lie in those of the stretch, where these are known."""
+    """Columns of an effect that sets in within a stretch lie in those of the stretch, if these are known."""
     evidence = drawn_evidence(filmed=filmed)
     for cells in evidence.model.cells.values():
         if not isinstance(cells, Onsets):
@@ -85,7 +85,7 @@ def test_a_stretch_holds_what_each_time_within_it_does(filmed):
 
 @pytest.mark.parametrize("filmed", [False, True])
 def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_is_said(filmed):
-    """Straight lines between neighbours, and the few columns of a stretch, against the exponential itself."""
+    """Compare straight lines between neighbours, and the few columns of a stretch, with the exponential itself."""
     evidence, rng = drawn_evidence(filmed=filmed), np.random.default_rng(2)
     cells = evidence.model.cells[WARM_UP]
     assert isinstance(cells, TimeConstants)
@@ -183,7 +183,7 @@ def test_the_time_constant_of_what_settles_is_found_and_held_by_its_interval(fil
 
 @pytest.mark.acceptance
 def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
-    """An exponential with ten times the record's length is nearly straight; its mean is taken out."""
+    """An exponential with ten times the record's length is nearly straight; its mean is subtracted."""
     evidence = drawn_evidence(filmed=True)
     cells = evidence.model.cells[WARM_UP]
     assert isinstance(cells, TimeConstants)
@@ -204,7 +204,7 @@ def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
 @pytest.mark.acceptance
 @pytest.mark.parametrize("at", [0.0, pytest.param(0.5, marks=pytest.mark.acceptance)])
 def test_what_can_act_from_the_beginning_on_is_not_said_to_set_in(at):
-    """The first moves hardly show a scale factor: one that always acts looks like one that sets in after them."""
+    """The first moves hardly show a scale factor: a permanent one looks like one that sets in after them."""
     evidence, places = drawn_evidence(filmed=True, scale=0.01, at=at), [SCALE, SCALE_STEP]
     by_place = {place: evidence.model.mended([place], Work()) for place in places}
     ((*_, (start, _)),) = by_place[SCALE_STEP][0].intervals()
@@ -235,7 +235,7 @@ LATENCY_STEP = EffectPlace("latency-step", "gyro-block")
     [(True, STEP), (False, STEP), (True, SCALE_STEP), (True, LATENCY_STEP), (True, WARM_UP)],
 )
 def test_a_truth_at_any_row_or_time_constant_is_within_the_intervals(filmed, place, seed, part):
-    """Noise fills the bounds; what sets in does so anywhere in a window, what fades has any time constant between."""
+    """Noise fills the bounds; the onset is anywhere in a window, and a time constant has any value between."""
     clean, rng = drawn_once(filmed), np.random.default_rng(seed)
     rows, cells = clean.rows, clean.model.cells[place]
     low, high = (1000, 2400) if isinstance(cells, TimeConstants) else cells.edges[[2, -3]]
@@ -273,7 +273,7 @@ def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_sta
 
 @pytest.mark.acceptance
 def test_a_gain_that_needs_gyros_that_nobody_has_is_none():
-    """Beyond the limits of the components nothing can be run."""
+    """Nothing can be run beyond the limits of the components."""
     evidence = drawn_evidence(filmed=True, step=2e-3)
     fit = evidence.model.refit([DRIFT])
     assert evidence.gain(fit) is not None

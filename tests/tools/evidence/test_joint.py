@@ -31,7 +31,7 @@ TRUE_G = (2e-3, 0.0, 0.0, 0.0, -1e-3, 0.0, 0.0, 0.0, 1.5e-3)
 
 @pytest.fixture(scope="module")
 def full_record():
-    """A record of 40 positions, with an effect on an encoder that is large: its second order counts."""
+    """Return a record of 40 positions, with a large effect on an encoder: its second order counts."""
     (record,) = of_one_instrument(3, 1, positions=40, shared=[(ENCODER, (3e-3, 0.4))])
     return record
 
@@ -47,7 +47,7 @@ def halves(full_record):
 
 
 def test_halves_that_share_everything_are_the_whole_record(full_record, halves):
-    """To the exact model: fits, radius and intervals, without an effect and with one beyond its first order."""
+    """Compare fits, radius and intervals in the exact model, without an effect and with one beyond its first order."""
     alone, joint = bench_evidence(full_record, noise_bound=SIGMA), join(halves, shared=["*"])
     assert joint.rows.names == alone.rows.names
     assert joint.model.baseline.radius == pytest.approx(alone.model.refit(()).radius, rel=1e-6)
@@ -72,7 +72,7 @@ def test_halves_that_share_nothing_are_two_records(halves):
 
 
 def test_a_record_about_what_mends_it_by_itself_stands_as_with_that_effect_of_its_own(halves):
-    """So a set that is not sought in several records is tried beside the others: as it acts where it was found."""
+    """A set that is not sought in several records is then tried beside the others as in its own record."""
     alone = {label: mended(half, half.model.refit([ENCODER]), [ENCODER]) for label, half in halves.items()}
     of_each = [in_record(ENCODER, label) for label in halves]
     with_own, together = join(alone), join(halves)
@@ -128,7 +128,7 @@ def test_names_that_no_record_has_and_that_cannot_be_both_are_refused(halves):
 
 @pytest.fixture(scope="module")
 def carried():
-    """Two records of one block beside the true attitude, whose gyros feel gravity on both days."""
+    """Return two records of one block beside the true attitude, whose gyros sense gravity on both days."""
     cases = [draw_clean_block(77, k, "truth") for k in range(2)]
     same = cases[0].instrument.instruments
     evidence_of_day = {}
@@ -167,9 +167,9 @@ def test_what_was_found_in_one_strapdown_record_helps_on_the_other_by_the_fmus(c
 
 @pytest.mark.parametrize("baseline", ["symmetric", "asymmetric"])
 def test_a_table_and_a_hand_tell_the_same_accelerometers(baseline):
-    """Misalignments are the same whoever turns the block, scale factors where the table's know no sign.
+    """Misalignments are the same for any turning; scale factors too if the table's do not depend on the sign.
 
-    A changed one is told to differ; gyros, which the table has not, are the strapdown record's own.
+    A changed one is reported; gyros, which the table lacks, are the strapdown record's own.
     """
     table, hand = at_a_table_and_by_hand(3, changed=2e-2)
     evidence = {

@@ -1,4 +1,4 @@
-"""Rests with known directions of gravity, from any source: an effect that is hidden is named, with its size inside."""
+"""Rests with known directions of gravity, from any source: a hidden effect is named, with its size inside."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,8 @@ NONLINEAR = {"quadratic": np.square, "cubic": lambda n: n**3}
 
 
 def rests(seed: int, effect: str = "", size: float = 0.0, accelerometer: int = 1, count: int = 30) -> KnownDirections:
-    """Rests of a drawn block in drawn directions, with noise that fills its bound and a nonlinear accelerometer."""
+    """Return rests of a drawn block in drawn directions, with noise that fills its bound and a nonlinear
+    accelerometer."""
     rng = np.random.default_rng([76, seed])
     n = rng.normal(size=(count, 3))
     n /= np.linalg.norm(n, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""Accelerometers at their limit in rests: named where the model cannot do without the limit, and nowhere else."""
+"""Accelerometers at their limit in rests: named only if the model needs the limit."""
 
 from dataclasses import replace
 from typing import Any
@@ -22,7 +22,7 @@ def drawn(seed: int, **options) -> StrapdownRecord:
 
 
 def clipped(record: StrapdownRecord, axis: int, least: float, most: float, digits: int = 7) -> StrapdownRecord:
-    """A record whose accelerometer reads from `least` to `most` [g], as it is written."""
+    """Return a record whose accelerometer reads from `least` to `most` [g], as it is written."""
     force = np.array(record.specific_force)
     force[:, axis] = np.clip(force[:, axis], least * G, most * G)
     return replace(record, specific_force=np.round(force, digits))
@@ -74,7 +74,7 @@ def test_two_accelerometers_at_their_limits_are_both_named():
 
 
 def test_a_limit_that_the_model_can_do_without_is_a_warning():
-    """In moves alone, or within the noise of a rest: nothing is falsified, so nothing is named."""
+    """In moves alone, or within the noise of a rest, nothing is falsified, so nothing is named."""
     record = drawn(9)
     pushed = np.array(record.specific_force)
     pushed[320:440, 0] += 30.0 * np.sin(np.linspace(0.0, np.pi, 120))

@@ -1,4 +1,4 @@
-"""Errors of pieces as a linear functional of additions, against sums that are written out step by step."""
+"""Errors of pieces as a linear functional of additions, against sums written step by step."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Records on which something acts that is not in the catalogue: no cause is named, and no bound hides it."""
+"""Records with an effect outside the catalogue: no cause is named, and no bound hides it."""
 
 import re
 from dataclasses import replace
@@ -22,7 +22,7 @@ SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.acceptance) for seed in (1, 2
 
 
 def drawn_record(seed: int, change, *, filmed: bool) -> tuple[StrapdownRecord, np.random.Generator]:
-    """A record of drawn moves; `change` makes readings of rates (N, 3) from times, rates and random numbers."""
+    """Return a record of drawn moves; `change` makes readings of rates (N, 3) from times, rates and random numbers."""
     rng = np.random.default_rng(seed)
     time, rate, n, attitude = drawn_motion(rng, moves=10 if filmed else 18, rest=3.0, period=PERIOD)
     motion = (time, change(time, rate, rng) + slow_noise(rng, len(time), 2e-5), n)
@@ -59,7 +59,7 @@ def late_from_the_middle_on(time, rate, rng):
 
 
 def low_passed(time, rate, rng):
-    """Each gyro with a time constant of its own, one of them fast."""
+    """Filter each gyro with a time constant of its own, one of them fast."""
     retained = np.exp(-PERIOD / np.array([0.02, 1e-4, 0.012]))
     passed = np.array(rate)
     for k in range(1, len(rate)):
@@ -83,13 +83,13 @@ def swinging_bias(time, rate, rng):
 
 
 def two_biases(time, rate, rng):
-    """Each rest has one of two biases, as a gyro has that jumps."""
+    """Give each rest one of two biases, like a gyro that jumps."""
     changes = np.cumsum(rng.random(len(time)) < PERIOD / 15.0)[:, None] % 2
     return rate + changes * rng.uniform(1e-3, 3e-3, 3)
 
 
 def first_words(result: Diagnosis) -> tuple[str, str]:
-    """The verdict as the page's headline says it, and the terminal's lines."""
+    """Return the verdict of the page's headline, and the terminal's lines."""
     page = page_of(result)
     assert page is not None
     return page.verdict, str(result)
@@ -129,7 +129,7 @@ def test_a_bias_that_is_not_constant_at_rest_is_said_in_the_verdict_and_is_no_no
 @pytest.mark.acceptance
 @pytest.mark.parametrize("seed", range(4))
 def test_biases_that_change_once_are_named_with_the_time_and_said_not_to_be_constant(seed):
-    """Between rests: noise alone is beside the change, so that the bound is the instruments'."""
+    """Between rests only noise is beside the change, so the bound is the instruments'."""
     record, clean = (drawn_record(seed, which, filmed=False)[0] for which in (step_of_the_bias, unchanged))
     rng = np.random.default_rng(seed)
     drawn_motion(rng, moves=18, rest=3.0, period=PERIOD)
@@ -175,7 +175,7 @@ ALSO_ELSEWHERE = (
     *("gyro-scale-misalignment", "gyro-warm-up", "latency"),
     *("gyro-rate-squared", "gyro-scale-drift", "gyro-bias-step", "lag"),
 )
-"""Effects that other tests name beside true attitudes or between rests, or that act as one of the others does."""
+"""Effects that other tests name beside true attitudes or between rests, or that act like one of the others."""
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ def test_without_a_rest_nothing_tells_the_noise_and_nothing_is_judged():
 
 
 def test_fast_turns_are_not_taken_for_a_true_attitude_of_another_kind():
-    """Sums of rates are no rotation vectors where the block turns by several radians in a window."""
+    """Sums of rates are not rotation vectors if the block turns by several radians in a window."""
     rng = np.random.default_rng(2)
     time, rate, n, attitude = drawn_motion(rng)
     fast = 6.0

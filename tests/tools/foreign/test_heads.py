@@ -1,4 +1,4 @@
-"""Heads in two lines, readings side by side, names that may stand over other fields: truth is the table written."""
+"""Heads in two lines, readings side by side, names that may belong to other fields: the truth is the written table."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ G = 9.80665
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]], mark: str = ";") -> str:
-    """Lines of a file: its head as it is given, its rows."""
+    """Return lines of a file: the given head, its rows."""
     return "\n".join([*head, *(mark.join(map(str, row)) for row in rows)])
 
 
@@ -51,7 +51,7 @@ def test_names_in_two_lines_are_read_together(head: list[str], tmp_path: Path):
 
 
 def test_gyros_and_accelerometers_under_their_names(tmp_path: Path):
-    """The same x, y, z stand under both."""
+    """The same x, y, z are below both."""
     head = ["Sample;Acc;;;Gyro;;;", ";x;y;z;x;y;z;", "#;g;g;g;°/s;°/s;°/s;°C"]
     rows = [[k, 0.0, 0.0, 1.0, 0.1 * k, 0.2, -0.3, 25.0] for k in range(50)]
     record = imported(tmp_path, table(head, rows), {"units.time": "100 Hz"}).record
@@ -77,7 +77,7 @@ PLACES = "Pos;t [s];alpha [deg];beta [deg];"
 def test_readings_side_by_side_are_averaged_where_they_are_known_to_be_such(
     names: str, by_axis: bool, asks: bool, tmp_path: Path
 ):
-    """Columns with mere numbers may be other sensors: that is asked; the mapping says the same of the next file."""
+    """Columns with mere numbers may be other sensors: the import asks; the mapping answers for the next file."""
     text = table([PLACES + names], rows_of(np.swapaxes(READ, 1, 2) if by_axis else READ))
     answers = {"beside": "average"} if asks else {}
     if asks:
@@ -110,7 +110,7 @@ def test_readings_side_by_side_without_numbers_of_positions(tmp_path: Path):
 
 
 def test_names_that_are_numbers(tmp_path: Path):
-    """Three readings of each axis under one name, 1 to 3 in the line below."""
+    """Use three readings of each axis under one name, 1 to 3 in the line below."""
     head = [";;;;Acc X [g];;;Acc Y [g];;;Acc Z [g];;", PLACES + "1;2;3;1;2;3;1;2;3"]
     text = table(head, rows_of(np.swapaxes(READ[:, :3], 1, 2)))
     conversion = imported(tmp_path, text, {"beside": "average"})
@@ -122,7 +122,7 @@ ROWS = [[*row[1:], 20.5] for row in rows_of(FORCE)]
 
 
 def test_the_mark_of_a_comment_is_no_name(tmp_path: Path):
-    """Else every name would stand over the field of the next."""
+    """Otherwise every name would belong to the field of the next."""
     record = imported(tmp_path, table(["# " + " ".join(NAMES)], ROWS, " ")).record
     assert record.time_s == pytest.approx(TIME)
     assert record.temperature == pytest.approx([20.5] * COUNT)
@@ -160,7 +160,7 @@ def test_units_that_change_behind_numbers_are_refused(tmp_path: Path):
 
 
 def test_minutes_and_seconds_with_decimals(tmp_path: Path):
-    """10:15.5 can be nothing but minutes and seconds."""
+    """10:15.5 can only be minutes and seconds."""
     rows = [[k + 1, f"{int(TIME[k] // 60)}:{TIME[k] % 60:04.1f}", *row[2:]] for k, row in enumerate(rows_of(FORCE))]
     record = imported(tmp_path, table(["Pos;time;alpha [deg];beta [deg];ax [g];ay [g];az [g]"], rows)).record
     assert record.time_s == pytest.approx(TIME)

@@ -1,4 +1,4 @@
-"""Whatever stands in a file: a record, or one line that says why not; never a traceback, never half a record."""
+"""Any content of a file gives a record, or one line with the reason; never a traceback, never half a record."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ SETTINGS = settings(
 
 
 def line(key: str, value: str) -> str:
-    """A line of a mapping."""
+    """Return a line of a mapping."""
     return f'{key} = "{value}"'
 
 

@@ -1,4 +1,4 @@
-"""Files as they come in practice: counters from 0, comments among the rows, sums below, numbers in another notation."""
+"""Files in practice: counters from 0, comments among the rows, sums below, numbers in another notation."""
 
 from datetime import datetime, timedelta
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Position records as laboratories write them: imported, or asked about; never understood wrongly in silence."""
+"""Position records as laboratories write them: imported, or asked about; never silently misunderstood."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from trihedron.tools.records import PositionRecord, RawRecord, read_record
 
 @pytest.fixture(scope="module")
 def bench() -> Bench:
-    """A run of twenty rests with whole degrees: an ideal table, a block with errors of scale and bias."""
+    """Return a run of twenty rests with whole degrees: an ideal table, a block with errors of scale and bias."""
     draw = np.random.default_rng(5)
     alpha, beta = draw.integers(0, 360, (2, 20)).astype(float)
     a, b = np.radians(alpha), np.radians(beta)
@@ -63,7 +63,7 @@ def test_a_dialect_is_imported_or_asks_for_what_is_missing(name: str, bench: Ben
 
 @pytest.mark.parametrize("name", [name for name in NAMES if file_of(some_bench(), name).wrong])
 def test_where_a_guess_could_be_wrong_the_other_answer_is_taken_too_or_refused(name: str, bench: Bench, tmp_path: Path):
-    """Both answers are possible: the question was one."""
+    """Both answers are possible: the question was necessary."""
     file = file_of(bench, name)
     path = written(tmp_path, file.content)
     if set(file.wrong) & {"units.force", "decimal"}:
@@ -109,7 +109,7 @@ def test_signs_units_and_offsets_of_a_mapping_are_obeyed(bench: Bench, tmp_path:
 
 @pytest.mark.parametrize("numbered", [True, False])
 def test_several_readings_of_a_rest_are_averaged_and_their_scatter_kept(numbered: bool, bench: Bench, tmp_path: Path):
-    """The standard error that is kept is that of the noise put in, and bounds the noise where nothing else does."""
+    """The kept standard error is that of the added noise, and bounds the noise if nothing else does."""
     scatter, count = 2e-4, 16
     file = repeated_file(bench, count, scatter, 3, numbered=numbered)
     path = written(tmp_path, file.content)
@@ -172,7 +172,7 @@ def test_check_and_diagnose_propose_the_import(name: str, bench: Bench, tmp_path
 
 
 def test_a_mapping_takes_all_rows_of_a_longer_file(bench: Bench, tmp_path: Path):
-    """Lines are looked for in each file: the next one has another head and more rows."""
+    """Lines are searched in each file: the next one has another head and more rows."""
     file = file_of(bench, "footer")
     lines = file.content.decode().splitlines()
     first = imported(tmp_path, "\n".join([*lines[:20], "", "Ende der Messung"]), out=tmp_path / "first.csv")
@@ -182,7 +182,7 @@ def test_a_mapping_takes_all_rows_of_a_longer_file(bench: Bench, tmp_path: Path)
 
 
 def rows_with(names: str, cells: list[str]) -> str:
-    """A table of three rests of a level block, with cells of its own in front."""
+    """Return a table of three rests of a level block, with cells of its own in front."""
     return "\n".join([names, *(f"{front};{20 * k};{30 * k};0,0;0,0;1,0" for k, front in enumerate(cells))])
 
 
@@ -235,7 +235,7 @@ def test_what_is_not_doubtful_is_not_asked(text: str, time: list[float], tmp_pat
 
 
 def test_a_time_series_of_a_table_is_a_raw_record_where_it_is_said_to_be_one(tmp_path: Path):
-    """Rows that stand still may be a series or several readings: which, the file does not say."""
+    """Stationary rows may be a series or several readings: the file does not tell."""
     count = 60
     alpha = np.repeat([0.0, 90.0, 180.0], 20) + 1e-4 * np.sin(np.arange(count))
     rows = [f"{0.1 * k:.1f};{alpha[k]:.5f};0.0;0.0;{np.cos(np.radians(alpha[k])):.6f};0.1" for k in range(count)]

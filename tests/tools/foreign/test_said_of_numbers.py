@@ -34,7 +34,7 @@ def positions(**columns: list) -> dict[str, list]:
 
 
 def motion(**columns: list) -> dict[str, list]:
-    """A strapdown record at rest, without its times."""
+    """Return a strapdown record at rest, without its times."""
     table: dict[str, list] = dict(columns)
     for name, value in (("f1_mps2", 0.1), ("f2_mps2", 0.2), ("f3_mps2", 9.8)):
         table[name] = [value + 1e-3 * (k % 3) for k in range(ROWS)]
@@ -169,7 +169,7 @@ def test_counts_near_both_ends_are_asked_whether_they_are_signed(bits, tmp_path,
 
 
 def test_counts_about_the_middle_of_a_converter_are_not_asked(tmp_path, capsys):
-    """An offset of half the range, as converters of one polarity have it."""
+    """Use an offset of half the range, as converters of one polarity have it."""
     rng = np.random.default_rng(2)
     counts = {f"f{k}_mps2": rng.integers(17_000, 49_000, ROWS).tolist() for k in (1, 2, 3)}
     counts = {name.replace("_mps2", ""): values for name, values in counts.items()}

@@ -1,4 +1,4 @@
-"""Tables on their side and blocks with a heading for each rest: the record is that of the upright table."""
+"""Tables on their side and blocks with a heading for each rest give the record of the upright table."""
 
 from pathlib import Path
 
@@ -57,7 +57,7 @@ def test_a_workbook_on_its_side_is_read(tmp_path: Path):
 
 
 def blocks(heading: str, names: str, readings: int = 4, scatter: float = 0.0, decimal: str = ".") -> str:
-    """Blocks of readings, whose noise is that of a fixed seed."""
+    """Return blocks of readings, whose noise is that of a fixed seed."""
     random, rows = np.random.default_rng(5), ["Calibration 12; serial A-17"]
     mark = "," if decimal == "." else ";"
     for k in range(9):
@@ -114,7 +114,7 @@ def test_degrees_of_a_sexagesimal_angle_are_not_taken_for_the_whole(angle: str, 
 
 @pytest.mark.parametrize("lost", ["alpha = 48.0000 deg, ", "Position 2: alpha = 48.0000 deg, beta = 108.0000 deg"])
 def test_a_block_without_its_angles_is_no_rest_of_the_one_before(lost: str, tmp_path: Path):
-    """A heading that is lost must not put its readings to another rest in silence."""
+    """A lost heading must not silently give its readings to another rest."""
     text = blocks(*HEADINGS["in one line"])
     assert lost in text
     refused(tmp_path, text.replace(lost, ""))

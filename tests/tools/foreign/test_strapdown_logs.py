@@ -19,7 +19,7 @@ def some_block() -> Block:
 
 
 TURNED = slice(450, 650)
-"""Rows in which the block is turned: how a log is written does not depend on their number."""
+"""Rows in which the block is turned: the format of a log does not depend on their number."""
 NAMES = [file.name for file in strapdown_files(some_block())]
 
 
@@ -49,7 +49,7 @@ def test_a_log_is_imported_or_asks_for_what_is_missing(name: str, block: Block, 
 
 
 def leaves(value: object) -> Iterator[float]:
-    """The numbers of a JSON value, in their order."""
+    """Return the numbers of a JSON value, in order."""
     if isinstance(value, bool | int | float):
         yield float(value)
     elif isinstance(value, dict | list):

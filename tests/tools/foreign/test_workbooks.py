@@ -1,4 +1,4 @@
-"""Workbooks as laboratories write them, and such as nobody should open."""
+"""Workbooks as laboratories write them, and dangerous ones."""
 
 import io
 import zipfile
@@ -35,7 +35,7 @@ def test_check_and_diagnose_propose_the_import_of_a_workbook(tmp_path: Path, cap
 
 
 def changed(book: bytes, **parts: bytes | None) -> bytes:
-    """A workbook with parts replaced, added or (None) left out: "xl__worksheets__sheet1.xml"."""
+    """Return a workbook with parts replaced, added or (None) left out: "xl__worksheets__sheet1.xml"."""
     members = {name.replace("__", "/"): content for name, content in parts.items()}
     packed = io.BytesIO()
     with (

@@ -15,7 +15,7 @@ from trihedron.tools.measure import Measurement, Moment, read_programme
 
 
 class Nothing:
-    """A source from which nothing comes."""
+    """A source without data."""
 
     name, trouble = "growing.csv", ""
 
@@ -28,7 +28,7 @@ class Nothing:
 
 @pytest.fixture(scope="module")
 def measurement(tmp_path_factory) -> Measurement:
-    """Three positions, the second knocked."""
+    """Return a measurement of three positions, the second knocked."""
     folder = tmp_path_factory.mktemp("page")
     (folder / "plan.csv").write_text("alpha_deg,beta_deg\n" + "".join(f"{a},{b}\n" for a, b in POSITIONS))
     table = SimulatedTable(folder / "growing.csv")

@@ -1,4 +1,4 @@
-"""A session at a simulated table, fed piece by piece: the record, the rests, the promise; killed and taken up again."""
+"""A session at a simulated table, fed piece by piece: the record, the rests, the promise; killed and resumed."""
 
 import json
 import os
@@ -46,7 +46,7 @@ def programme(plan: Path) -> TableProgramme:
 
 @pytest.fixture(scope="module")
 def growing(tmp_path_factory) -> Path:
-    """Twelve positions, the fourth knocked and visited again; a comment in between."""
+    """Return twelve positions, the fourth knocked and visited again; a comment in between."""
     table = SimulatedTable(tmp_path_factory.mktemp("table") / "growing.csv")
     for k, at in enumerate(POSITIONS):
         table.go(*at, knocked=k == 3)
@@ -62,7 +62,7 @@ def begun(programme: TableProgramme, out: Path, *, resume: bool = False, **asked
 
 
 def closed(measurement: Measurement) -> Session:
-    """The session of a measurement whose process is gone."""
+    """Return the session of a measurement whose process is gone."""
     measurement.files.close()
     return measurement.session
 

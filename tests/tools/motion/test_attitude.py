@@ -43,7 +43,7 @@ def scalar_first(rotation: Rotation) -> np.ndarray:
 
 
 def steady_record(rate: tuple[float, float, float], count: int = 41, period: float = 0.05, begin: float = 3.0) -> Any:
-    """A block that turns at a constant rate, with its true attitude; the reference's third axis is up."""
+    """Return a block that turns at a constant rate, with its true attitude; the reference's third axis is up."""
     time = begin + period * np.arange(count)
     start = Rotation.from_rotvec([0.3, -0.2, 0.5])
     true = start * Rotation.from_rotvec(np.outer(time - begin, rate))
@@ -52,14 +52,14 @@ def steady_record(rate: tuple[float, float, float], count: int = 41, period: flo
 
 
 def turning(rate: np.ndarray, attitude: np.ndarray | None = None) -> StrapdownRecord:
-    """Gyros that read these rates (N, 3) at 100 Hz; accelerometers that read gravity along the third axis."""
+    """Return gyros that read these rates (N, 3) at 100 Hz; accelerometers read gravity along the third axis."""
     return StrapdownRecord(
         0.01 * np.arange(len(rate)), rate, None, np.tile([0.0, 0.0, GRAVITY], (len(rate), 1)), attitude
     )
 
 
 def swinging(count: int, sizes: tuple[float, float, float] = (1.0, 0.7, 1.0)) -> np.ndarray:
-    """Rates (count, 3) of slow swings about each axis, the first of them from zero on."""
+    """Return rates (count, 3) of slow swings about each axis, the first of them from zero on."""
     time = 0.01 * np.arange(count)
     return np.stack([np.sin(time), np.sin(1.3 * time), np.cos(time)], axis=1) * sizes
 
@@ -190,7 +190,7 @@ def test_a_limit_before_the_run_begins_does_not_count() -> None:
 
 
 def test_a_clipped_record_cannot_be_overlooked_on_the_command_line(tmp_path: Path, capsys: Any) -> None:
-    """Text, JSON, table, complaint and exit status; with --compare too."""
+    """Check text, JSON, table, complaint and exit status; with --compare too."""
     path, result_file, out = tmp_path / "turn.csv", tmp_path / "found.json", tmp_path / "out"
     write_record(turning(np.clip(swinging(3000), -0.8, 0.8)), path)
     for options in ([], ["--compare"]):
@@ -206,7 +206,7 @@ def test_a_clipped_record_cannot_be_overlooked_on_the_command_line(tmp_path: Pat
 
 
 def test_every_row_that_is_written_says_whether_it_is_to_be_trusted(tmp_path: Path) -> None:
-    """Row by row where the run is, update by update where the attitude is: both end before the same row."""
+    """Test rows of the run, and updates of the attitude: both end before the same row."""
     record = turning(np.clip(swinging(600, (1.0, 0.2, 0.1)), -0.8, 0.8))
     for divisor in (1, 3):
         run = th.attitude_of_record(record, rate_divisor=divisor, out=tmp_path)
@@ -309,7 +309,7 @@ def broad() -> Any:
 
 
 def composed(record: Any, run: AttitudeRun, bias: np.ndarray) -> Rotation:
-    """The attitude at each update by scipy: each pair of intervals as one rotation vector s + (2/3) g' x g''."""
+    """Return the attitude at each update by scipy: each pair of intervals as one rotation vector s + (2/3) g' x g''."""
     rate = record.rate[int(run.row[0]) - 2 :] - bias
     step = 0.0035 * 0.5 * (rate[:-1] + rate[1:])
     step = step[: len(step) // 2 * 2].reshape(-1, 2, 3)
@@ -341,7 +341,7 @@ CHOSEN = [BY_NAME[n] for n in ("mean-rate", "two-sample-rodrigues", "panov", "pa
 
 
 def harmonic_record(count: int = 401, motion: str = "2") -> Any:
-    """A motion of Table 1 at 100 Hz as a record of exact increments, with its true attitude."""
+    """Return a motion of Table 1 at 100 Hz as a record of exact increments, with its true attitude."""
     period = 0.01
     samples = sample_motion(paper_motion(motion, EXACT), period, count - 1)
     angle = np.vstack((np.zeros(3), samples.angles))
@@ -357,7 +357,7 @@ def harmonic_record(count: int = 401, motion: str = "2") -> Any:
 
 
 def names_in_table(text: str) -> list[str]:
-    """The first words of the rows below the head of the table of algorithms."""
+    """Return the first words of the rows below the head of the table of algorithms."""
     rows = text[text.index("algorithm  ") :].split("\n\n")[0].splitlines()[1:]
     return [row.split()[0] for row in rows]
 
@@ -457,7 +457,7 @@ def test_a_line_and_a_wave_come_apart(period: float, phase: float, drift: tuple,
 
 
 def test_the_period_of_the_paper_is_two_seconds() -> None:
-    """Harmonics of 1 Hz beside a weaker one of 0.5 Hz: what repeats is the 2 s of ϑ, as the paper says."""
+    """With harmonics of 1 Hz beside a weaker one of 0.5 Hz, the period is the 2 s of ϑ, as in the paper."""
     time = np.arange(0.0, 60.0, 0.01)
     error = 2e-6 * time + np.sin(2 * np.pi * time) + 0.3 * np.sin(np.pi * time)
     assert split_error(time, error).period == pytest.approx(2.0, rel=1e-3)

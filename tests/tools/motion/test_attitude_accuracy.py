@@ -19,14 +19,14 @@ SMOOTH = ("functional-iteration-4", "functional-iteration-6", "functional-iterat
 
 
 def rate_of(harmonics: np.ndarray, time: float) -> np.ndarray:
-    """Body rate of a motion [rad/s]."""
+    """Return the body rate of a motion [rad/s]."""
     rate = np.zeros(3)
     move_harmonically(time, harmonics, np.zeros(3), np.zeros(3), rate)  # type: ignore[arg-type]
     return rate
 
 
 def integrate(derivative, harmonics: np.ndarray, end: float) -> np.ndarray:
-    """Three parameters of the rotation from the start, by DOP853."""
+    """Integrate three parameters of the rotation from the start, by DOP853."""
     run = solve_ivp(
         lambda t, y: derivative(rate_of(harmonics, t), y),
         (0.0, end),
@@ -73,7 +73,7 @@ def samples(name: str, frequency: int, span: float) -> Samples:
 
 
 def errors_deg(motion: Samples, algorithm: str, increments: np.ndarray | None = None) -> np.ndarray:
-    """Largest errors of ψ, ϑ, γ [deg]."""
+    """Return the largest errors of ψ, ϑ, γ [deg]."""
     chosen = BY_NAME[algorithm]
     attitudes = run_algorithm(chosen, motion.increments if increments is None else increments, renormalise=True)
     return np.degrees(angle_errors(attitudes, motion.angles_at_steps(chosen), normalised=True))
@@ -81,7 +81,7 @@ def errors_deg(motion: Samples, algorithm: str, increments: np.ndarray | None = 
 
 @cache
 def exact_samples(frequency: int, span: float) -> Samples:
-    """The first motion with increments in extended precision, rounded once: time itself rounds in a double."""
+    """Return the first motion with increments in extended precision, rounded once: time itself rounds in a double."""
     extended = np.longdouble
     count = round(span * frequency)
     amplitude = np.array([15, 5, 15], extended) * np.arccos(extended(-1)) / 180
@@ -155,13 +155,13 @@ def test_the_best_algorithm_is_five_thousand_times_better_on_the_other_variants(
 
 
 def quantised(increments: np.ndarray, step: float) -> np.ndarray:
-    """Increments of an angle that is counted in whole steps, as a gyro's pulses are."""
+    """Return increments of an angle that is counted in whole steps, like a gyro's pulses."""
     counted = np.round(np.vstack((np.zeros(3), np.cumsum(increments, axis=0))) / step) * step
     return np.diff(counted, axis=0)
 
 
 def never_worse(name: str, frequency: int, span: float) -> None:
-    """In the mean square over the phase at which the motion begins: a beginning of its own may favour either."""
+    """Compare in the mean square over the phase at which the motion begins: a single beginning may favour either."""
     draw = np.random.default_rng(11)
     square = np.zeros((2, 8))
     for begin in 3.7 * np.arange(12):
@@ -183,7 +183,7 @@ def never_worse(name: str, frequency: int, span: float) -> None:
 @pytest.mark.parametrize("frequency", [500, 2000])
 @pytest.mark.parametrize("name", ["first", "second"])
 def test_the_best_algorithm_is_never_worse_on_the_compositions(name: str, frequency: int) -> None:
-    """Vibration up to above half the sample rate; exact, quantised and noisy increments."""
+    """Test vibration up to above half the sample rate; exact, quantised and noisy increments."""
     never_worse(name, frequency, 5.0)
 
 
@@ -223,7 +223,7 @@ def test_where_no_noise_is_seen_vibration_gains_too() -> None:
 
 
 def test_a_pure_cone_gains_on_the_formulas_that_are_for_nothing_else() -> None:
-    """Eight and four samples in a turn of a cone of 1°, 20 s."""
+    """Test eight and four samples in a turn of a cone of 1°, 20 s."""
     for rate, gain in ((80.0, 3.0), (40.0, 3.0)):
         course = course_of_harmonics(cone(np.radians(1.0), 10.0), rate, 20.0)
         error = {}

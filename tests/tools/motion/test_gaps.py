@@ -1,4 +1,4 @@
-"""Gaps that are bridged: the attitude stays within the stated bound; what cannot be bridged is refused."""
+"""Bridged gaps: the attitude stays within the bound; gaps that cannot be bridged are refused."""
 
 import json
 from dataclasses import replace
@@ -19,7 +19,7 @@ PERIOD, COUNT = 0.01, 300
 
 
 def drawn(seed: int, kind: str) -> tuple[StrapdownRecord, np.random.Generator]:
-    """Sines of up to a tenth of the sampling frequency about each axis, with noise or without."""
+    """Draw sines of up to a tenth of the sampling frequency about each axis, with noise or without."""
     rng = np.random.default_rng([seed, len(kind)])
     time, highest = PERIOD * np.arange(COUNT), np.exp(rng.uniform(np.log(0.3), np.log(0.1 / PERIOD)))
     rate, mean = np.zeros((COUNT, 3)), np.zeros((COUNT, 3))
@@ -41,7 +41,7 @@ def drawn(seed: int, kind: str) -> tuple[StrapdownRecord, np.random.Generator]:
 
 
 def with_lost(record: StrapdownRecord, *lost: tuple[int, int]) -> StrapdownRecord:
-    """A record without some rows: the first, and how many."""
+    """Return a record without some rows, given by the first and their number."""
     keep = np.ones(len(record), dtype=bool)
     for first, count in lost:
         keep[first : first + count] = False
@@ -52,7 +52,7 @@ def with_lost(record: StrapdownRecord, *lost: tuple[int, int]) -> StrapdownRecor
 
 
 def carried(record: StrapdownRecord) -> np.ndarray:
-    """The attitude at a record's end, (1, 4)."""
+    """Return the attitude at a record's end, (1, 4)."""
     return run_algorithm(algorithm_named("mean-rate"), increments_from(record, 0).angle)[-1:]
 
 

@@ -27,12 +27,12 @@ GYRO_BIAS = np.array([0.01, -0.02, 0.005])
 
 
 def inspected(record: Any, **columns: Any) -> Any:
-    """The inspection of a record, with other columns; what may be None is asserted by its use."""
+    """Return the inspection of a record, with other columns; its use asserts optional parts."""
     return inspect_record(replace(record, **columns))
 
 
 def chosen(record: Any, rows: np.ndarray) -> StrapdownRecord:
-    """The record with some of its rows."""
+    """Return the record with some of its rows."""
     return StrapdownRecord(record.time_s[rows], record.rate[rows], None, record.specific_force[rows])
 
 
@@ -49,7 +49,7 @@ def test_rests_moves_and_excitation_are_those_of_the_motion():
 
 
 def column(inspection: Any, name: str) -> np.ndarray:
-    """Numbers (9,) of the parameters of a calibration."""
+    """Return numbers (9,) of the parameters of a calibration."""
     return inspection.to_polars()[name].to_numpy()
 
 
@@ -72,7 +72,7 @@ def test_an_effect_that_nine_parameters_cannot_hold_falsifies_them():
 
 
 def test_missing_poses_are_named_and_mend_it():
-    """The block was never turned over: third axis up only, by and large."""
+    """The block was never turned over: its third axis is mostly up."""
     few = POSES[POSES[:, 2] > 0.5]
     inspection = inspected(strapdown_record(true_motion(few))).accelerometers
     assert inspection.verdict == "insufficient"
@@ -278,7 +278,7 @@ def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
 
 @pytest.mark.parametrize("decimals", [None, 9, 6])
 def test_accelerometers_without_noise_do_not_read_in_steps(decimals):
-    """Each rest has one value, as with coarse steps; but the values have no divisor in common."""
+    """Each rest has one value, as with coarse steps; but the values have no common divisor."""
     record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=0.0)
     force = record.specific_force if decimals is None else np.round(record.specific_force, decimals)
     inspection = inspected(record, specific_force=force)
@@ -306,7 +306,7 @@ def test_noise_wider_than_the_steps_averages_them_out():
 
 
 def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_gravity_turn_nothing():
-    """Accelerometers do not see the turns; a sensitivity of 0.02 rad/s/g is 20 times the noise of a sample."""
+    """Accelerometers do not sense the turns; a sensitivity of 0.02 rad/s/g is 20 times the noise of a sample."""
     sensitivity = np.array([[0.0, 0.02, 0.0], [0.0, 0.0, -0.015], [0.01, 0.0, 0.0]])
     record: Any = strapdown_record(sensitivity=sensitivity, gyro_bias=GYRO_BIAS)
     unchanged = inspected(record)
@@ -336,7 +336,7 @@ def test_nine_parameters_are_enough_for_the_mpu9150_and_no_behaviour_of_the_gyro
 
 
 def test_the_rests_of_broad_03_are_those_before_and_after_the_motion():
-    """Slow rotation from 45.7 to 166.1 s, by the source's description; two poses calibrate nothing."""
+    """The source describes slow rotation from 45.7 to 166.1 s; two poses calibrate nothing."""
     inspection: Any = inspect_record(measured("broad-03"))
     assert len(inspection.rests) == 2
     ends = [inspection.record.time_s[[rows.start, rows.stop - 1]] for rows in inspection.rests.rows]

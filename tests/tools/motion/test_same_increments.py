@@ -1,6 +1,6 @@
-"""Motions with the same increments and other attitudes: no algorithm is near both, whatever it does.
+"""Motions with the same increments and different attitudes: no algorithm is near both.
 
-An algorithm has one answer for both, so its two errors are together at least the angle between the truths. The true
+An algorithm has one answer for both, so its two errors together are at least the angle between the truths. The true
 attitudes here are in closed form or from increments 32 times as fine, by code of this file alone.
 """
 
@@ -19,19 +19,20 @@ ADAPTIVE = algorithm_named("adaptive-degree")
 
 
 def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Quaternions (N, 4), scalar first."""
+    """Return the product of quaternions (N, 4), scalar first."""
     scalar = p[:, 0] * q[:, 0] - (p[:, 1:] * q[:, 1:]).sum(axis=1)
     return np.column_stack([scalar, p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + np.cross(p[:, 1:], q[:, 1:])])
 
 
 def turned(vectors: np.ndarray) -> np.ndarray:
-    """Quaternions of rotation vectors (N, 3)."""
+    """Return quaternions of rotation vectors (N, 3)."""
     angle = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.hstack([np.cos(0.5 * angle), 0.5 * np.sinc(0.5 * angle / math.pi) * vectors])
 
 
 def round_a_cone(rate: float, phase: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Increments and attitudes of ω = rate (cos phase t, sin phase t, 0), t in samples: constant in a turning frame."""
+    """Return increments and attitudes of ω = rate (cos phase t, sin phase t, 0), t in samples: constant in a turning
+    frame."""
     k = np.arange(count + 1.0)
     angle = rate / phase * np.column_stack([np.sin(phase * k), -np.cos(phase * k), 0.0 * k])
     k, none = k[1:], np.zeros(count)
@@ -40,7 +41,7 @@ def round_a_cone(rate: float, phase: float, count: int) -> tuple[np.ndarray, np.
 
 
 def below_half_the_rate(increments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Increments and attitudes of the periodic motion that has these increments, and nothing above half their rate."""
+    """Return increments and attitudes of the periodic motion with these increments, below half their rate."""
     count = len(increments)
     spectrum = np.fft.rfft(increments, axis=0)
     turn = 2j * math.pi * np.arange(1, len(spectrum)) / count
@@ -77,7 +78,7 @@ def never_near_both(increments: np.ndarray, first: np.ndarray, second: np.ndarra
 
 
 def test_no_algorithm_is_on_the_line_of_a_cone_and_of_its_alias() -> None:
-    """420 and 580 Hz at 1 kHz: the same increments, and drifts of opposite sign."""
+    """Compare 420 and 580 Hz at 1 kHz: the same increments, and drifts of opposite sign."""
     phase, rate, count = 2.0 * math.pi * 0.42, 3e-3, 480
     alias = 2.0 * math.pi - phase
     increments, slow = round_a_cone(rate, phase, count)
@@ -90,7 +91,7 @@ def test_no_algorithm_is_on_the_line_of_a_cone_and_of_its_alias() -> None:
 
 
 def test_what_the_adaptive_algorithm_loses_on_vibration_above_half_the_rate_no_algorithm_keeps() -> None:
-    """The composition of 1 to 420 Hz at 500 Hz, and the motion below 250 Hz that has its increments."""
+    """Compare the composition of 1 to 420 Hz at 500 Hz with the motion below 250 Hz that has its increments."""
     harmonics = np.array(paper_motion("second", EXACT)).reshape(3, -1, 3)
     harmonics[:, :, 2] += 0.5153 * harmonics[:, :, 1]
     course = course_of_harmonics(harmonics.reshape(-1), 500.0, 3.0)

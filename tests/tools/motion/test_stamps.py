@@ -22,7 +22,7 @@ RESTS, REST_ROWS, MOVE_ROWS = 8, 200, 100
 
 
 def field_file(name: str, folder: Path) -> Path:
-    """One of the files from the field, unpacked; where it is not there, the test is skipped."""
+    """Return an unpacked file from the field; without it the test is skipped."""
     data = os.environ.get("TRIHEDRON_DATA") or Path(th.__file__).parents[1] / "shared" / "data"
     path = Path(data) / "field" / name
     if path.is_file():
@@ -67,7 +67,7 @@ def moved_by_hand(seed: int, moments: np.ndarray | None = None) -> StrapdownReco
 
 
 def stamped(time: np.ndarray, kind: str, seed: int) -> np.ndarray:
-    """Even times as a logger of some kind stamps them."""
+    """Return even times as a logger of some kind stamps them."""
     rng = np.random.default_rng(seed)
     count = len(time)
     if kind == "jitter":

@@ -199,7 +199,7 @@ def test_scale_factors_are_said_from_five_percent_on_and_refused_from_the_square
 
 
 def test_a_centrifuge_and_strong_vibration_are_right(tmp_path):
-    """A steady turn at 5 rad/s with 4 g, from rest and as the whole record; 2 g of vibration without a rest."""
+    """Test a steady turn at 5 rad/s with 4 g, from rest and as the whole record; 2 g of vibration without a rest."""
     rng = np.random.default_rng(5)
     time = 0.01 * np.arange(3000)
     speed = 5.0 * np.clip((time - 5.0) / 5.0, 0.0, 1.0)

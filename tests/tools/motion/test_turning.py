@@ -1,4 +1,4 @@
-"""Gyros against gravity and against a true attitude: exchanged, reversed, in degrees; and right ones that look odd."""
+"""Gyros against gravity and against a true attitude: exchanged, reversed, in degrees; and unusual correct ones."""
 
 import re
 from dataclasses import replace
@@ -30,7 +30,7 @@ def said_of(record: Any) -> str:
 
 
 def order_of(matrix: np.ndarray) -> str:
-    """The order that reads channels right that show a signed permutation (3, 3) of the axes."""
+    """Return the order that corrects channels with a signed permutation (3, 3) of the axes."""
     return ",".join(map(str, reading_of(matrix)))
 
 
@@ -108,7 +108,7 @@ def test_right_gyros_are_advised_nothing(seed):
 
 @pytest.mark.parametrize(("speed", "every"), [(2.0, 1), (25.0, 1), (25.0, 30)])
 def test_rotations_are_compared_with_the_true_ones_however_fast(speed, every):
-    """With the truth in every thirtieth row the block turns by more than half a turn between rows that are known."""
+    """With the truth in every thirtieth row the block turns by more than half a turn between known rows."""
     record = filmed(1, speed=speed, truth_every=every)
     assert trust_of(record).faults == ()
     for matrix in PERMUTATIONS[5::11]:
@@ -121,7 +121,7 @@ def test_rotations_are_compared_with_the_true_ones_however_fast(speed, every):
 
 
 def test_where_the_truth_says_that_the_gyros_are_right_the_accelerometers_are_exchanged():
-    """Slow enough that gravity's turning shows in the accelerometers too."""
+    """The motion is slow enough that gravity's turning shows in the accelerometers too."""
     record = filmed(4, speed=2.0)
     matrix = PERMUTATIONS[8 + 3]
     with pytest.raises(InputError, match="the accelerometers are exchanged") as refused:
@@ -154,7 +154,7 @@ def test_a_true_attitude_of_another_meaning_is_said(change, advice):
 
 @pytest.mark.parametrize(("part", "way"), [(0.3, 9), (0.5, 21), (0.85, 40)])
 def test_channels_that_change_during_a_record_are_said_with_the_time_and_no_way_of_reading(clean, part, way):
-    """Beside gravity, beside the true attitude, and where the accelerometers change."""
+    """Test gravity, the true attitude, and a change of the accelerometers."""
     for record, of_forces in ((clean, False), (clean, True), (filmed(1, speed=2.0), False)):
         time, matrix = record.time_s, PERMUTATIONS[way]
         later = (time > part * time[-1])[:, None]

@@ -1,4 +1,4 @@
-"""Records with increments of velocity: read, integrated beside the attitude, refused where they are not whole."""
+"""Records with increments of velocity: read, integrated beside the attitude, refused if they are incomplete."""
 
 import math
 
@@ -15,7 +15,8 @@ PERIOD, AMPLITUDE, FORCE = 0.01, 0.3, 5.0
 
 
 def sculled(periods: int = 4, count: int = 40) -> StrapdownRecord:
-    """A turn A sin Ωt about the first axis, a force B sin Ωt along the second and g along the third of the body."""
+    """Return a turn A sin Ωt about the first axis, a force B sin Ωt along the second and g along the third of the
+    body."""
     phase = 2.0 * math.pi * np.arange(-1, periods * count + 1) / count
     rate = 2.0 * math.pi / (count * PERIOD)
     zero = np.zeros(len(phase) - 1)

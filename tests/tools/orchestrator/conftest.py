@@ -9,7 +9,7 @@ from foreign_fmus import build_foreign, declaring
 
 @pytest.fixture(scope="session")
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the foreign FMUs Clock, Gain, Accumulator, Failing, and Adder: an accumulator of angles."""
+    """Return a folder with the foreign FMUs Clock, Gain, Accumulator, Failing, and Adder: an accumulator of angles."""
     folder = tmp_path_factory.mktemp("foreign")
     for script in ("foreign_clock", "foreign_gain", "foreign_accumulator", "foreign_failing"):
         build_foreign(script, folder)

@@ -1,4 +1,4 @@
-"""FMUs that ended this program once, from the field: each is refused in one line."""
+"""FMUs from the field that once ended this program: each is refused in one line."""
 
 import os
 import subprocess

@@ -47,7 +47,7 @@ def test_the_culprit_is_named_and_the_record_kept(hostile: Path, tmp_path: Path,
 def test_what_it_does_to_its_process_changes_nothing(
     hostile: Path, tmp_path: Path, way: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """The results are where they belong, nothing stands in our output, and no process is left."""
+    """The results are in their places, our output has nothing of it, and no process is left."""
     monkeypatch.chdir(tmp_path)
     assert outcome(hostile, f"{way}_DoStep", Path("out")) == ""
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["run.json", "run.parquet"]
@@ -103,7 +103,7 @@ def test_its_memory_has_a_limit(hostile: Path, tmp_path: Path, call: str) -> Non
 
 
 def test_more_calls_before_a_step_than_a_byte_counts(hostile: Path, tmp_path: Path) -> None:
-    """300 connections into one guest, whose step fails: the step is named."""
+    """Make 300 connections into one guest whose step fails: the step is named."""
     many = "".join(
         f'<ScalarVariable name="u{k}" valueReference="0" causality="input" variability="continuous">'
         '<Real start="0"/></ScalarVariable>'
@@ -150,7 +150,7 @@ def test_who_asks_for_it_has_it_in_our_process(hostile: Path, capfd: pytest.Capt
 
 
 def test_a_guest_gives_the_same_bits(foreign: Path) -> None:
-    """Strings, integers, states that are set back, and inputs that go around: all as in our own process."""
+    """Strings, integers, restored states, and inputs that go around are the same as in our own process."""
     fmus = {"clock": CLOCK, "one": GAIN, "sum": ACCUMULATOR, "fails": FAILING}
     connections = wires("clock.ended -> one.u[1]", "one.y[1] -> sum.increment")
     tables = [
@@ -176,7 +176,7 @@ def test_a_guest_in_a_cycle_gives_the_same_bits(hostile: Path, coupling: str) ->
 
 @pytest.mark.parametrize("reference", ["-1", "4294967296"])
 def test_a_value_reference_that_is_none(hostile: Path, tmp_path: Path, reference: str) -> None:
-    """Taken modulo 2^32 it would be another variable's, without a word."""
+    """Taken modulo 2^32 it would silently be another variable's."""
 
     def change(name: str, content: bytes) -> tuple[str, bytes]:
         message = f'"Real_in" valueReference="{reference}"'.encode()

@@ -1,4 +1,4 @@
-"""FMUs of a scenario: archives that are not unpacked, parameters that are not taken, components built and kept."""
+"""FMUs of a scenario: refused archives, refused parameters, components built and cached."""
 
 import hashlib
 import json
@@ -24,7 +24,7 @@ from trihedron.tools.orchestrator import load, loops
 
 @pytest.fixture(autouse=True)
 def nothing_stays(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch):
-    """Every run must leave its folder of temporary files empty."""
+    """Assert that every run leaves its folder of temporary files empty."""
     temporary = tmp_path_factory.mktemp("temporary")
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
     yield
@@ -33,7 +33,7 @@ def nothing_stays(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache of its own."""
+    """Return an empty cache."""
     monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
@@ -176,7 +176,7 @@ def test_a_small_archive_of_much_is_refused_before_it_is_unpacked(
 
 
 def test_what_packs_well_and_is_small_is_unpacked(tmp_path: Path) -> None:
-    """A table of zeros among the resources of an FMU."""
+    """Use a table of zeros among the resources of an FMU."""
     with zipfile.ZipFile(tmp_path / "Zeros.fmu", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("resources/zeros", bytes(10 << 20))
         archive.writestr(*GOOD)
@@ -204,7 +204,7 @@ def test_a_run_leaves_python_as_it_was(foreign: Path) -> None:
 
 
 def compensated(flavour: str | None = None):
-    """A component that runs in a flavour."""
+    """Return a component that runs in a flavour."""
     fmus = {"c": {"component": "AccelerometerCompensation", "flavour": flavour}}
     return run(Path(), fmus, stimuli=[{"to": "c.reading", "constant": [0.1, 0.2, 9.7]}])
 
@@ -261,7 +261,7 @@ def test_damaged_machine_code_is_made_again(tmp_path: Path, monkeypatch: pytest.
 
 @pytest.mark.parametrize("mode", [0o777, 0o775, 0o722])
 def test_what_others_could_have_put_into_the_cache_is_not_run(cache: Path, mode: int) -> None:
-    """A digest tells damage only: whoever writes a file can write its digest."""
+    """A digest shows only damage: the writer of a file can also write its digest."""
     first = compensated("python")
     (stored,) = cache.glob("fmus/*.fmu")
     for folder in (stored.parent, cache):

@@ -1,4 +1,4 @@
-"""The compiled loop against the plain one and against FMPy, both versions of FMI mixed at will: the same bits."""
+"""The compiled loop against the plain one and against FMPy, both versions of FMI mixed: the same bits."""
 
 import re
 import shutil
@@ -27,7 +27,7 @@ FLAVOURS = {"python": ("python", 2), "native-2": ("native", 2), "native-3": ("na
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, foreign: Path) -> Path:
-    """A folder with three components in each flavour, and with a foreign FMU."""
+    """Return a folder with three components in each flavour, and with a foreign FMU."""
     if host_compiler() is None:
         pytest.skip("needs a C compiler")
     folder = tmp_path_factory.mktemp("flavours")
@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, foreign: Path) -> Path:
 
 
 def bench(folder: Path, flavours: tuple[str, ...]) -> Scenario:
-    """A table, a block and an attitude computer in some flavours, with a sum of somebody else's."""
+    """Return a table, a block and an attitude computer in some flavours, with a foreign sum."""
     table, block, computer = (f"{flavour}/{name}.fmu" for flavour, name in zip(flavours, NAMES, strict=True))
     positions = {"alpha_deg": [20.0, 65.0], "beta_deg": [30.0, -40.0]}
     temperatures = {"time_s": [0.0, 1.0, 3.01], "t_degC": [20.0, 25.0, 18.0]}
@@ -119,7 +119,7 @@ KINDS = {
 
 @pytest.fixture(scope="module")
 def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with an FMU of FMI 3.0 that has an input and an output of two elements of each type."""
+    """Return a folder with an FMU of FMI 3.0 that has an input and an output of two elements of each type."""
     compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("needs a C compiler named cc")
@@ -254,7 +254,7 @@ NATIVE = """<?xml version="1.0" encoding="UTF-8"?>
 
 @pytest.fixture(scope="module")
 def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with Native.fmu."""
+    """Return a folder with Native.fmu."""
     compiler = shutil.which("cc")
     if compiler is None or fmpy.system == "windows":
         pytest.skip("needs a C compiler named cc")
@@ -272,7 +272,7 @@ def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def chain(folder: Path, **stops: int) -> Scenario:
-    """Five FMUs, each fed by the one before."""
+    """Return five FMUs, each fed by the previous one."""
     fmus = {f"n{i}": {"fmu": "Native.fmu", "parameters": {}} for i in range(5)}
     for name, value in stops.items():
         fmus[name]["parameters"] = {"stops": value}

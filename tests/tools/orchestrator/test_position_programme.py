@@ -1,4 +1,4 @@
-"""The component PositionProgramme gives the commands that the orchestrator's position programme gives."""
+"""The component PositionProgramme gives the commands of the orchestrator's position programme."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ def programme(alpha: Sequence[float], beta: Sequence[float], dwell: Sequence[flo
 
 
 def by_stimulus(rows: list[tuple[float, float, float]], step: float, start: float) -> np.ndarray:
-    """The table's run under a programme of (alpha [deg], beta [deg], dwell [s])."""
+    """Return the table's run under a programme of (alpha [deg], beta [deg], dwell [s])."""
     alpha, beta, dwell = (list(column) for column in zip(*rows, strict=True))
     stimulus = {"to": "table.command", "table": {"alpha_deg": alpha, "beta_deg": beta, "dwell_s": dwell}}
     scenario = Scenario.model_validate(
@@ -37,7 +37,7 @@ def by_stimulus(rows: list[tuple[float, float, float]], step: float, start: floa
 
 
 def by_component(rows: list[tuple[float, float, float]], step: float, start: float, steps: int) -> np.ndarray:
-    """The same table under the component's commands, coupled as a scenario couples them."""
+    """Return the same table under the component's commands, coupled by a scenario."""
     alpha, beta, dwell = (np.array(column) for column in zip(*rows, strict=True))
     values = {"alpha": np.radians(alpha), "beta": np.radians(beta), "dwell_time": dwell}
     elements = {f"{name}[{i + 1}]": float(x) for name, numbers in values.items() for i, x in enumerate(numbers)}

@@ -1,4 +1,4 @@
-"""FMUs of different steps: held, interpolated, summed, exact where it can be; against the same at one rate."""
+"""FMUs of different steps: held, interpolated, summed, exact if possible; compared with one rate."""
 
 import shutil
 from itertools import product
@@ -13,7 +13,7 @@ from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, SCENARIOS, refusal,
 from trihedron.tools.orchestrator import Scenario, read_scenario, run_scenario
 
 BASE, SLOW = 0.125, 0.5
-"""Times of these steps are exact."""
+"""Steps whose times are exact."""
 SECONDS = {"stop_s": 4.0, "step_s": BASE}
 T = BASE * np.arange(33)
 HELD = SLOW * np.floor(T / SLOW)
@@ -58,7 +58,7 @@ def test_a_slow_one_hears_what_a_fast_one_put_out_last_or_the_sum(foreign, compi
 
 @pytest.mark.parametrize("coupling", [None, "delayed"])
 def test_slow_through_slow_to_fast(foreign: Path, coupling: str | None) -> None:
-    """Those that feed one which steps ahead step ahead, too: no value comes later for it."""
+    """FMUs that feed one which steps ahead step ahead, too: no value comes later for it."""
     fmus = {"fast": GAIN, "mid": slow(GAIN), "source": slow(CLOCK), "slowest": slow(CLOCK, 1.0)}
     wired = wires("source.ended -> mid.u[1]") + between("interpolate", "mid.y[1] -> fast.u[1]")
     wired += between("interpolate", "slowest.ended -> mid.u[2]") + between("hold", "slowest.ended -> fast.u[2]")
@@ -104,7 +104,7 @@ def test_the_order_in_the_slow_step_against_one_rate(foreign, way: str, order: f
 
 
 def servo(step: float, stride: int, way: str, **setting: object) -> np.ndarray:
-    """Error of the attitude that a stabilised table leaves, after each half second; it turns with the short steps."""
+    """Return the attitude error of a stabilised table after each half second; it turns with the short steps."""
     settings = read_scenario(SCENARIOS / "table-stabilised.toml").as_written()
     settings["run"] = {"stop_s": 5.0, "step_s": step, **setting}
     for name in ("computer", "controller"):
@@ -117,7 +117,7 @@ def servo(step: float, stride: int, way: str, **setting: object) -> np.ndarray:
 
 @pytest.mark.parametrize("way", ["hold", "interpolate"])
 def test_a_cycle_of_two_rates_tends_to_what_it_is_at_one(way: str) -> None:
-    """Our own FMUs in the compiled loop, each connection of the cycle by its way of passing on; first order."""
+    """Run our own FMUs in the compiled loop, each connection of the cycle by its transfer; first order."""
     fine = servo(0.000625, 1, way, coupling="iterate")
     errors = [np.abs(servo(step, 4, way, coupling="jacobi") - fine).max() for step in (0.0125, 0.00625, 0.003125)]
     assert errors[0] < 0.3 * np.abs(fine).max()
@@ -143,7 +143,7 @@ def test_increments_of_a_fast_table_are_summed_for_a_slow_computer() -> None:
 
 
 def test_rows_and_programmes_are_laid_on_the_steps_of_whom_they_drive(foreign: Path) -> None:
-    """Increments stand once in each of its steps, not once in each of the run's."""
+    """Increments occur once in each of its steps, not once in each of the run's."""
     times = SLOW * np.arange(1, 9)
     rows = {"table": {"time_s": times, "u_rad": 0.01 * times}, "columns": {"adder.increment": "u_rad"}, "stamp": "end"}
     table = run_of_guests(foreign, {"adder": slow({"fmu": "Adder.fmu"})}, run=SECONDS, stimuli=[rows]).table
@@ -200,7 +200,7 @@ def test_a_slow_one_that_fails_or_ends_the_run_is_named_at_its_own_time(foreign:
 
 @pytest.mark.acceptance
 def test_one_that_can_interpolate_is_told_the_derivative(foreign: Path, tmp_path: Path) -> None:
-    """x' = t: exact at one rate and at two, where the end of each step would give too much."""
+    """x' = t is exact at one rate and at two, for which the end of each step would give too much."""
     inside = {"u": 'causality="input"><Real start="0"/>', "x": 'causality="output"><Real/>'}
     compile_foreign("linear", tmp_path, inside, 'CoSimulation canInterpolateInputs="true"')
     shutil.copy(foreign / "Clock.fmu", tmp_path)

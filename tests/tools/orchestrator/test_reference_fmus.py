@@ -1,4 +1,4 @@
-"""The Modelica Association's Reference-FMUs agree with the results that they carry, alone and in a scenario."""
+"""The Modelica Association's Reference-FMUs agree with their own results, alone and in a scenario."""
 
 import io
 import math
@@ -30,7 +30,7 @@ UNSTATED_STEPS = {"fmi2/Feedthrough": 0.1, "fmi2/Resource": 1.0}
 """Steps of the published results, for FMUs that state none."""
 STEPS = {"BouncingBall": 0.01, "Dahlquist": 0.1, "Feedthrough": 0.1, "Resource": 1.0, "Stair": 0.2, "StateSpace": 1.0}
 STEPS["VanDerPol"] = 0.01
-"""As their results have them."""
+"""Step of the published results."""
 COUPLED = {"a": "fmi2/BouncingBall", "b": "fmi3/BouncingBall", "c": "fmi2/VanDerPol", "d": "fmi3/VanDerPol"}
 pytestmark = pytest.mark.skipif(
     not HERE.is_dir() or Path() == HERE, reason="the Reference-FMUs are not there; TRIHEDRON_DATA names their folder"
@@ -38,14 +38,15 @@ pytestmark = pytest.mark.skipif(
 
 
 def published(name: str) -> pl.DataFrame:
-    """The results that an FMU carries."""
+    """Return the results inside an FMU."""
     with zipfile.ZipFile(HERE / f"{name}.fmu") as archive:
         stem = name.partition("/")[2]
         return pl.read_csv(io.BytesIO(archive.read(f"extra/org.fmi-standard.fmi-ls-ref/{stem}_out.csv")))
 
 
 def largest_difference(table: pl.DataFrame, expected: pl.DataFrame, fmu: str) -> float:
-    """Over all columns that both have, numbers, texts and truth values; rows must agree in number and time."""
+    """Return the largest difference over all common columns, numbers, texts and flags; rows must agree in number and
+    time."""
     differences = 0.0
     np.testing.assert_allclose(table["time_s"], expected["time"], rtol=0.0, atol=1e-14)
     assert table.height == expected.height
@@ -106,7 +107,7 @@ def test_all_in_one_scenario_each_with_its_own_step(in_process: bool) -> None:
 
 
 def test_in_event_mode_they_are_the_same() -> None:
-    """They return before the end of a step, their events are handled, and the step is made to its end."""
+    """They return before the end of a step, their events are handled, and the step is completed."""
     names = ("BouncingBall", "Feedthrough", "Stair")
     fmus = {n: {"fmu": f"fmi3/{n}.fmu", "step_s": STEPS[n], "event_mode": True} for n in names}
     simulation = run_of_guests(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01})
@@ -157,7 +158,7 @@ def test_model_exchange_by_a_solver(tmp_path: Path) -> None:
 
 
 def bounces(times: np.ndarray) -> np.ndarray:
-    """Heights [m] of the ball, dropped from 1 m, that keeps 0.7 of its speed."""
+    """Return the heights [m] of the ball, dropped from 1 m, that keeps 0.7 of its speed."""
     gravity, begin = 9.81, math.sqrt(2.0 / 9.81)
     speed = 0.7 * gravity * begin
     heights = 1.0 - 0.5 * gravity * times**2
@@ -179,7 +180,8 @@ def test_what_one_puts_out_another_passes_on_to_the_bit() -> None:
 
 @pytest.mark.parametrize("in_process", [True, False])
 def test_binaries_go_in_along_and_out(in_process: bool) -> None:
-    """Bytes with a zero among them, and none at all, through the other process or not; by the compiled loop, too."""
+    """Pass bytes with a zero among them, and none at all, with the other process or without; by the compiled loop,
+    too."""
     setting = {"stop_s": 1.0, "step_s": 0.1, "in_process": in_process}
     connections = wires(
         "a.Binary_output -> b.Binary_input", "a.Float64_continuous_output -> b.Float64_continuous_input"
@@ -198,7 +200,8 @@ def test_binaries_go_in_along_and_out(in_process: bool) -> None:
 
 @pytest.fixture(scope="module")
 def state_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with StateSpace, mended: as it is published its setter of structural parameters counts a value twice."""
+    """Return a folder with StateSpace, corrected: its published setter of structural parameters counts a value
+    twice."""
     compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("needs a C compiler named cc")
@@ -234,7 +237,7 @@ def state_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.skipif(fmpy.platform_tuple != "x86_64-linux", reason="compiles for x86_64 Linux")
 def test_structural_parameters_say_how_long_arrays_are(state_space: Path) -> None:
-    """x' = A x + B u, y = C x with two states, one input and one output, by Euler from 0: it does not look at x0."""
+    """x' = A x + B u, y = C x with two states, one input and one output, by Euler from 0: it ignores x0."""
     a, b, c = np.array([[0.0, 1.0], [-0.5, -0.25]]), np.array([0.0, 2.0]), np.array([1.0, 0.5])
     parameters = {"m": 1, "n": 2, "r": 1, "A": a.ravel().tolist(), "B": b.tolist(), "C": c.tolist(), "D": [0.0]}
     parameters |= {"u": [3.0]}
@@ -259,7 +262,7 @@ def test_what_cannot_be_run_is_refused_for_the_right_reason() -> None:
 
 
 def test_roberts_reaction_keeps_its_mass() -> None:
-    """The results that it carries are the bouncing ball's; mass is kept by each step of an explicit method."""
+    """Its results are the bouncing ball's; each step of an explicit method keeps mass."""
     table = library.simulate(HERE / "fmi3" / "Roberts.fmu", start=0.0, stop=1.0).table
     values = table.drop("time_s").to_numpy()
     assert values.shape == (1001, 3)

@@ -373,7 +373,7 @@ def test_a_hosts_own_handler_stays_in_force():
 
 
 def test_a_long_run_keeps_its_last_tick(foreign: Path) -> None:
-    """0.1 is no binary fraction; the last row is at the stop time all the same."""
+    """0.1 is not a binary fraction; the last row is at the stop time all the same."""
     setting = {"stop_s": 2000.0, "step_s": 0.1}
     table = run(foreign, {"clock": CLOCK}, run=setting, record={"every": 20_000}).table
     assert math.isclose(table["time_s"][-1], 2000.0, rel_tol=1e-15)

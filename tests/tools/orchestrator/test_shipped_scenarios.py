@@ -1,4 +1,4 @@
-"""The scenarios that come with Trihedron give their reference results."""
+"""The scenarios of Trihedron give their reference results."""
 
 import json
 import math
@@ -59,7 +59,7 @@ def test_static_calibration_gives_the_same_bytes_twice(static_run, tmp_path):
 
 
 def test_a_position_record_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
-    """A run without its averages must not look like one whose rests could not be found."""
+    """A run without its averages must not look like one without rests."""
 
     def full(_record, path):
         raise InputError(f"{path}: cannot be written (No space left on device)")
@@ -100,7 +100,7 @@ def test_the_stabilised_table_gives_its_reference_results() -> None:
 
 @pytest.mark.acceptance
 def test_the_hour_of_the_whole_imu_gives_its_reference_results(tmp_path):
-    """An hour at 200 Hz: table, both blocks and attitude computer; then its calibration."""
+    """Run an hour at 200 Hz: table, both blocks and attitude computer; then its calibration."""
     run = th.simulate(SCENARIOS / "imu-calibration.toml", out=tmp_path / "run")
     reference = REFERENCE["imu-calibration"]
     assert run.table.height == reference["rows"]

@@ -1,4 +1,4 @@
-"""An FMU of model exchange is given a solver: inputs, events of state and of time, failures; solved exactly, too."""
+"""The solver for an FMU of model exchange: inputs, events of state and of time, failures; exact solutions, too."""
 
 import math
 import re
@@ -24,7 +24,7 @@ PLANT = {"fmu": "Exchanged.fmu", "tolerance": 1e-9}
 
 @pytest.fixture(scope="module")
 def plants(tmp_path_factory: pytest.TempPathFactory, foreign: Path) -> Path:
-    """A folder with the FMU, and foreign ones for co-simulation."""
+    """Return a folder with the FMU, and foreign ones for co-simulation."""
     folder = tmp_path_factory.mktemp("exchanged")
     states = '<Derivatives><Unknown index="6"/></Derivatives>'
     compile_foreign("exchanged", folder, VARIABLES, "ModelExchange", 'numberOfEventIndicators="1"', states)
@@ -34,7 +34,7 @@ def plants(tmp_path_factory: pytest.TempPathFactory, foreign: Path) -> Path:
 
 
 def test_a_driven_plant_with_events_of_state_and_of_time(plants: Path) -> None:
-    """x' = u - x with u = 1 to 1 s, then 0: exactly solved; in a scenario, one FMU of it reads time, another adds."""
+    """x' = u - x with u = 1 to 1 s, then 0, is exactly solvable; in a scenario, one FMU reads time, another adds."""
     fmus = {"gain": {**GAIN, "parameters": {"gain": 1.0}}, "plant": PLANT, "sum": ACCUMULATOR}
     rows = {"table": {"time_s": [0.0, 1.0], "u": [1.0, 0.0]}, "columns": {"gain.u[1]": "u"}}
     wired = wires("gain.y[1] -> plant.u", "plant.x -> sum.increment")

@@ -1,4 +1,4 @@
-"""Stimuli: which row of a table, and which position of a programme, holds over which step."""
+"""Stimuli: the row of a table, and the position of a programme, that hold over each step."""
 
 import math
 from pathlib import Path
@@ -131,7 +131,7 @@ POSITIONS = {"alpha_deg": [20.0, 65.0, 65.0, 110.0], "beta_deg": [25.0, 145.0, 1
 
 
 def test_a_programme_gives_each_position_its_move_and_its_dwell(foreign: Path) -> None:
-    """The move's time from the textbook: d/v + v/a where the rate limit is reached, else 2 sqrt(d/a)."""
+    """The move's time from the textbook: d/v + v/a if the rate limit is reached, else 2 sqrt(d/a)."""
     rate, acceleration, dwell, step = [0.5, 0.3], [0.2, 0.4], 4.0, 0.05
     parameters = {"max_rate": rate, "max_acceleration": acceleration, "initial_angle": [0.1, -0.2]}
     fmus = {"table": {"component": "TurntableMotion", "parameters": parameters}}
@@ -210,7 +210,7 @@ def test_steps_that_cannot_be_counted(foreign: Path, run_: dict, says: str) -> N
 
 
 def test_an_effect_reaches_the_fmu(tmp_path: Path) -> None:
-    """An effect changes the run as its definition says, and only where it is."""
+    """An effect changes the run by its definition, and only at its place."""
     table = {"component": "TurntableMotion", "parameters": {"initial_angle": [0.3, 0.4], "earth_rotation": False}}
     effect = {"effect": "quadratic", "where": "accelerometer-3", "coefficient": 1e-3}
     plain, extended = (
@@ -246,7 +246,7 @@ def of_accelerometer_1(effect: str, **values: object) -> dict:
     ids=lambda value: value["effects"][0]["effect"] if isinstance(value, dict) else "",
 )
 def test_an_effect_of_which_nothing_feeds_the_input_is_refused(tmp_path: Path, block, input_, feeding) -> None:
-    """It would do nothing, without a word."""
+    """It would silently do nothing."""
     fmus = {"table": SKEWED, "block": block}
     message = refusal(tmp_path, fmus, connections=wires("table.specific_force -> block.specific_force"))
     assert f"'block.{input_}', and nothing feeds it; connect it{feeding}, " in message

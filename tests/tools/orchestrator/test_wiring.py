@@ -1,4 +1,4 @@
-"""Who feeds whom: directions, types, units, order; a feedback refused, taken a step late, or solved."""
+"""Connections: directions, types, units, order; a feedback refused, taken a step late, or solved."""
 
 import math
 from itertools import pairwise
@@ -95,7 +95,7 @@ def test_other_dimensions_are_refused_by_both_names(foreign: Path, tmp_path: Pat
 
 
 def test_what_an_fmu_defines_comes_before_what_we_know(foreign: Path, tmp_path: Path) -> None:
-    """A gram is no gravity; a unit of its own is converted by its factor."""
+    """A gram is not gravity; a unit of its own is converted by its factor."""
     gram = '<UnitDefinitions><Unit name="g"><BaseUnit kg="1" factor="1e-3"/></Unit></UnitDefinitions>'
     for output in ("m/s2", "g"):
         with pytest.raises(InputError, match=rf"units differ, {output} and g$"):
@@ -113,7 +113,7 @@ def test_offsets_of_temperatures_and_digits_that_a_description_leaves_off() -> N
 
 
 def order_of(names: list[str], edges: list[tuple[int, int]]) -> list[str]:
-    """The order in which FMUs step that feed each other."""
+    """Return the stepping order of FMUs that feed each other."""
     port = FmuVariable("x", "Real", "Real", 0, "output", "continuous")
     laid = [Wire(f"f{source}", port, f"f{target}", port) for source, target in edges]
     return [name for group in stepping_groups(names, laid, None) for name in group.members]
@@ -148,7 +148,7 @@ def test_a_cycle_is_named_whole(members: list[int]) -> None:
 
 
 def servo(steps: int = 100, gain: float = 2.0, compiled: bool = True, **settings: object) -> np.ndarray:
-    """Error of the attitude about the inner axis [rad] after each step, with the one-sample algorithm."""
+    """Return the error of the attitude about the inner axis [rad] after each step, with the one-sample algorithm."""
     document = read_scenario(SCENARIOS / "table-stabilised.toml").as_written()
     document["run"] = {"stop_s": 0.1 * steps, "step_s": 0.1, **settings}
     document["fmus"]["computer"]["parameters"]["algorithm"] = 5
@@ -176,7 +176,7 @@ def test_an_iterated_loop_is_the_implicit_solution(compiled: bool) -> None:
 
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_loop_taken_a_step_late_is_a_delayed_recursion(compiled: bool) -> None:
-    """Table, computer and controller each see the step before: the command acts three steps late."""
+    """Table, computer and controller each use the previous step: the command acts three steps late."""
     share, expected, motion, commands = 0.2, [0.0, 0.0], [0.0, drift()], [0.0, 0.0]
     for k in range(1, 100):
         # After step k: the computer has the increments to k, the controller the attitude to k - 1.

@@ -11,7 +11,7 @@ def rows() -> dict[str, PublishedEstimator]:
 
 
 def remarked(rows: dict[str, PublishedEstimator], remark: str) -> list[str]:
-    """Targets whose remarks say something."""
+    """Return the targets that have remarks."""
     return [target for target, row in rows.items() if remark in " ".join(row.remarks)]
 
 
@@ -33,7 +33,7 @@ def test_the_row_of_x12_estimates_its_negative(rows: dict[str, PublishedEstimato
 
 
 def test_rows_are_optimal_with_the_bias_rows_only(rows: dict[str, PublishedEstimator]) -> None:
-    """Admissible with the bias rows, with little to spare, and optimal to the digits printed; by (1.7) none is."""
+    """Admissible with the bias rows, with little to spare, and optimal to the printed digits; by (1.7) none is."""
     for target, row in rows.items():
         assert row.clearance > 0.0, target
         assert abs(row.total - row.best_tables) < 4e-6, target

@@ -10,7 +10,7 @@ from trihedron.tools.cli import main
 
 @pytest.fixture
 def two_rows(monkeypatch):
-    """Two quick rows in place of all 88."""
+    """Use two quick rows in place of all 88."""
     every = papers.reproduce_attitude
     monkeypatch.setattr(papers, "reproduce_attitude", lambda **options: every((12, 56), **options))
 

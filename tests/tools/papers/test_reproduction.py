@@ -1,8 +1,7 @@
-"""The published errors of attitude algorithms come out under the paper's conditions, and only under those.
+"""The published errors of attitude algorithms are reproduced under the paper's conditions, and only under those.
 
-Chelnokov, Perelyaev, Chelnokova 2016, Tables 1 to 3 and section 3.1.1. Of the 264 printed numbers 240 come out within
-5 % (99 of the 105 of Table 1 within 0.2 %); `trihedron.tools.papers.attitude` says which do not, and what
-was tried.
+Chelnokov, Perelyaev, Chelnokova 2016, Tables 1 to 3 and section 3.1.1. 240 of the 264 printed numbers are reproduced
+within 5 % (99 of the 105 of Table 1 within 0.2 %). `trihedron.tools.papers.attitude` lists the others and the attempts.
 """
 
 import csv
@@ -68,7 +67,8 @@ def test_causes_are_the_switches():
 
 
 def test_true_method_error_is_that_of_an_independent_computation():
-    """(22) at 100 Hz, h = 0.01 s, on variant 1: SciPy's rotations, Gauss-Legendre increments of twelve nodes."""
+    """Compute (22) at 100 Hz, h = 0.01 s, on variant 1: SciPy's rotations, Gauss-Legendre increments of twelve
+    nodes."""
     from scipy.spatial.transform import Rotation
 
     harmonics = paper_motion("1", EXACT)

@@ -1,4 +1,4 @@
-"""32-bit words: what carrying 1 - λ0*, compensation and error feedback buy."""
+"""32-bit words: the gain of carrying 1 - λ0*, of compensation and of error feedback."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_thirty_seconds():
 
 @given(st.lists(st.floats(-0.01, 0.01), min_size=3, max_size=60))
 def test_error_feedback_loses_nothing_for_good(values):
-    """The sum of the rounded increments is the sum of the increments, but for the last rounding."""
+    """The sum of the rounded increments is the sum of the increments, except for the last rounding."""
     increments = np.array(values[: len(values) // 3 * 3]).reshape(-1, 3)
     high, low = rounded_increments(increments, "feedback")
     assert (low == 0.0).all()

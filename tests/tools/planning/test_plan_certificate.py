@@ -51,7 +51,7 @@ def test_bounds_of_next_to_nothing_give_arcs_without_a_warning() -> None:
 
 
 def sampled_maximum(block: list[SignSheet], dual: np.ndarray, seed: int) -> float:
-    """The greatest |F'y| of many admissible positions, corners of the set among them by chance only."""
+    """Return the greatest |F'y| of many admissible positions; corners of the set are among them only by chance."""
     rng = np.random.default_rng(seed)
     alpha, beta = rng.uniform(0, 2 * np.pi, (2, 40_000))
     greatest = 0.0

@@ -65,7 +65,8 @@ def test_the_bias_of_the_plan_at_other_angles() -> None:
 
 
 def test_extra_positions_show_what_the_plan_hides() -> None:
-    """Near the optimal positions the quadratic term is nearly a scale asymmetry; 0.119 is the most that is possible."""
+    """Near the optimal positions the quadratic term is nearly a scale asymmetry; 0.119 is the largest possible
+    distance."""
     task, effects = tables_task(extra=3), named_effects(["quadratic accelerometer-3"])
     extended, (effect,) = detecting(task, stored(12), effects)
     assert len(extended) == 15

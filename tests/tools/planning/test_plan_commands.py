@@ -1,4 +1,4 @@
-"""`trihedron plan`: files that can be used, wrong options in one line."""
+"""`trihedron plan`: usable files, wrong options in one line."""
 
 import json
 import xml.etree.ElementTree as ElementTree
@@ -237,7 +237,7 @@ def test_positions_keep_out_of_wide_keep_outs(tmp_path: Path) -> None:
 
 @pytest.mark.acceptance
 def test_random_order_repeats_with_its_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two mountings, positions split over them, the random order that the seed gives; the same bytes twice."""
+    """Use two mountings, positions split over them, the random order of the seed; the same bytes twice."""
     options = ["plan", "positions", "14", "--mountings", "identity", "ry45", "--baseline", "symmetric"]
     options += ["--order", "random", "--seed", "5", "--starts", "1", "--cuts", "0"]
     texts = []

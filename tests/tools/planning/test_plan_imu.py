@@ -19,7 +19,7 @@ EARTH = np.array([3e-5, -1e-5, 6e-5])
 
 
 def test_the_planned_motion_is_that_of_the_table(tmp_path):
-    """The FMU of the table moves as the planned record does, at the same times."""
+    """The FMU of the table moves like the planned record, at the same times."""
     visits = [TableVisit(7.5, 7.5, 3.0, 57.29577951308232), TableVisit(367.5, 7.5, 2.0, 57.29577951308232)]
     visits.append(TableVisit(37.5, 127.5, 2.0, 57.29577951308232))
     rows = "\n".join(f"{v.alpha_deg},{v.beta_deg},{v.dwell_s}" for v in visits)

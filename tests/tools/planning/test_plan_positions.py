@@ -44,7 +44,7 @@ ROOT = Path(__file__).parents[3]
 EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 TABLE = {6: 2.8293, 7: 1.4467, 8: 1.1947, 9: 1.1501, 10: 1.1074, 11: 1.142, 12: 1.0301, 13: 1.082, 14: 1.0267}
 TABLE |= {15: 1.023, 16: 1.0107, 17: 1.018, 18: 1.0082, 20: 1.0074, 24: 1.0048, 30: 1.0032}
-"""Worst ratios known before, by number of positions: polished where they were, else from swaps on a pool."""
+"""Formerly known worst ratios, by number of positions: polished ones, else from swaps on a pool."""
 ROW = re.compile(r"\| (\d+) \| (\d+) \| ([\d.]+) \| ([\d.]+) (?=\|)")
 SIGMA = 1e-5
 LEVEL = tuple(dict.fromkeys(np.ravel(FACES).tolist()))
@@ -52,7 +52,7 @@ LEVEL_OPTIMA = np.full(len(LEVEL), 2.05)
 
 
 def independent_costs(alpha: NDArray, beta: NDArray) -> NDArray:
-    """Costs of the targets by another way: SciPy, the regressors of the paper, readings that are certain."""
+    """Compute costs of the targets independently: SciPy, the regressors of the paper, certain readings."""
     certain = admissible(alpha, beta, np.eye(3), rule="tables")
     f = regressors(alpha, beta, np.eye(3))[certain] @ x_from_targets()
     columns, cost = np.hstack([f.T, -f.T]), np.full(len(TARGETS), np.inf)
@@ -65,7 +65,7 @@ def independent_costs(alpha: NDArray, beta: NDArray) -> NDArray:
 
 @pytest.mark.parametrize("count", range(6, 31))
 def test_stored_sets_are_at_least_as_good_as_what_was_known(count: int) -> None:
-    """Recomputed from the stored angles without the planner's own costs."""
+    """Recompute from the stored angles without the planner's own costs."""
     worst = float((independent_costs(*stored(count).angle.T) / OPTIMA).max())
     known = max(number for number in TABLE if number <= count)
     assert worst <= TABLE[known]
@@ -84,7 +84,7 @@ def test_the_table_in_the_documentation_is_of_the_stored_sets() -> None:
 
 
 def test_local_improvement_from_the_set_that_was_known() -> None:
-    """The published twelve positions, 1.0350, are improved below what polishing had reached, 1.0301."""
+    """The published twelve positions, 1.0350, are improved below the result of polishing, 1.0301."""
     known = [(9.46, 10.77), (91.37, 272.0), (92.89, 88.6), (94.63, 1.61), (171.42, 345.99), (181.4, 3.6)]
     known += [(189.78, 170.4), (319.67, 70.29), (267.02, 267.42), (264.45, 358.05), (349.28, 190.24), (358.6, 3.14)]
     task = tables_task()
@@ -120,7 +120,7 @@ def test_an_interrupted_search_keeps_its_best(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_reserve_holds_at_every_setting_error_within_it() -> None:
-    """A reading that counts with a reserve is certain wherever the table stands within it."""
+    """A reading that counts with a reserve is certain at every table position within it."""
     task, bare = tables_task(reserve_deg=0.7), tables_task()
     rng = np.random.default_rng(5)
     places = random_places(task, 400, rng)

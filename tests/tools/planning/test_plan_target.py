@@ -19,7 +19,7 @@ from trihedron.tools.planning.targets import PositionGrid
 GAP = 1e-9
 """Largest relative gap of a proof over all angles."""
 QUICK = [("rz45", "tables"), ("tripod", "paper"), ("skew", "tables")]
-"""Each mounting but one, and both rules."""
+"""Each mounting except one, and both rules."""
 
 
 def cost_of(plans: Plans) -> np.ndarray:
@@ -78,7 +78,7 @@ def test_an_asymmetry_is_a_target_of_its_own() -> None:
 
 @pytest.mark.parametrize("baseline", ["asymmetric", "symmetric"])
 def test_column_generation_is_the_full_programme(baseline: Any) -> None:
-    """Against max a'y with |F'y| ≤ 1 at every position of a 12° grid; the regressors are the model's own."""
+    """Compare with max a'y with |F'y| ≤ 1 at every position of a 12° grid; the regressors are the model's own."""
     q, symmetric = random_mounting(5), baseline == "symmetric"
     alpha, beta = np.radians(np.stack(np.meshgrid(*[np.arange(0, 360, 12)] * 2, indexing="ij")).reshape(2, -1))
     columns = regressors(alpha, beta, q, symmetric=symmetric)
@@ -149,7 +149,7 @@ def test_one_search_serves_all_targets_in_any_order() -> None:
 
 
 def closed_forms(u: float, v: float, rule: str) -> dict[str, float]:
-    """Costs [σ] at Q = I, all angles, by the angle θ from zero input at which the sign is certain."""
+    """Return costs [σ] at Q = I, all angles, by the angle θ from zero input at which the sign is certain."""
     bias = v if rule == "tables" else 0.0
     theta = asin(bias / hypot(1 - v, u + v)) + atan2(u + v, 1 - v)
     single, scale, zero = 1 / cos(theta), 2 / (1 - sin(theta)), (1 + sin(theta)) / (1 - sin(theta))
@@ -161,7 +161,7 @@ def closed_forms(u: float, v: float, rule: str) -> dict[str, float]:
 
 
 def greatest_third_regressor(u: float, v: float, bias: float) -> float:
-    """The greatest |cos α cos β| where sin α sin β is certain, by one-dimensional roots and a fine search."""
+    """Return the greatest |cos α cos β| with sin α sin β certain, by one-dimensional roots and a fine search."""
 
     def clear(alpha: float, beta: float) -> float:
         s = (sin(alpha) * sin(beta), sin(alpha) * cos(beta), cos(alpha))
@@ -200,7 +200,7 @@ CHOSEN = ("X2", "X3", "X9", "X17")
     ],
 )
 def test_closed_forms_over_all_angles(bounds: tuple[float, float], rule: Any, targets: tuple[str, ...]) -> None:
-    """To 1e-9 and better, each with a proof; the values of the reference table follow from the closed forms."""
+    """Compare to 1e-9 and better, each with a proof; the reference table follows from the closed forms."""
     expected = closed_forms(*bounds, rule)
     if bounds == (3e-3, 1e-2):
         assert [expected[target] for target in ("X1", "X4", "X16", "X3")] == pytest.approx(KNOWN[rule], abs=5e-13)
@@ -219,7 +219,7 @@ def test_closed_forms_over_all_angles(bounds: tuple[float, float], rule: Any, ta
     ],
 )
 def test_proofs_at_random_mountings(seed: int, targets: tuple[str, ...]) -> None:
-    """Each plan is admissible, unbiased, and proven from nothing but its weights and dual."""
+    """Each plan is admissible, unbiased, and proven only from its weights and dual."""
     matrix = random_mounting(seed)
     rule: Any = ("paper", "tables")[seed % 2]
     for plan in th.plan(*targets, grid=None, admissible=rule, mounting={"random": matrix}):
@@ -239,7 +239,7 @@ def test_proofs_of_the_symmetric_block() -> None:
 
 @pytest.mark.acceptance
 def test_a_turn_of_the_block_by_the_inner_axis_costs_nothing() -> None:
-    """Rz only renames β for the outer angle's offset: X2 costs the same."""
+    """Rz only exchanges β with the outer angle's offset: X2 costs the same."""
     plain, turned = (th.plan("X2", grid=None, admissible="tables", mounting=m)[0] for m in ("identity", "rz45"))
     assert plain.cost == pytest.approx(turned.cost, rel=1e-9)
 

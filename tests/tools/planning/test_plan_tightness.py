@@ -21,7 +21,7 @@ from trihedron.tools.planning.task import clearances, readings
 
 
 def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np.ndarray:
-    """F (M, 18) of every reading of a grid whose sign is certain, by the regressors of the paper."""
+    """Return F (M, 18) of every reading of a grid whose sign is certain, by the regressors of the paper."""
     angle = np.radians(np.arange(0.0, 360.0, step_deg))
     alpha, beta = np.tile(angle, len(angle)), np.repeat(angle, len(angle))
     certain = admissible(alpha, beta, np.eye(3), bounds=bounds, rule=rule)
@@ -34,7 +34,7 @@ def planned(request: pytest.FixtureRequest) -> tuple[str, list[Plan]]:
 
 
 def test_the_guaranteed_error_is_that_of_some_truth(planned: tuple[str, list[Plan]]) -> None:
-    """Two truths, ±y σ, that no readings of the grid tell apart differ in the target by twice the guaranteed error."""
+    """Two truths, ±y σ, that no readings of the grid separate differ in the target by twice the guaranteed error."""
     rule, plans = planned
     f = every_reading(3.0, rule, plans[0].bounds)
     for plan in plans:
@@ -48,7 +48,7 @@ def test_the_guaranteed_error_is_that_of_some_truth(planned: tuple[str, list[Pla
 
 
 def test_the_guaranteed_error_is_attained_by_some_errors_of_the_readings(planned: tuple[str, list[Plan]]) -> None:
-    """Errors of σ with the signs of the weights; the estimate without errors is the truth."""
+    """Use errors of σ with the signs of the weights; the estimate without errors is the truth."""
     rule, plans = planned
     truth = np.random.default_rng(1).normal(size=18)
     for plan in plans:
@@ -92,13 +92,13 @@ def boxes(forms: np.ndarray, alpha: float, beta: float, radius: float) -> float:
 
 
 def exact(form: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> np.ndarray:
-    """Values of a form in extended precision."""
+    """Return values of a form in extended precision."""
     a, b = (np.stack([np.cos(x), np.sin(x), np.ones_like(x)], axis=-1) for x in (alpha, beta))
     return ((a @ form.astype(np.longdouble)) * b).sum(axis=-1)
 
 
 def test_a_box_is_bounded_from_above_and_tightly() -> None:
-    """Forms that rise from a level centre as steeply as their third derivatives let them; and rounding, in a point."""
+    """Use forms that rise from a level centre with the largest allowed third derivatives; and rounding, in a point."""
     rising = np.zeros((2 + MOST_TERMS, 3, 3))
     rising[0, 0, 1] = rising[0, 1, 0] = -1.0
     rising[0, 2, 1] = rising[0, 1, 2] = 1.0
@@ -120,7 +120,7 @@ def test_a_box_is_bounded_from_above_and_tightly() -> None:
 
 
 def test_a_grid_s_ceiling_allows_for_rounding() -> None:
-    """Never below the greatest |F'y| of the grid in extended precision, and hardly above."""
+    """It is never below the greatest |F'y| of the grid in extended precision, and hardly above."""
     block = sheets(parametrise({"skew": PRESETS["skew"]}))
     grid, angle = PositionGrid(block, 30.0), np.radians(np.arange(0.0, 360.0, 30.0))
     alpha, beta = np.tile(angle, len(angle)), np.repeat(angle, len(angle))
@@ -148,7 +148,7 @@ def test_room_for_setting_errors_is_nearly_used_up() -> None:
 
 @pytest.fixture(scope="module")
 def small_pool() -> tuple[Task, PositionPool]:
-    """Ten positions: the seven that the package holds, and three at random."""
+    """Return ten positions: the package's seven, and three at random."""
     extra = random_places(tables_task(), 3, np.random.default_rng(3)).angle
     places, task = Places(np.vstack([stored(7).angle, extra]), np.zeros(10, dtype=int)), tables_task(cuts=60, seed=2)
     return task, PositionPool(places, np.arange(10), readings(task, places))

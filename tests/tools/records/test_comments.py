@@ -1,4 +1,4 @@
-"""Comment lines of a record: kept with it, and its own keys counted."""
+"""Comment lines of a record are kept with it, and its own keys have an effect."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Single rows that no motion makes: what holds them is left out and said, and the rest of the record is used."""
+"""Single rows that no motion makes: their rests are left out and reported, and the rest of the record is used."""
 
 import itertools
 from dataclasses import replace
@@ -21,14 +21,14 @@ def clean() -> Any:
 
 
 def struck(record: Any, row: int, force: float = 120.0) -> Any:
-    """The record with one reading that no hand makes."""
+    """Return the record with one reading that no hand makes."""
     values = record.specific_force.copy()
     values[row, 1] = force
     return replace(record, specific_force=values)
 
 
 def middles(record: StrapdownRecord) -> tuple[int, int]:
-    """A row in a rest, and one in the move after it."""
+    """Return a row in a rest, and one in the move after it."""
     rows = inspect_record(record).rests.rows
     return (rows[3].start + rows[3].stop) // 2, (rows[3].stop + rows[4].start) // 2
 
@@ -74,7 +74,7 @@ def test_a_knock_in_a_rest_or_a_move_changes_no_verdict(clean, tmp_path, where, 
 
 
 def test_a_knock_in_a_channel_whose_steps_hide_its_noise_is_in_no_rest(clean):
-    """Such a channel decides nothing about rests."""
+    """This channel decides nothing about rests."""
     coarse = replace(clean, specific_force=np.round(clean.specific_force / 0.5) * 0.5)
     row = middles(coarse)[0]
     after = inspect_record(struck(coarse, row)).rests

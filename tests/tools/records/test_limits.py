@@ -1,4 +1,4 @@
-"""Channels at their limit: found in drawn motions of every kind of noise and step, and nowhere in sound records."""
+"""Channels at their limit: found in drawn motions with every kind of noise and step, and never in sound records."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -25,7 +25,7 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Drawn:
-    """Readings of gyros and accelerometers (N, 3) before noise and steps, and what these are."""
+    """Readings of gyros and accelerometers (N, 3) before noise and steps, and their description."""
 
     rng: np.random.Generator
     kind: str
@@ -35,7 +35,7 @@ class Drawn:
     def record(
         self, limit: np.ndarray | None = None, least: np.ndarray | None = None, hold: int = 1
     ) -> StrapdownRecord:
-        """The record; gyros within `least` and `limit` (3,), every reading repeated `hold` times."""
+        """Return the record; gyros within `least` and `limit` (3,), every reading repeated `hold` times."""
         rate, force = self.noisy(self.rate), self.noisy(self.force)
         limit = np.full(3, np.inf) if limit is None else limit
         rate = self.stepped(np.clip(rate, -limit if least is None else least, limit), self.rate)
@@ -63,7 +63,7 @@ def gravity_along(rng: np.random.Generator, rate: np.ndarray) -> np.ndarray:
 
 
 def smooth_motion(seed: int, kind: str, count: int = 3000) -> Drawn:
-    """Each gyro reads a few sines, 0.05 to 2 Hz."""
+    """Return gyros that read a few sines each, 0.05 to 2 Hz."""
     rng = np.random.default_rng([seed, *map(ord, kind)])
     time, rate = PERIOD * np.arange(count), np.zeros((count, 3))
     for axis in range(3):
@@ -74,7 +74,7 @@ def smooth_motion(seed: int, kind: str, count: int = 3000) -> Drawn:
 
 
 def table_motion(seed: int, kind: str, count: int = 5000) -> Drawn:
-    """A table at constant rates, with straight or soft ramps between them, about one axis or two."""
+    """Return a table at constant rates, with straight or soft ramps between them, about one axis or two."""
     rng = np.random.default_rng([seed, *map(ord, kind)])
 
     def profile() -> np.ndarray:
@@ -98,7 +98,7 @@ def table_motion(seed: int, kind: str, count: int = 5000) -> Drawn:
 
 
 def moves_by_hand(seed: int, kind: str) -> Drawn:
-    """Moves between rests; the gyros of every second record turn in one sense alone."""
+    """Return moves between rests; the gyros of every second record turn in one sense alone."""
     rng = np.random.default_rng([seed, *map(ord, kind)])
     _, rate, n = true_motion(POSES[rng.permutation(len(POSES))], rng.uniform(0.5, 3.0), rng.uniform(0.7, 3.0))
     return Drawn(rng, kind, np.abs(rate) if seed % 2 else rate, G * n)
@@ -107,7 +107,7 @@ def moves_by_hand(seed: int, kind: str) -> Drawn:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("motion", [smooth_motion, table_motion, moves_by_hand])
 def test_no_sound_record_has_a_limit(motion, kind):
-    """Rests, constant rates, plateaus of coarse steps, repeated samples: none of them is a limit."""
+    """Rests, constant rates, plateaus of coarse steps and repeated samples are not limits."""
     for seed in range(12):
         record = motion(seed, kind).record(hold=1 + seed // 4 % 2)
         assert channel_limits(record).lines == [], seed
@@ -116,7 +116,7 @@ def test_no_sound_record_has_a_limit(motion, kind):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("side", ["largest", "least", "both"])
 def test_a_clipped_gyro_is_found_and_no_other_channel_is(kind, side):
-    """All its rows at the limit are, on the clipped side alone; few are missed of steps of 2e-3 of the motion."""
+    """All its rows at the limit are found, on the clipped side alone; few are missed at steps of 2e-3 of the motion."""
     missed = 0
     for seed in range(16):
         drawn = smooth_motion(100 + seed, kind)
@@ -147,7 +147,7 @@ def test_a_clipped_gyro_is_found_and_no_other_channel_is(kind, side):
 
 @pytest.mark.parametrize(("rows", "is_limit"), [(1, False), (2, False), (4, True), (5, True)])
 def test_a_few_rows_in_a_row_are_a_limit_where_noise_does_not_repeat(rows, is_limit):
-    """A shock that is clipped once; two equal rows may be chance."""
+    """A shock is clipped once; two equal rows may be chance."""
     for seed in range(6):
         record = smooth_motion(200 + seed, "noisy").record()
         rate = np.array(record.rate)
@@ -160,7 +160,7 @@ def test_a_few_rows_in_a_row_are_a_limit_where_noise_does_not_repeat(rows, is_li
 
 @pytest.mark.parametrize("jitter", [0.0, 2e-4])
 def test_increments_are_judged_as_they_were_measured(jitter):
-    """Over logged times that jitter equal increments make rates that differ."""
+    """Over logged times that jitter equal increments give different rates."""
     drawn = smooth_motion(7, "exact")
     record: Any = drawn.record(0.8 * np.abs(drawn.rate).max(axis=0))
     time = record.time_s + np.random.default_rng(0).uniform(-jitter, jitter, len(record))
@@ -171,7 +171,7 @@ def test_increments_are_judged_as_they_were_measured(jitter):
 
 
 def test_an_accelerometer_at_its_limit_in_one_rest_is_found_in_strapdown_and_raw_records():
-    """Noise does not show there, where it shows in every other rest."""
+    """Noise is absent there, and present in every other rest."""
     drawn = moves_by_hand(2, "noisy")
     record = drawn.record()
     force = np.clip(record.specific_force, -0.8 * G, 0.8 * G)
@@ -195,7 +195,7 @@ def test_no_measured_record_has_a_limit(name):
 
 
 def test_a_limit_in_a_measured_record_is_found():
-    """Accelerometers in steps of 1e-4 g and gyros in steps of 1/16 deg/s, as they are."""
+    """Accelerometers have steps of 1e-4 g and gyros of 1/16 deg/s."""
     record: Any = measured("mpu9150-0")
     rate = np.clip(record.rate, None, 0.6 * record.rate.max(axis=0))
     step = 0.0625 * np.pi / 180.0

@@ -1,4 +1,4 @@
-"""The noise bound taken from a record covers the true one, and is not taken where nothing shows it; Allan deviation."""
+"""The noise bound from a record covers the true one, and is not given without evidence; Allan deviation."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ SIGMA = 1e-5
 
 
 def record_with(rng, alpha, beta, noise=SIGMA, mounting=None, **fields) -> PositionRecord:
-    """A block with scale errors and biases of 1e-3 at these angles, errors uniform within ±noise."""
+    """Return a block with scale errors and biases of 1e-3 at these angles, errors uniform within ±noise."""
     alpha, beta = np.asarray(alpha, dtype=float), np.asarray(beta, dtype=float)
     up = np.stack([np.sin(alpha) * np.sin(beta), np.sin(alpha) * np.cos(beta), np.cos(alpha)], axis=1)
     block = np.eye(3) + rng.uniform(-1e-3, 1e-3, (3, 3))

@@ -1,4 +1,4 @@
-"""Records from files and to them: each kind, in SI and radians, from CSV and Parquet; real ones where they are."""
+"""Reading and writing of records: each kind, in SI and radians, from CSV and Parquet; real ones if present."""
 
 import math
 from typing import Any
@@ -161,7 +161,7 @@ def test_a_number_that_no_double_holds_has_no_resolution():
 
 
 def test_what_rounding_does_to_readings_and_angles_is_nearly_what_is_allowed_for_it(tmp_path):
-    """Angles of nine digits and readings of six, rounded as unluckily as can be."""
+    """Use angles of nine digits and readings of six, with the worst rounding."""
     rng = np.random.default_rng(2)
     count = 300
     off = np.where(rng.random((count, 5)) < 0.5, -1.0, 1.0) * 0.499
@@ -184,7 +184,7 @@ force_columns = RAW_HEADER.split(",")[3:]
 
 @pytest.mark.parametrize(("angle", "expected"), [("359.9999999", 0.5e-7), ("12.34", 0.0), ("90", 0.0)])
 def test_digits_of_angles_are_roundings_where_they_are_many(record_of, angle, expected):
-    """Few digits are a setting, which the encoders reached."""
+    """Angles of few digits are settings, which the encoders reached."""
     text = f"{POSITION_HEADER},temperature_degC\n1,10.0,{angle},0.0,0.01,0.02,9.80665,21.50\n"
     record = record_of(text)
     assert isinstance(record, PositionRecord)

@@ -1,4 +1,4 @@
-"""A comment line that widens the bounds says so; one that the digits disprove is refused."""
+"""A comment line that widens the bounds is reported; one that the digits disprove is refused."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +28,7 @@ def written(record, folder: Path, comments: tuple[str, ...]) -> Path:
 
 
 def raw(resolution: float) -> RawRecord:
-    """A raw record whose readings are multiples of twice a resolution [m/s²]."""
+    """Return a raw record whose readings are multiples of twice a resolution [m/s²]."""
     record, _ = Bench(white=1e-4).run(PROGRAMME[:3])
     if resolution:
         step = 2.0 * resolution

@@ -15,7 +15,7 @@ from trihedron.tools.records.noise import scatter_of_mean, student_quantile
 
 
 def averaged(raw: RawRecord) -> Any:
-    """The position record of a raw record, with all that such a record can have."""
+    """Return the position record of a raw record, with all possible columns."""
     return position_record_of(raw)
 
 

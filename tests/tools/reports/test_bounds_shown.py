@@ -1,4 +1,4 @@
-"""No document shows a bound better than it is: numbers are written by one module, each bound by the way of its side."""
+"""No document shows a bound better than it is: one module writes all numbers, each bound rounded to its side."""
 
 import ast
 import json
@@ -28,7 +28,7 @@ from trihedron.tools.trials import NOISE_BOUND
 
 TOOLS = Path(library.__file__).parent
 SHOWN = ("reports", "document", "cli")
-"""Packages that show numbers to people: there no number has a format of its own."""
+"""Packages that show numbers to people and may not format numbers themselves."""
 NUMERIC = re.compile(r"[^{}]*[eEfFgGn%]")
 DATA = {
     "rounding.py",
@@ -50,7 +50,7 @@ def trees() -> tuple[tuple[str, ast.Module], ...]:
 
 
 def formats(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Formats of numbers: in f-strings, by `format`, by %, and templates that hold them."""
+    """Return the formats of numbers: in f-strings, by `format`, by %, and templates that hold them."""
     for node in ast.walk(tree):
         if isinstance(node, ast.FormattedValue) and isinstance(node.format_spec, ast.JoinedStr):
             form = "".join(str(part.value) for part in node.format_spec.values if isinstance(part, ast.Constant))
@@ -157,7 +157,7 @@ def test_an_operators_page_with_its_proof_shows_no_bound_better_than_it_is():
 @pytest.mark.acceptance
 @pytest.mark.usefixtures("no_pictures")
 def test_a_campaigns_page_shows_no_bound_better_than_it_is(tmp_path: Path):
-    """Quantiles, largest values and rates with their intervals, of 4 calibrations."""
+    """Check quantiles, largest values and rates with their intervals, of 4 calibrations."""
     more = '[[compute]]\nquantiles = ["X4_guaranteed"]\n[[compute]]\nrate = "verdict"\nis = ["consistent"]\n'
     few = CALIBRATION.replace("points = 7", "points = 2")
     done = library.run_campaign(written(tmp_path, few + more), tmp_path / "out", jobs=1)
@@ -173,14 +173,14 @@ def test_a_campaigns_page_shows_no_bound_better_than_it_is(tmp_path: Path):
 
 
 def without_statistics(content: Any) -> Any:
-    """A JSON object without means and quantiles: those of bounds bound nothing."""
+    """Return a JSON object without means and quantiles: those of bounds are not bounds."""
     if isinstance(content, dict):
         return {k: without_statistics(v) for k, v in content.items() if k not in ("mean", "quantiles")}
     return [without_statistics(v) for v in content] if isinstance(content, list) else content
 
 
 def figures(pattern: str, lines: Iterable[str]) -> list[float]:
-    """The numbers that a pattern finds in lines."""
+    """Return the numbers that a pattern finds in lines."""
     (found,) = [match for line in lines if (match := re.search(pattern, line))]
     return [float(text) for text in found.groups()]
 

@@ -1,4 +1,4 @@
-"""The pages in a real browser: nothing overflows, nothing is missing, nothing is complained of; and as PDF."""
+"""The pages in a real browser: nothing overflows, nothing is missing, no complaints; and as PDF."""
 
 import re
 from pathlib import Path
@@ -38,7 +38,7 @@ COMMANDS_WITH_PAGES = (
     "attitude strapdown.csv --out out-attitude --plot out-attitude.html",
 )
 PLAIN = ("out-calibrated.html",)
-"""Pages of tables alone."""
+"""Pages that have only tables."""
 KEPT = """schema = "trihedron.campaign/1"
 [attitude]
 duration_s = 2.0
@@ -52,7 +52,7 @@ MARGIN: Any = dict.fromkeys(("top", "bottom", "left", "right"), "12mm")
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory) -> dict[str, Path]:
-    """Pages that have everything that pages can have."""
+    """Write pages with every possible element."""
     folder = tmp_path_factory.mktemp("pages")
     found = {name: folder / f"{name}.html" for name in PAGES}
     for name, file in found.items():

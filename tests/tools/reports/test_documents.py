@@ -52,7 +52,7 @@ SECTIONS = {
     "plan": ["Guaranteed errors"],
     "plans": ["Guaranteed errors"],
 }  # fmt: skip
-"""Sections of each page, in their order; there may be others between them."""
+"""Sections of each page, in order; there may be others between them."""
 SOURCES = {
     "calibration, consistent": "Golovan HiGHS",
     "calibration, falsified": "Golovan HiGHS Cheney",
@@ -63,7 +63,7 @@ SOURCES = {
     "block, insufficient": "Allan",
     "plan": "Golovan HiGHS Gilmore",
 }
-"""Who is cited on a page, and nobody else."""
+"""The complete citations of each page."""
 AUTHORS = {name for names in SOURCES.values() for name in names.split()} | {"Land,"}
 
 
@@ -73,7 +73,7 @@ def section(name: str, title: str) -> Section:
 
 
 def rows_of(name: str, title: str) -> list[dict[str, object]]:
-    """The rows of a section's table, by the names of its columns."""
+    """Return the rows of a section's table, by the names of its columns."""
     table = section(name, title).table
     assert table is not None
     return [dict(zip(table.header, row, strict=True)) for row in table.rows]
@@ -284,7 +284,7 @@ def test_pages_of_several_mountings_whatever_they_are_called():
 
 
 def without_pictures(result: Calibration) -> str:
-    """The targets of a calibration."""
+    """Return the targets of a calibration."""
     return html_of(Page, "t", "v", [calibration.target_section(result)])
 
 

@@ -1,4 +1,4 @@
-"""The page of a table of columns: every number is drawn, in the panel of its unit, as it is."""
+"""The page of a table of columns: every number is drawn unchanged, in the panel of its unit."""
 
 from pathlib import Path
 from xml.etree import ElementTree

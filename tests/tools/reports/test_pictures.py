@@ -41,13 +41,13 @@ def tour(count: int = 500) -> str:
 
 
 def run(count: int, error: float) -> AttitudeRun:
-    """A run with such an error at every moment."""
+    """Return a run with this error at every moment."""
     arrays = {"time_s": np.arange(count), "error_rad": np.full((count, 3), error), "error_angle": np.full(count, error)}
     return AttitudeRun.model_construct(**arrays)
 
 
 def at(alpha: ArrayLike, beta: ArrayLike) -> Positions:
-    """Positions of a table in one mounting."""
+    """Return positions of a table in one mounting."""
     angles = np.array([alpha, beta], dtype=float)
     return Positions(angles[0], angles[1], np.zeros(angles.shape[1], dtype=int))
 

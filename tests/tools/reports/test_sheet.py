@@ -1,4 +1,4 @@
-"""The calibration sheet: who measured what, the numbers as they are guaranteed, on one A4 page."""
+"""The calibration sheet: operator and instrument, the guaranteed numbers, on one A4 page."""
 
 import re
 from dataclasses import replace

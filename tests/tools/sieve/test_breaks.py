@@ -23,11 +23,11 @@ KEYS = {
 LISTED = {"bias": "bias-step", "scale factor": "scale-step", "mounting": "mounting-slip"}
 """Effects of the catalogue, which keep their names."""
 SECOND = 5e-8
-"""A large error of the mounting turns a small change so far [rad]."""
+"""Turn of a small change by a large error of the mounting [rad]."""
 
 
 def assert_broken(result: Any, broken: Broken) -> None:
-    """The break alone explains the record, and its intervals hold the change."""
+    """Assert that the break alone explains the record, and that its intervals hold the change."""
     assert result.verdict == "explained", str(result)
     explanation = result.explanations[0]
     assert (explanation.kind, explanation.before_row, result.causes) == ("break", broken.before_row, ())

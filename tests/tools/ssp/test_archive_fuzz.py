@@ -1,4 +1,4 @@
-"""Mutated .fmu and .ssp files: one clear line each, nothing left behind, nothing written elsewhere."""
+"""Mutated .fmu and .ssp files: one clear line each, no leftovers, nothing written elsewhere."""
 
 import random
 import tempfile
@@ -28,7 +28,7 @@ Bases = dict[str, Members]
 
 @pytest.fixture(scope="module")
 def bases(tmp_path_factory: pytest.TempPathFactory) -> Bases:
-    """The members of a good .fmu and of a good .ssp of two, the platform's binaries only."""
+    """Return the members of a good .fmu and of a good .ssp of two, the platform's binaries only."""
     folder = tmp_path_factory.mktemp("good")
     for script in ("foreign_gain", "foreign_clock"):
         archive_bytes = build_foreign(script, folder)
@@ -60,7 +60,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> Bases:
 
 @pytest.fixture
 def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, bytes], str]:
-    """Runs an archive that must be refused; returns the line that says why."""
+    """Run an archive that must be refused; return the line with the reason."""
     temporary, work = tmp_path / "temporary", tmp_path / "work"
     temporary.mkdir()
     work.mkdir()

@@ -1,4 +1,4 @@
-"""An .ssp made elsewhere: its bindings, mappings, units, nested systems and experiment are honoured, or refused."""
+"""An .ssp from elsewhere: its bindings, mappings, units, nested systems and experiment are used, or refused."""
 
 import math
 import os
@@ -51,7 +51,7 @@ def refusal(path: Path) -> str:
 
 
 def test_connections_experiment_and_step(tmp_path, fmus):
-    """A connection may be written from either end; the experiment says when, the annotation how long a step is."""
+    """A connection may be written from either end; the experiment sets the times, the annotation the step."""
     system_text = system(
         "root",
         component("clock", "Clock", ended="output"),
@@ -104,7 +104,7 @@ def test_connectors_of_nested_systems_pass_values_and_parameters_on(tmp_path, fm
 
 
 def test_units_names_and_transformations(tmp_path, fmus):
-    """A .ssv in degrees and arcminutes with its own names, brought to the FMU's by a .ssm."""
+    """Convert a .ssv in degrees and arcminutes with its own names to the FMU's by a .ssm."""
     units = (
         f'<ssc:Unit name="deg"><ssc:BaseUnit rad="1" factor="{math.pi / 180!r}"/></ssc:Unit>'
         '<ssc:Unit name="K"><ssc:BaseUnit K="1"/></ssc:Unit>'
@@ -187,7 +187,7 @@ SCALED = '<ssc:LinearTransformation factor="2"/>'
 
 
 def alone(model: str = "Gain", *bound: str, attributes: str = "") -> str:
-    """A system of one FMU."""
+    """Return a system of one FMU."""
     return system("root", component("g", model, *bound, attributes=attributes))
 
 

@@ -27,7 +27,7 @@ EIGHTH = 0.125
 
 
 def bench(folder: Path = Path(), **sections) -> Scenario:
-    """A table from rest at (0, 0), a block and a computer; all that FMPy's master needs to give the same numbers."""
+    """Return a table from rest at (0, 0), a block and a computer, in which FMPy's master gives the same numbers."""
     rows = {"alpha_deg": [0.0, 30.0, -45.0], "beta_deg": [0.0, 120.0, 120.0]}
     settings = {
         "title": "Bench for other tools",
@@ -82,7 +82,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def all_parameters(path: Path) -> ParameterSet:
-    """The parameters of all FMUs under the names that they have in the system, as FMPy wants to be given them."""
+    """Return the parameters of all FMUs under their names in the system, as FMPy takes them."""
     system_text = ParameterSet()
     system_text.parameters = []
     for component in find_components(read_ssd(str(path)).system):
@@ -258,7 +258,7 @@ def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
 @pytest.mark.acceptance
 @pytest.mark.parametrize("options", [{}, {"stimuli": ROWS, "run": {"stop_s": 8.0, "step_s": EIGHTH}}])
 def test_different_steps_go_out_and_come_back(tmp_path, options):
-    """A slow table, by a programme or by rows, with its computer beside a fast block."""
+    """Run a slow table, by a programme or by rows, with its computer beside a fast block."""
     written = bench().as_written()
     fmus, connections = written["fmus"], written["connections"]
     for name in ("table", "computer"):

@@ -36,7 +36,7 @@ ARCSEC = np.pi / 180.0 / 3600.0
 
 
 def part_of(name: str, cases: int) -> Any:
-    """The first cases of a suite; `make acceptance` runs the whole ones."""
+    """Return the first cases of a suite; `make acceptance` runs the whole ones."""
     suite = named_suite(name)
     return run_suite(suite.options, min(cases, suite.cases), suite.seed)
 
@@ -143,7 +143,7 @@ def clean_case(noise: str, index: int) -> Case:
 @pytest.mark.parametrize("noise", ["uniform", "edge", "correlated"])
 @pytest.mark.parametrize("index", [0, 2])
 def test_a_record_differs_from_its_faultless_bench_by_the_noise_and_no_more(noise, index):
-    """The components in time against the closed formula, by another way: every error is within σ."""
+    """Compare the components in time with the closed formula: every error is within σ."""
     case = clean_case(noise, index)
     record, faultless = case.measured(), faultless_record(case.instrument)
     errors = (record.specific_force - faultless.specific_force) / STANDARD_GRAVITY / NOISE_BOUND
@@ -251,7 +251,7 @@ for jobs in (1, 2):
 
 @pytest.mark.acceptance
 def test_several_processes_give_the_same_records(tmp_path):
-    """Also where the first process has threads of polars, for which a copy of it would wait for ever."""
+    """The first process may have threads of polars, for which a copy of it would wait for ever."""
     subprocess.run([sys.executable, "-c", IN_PROCESSES, str(tmp_path)], check=True, timeout=100)
     alone, two = ({f.name: f.read_bytes() for f in (tmp_path / jobs).iterdir()} for jobs in ("1", "2"))
     assert len(alone) == 2

@@ -53,7 +53,7 @@ def read(
 @pytest.mark.first(1)
 @pytest.mark.parametrize("schedule", [BETWEEN_RESTS, BEFORE_A_CAMERA], ids=["gravity", "truth"])
 def test_the_motion_is_one(schedule):
-    """Increments, rates, attitude and gravity agree; it rests where it should, and turns about every axis."""
+    """Increments, rates, attitude and gravity agree; the block rests at its rests, and turns about every axis."""
     m = draw_motion(np.random.default_rng(4), schedule, 0.005)
     turned = Rotation.from_quat(m.attitude, scalar_first=True)
     # The rotation vector of a step is its increment and a coning term: |ω × ω'| h³ / 12.
@@ -74,7 +74,7 @@ def test_the_motion_is_one(schedule):
 
 
 def test_it_comes_to_rest_smoothly():
-    """No jump of the rate at either end of a move, and none of the acceleration that the sampling would show."""
+    """Neither the rate nor the sampled acceleration jumps at either end of a move."""
     m = draw_motion(np.random.default_rng(1), BETWEEN_RESTS, 0.005)
     acceleration = np.diff(m.rate, axis=0) / m.period
     assert np.abs(np.diff(acceleration, axis=0)).max() < 0.15 * np.abs(acceleration).max()
@@ -125,7 +125,7 @@ def test_what_is_hidden_is_in_the_readings():
 
 
 def test_stamps_that_jitter_leave_rates_and_spoil_increments():
-    """An instrument that makes increments of rates and of its own time stamps makes them wrong; rates stay right."""
+    """An instrument that makes increments of rates and of its own time stamps makes them wrong; rates stay correct."""
     motion = draw_motion(np.random.default_rng(6), BETWEEN_RESTS, 0.01)
     jitter = Hidden(EffectPlace("jitter", "gyro-block"), (1.0,))
     logged = read(motion, hidden=(jitter,), jitter=0.1)
@@ -162,7 +162,7 @@ def test_cases_do_not_depend_on_each_other_and_have_both_references():
 @pytest.mark.first(1)
 @pytest.mark.parametrize("index", [0, 1])
 def test_hidden_sizes_are_relative_to_what_surely_disproves_the_model(index):
-    """An effect of the size of sure detection, and the noise within its bounds, is more than the model can take."""
+    """An effect of the size of sure detection, with noise within its bounds, exceeds the model."""
     (hidden,) = draw_case(Options(strapdown=True), 8, index).hidden
     assert 2.0 <= hidden.relative_size <= 3.0
     clean = draw_clean_block(8, index)
@@ -192,7 +192,8 @@ def test_a_record_with_a_secret_is_written(tmp_path):
 
 @pytest.mark.acceptance
 def test_a_few_cases_are_named_and_clean_ones_are_not(tmp_path):
-    """A share of the suite: an effect between rests, and a clean record; beside cameras effects are named elsewhere."""
+    """Run a share of the suite: an effect between rests, and a clean record; other tests name effects beside
+    cameras."""
     hidden = run_suite(Options(effects=("gyro-scale-asymmetry",), strapdown=True), 1, 34)
     assert hidden.outcomes == {"right": 1}
     assert all(outcome.inside for outcome in hidden.results)
@@ -207,10 +208,11 @@ def test_a_few_cases_are_named_and_clean_ones_are_not(tmp_path):
 
 @pytest.mark.acceptance
 def test_two_hundred_hidden_effects_and_two_hundred_clean_records():
-    """Right class in nine of ten at two to three times the size of sure detection; false alarms under one in a hundred.
+    """The class is correct in nine of ten at two to three times the size of sure detection; false alarms under 1 in
+    100.
 
-    A verdict that leaves several sets open, the true one among them, counts as the right class: terms of an
-    accelerometer that are nearly alike need not be told apart.
+    A verdict that leaves several sets open, the true one among them, counts as the correct class: similar terms of an
+    accelerometer need not be separated.
     """
     hidden = run_suite(Options(strapdown=True), 200, 1)
     print(str(hidden))
@@ -224,7 +226,7 @@ def test_two_hundred_hidden_effects_and_two_hundred_clean_records():
 
 @pytest.mark.acceptance
 def test_sizes_of_what_sets_in_within_a_window_are_possible_wherever_in_it_that_is():
-    """The part of a window that a step acts in and its size are one number there: of a late one the size is larger."""
+    """The product of a step's active part of a window and its size is constant: a late one is larger."""
     case = draw_case(Options(strapdown=True), 1, 39)
     assert case.hidden[0].place.effect == "gyro-bias-step"
     assert judged_case(case, diagnosed_case(case, case.measured())).inside is True

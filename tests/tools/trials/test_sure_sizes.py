@@ -1,4 +1,4 @@
-"""The two sizes with a theory: at them every noise within σ is seen through, and below them some noise is not."""
+"""The two sizes with a theory: every noise within σ is detected at them, and some noise hides below them."""
 
 import math
 from dataclasses import replace
@@ -31,7 +31,7 @@ SAG = EffectPlace("sag", "inner-axis")
 
 @pytest.fixture(scope="module")
 def nominal() -> KnownBench:
-    """The model at a true bench with 40 positions anywhere, and the rows' circumstances."""
+    """Return the model at a true bench with 40 positions anywhere, and the rows' circumstances."""
     alpha, beta = ANGLES.T
     measured = record(elementary_reading(BENCH, alpha, beta, np.eye(3)), alpha, beta)
     return KnownBench(fit_record(measured, noise_bound=SIGMA), circumstances_of(measured))
