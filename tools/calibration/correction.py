@@ -116,7 +116,11 @@ class Correction:
     comments: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
 
-    def bound_at(self, n: NDArray, noise_bound: float) -> NDArray[np.float64]:
+    def inputs_of(self, specific_force: NDArray) -> NDArray[np.float64]:
+        """Return inputs (N, 3) [g] by readings (N, 3) [m/s²]."""
+        return corrected(self, specific_force) / self.gravity
+
+    def bound_at(self, n: NDArray, noise_bound: float | NDArray) -> NDArray[np.float64]:
         """How far true inputs may be from corrected ones n (N, 3) [g], either way."""
         least, most = remaining_error(self, n, noise_bound)
         return np.maximum(np.abs(least), np.abs(most))
@@ -259,7 +263,7 @@ def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
     return lows, highs
 
 
-def remaining_error(correction: Correction, n: NDArray, noise_bound: float = 0.0) -> tuple[NDArray, NDArray]:
+def remaining_error(correction: Correction, n: NDArray, noise_bound: float | NDArray = 0.0) -> tuple[NDArray, NDArray]:
     """How far true inputs may be from corrected ones n (N, 3) [g]: least and greatest difference, true less corrected.
 
     `noise_bound` [g] is that of the readings' own errors; 0 leaves what the calibration alone is responsible for.

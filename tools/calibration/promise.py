@@ -1,15 +1,17 @@
 """Whether what a correction promises holds for a record: the same block, as warm, and at rest under gravity."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bounded.programmes import chebyshev_radius
-from ..records import PositionRecord
+from ..motion.rests import BY_CHANCE, quiet_rests, sampling_of
+from ..records import PositionRecord, StrapdownRecord
 from ..records.columns import CORRECTED_BY
+from ..records.sigma import deviation_widening
 from ..rounding import digits, residual, upwards
 from .model import Positions, direction_jacobian, parametrise, predicted_input
 
@@ -71,6 +73,8 @@ def broken_conditions(
         reasons += _other_block(correction, record) + _other_temperature(correction, record)
     if isinstance(still, PositionRecord):
         reasons += _against_gravity(correction, still, n, noise_bound or correction.noise_bound)
+    elif isinstance(record, StrapdownRecord):
+        reasons += _against_gravity_at_rests(correction, record, noise_bound or correction.noise_bound)
     return reasons
 
 
@@ -115,15 +119,8 @@ def _span(low: float, high: float) -> str:
 def _against_gravity(correction: "Correction", record: PositionRecord, n: NDArray, noise_bound: float) -> list[str]:
     """Return why corrected readings (N, 3) [g] at rest are not gravity, or not where the encoders have it."""
     bound = correction.bound_at(n, noise_bound + record.resolution / correction.gravity)
-    size = np.linalg.norm(n, axis=1)
-    allowed = ROOM * np.einsum("ij,ij->i", np.abs(n), bound) / size
-    over = np.abs(size - 1.0) / allowed
-    worst = int(np.argmax(over))
-    if over[worst] > 1.0:
-        return [
-            f"at position {int(record.position[worst])} the corrected reading is {digits(size[worst], 6)} g long, "
-            f"where 1 g to within {upwards(allowed[worst])} g is promised: another block, temperature or gravity"
-        ]
+    if reason := _of_length(n, bound, [f"position {number}" for number in record.position]):
+        return [reason]
     several = record.mounting is not None and len(set(record.mounting)) > 1
     if correction.mounting is None or several:
         return []
@@ -134,6 +131,32 @@ def _against_gravity(correction: "Correction", record: PositionRecord, n: NDArra
         f"the corrected readings miss the directions of the encoders by {residual(radius)} times what is promised: "
         "another block, or wrong angles"
     ]
+
+
+def _against_gravity_at_rests(correction: "Correction", record: StrapdownRecord, noise_bound: float) -> list[str]:
+    """Return why the corrected means of a strapdown record's rests are not gravity; nothing where it has no rests."""
+    rests = quiet_rests(record, sampling_of(record))
+    if not len(rests) or rests.force_scatter is None:
+        return []
+    scatter = deviation_widening(len(rests), BY_CHANCE) * rests.force_scatter / correction.gravity
+    n = correction.inputs_of(rests.force)
+    bound = correction.bound_at(n, np.maximum(scatter, noise_bound))
+    reason = _of_length(n, bound, [f"the rest at {digits(time, 4)} s" for time in rests.time_s.tolist()])
+    return [reason] if reason else []
+
+
+def _of_length(n: NDArray, bound: NDArray, where: Sequence[str]) -> str:
+    """Return why inputs (N, 3) [g] at rest within bounds (N, 3) [g] are not gravity; "" where they may be."""
+    size = np.linalg.norm(n, axis=1)
+    allowed = ROOM * np.einsum("ij,ij->i", np.abs(n), bound) / size
+    over = np.abs(size - 1.0) / allowed
+    worst = int(np.argmax(over))
+    if over[worst] <= 1.0:
+        return ""
+    return (
+        f"at {where[worst]} the corrected reading is {digits(size[worst], 6)} g long, where 1 g to within "
+        f"{upwards(allowed[worst])} g is promised: another block, temperature or gravity"
+    )
 
 
 def _radius_at_table(record: PositionRecord, mounting: NDArray, n: NDArray, bound: NDArray) -> float:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from generator.stands import random_bench, simulated
+from generator.carried import strapdown_record
+from generator.stands import Stand, random_bench, simulated
 from trihedron.models.bench import ELEMENTARY
 from trihedron.tools.document import text
 from trihedron.tools.errors import InputError
@@ -110,3 +111,28 @@ def test_a_record_is_not_corrected_twice_by_calibrations(tmp_path):
     assert "# corrected_by: the calibration of record" in (tmp_path / "corrected.csv").read_text(encoding="utf-8")
     with pytest.raises(InputError, match="is corrected already"):
         th.apply(calibration, tmp_path / "corrected.csv")
+
+
+def strapdown_of(bench: np.ndarray, seed: int) -> Any:
+    """A record by hand of the block of a bench."""
+    stand = Stand.of_elements(bench)
+    gamma = stand.gamma + np.diag(stand.plus)
+    return strapdown_record(seed=seed, gamma=gamma, bias_g=stand.bias, force_noise=1e-4)
+
+
+def one_scale_factor(seed: int) -> np.ndarray:
+    """A bench whose block has one scale factor for each accelerometer, under the gravity of the model."""
+    bench = bench_of(seed)
+    bench[12:15] = bench[9:12]
+    bench[ELEMENTARY.index("gravity_error")] = 0.0
+    return bench
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_rests_of_a_block_moved_by_hand_are_held_against_gravity(seed):
+    bench = one_scale_factor(seed)
+    calibrated = measured(bench, seed, {}, None)
+    assert reasons(calibrated, strapdown_of(bench, seed)) == []
+    (said,) = reasons(calibrated, strapdown_of(one_scale_factor(seed + 40), seed))
+    assert "at the rest at" in said
+    assert "g long" in said
