@@ -162,6 +162,8 @@ class Page:
     warnings: Sequence[str] = ()
     sheet: bool = False
     """one A4 page to sign: what is empty at its head, and in tables, is room to write"""
+    screen: Sequence[str] = ()
+    """lines that a terminal shows in place of verdict, figures, answer and warnings"""
     zoom: bool = False
     """its pictures are lines over time, of which a stretch can be drawn out"""
 

@@ -199,6 +199,8 @@ MOST_ROWS = 40
 
 def text(page: Page) -> str:
     """Return what a terminal shows of a page: its verdict, figures, first sections and warnings."""
+    if page.screen:
+        return "\n".join(page.screen)
     lines = [page.verdict]
     figures = []
     for name, value in page.key.items():

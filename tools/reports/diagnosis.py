@@ -17,6 +17,7 @@ from .bench import cause_lines, next_sections
 from .inspection import record_sections
 from .pictures.residuals import gain_picture, held_out
 from .sources import cited, versions
+from .terminal import terminal_lines
 
 ANSWERS = {
     "stands": "stands: it brings every error within its bound",
@@ -40,9 +41,10 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
     warnings = list(result.warnings)
     if result.cut_off_at is not None:
         warnings.append(cut_off(result.cut_off_at))
+    verdict = diagnosis_sentence(result)
     return Page(
         _title(result),
-        diagnosis_sentence(result),
+        verdict,
         beyond.sections(result) + answer_of(result) + remarks_of(result),
         lambda: _record_sections(result, record) + sections_of(result),
         tone=TONES.get(result.verdict, "attention"),
@@ -50,6 +52,7 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
         provenance=_provenance(result),
         sources=sources(result),
         warnings=warnings,
+        screen=terminal_lines(result, verdict, warnings),
     )
 
 
@@ -398,9 +401,9 @@ def _verdict(result: Diagnosis) -> str:
 def _ambiguous(result: Diagnosis) -> str:
     """Return the sets that would explain the record, and the objection to the first."""
     text = f"{LACKS}, and the record does not say what: {rivals(result)}"
-    others = [explanation.sentence for explanation in result.explanations if not explanation.causes]
-    if not sets_of(result):
-        text = f"{LACKS}, or the record is wrong: {' Or: '.join(others)}"
+    if any(explanation.kind in OF_RECORD for explanation in result.explanations):
+        sentences = [explanation.sentence.rstrip(".") for explanation in result.explanations[:FEW_RIVALS]]
+        text = f"The record or the simulation is wrong, and the record does not say which: {'; or: '.join(sentences)}."
     if result.objections:
         text += f" But {result.objections[0]}."
     if only_unlisted(result):

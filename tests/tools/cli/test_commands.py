@@ -40,7 +40,9 @@ def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, c
     )  # fmt: skip
     assert (status, err) == (0, "")
     assert out.startswith("The simulation lacked this: ")
-    assert "The gain on what was not used" in out
+    assert "Gain:        on " in out
+    assert len(out.partition("extended/")[0].splitlines()) <= 25
+    assert max(len(line) for line in out.splitlines()) <= 80
     titles = json.loads(Path("d.json").read_text())["causes"][0]
     hidden = json.loads(record.with_name("answer.json").read_text())["hidden"]
     assert (titles["effect"], titles["where"]) == (hidden["effect"], hidden["where"])

@@ -266,7 +266,7 @@ def test_what_a_page_shows_inside_its_interval_is_found(part: str, end: str, fur
     """Read from the HTML alone, as a person does."""
     told = json.loads(shown("bench, explained")[0].json_text())
     assert wrong_on_page(text_of("bench, explained"), told) == []
-    entry = told["explanations"][0]["causes"][0]["parameters"][0] if part == "causes" else told["targets"][3]
+    entry = told["causes"][0]["parameters"][0] if part == "causes" else told["targets"][3]
     entry[end] += 10.0 * further
     assert len(wrong_on_page(text_of("bench, explained"), told)) == 1
 

@@ -1,0 +1,199 @@
+"""What a terminal shows of a diagnosis: a verdict, its evidence, what is certain, what was tried, what to do next."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+
+from ..diagnosis.cause import Cause
+from ..diagnosis.result import Diagnosis
+from ..document.notation import sentence, unit_text
+from ..rounding import NONE, digits, exactly, interval, residual, upwards
+from . import beyond
+
+WIDTH, LINES = 80, 25
+"""A screen."""
+LABEL = 13
+"""Columns of the labels."""
+MOST_SIZES, MOST_RIVALS, MOST_HYPOTHESES = 4, 3, 2
+MOST_VERDICT, MOST_ENTRY = 5, 3
+"""Lines of the verdict, and of an entry."""
+MORE = "..."
+PLACES = {"g": "an accelerometer", "rad": "an axis", "rad/s": "a gyro"}
+
+
+def terminal_lines(result: Diagnosis, verdict: str, warnings: Sequence[str]) -> list[str]:
+    """Return at most 25 lines of at most 80 columns."""
+    lines = textwrap.wrap(verdict, WIDTH, max_lines=MOST_VERDICT, placeholder=f" {MORE}", break_on_hyphens=False)
+    lines.append("")
+    before = ""
+    for label, text in _entries(result):
+        if text:
+            lines += _wrapped(text, "" if label == before else f"{label}:", MOST_ENTRY)
+            before = label
+    for text in warnings:
+        lines += _wrapped(text, "warning:", MOST_ENTRY)
+    if len(lines) >= LINES:
+        lines = lines[: LINES - 1]
+    lines.append("All figures: add --report page.html, or --json FILE.")
+    return lines
+
+
+def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
+    """Return labels and texts in the order in which a person needs them."""
+    yield "Evidence", evidence_text(result)
+    for text in certain_texts(result):
+        yield "Certain", text
+    for text in open_texts(result):
+        yield "Not certain", text
+    for hypothesis in (result.hypotheses or ())[:MOST_HYPOTHESES]:
+        radii = f"{residual(hypothesis.radius_before)} -> {residual(hypothesis.radius)}"
+        yield "Formula", f"{hypothesis.formula}: {hypothesis.answer}; largest error over its bound {radii}."
+    yield "Tried", tried_text(result)
+    yield "Gain", gain_text(result)
+    yield "Next", next_text(result)
+
+
+def evidence_text(result: Diagnosis) -> str:
+    """Return the largest error without and with what is named, and the bound."""
+    if result.radius is None:
+        return ""
+    unit = "σ" if result.calibration.sigma.value is not None and result.unit is None else "times its bound"
+    text = f"largest error {residual(result.radius)} {unit}"
+    if result.best is not None and result.best.radius is not None:
+        after = f"{residual(result.best.radius)} {unit}"
+        if result.best.kind in ("rows", "stretch"):
+            text = f"largest error {residual(result.radius)} {unit} with all rows, {after} without these"
+        elif result.verdict == "explained":
+            text += f" without this, {after} with it"
+        else:
+            text += f" of the model alone, {after} with the first"
+    sigma = result.calibration.sigma
+    if unit == "σ":
+        text += f"; σ = {exactly(sigma.value)} g ({sigma.basis})"
+    elif result.noise_bound_arcmin is not None:
+        text += f"; the bound is {upwards(result.noise_bound_arcmin, 3)} arcmin"
+    return f"{text}."
+
+
+def certain_texts(result: Diagnosis) -> list[str]:
+    """Return what the record proves: sizes with their intervals, or a place and a quantity."""
+    texts: list[str] = []
+    if result.verdict == "explained" and result.best is not None:
+        sizes: list[str] = []
+        for cause in result.best.causes:
+            sizes += _sizes(cause, several=len(result.best.causes) > 1)
+        texts += sizes[:MOST_SIZES]
+        if len(sizes) > MOST_SIZES:
+            texts[-1] += f"; {len(sizes) - MOST_SIZES} more sizes"
+        if result.best.rows and not result.best.causes:
+            count = (result.calibration.positions or 0) - len(result.best.rows)
+            texts.append(f"without {_rows(result.best.rows)} the other {count} fit within σ.")
+    proven = beyond.proven_text(result)
+    if proven and result.verdict != "explained":
+        texts.append(sentence(proven))
+    if result.verdict == "consistent":
+        texts += _detection(result)
+    return texts
+
+
+def _detection(result: Diagnosis) -> list[str]:
+    """Return from which size on an error that is in no catalogue would have shown."""
+    sizes = []
+    for unit, where in PLACES.items():
+        of_unit = [entry["size"] for entry in result.power or () if entry["unit"] == unit and entry["size"] is not None]
+        if of_unit:
+            sizes.append(f"{upwards(max(of_unit), 2)} {unit} in {where}")
+    return [f"a smooth error above {' or '.join(sizes)} would have shown."] if sizes else []
+
+
+def _sizes(cause: Cause, *, several: bool) -> list[str]:
+    """Return each parameter with its interval, of several effects with the effect."""
+    texts, of = [], f"{cause.place.title}: " if several else ""
+    for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+        estimate, least, most = interval(value, low, high)
+        ends = "" if NONE in (least, most) else f", from {least} to {most}"
+        texts.append(f"{of}{parameter.name} {estimate}{ends} {unit_text(parameter.unit) or ''}".rstrip())
+    return texts
+
+
+def open_texts(result: Diagnosis) -> list[str]:
+    """Return what the record leaves open, the most important first."""
+    texts = []
+    if result.verdict == "ambiguous" and result.sets:
+        rivals = [explanation.sentence for explanation in result.explanations]
+        texts += [sentence(text.rstrip(".")) for text in rivals[:MOST_RIVALS]]
+        if len(rivals) > MOST_RIVALS:
+            texts[-1] += f" And {len(rivals) - MOST_RIVALS} more."
+    if result.level == "quantity" and result.verdict == "explained":
+        texts.append("the exact law: any curve within the band of the report fits.")
+    texts += [sentence(text) for text in (result.objections or ())[:1]]
+    if result.verdict == "unexplained":
+        texts += [sentence(text) for text in (result.not_named or ())[:2]]
+    texts += [sentence(text) for text in (result.caution or ())[:1]]
+    return texts
+
+
+def tried_text(result: Diagnosis) -> str:
+    """Return what was looked for."""
+    if result.calibration.verdict != "falsified" and not result.tried:
+        return ""
+    texts = ["a larger σ", "wrong rows", "breaks"] if result.calibration.linearised is not None else []
+    if result.tried:
+        texts.append(f"{len(result.tried)} single effects")
+    largest = {1: "", 2: "sets of two not all", 3: "sets of three not all"}[result.cut_off_at or 1]
+    texts += [largest] if largest else []
+    if result.suffices:
+        texts.append("functions of one quantity")
+    return f"{', '.join(texts)}."
+
+
+def gain_text(result: Diagnosis) -> str:
+    """Return what the extended simulation does to what was held out."""
+    gain = result.gain
+    if gain is None:
+        return ""
+    pieces = f"pieces ({gain.over})" if gain.over else "positions"
+    unit = gain.unit or result.unit or "g"
+    before, after = digits(gain.held_out_rms_before), digits(gain.held_out_rms_after)
+    if gain.improves:
+        count = gain.pieces or len(gain.rows)
+        return f"on {count} held-out {pieces} the rms error falls from {before} to {after} {unit}."
+    return f"none on held-out {pieces}: the rms error goes from {before} to {after} {unit}."
+
+
+def next_text(result: Diagnosis) -> str:
+    """Return one next step."""
+    if result.next:
+        return sentence(result.next[0])
+    positions = result.next_positions or ()
+    if positions:
+        first = positions[0]
+        more = f", and {len(positions) - 1} more positions" if len(positions) > 1 else ""
+        return f"measure at α {exactly(first['alpha_deg'])}°, β {exactly(first['beta_deg'])}°{more}."
+    if result.verdict == "explained" and result.best is not None and result.best.causes:
+        return "put it into the simulation: add --export FOLDER."
+    if result.verdict == "consistent" and result.calibration.linearised is not None:
+        return "take the parameters from trihedron calibrate."
+    if result.verdict == "unexplained":
+        return "look at the residuals: add --report page.html. Repeat the worst positions."
+    if result.verdict == "insufficient" and result.missing:
+        return f"add {'; '.join(str(gap) for gap in result.missing[:2])}."
+    return ""
+
+
+def _rows(rows: Sequence[int]) -> str:
+    if len(rows) > 3 and rows[-1] - rows[0] == len(rows) - 1:
+        return f"rows {rows[0]} to {rows[-1]}"
+    return f"{'row' if len(rows) == 1 else 'rows'} {', '.join(map(str, rows))}"
+
+
+def _wrapped(text: str, label: str, most: int) -> list[str]:
+    """Return a text in lines behind its label; what is longer than allowed ends with dots."""
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=label.ljust(LABEL),
+        subsequent_indent=" " * LABEL,
+        max_lines=most,
+        placeholder=f" {MORE}",
+        break_on_hyphens=False,
+    )
