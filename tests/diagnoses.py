@@ -8,7 +8,7 @@ import numpy as np
 
 from generator import SIGMA, G
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.diagnosis import Cause, diagnose
+from trihedron.tools.diagnosis import Cause, Diagnosis, diagnose
 from trihedron.tools.evidence.references import turned
 from trihedron.tools.records import PositionRecord
 
@@ -62,3 +62,8 @@ def worst_carried(evidence: Any, run: Any) -> float:
         error = reference.errors(number, turned(moves, attitude), up, up)
         worst = max(worst, float(np.abs(error / rows.parts[rows.scored[number]].bound).max()))
     return worst
+
+
+def flowing(result: Diagnosis) -> str:
+    """What a terminal shows of a diagnosis, as one line."""
+    return " ".join(str(result).split())

@@ -26,7 +26,7 @@ from .helps import of_lengths, only_at_one_length, what_helps
 from .hypothesis import answered, places_of
 from .kinds import KnownDirections, evidence_of, evidence_with_formulas, kind_of
 from .result import Diagnosis, Explanation
-from .rivals import FURTHER, OUTLIER, Listed, Unlisted, complexity_of
+from .rivals import OUTLIER, Listed, Unlisted, complexity_of, least_complexity
 from .search import MOST_WORK, Found, equivalence_groups, search, single_radii
 from .witness import Judgement, Witness, by_need, judgement_of, objections_of
 
@@ -242,7 +242,8 @@ class Procedure:
         largest = MAX_SET
         if self.faults:
             # Larger sets need more numbers than the simplest fault: no rivals of it.
-            largest = min(MAX_SET, max(1, (self.faults[0].numbers + 1 + FURTHER) // (1 + FURTHER)))
+            while largest > 1 and least_complexity(largest) > self.faults[0].numbers + 1:
+                largest -= 1
         return search(self.evidence.model, progress=self.progress, most_work=self.most_work, largest=largest)
 
     @cached_property
@@ -458,7 +459,10 @@ class Procedure:
             return ()
         formulas = [law.fit for law in beyond.laws if not law.is_listed and len(law.fit.places) == 1]
         least = min((complexity_of(fit.places) for fit in formulas), default=0)
-        if least + 1 >= min(complexity_of(fit.places) for fit in self.found.fits):
+        of_sets = [complexity_of(fit.places) for fit in self.found.fits]
+        if not self.found.complete:
+            of_sets.append(least_complexity(self.found.size))
+        if least + 1 >= min(of_sets):
             return ()
         shortest = [fit for fit in formulas if complexity_of(fit.places) == least]
         return sorted(shortest, key=lambda fit: fit.radius)

@@ -53,6 +53,11 @@ def complexity_of(places: Sequence[EffectPlace]) -> int:
     return complexity
 
 
+def least_complexity(size: int) -> int:
+    """What a set of so many effects needs at least."""
+    return size + FURTHER * (size - 1)
+
+
 def _instrument(place: EffectPlace) -> str:
     """Where an effect acts; of a single reading the accelerometer that was read."""
     return f"accelerometer-{place.axes[0]}" if place.effect == OUTLIER else place.where

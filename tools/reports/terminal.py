@@ -44,6 +44,8 @@ def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
         yield "Certain", text
     for text in open_texts(result):
         yield "Not certain", text
+    for text in beyond.extension_texts(result)[:1]:
+        yield "Beyond", text
     for hypothesis in (result.hypotheses or ())[:MOST_HYPOTHESES]:
         radii = f"{residual(hypothesis.radius_before)} -> {residual(hypothesis.radius)}"
         yield "Formula", f"{hypothesis.formula}: {hypothesis.answer}; largest error over its bound {radii}."

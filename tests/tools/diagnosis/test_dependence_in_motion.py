@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnoses import flowing
 from generator.carried import camera_attitude, drawn_motion, strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.lookup import Table
@@ -234,7 +235,7 @@ def test_of_three_gyros_each_has_a_band_that_holds_its_function_and_together_the
     assert result.extension is not None
     assert len(result.extension.causes) == 3
     assert len(sections(result)) == 3
-    assert "of each gyro" in str(result)
+    assert "of each gyro" in flowing(result)
 
 
 @pytest.mark.acceptance
