@@ -191,7 +191,7 @@ def test_where_a_record_by_itself_needs_less_than_together_what_is_not_sought_wa
     of_record = {1: [(CUBIC, (3e-3,))]}
     result = judged(monkeypatch, of_one_instrument(23, positions=7, shared=[(QUADRATIC, (3e-3,))], own=of_record))
     assert result.verdict == "ambiguous"
-    assert {cause.title for cause in result.causes} == {QUADRATIC.title, f"{CUBIC.title} in record-2"}
+    assert {cause.title for cause in result.sets[0]} == {QUADRATIC.title, f"{CUBIC.title} in record-2"}
     assert any(text.startswith("record-2: fewer effects mend it by itself") for text in result.caution)
     assert (result.instrument, result.runs["record-2"]) == ("open", "yes")
 

@@ -1,5 +1,6 @@
 """A whole bench diagnosed: effects on the turns, two witnesses of one cause, output at a terminal."""
 
+import re
 import shutil
 from dataclasses import replace
 from functools import cache
@@ -167,12 +168,13 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     assert main(["diagnose", "bench.csv", *options, *files]) == 0
     printed = capsys.readouterr().out
     assert "the encoder of the outer axis errs by" in printed
-    (line,) = [line for line in printed.splitlines() if line.startswith("two witnesses")]
-    accelerometers, gyros = (part.rpartition("radius ")[2].split(" -> ") for part in line.split(";"))
+    page = (tmp_path / "found.html").read_text(encoding="utf-8")
+    assert "Turns, as the gyros saw them" in page
+    witnesses = page.partition("Two witnesses, each by itself: ")[2].partition(".</")[0]
+    accelerometers, gyros = (re.findall(r"\d+\.\d+", text.partition("radius ")[2]) for text in witnesses.split(";"))
     assert float(gyros[0]) > 1.5
     assert float(accelerometers[0]) > 1.5
     assert max(float(gyros[1]), float(accelerometers[1])) < 1.0
-    assert "Turns, as the gyros saw them" in (tmp_path / "found.html").read_text(encoding="utf-8")
     assert (tmp_path / "extended" / "GyroCompensation.ssv").exists()
     diagnosis = Diagnosis.model_validate_json((tmp_path / "found.json").read_text(encoding="utf-8"))
     assert [cause.place for cause in diagnosis.causes] == [HARMONIC]
