@@ -31,8 +31,8 @@ NEAR = 1.3
 """Below this radius a slightly larger noise bound is a candidate like any other: nothing is proven."""
 MOST_SECOND_ORDER = 1.0
 """The linear model may be wrong by at most so many bounds, or nothing is said of functions."""
-MOST_ALLOWED = 0.03
-"""A function may leave so much more than a bound, where the linear model may be wrong by that, and be a proof."""
+FURTHER_NUMBERS = 2
+"""What leaves more than a bound, as the linear model may be wrong, is a proof where so many numbers more mend that."""
 LARGEST_PART = 0.5
 """A function has at most this part of as many coefficients as its quantity has values."""
 DEPENDENT = 1e-12
@@ -56,12 +56,16 @@ NONE = np.full(5, -1)
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """A pair with the least complex functions of it with which the model stands, and the radius that they leave."""
+    """A pair with the least complex functions of it with which the model stands, and the radius that they leave.
+
+    `radius_of_next`: where that is more than the bounds, the least radius of functions that need a number or two more.
+    """
 
     pair: Pair
     form: Form
     complexity: int
     radius: float
+    radius_of_next: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +90,8 @@ class Dependence:
 
     def shows(self, standing: Standing) -> bool:
         """Whether a function shows its place and quantity: within the bounds, by far fewer numbers than pieces."""
-        return standing.radius <= self.limit and standing.complexity <= self.most_complex
+        radius = min(standing.radius, standing.radius_of_next)
+        return radius <= self.limit and standing.complexity <= self.most_complex
 
     @property
     def is_near(self) -> bool:
@@ -320,8 +325,7 @@ class Search:
         places = tuple(dict.fromkeys(pair.freedom.split()[0] for pair in self.pairs if pair.freedom in freedoms))
         model = self.evidence.model
         most_complex = LARGEST_PART * self.evidence.rows.piece_count
-        limit = model.limit + min(model.second_order, MOST_ALLOWED)
-        return Dependence(standing, tuple(freedoms), places, model.radius, limit, most_complex)
+        return Dependence(standing, tuple(freedoms), places, model.radius, model.limit, most_complex)
 
     @cached_property
     def freedoms(self) -> list[str]:
@@ -382,7 +386,18 @@ class Search:
                 standing_pairs.append(trial.pair)
                 most = min(most, most_of_rivals(trial.complexity))
                 radius = self.radius(np.hstack((self.problem.nominal, trial.space)))
-                yield Standing(trial.pair, trial.form, trial.complexity, radius)
+                radius_of_next = np.inf if radius <= self.evidence.model.limit else self.radius_of_next(trial)
+                yield Standing(trial.pair, trial.form, trial.complexity, radius, radius_of_next)
+
+    def radius_of_next(self, trial: Trial) -> float:
+        """The least radius of forms of its pair that have a number or two more than a trial."""
+        least = np.inf
+        for ladder in trial.pair.ladders():
+            for form in ladder:
+                space = self.space_of(trial.pair.columns(form))
+                if trial.complexity < space.shape[1] <= trial.complexity + FURTHER_NUMBERS:
+                    least = min(least, self.radius(np.hstack((self.problem.nominal, space))))
+        return least
 
     def trials(self, pair: Pair) -> Iterator[Trial]:
         """All forms of a pair that might stand."""
