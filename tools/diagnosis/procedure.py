@@ -356,7 +356,7 @@ class Procedure:
     def _of_fault(self, fault: Simple, explanations: Sequence[Explanation]) -> Diagnosis:
         """A fault of the record explains it, and nothing else does that is as simple."""
         keys: dict[str, Any] = {"explanations": explanations, "next": _again(fault)}
-        if fault.fit is None or fault.evidence is not self.evidence:
+        if fault.kind == "break" or fault.fit is None or fault.evidence is not self.evidence:
             return self._result("explained", {}, **keys)
         # Single readings that are off are effects of the model.
         finding = finding_of(self.evidence, [fault.fit])
@@ -633,6 +633,8 @@ def _again(fault: Simple) -> tuple[str, ...]:
         return (f"find why errors reach {bound} g; if that is the noise, give --noise-bound {bound}",)
     if fault.before_row is not None:
         return (f"calibrate the rows before row {fault.before_row} and those from it on apart from each other",)
+    if fault.time_s is not None:
+        return (f"calibrate what was measured before {fault.time_s:.0f} s and after it apart from each other",)
     if not fault.rows:
         return ()
     if len(fault.rows) == 1:

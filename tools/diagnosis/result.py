@@ -132,7 +132,7 @@ def causes_of_simple(simple: Simple) -> tuple[Cause, ...]:
     if simple.fit is None:
         return ()
     causes = causes_of(simple.evidence, centred(simple.evidence, simple.fit))
-    return tuple(cause for cause in causes if not simple.beside or cause.place in simple.beside)
+    return tuple(cause for cause in causes if simple.kind != "break" or cause.place in simple.beside)
 
 
 class NextPosition(TypedDict):

@@ -13,8 +13,8 @@ from ...models.effects.definition import ACCELEROMETERS, AXES
 from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import Interval, column_space
 from ..bounded.sets import EffectSet, Problem, Work, linear_radius, sets_of_size
-from ..calibrated import Calibration
-from ..evidence.bench import Bench, BenchReader
+from ..evidence.bench import Bench
+from ..evidence.bench_in_motion import BenchInMotion
 from ..evidence.bench_visits import signature_columns
 from ..evidence.cells import FEWEST_ROWS
 from ..evidence.evidence import Evidence
@@ -126,7 +126,7 @@ def groups_of(rows: Rows) -> tuple[Group, ...]:
 
 def breaks(evidence: Evidence) -> tuple[Simple, ...]:
     """The smallest breaks with which the model stands."""
-    if not isinstance(evidence.model, Bench) or evidence.model.radius < NEAR:
+    if not isinstance(evidence.model, Bench | BenchInMotion) or evidence.model.radius < NEAR:
         return ()
     search, found = Search(evidence, Work()), []
     contained: list[Group] = []
@@ -137,17 +137,6 @@ def breaks(evidence: Evidence) -> tuple[Simple, ...]:
             contained.append(group)
             found.append(search.simple([group], fits))
     return tuple(found)
-
-
-@dataclass(frozen=True, eq=False)
-class BrokenReader(BenchReader):
-    """The reader of a bench of which something changed once, by a fit."""
-
-    broken: Fit
-
-    def calibration_of(self, fit: Fit | None = None) -> Calibration:
-        """What the record says of the parameters beside the change."""
-        return super().calibration_of(fit or self.broken)
 
 
 @dataclass(frozen=True)
@@ -208,10 +197,16 @@ class Search:
     evidence: Evidence
     work: Work
 
-    @property
+    @cached_property
     def model(self) -> Bench:
-        """The model without a break."""
-        return self.evidence.model
+        """The model of the rests without a break; what it cannot say of turns the exact fit does."""
+        model = self.evidence.model
+        return model.rests if isinstance(model, BenchInMotion) else model
+
+    @property
+    def room(self) -> float:
+        """What writing down the readings adds to the bounds, as the exact fit has these."""
+        return self.evidence.model.room
 
     @cached_property
     def rows(self) -> Rows:
@@ -231,7 +226,11 @@ class Search:
     @property
     def groups(self) -> tuple[Group, ...]:
         """The same but for what the catalogue has as effects: they are sought there."""
-        return tuple(group for group in self.every_group if group.catalogued not in self.listed)
+        groups = [group for group in self.every_group if group.catalogued not in self.listed]
+        if isinstance(self.evidence.model, BenchInMotion):
+            # What turns the block its gyros see, too, at the moment of the turn: a slip of the catalogue.
+            groups = [group for group in groups if set(group.where) <= set(ACCELEROMETERS)]
+        return tuple(groups)
 
     @cached_property
     def order(self) -> NDArray[np.int_]:
@@ -307,46 +306,45 @@ class Search:
     def fitted(self, places: Sequence[EffectPlace]) -> Fit | None:
         """The exact model with a change; None where it does not stand."""
         try:
-            fit = self.model.refit(places)
+            fit = self.evidence.model.refit(places)
         except ValueError:
             return None
-        return fit if fit.radius <= self.model.limit else None
+        return fit if fit.radius <= self.evidence.model.limit else None
 
     def simple(self, groups: Sequence[Group], standing: Sequence[Standing], beside: Beside = ALONE) -> Simple:
         """Breaks of some groups, with what is beside them, as a fault of the record; the best of some gaps first."""
         best, *others = standing
-        fit = replace(best.fit, also=tuple(one.fit for one in others)).centred(self.model.room)
-        values, intervals = list(fit.values()), list(fit.intervals(self.model.room))
+        fit = replace(best.fit, also=tuple(one.fit for one in others)).centred(self.room)
+        values, intervals = list(fit.values()), list(fit.intervals(self.room))
         change: dict[str, float] = {}
         ends: dict[str, tuple[float, float]] = {}
         sentences, numbers = [], beside.numbers + len(groups) - 1
         for k, (group, gap) in enumerate(zip(groups, best.gaps, strict=True)):
             sizes = []
-            ending = f"_from_row_{self.row_after(gap)}" if k else ""
+            ending = f"_from_{self.unit_of_rows}_{self.row_after(gap)}" if k else ""
             for part in group.parts:
                 (value,), ((low, high),) = values.pop(0), intervals.pop(0)
                 sizes.append(Stated(min(max(value, low), high), low, high))
                 change[part.key + ending], ends[part.key + ending] = float(sizes[-1]), (low, high)
             first = min(one.gaps[k].before for one in standing)
             last = max(one.gaps[k].after for one in standing)
-            between = f"Between rows {self.order[first] + 1} and {self.order[last] + 1}"
-            sentence = f"{between} {group.words} changed by {said(group, sizes)}"
+            sentence = f"{self.between(first, last)} {group.words} changed by {said(group, sizes)}"
             sentences.append(f"{sentence}{'' if k else '; before and after one bench fits'}. {group.supposed}".strip())
             numbers += self.numbers_of(group, gap)
-        reader, gap = BrokenReader(self.model, fit), best.gaps[0]
+        gap = best.gaps[0]
         return Simple(
             kind="break",
             numbers=numbers,
             where=tuple(dict.fromkeys(place for group in groups for place in group.where)) + beside.where,
             sentence=" ".join([*sentences, *beside.sentences(values, intervals)]),
             radius=best.fit.radius,
-            evidence=Evidence.of(reader, self.evidence.source),
+            evidence=self.evidence,
             rows=beside.rows,
             change=change,
             within=ends if self.model.calibration.sigma.kind == "bound" else {},
-            before_row=self.row_after(gap),
+            before_row=None if self.of_rests else self.row_after(gap),
             time_s=float(self.model.readings.circumstances.began + 3600.0 * gap.hours),
-            fit=fit if beside.effects else None,
+            fit=fit,
             beside=beside.effects,
         )
 
@@ -358,8 +356,28 @@ class Search:
         return group.numbers
 
     def row_after(self, gap: Gap) -> int:
-        """The first row after a gap, as in the file."""
+        """The first row after a gap, as in the file; of a series the number of its rest."""
         return int(self.order[gap.after]) + 1
+
+    @cached_property
+    def of_rests(self) -> bool:
+        """Whether the rows are the rests of a series, not rows of a file."""
+        source = self.evidence.source
+        return source is not None and source.record.raw is not None
+
+    @property
+    def unit_of_rows(self) -> str:
+        """What a row is, in words."""
+        return "rest" if self.of_rests else "row"
+
+    def between(self, first: int, last: int) -> str:
+        """Between which rows, from 0 in the order of time; of a series also when."""
+        rows = f"Between {self.unit_of_rows}s {self.order[first] + 1} and {self.order[last] + 1}"
+        if not self.of_rests:
+            return rows
+        circumstances = self.model.readings.circumstances
+        begin, end = circumstances.began + 3600.0 * self.hours[self.order[[first, last]]]
+        return f"{rows} ({begin:.0f} s to {end:.0f} s)"
 
 
 def said(group: Group, sizes: Sequence[Stated]) -> str:

@@ -40,7 +40,7 @@ class Simple:
     fit : Fit or None
         effects beside the fault, fitted to its evidence
     beside : tuple of EffectPlace
-        of a fit that holds the fault itself, too: the effects beside it
+        of a break, which its fit holds: the effects beside it
     """
 
     kind: KindOfFault

@@ -1,7 +1,9 @@
 """One change of bench or block between two rows is named: the gap, the changed quantity, and the size."""
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from diagnoses import diagnosed
@@ -9,6 +11,8 @@ from field_files import field_file
 from generator import SIGMA
 from generator.broken import Broken, broken_record
 from trihedron import read_record
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.trials import Hidden, draw_whole
 
 KEYS = {
     "outer zero": ("alpha_zero_rad",),
@@ -97,4 +101,20 @@ def test_biases_of_the_field_changed_by_what_they_did(tmp_path):
     explanation = diagnosed(read_record(field_file("o19_power.csv", tmp_path))).explanations[0]
     for key, size in zip(("bias_1_g", "bias_2_g", "bias_3_g"), (4e-5, -3e-5, 5e-5), strict=True):
         low, high = explanation.within[key]
+        assert low <= size <= high
+
+
+@pytest.mark.parametrize("whole", [False, True], ids=["rests", "with gyros"])
+def test_biases_of_a_bench_record_change_at_a_time(whole):
+    drawn = draw_whole(np.random.default_rng([5, 5]))
+    bench = replace(drawn, alpha=drawn.alpha[-28:], beta=drawn.beta[-28:])
+    hidden, sizes = [], (8e-5, -7e-5, 9e-5)
+    for accelerometer, size in enumerate(sizes, start=1):
+        hidden.append(Hidden(EffectPlace("bias-step", f"accelerometer-{accelerometer}"), (size, 0.04)))
+    result = diagnosed(bench.measured(5, None, hidden), **({"bench": bench.place} if whole else {}))
+    assert result.verdict == "explained"
+    explanation = result.explanations[0]
+    assert (explanation.kind, explanation.before_row) == ("break", None)
+    assert 136.0 < explanation.time_s < 148.0
+    for (low, high), size in zip(explanation.within.values(), sizes, strict=True):
         assert low <= size <= high
