@@ -22,7 +22,7 @@ COMPILED_AS_SHIPPED = {
 }
 """Folders and modules of tests that need the C compiler's optimisation."""
 
-# How long an example takes says how busy the machine is.
+# The time of an example depends on the load of the machine.
 settings.register_profile("no deadlines", deadline=None)
 settings.load_profile("no deadlines")
 
@@ -75,7 +75,7 @@ def _hasty_compiler(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
     if real is None or os.name != "posix":
         return None
     path = tmp_path_factory.mktemp("compiler") / "cc"
-    # It has a version of its own, so that the cache keeps apart what the two have made.
+    # Its version differs, so that the cache separates the products of the two.
     path.write_text(
         f'#!/bin/sh\nif [ "$1" = --version ]; then echo hasty; fi\nexec {shlex.quote(real)} "$@" -O0\n',
         encoding="utf-8",

@@ -199,7 +199,7 @@ def _be_the_command(said: dict[str, Any], scratch: Path) -> None:
     finally:
         for stream in (sys.stdout, sys.stderr):
             _flushed(stream)
-        # What waits for the end of a process, as folders do, has been waited for.
+        # Objects that wait for the end of a process, such as folders, have been waited for.
         import atexit
 
         atexit._run_exitfuncs()
@@ -236,7 +236,7 @@ class _Struck:
         BLOWS[self._strike.blow](self._strike)
 
     def __call__(self, frame: FrameType, event: str, _: object) -> None:
-        # A generator is called each time that it goes on, and returns each time that it yields.
+        # A generator is called at each continuation, and returns at each yield.
         if event in ("call", "return") and frame.f_code.co_name in self._among:
             if event == "call":
                 self._inside.append(frame.f_code.co_name)

@@ -293,7 +293,7 @@ def other_member(data: bytes, rng: random.Random) -> bytes:
     readable = [name for name in members if re.search(r"\.(xml|bin|ssd|ssv|json|toml|rels|py)$", name)] or [*members]
     name = rng.choice(readable)
     if name.endswith(".py"):
-        # Code would be run: it is not what is tried here.
+        # This would run code, which is not tested here.
         return data
     if rng.random() < 0.1:
         members.pop(name)

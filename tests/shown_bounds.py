@@ -83,7 +83,7 @@ def shown_too_well(content: Any, watched: Watched) -> list[str]:
         up = key in UP or (key in BOTH and value <= 1.0)
         if key in UP | DOWN | BOTH and value not in unbounded:
             for unit in UNITS:
-                # A figure that is a bound of two kinds may be shown as either.
+                # A figure that is both kinds of bound may be shown as either.
                 shown_as = repr(value) if unit == 1.0 else _key(value * unit)
                 roundings.setdefault(shown_as, set()).add(ROUND_CEILING if up else ROUND_FLOOR)
     wrong = []

@@ -69,7 +69,7 @@ def test_a_scenario_with_many_mistakes_has_each_with_its_line(tmp_path: Path):
     problems = found(written(tmp_path, text))
     assert len(problems) == len(mistakes)
     for wrong, message in mistakes.values():
-        # A problem of an entry of a list may stand at the entry's header.
+        # The problem of a list entry may have the line of the entry's header.
         at = lines.index(wrong.split("\n")[0]) + 1
         near = [line for line, message in problems if message in message]
         assert near, message

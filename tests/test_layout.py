@@ -16,7 +16,7 @@ def names() -> list[str]:
     """Return the import names of all modules of the product."""
     result = pkgutil.walk_packages([str(ROOT)], "trihedron.")
     parts = [module.name.split(".") for module in result]
-    # What is run is not imported.
+    # A module that is run is not imported.
     return [".".join(p) for p in parts if p[1] in PARTS and p[-1] != "__main__"]
 
 

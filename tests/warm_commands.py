@@ -53,7 +53,7 @@ def warm_commands(folder: Path, environment: Mapping[str, str]) -> Iterator[Path
     Path
         the folder
     """
-    # A socket's name may be no longer than about a hundred characters.
+    # A socket's name may have no more than about a hundred characters.
     with tempfile.TemporaryDirectory(prefix="warm-") as short:
         path = Path(short) / "socket"
         shim = folder / "trihedron"

@@ -121,7 +121,7 @@ class Page:
         window.page.wait_for_selector("#next")
 
     def text(self) -> str:
-        # its terminal is read, too: a program waits for one that is full
+        # read its terminal, too: a program waits for a full one
         self.program.said()
         return self.page.inner_text("main").lower()
 
@@ -162,7 +162,7 @@ def measured(operator: Terminal | Page, table: SimulatedTable, count: int, *, kn
         assert to is not None
         table.go(float(to[4]), float(to[5]), knocked=len(missing) == knocked)
         missing.append(output)
-        # the rest is over when the table leaves it
+        # the rest ends when the table leaves it
         remaining = float(to[4]) + 4.0
         table.go(remaining, float(to[5]), 0.5)
         waited(lambda before=output: operator.next() != before, f"another than {output}")

@@ -22,7 +22,7 @@ def test_uniform_errors_falsify_none(count, repeated):
     assert false_alarms(SEEDS, count, "uniform", repeated) <= CHANCE
 
 
-# shares that five degrees of freedom leave out of reach, of a known standard deviation and of six repeats
+# shares that five degrees of freedom cannot reach, for a known standard deviation and for six repeats
 HEAVY_TAILS = {12: (0.08, 0.05), 24: (0.16, 0.06), 48: (0.26, 0.16), 100: (0.50, 0.28)}
 
 

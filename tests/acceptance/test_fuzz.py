@@ -243,7 +243,7 @@ def done_with(case: Input, inputs: Path, folder: Path, commands: ForkedCommands)
         if path.is_dir():
             place.mkdir()
         elif path.is_relative_to(inputs / "finished"):
-            # This folder is gone on with: what is written there goes into it.
+            # The campaign continues in this folder: its outputs go into it.
             shutil.copy(path, place)
         elif place.relative_to(folder).as_posix() != case.name:
             place.symlink_to(path)

@@ -43,9 +43,9 @@ def say(capsys):
     ("name", "right", "wrong"),
     [
         ("clean", 1.0, 0.0),
-        # Single effects at half again the second size.
+        # Single effects at 1.5 times the second size.
         ("single", 0.97, 0.005),
-        # Between the two sizes: what remains among the candidates is right, too, and every one is detected.
+        # Between the two sizes a remaining candidate is correct, too, and every effect is detected.
         ("between", 0.97, 0.01),
         ("pairs", 0.9, 0.02),
         ("detection", 0.0, 1.0),
@@ -63,7 +63,7 @@ def test_hidden_effects_are_named_and_none_wrongly(name, right, wrong, say):
     say(process)
     counts = Counter(process.outcomes)
     assert [outcome.case for outcome in process.results if outcome.inside is False] == []
-    # Of few triples one is no part of a hundred.
+    # With few triples one is more than a hundredth.
     hits = counts["right"] + (name == "triples") + (counts["candidate"] if name == "between" else 0)
     assert hits >= right * cases
     assert counts["wrong"] + (counts["part"] if name in ("single", "triples") else 0) <= wrong * cases

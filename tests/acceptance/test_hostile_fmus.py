@@ -23,7 +23,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_hostile(tmp_path_factory.mktemp("hostile")).parent
 
 
-# Freeing an instance has no status that could say that it failed.
+# Freeing an instance returns no status that could report a failure.
 @pytest.mark.parametrize(("call", "way"), [(c, w) for c in CALLS for w in WAYS if (c, w) != ("FreeInstance", "error")])
 def test_each_behaviour(hostile: Path, tmp_path: Path, call: str, way: str) -> None:
     assert_named_and_kept(hostile, call, way, tmp_path / "out")

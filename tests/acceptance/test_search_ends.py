@@ -41,7 +41,7 @@ def test_a_diagnosis_of_gross_errors_ends(kind, positions):
     seconds = time.process_time() - began
     print(f"{kind}, {positions} positions: {seconds:.1f} s, {result.verdict}, cut off at {result.cut_off_at}")
     assert seconds < MOST_SECONDS
-    # A walk may come near a neighbour, white noise near none; only a sign that is reversed has a name.
+    # A walk may come near a neighbour, white noise near none; only a reversed sign has a name.
     if kind == "sign":
         assert [cause.place.effect for cause in result.causes] == ["exchanged-readings"]
     elif kind in ("white", "shuffled"):

@@ -80,7 +80,7 @@ class Campaign:
         process = self.run(None)
         assert process.status == 0, process.err
         self.whole, self.seconds = content(self.out), process.seconds
-        # How many calls there are within each function, from the beginning and when all is there.
+        # Count the calls within each function, from the beginning and with all files there.
         self.calls = self.run(Strike("", PARTS)).calls
         self.anew()
         self.calls = {**self.calls, **self.run(Strike("", PARTS)).calls}
@@ -108,7 +108,7 @@ def expected(done: Done, blow: str) -> None:
         assert done.status == -9, done.err
         assert done.out == ""
     elif blow == "ctrl-c":
-        # Where nothing of Python is called any more, it has come too late.
+        # If no Python is called any more, the strike was too late.
         assert done.status in (0, 130), done.err
         assert done.status == 0 or re.fullmatch(INTERRUPTED, done.err), done.err
     assert "Traceback" not in done.err

@@ -34,7 +34,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert process.returncode == 0, process.stderr
     libraries = next(path for path in sys.path if path.endswith("site-packages"))
     packages = next(folder.glob("lib/python*/site-packages"))
-    # Of a folder that is named in a .pth no .pth is read, so an editable install is not found there.
+    # Python reads no .pth in a folder that a .pth names, so an editable install is not found there.
     (packages / "libraries.pth").write_text(libraries + "\n", encoding="utf-8")
     return folder / "bin" / "trihedron"
 

@@ -20,7 +20,7 @@ def test_every_parameter_of_two_hundred_benches_is_inside_its_interval():
     for seed in range(RECORDS):
         truth = Truth.drawn(np.random.default_rng([22, seed]))
         errors = Errors(rate=5e-5, encoder=2e-6, seed=seed)
-        # The faster, the shorter are moves that are never steady.
+        # The rate is higher for shorter moves, which are never steady.
         programme = replace(PROGRAMME, step=0.01, rate=(1.2, 2.0)[seed % 2])
         rests = position_record_of(bench_record(truth, programme, errors))
         alone = calibrate(rests, noise_bound=SIGMA)

@@ -186,7 +186,7 @@ def test_ratio_to_scipy_ahrs_and_c(tmp_path: Path, capsys: pytest.CaptureFixture
         print(f"{'':<32} {'ns a sample':>12} {'of (22)':>9} {'error in 40 s [deg]':>20}")
         for name, (cost, error) in rows.items():
             print(f"{name:<32} {cost:>12.1f} {cost / ours:>9.2f} {error:>20.1e}")
-    # What others do with each increment is the mean rate algorithm: the same error.
+    # The others use the mean rate algorithm for each increment: the same error.
     for name in set(rows) - set(KERNELS) - {"(22) in C, cc -O3"}:
         assert rows[name][1] == pytest.approx(rows["mean-rate"][1], rel=1e-6)
         assert rows[name][0] > ours
@@ -206,7 +206,7 @@ def test_ratio_of_a_sample_through_a_native_fmu_to_c(tmp_path: Path, capsys: pyt
         runs[f"{name}, native FMU"] = native_fmu(name, tmp_path / name)
     costs, attitudes = {}, {}
     for name, run in runs.items():
-        # The best of many short runs: what else the machine does is in none of them.
+        # The best of many short runs excludes other work of the machine.
         costs[name], attitudes[name] = nanoseconds(run, increments, 200)
     with capsys.disabled():
         print(f"\n{SHORT} gyro samples, renormalised, best of 200\n{'':<34} {'ns a sample':>12} {'of C':>6}")

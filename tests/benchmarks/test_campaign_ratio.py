@@ -41,7 +41,7 @@ def test_two_workers_do_nearly_twice_the_work_of_one(tmp_path):
             assert all(process.poll() is None for process in started)
             time.sleep(0.05)
         before = done(alone), done(pair)
-        # At the end one of the two workers has nothing left to do.
+        # At the end one of the two workers is idle.
         while done(pair) < FILES - 2:
             time.sleep(0.05)
         ratio = (done(pair) - before[1]) / (done(alone) - before[0])

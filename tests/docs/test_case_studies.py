@@ -57,7 +57,7 @@ def test_latency_comes_first_in_broad_03_then_scale_and_misalignment():
     for length in result.lengths or ():
         assert length.order is not None
         assert length.order_as_measured is not None
-        # Over the longest windows a low-pass of each gyro predicts better what was left out than one latency of all.
+        # Over the longest windows a low-pass of each gyro predicts left-out parts better than one common latency.
         late = "lag" if length.over == "8 s" else "latency"
         assert [step.effect for step in length.order.steps][:2] == [late, "gyro-scale-misalignment"]
         assert {step.effect for step in length.order_as_measured.steps} >= {"gyro-bias", late}

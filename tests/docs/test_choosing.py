@@ -108,7 +108,7 @@ def test_tables_of_the_page_are_what_comes_out():
         assert errors["panov-series"][k] > best[k]
         assert errors["four-sample-coning"][k] > 1000.0 * best[k]
     assert errors["functional-iteration-8"][0] < 1e-6 * best[0]
-    # Near the limit of aliasing high degrees do harm, well above it they pay.
+    # Near the limit of aliasing high degrees do harm; well above it they help.
     assert errors["functional-iteration-8"][2] > 10.0 * best[2]
     names = ("mean-rate", "two-sample-rodrigues", "functional-iteration-4", "functional-iteration-8")
     for row in table("aliasing"):

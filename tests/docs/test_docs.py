@@ -152,7 +152,7 @@ def test_every_field_of_every_result_has_its_line_and_the_gallery_its_pages(site
         assert f'<h3 id="{kind.__name__.lower()}' in library, kind
         keys = [field.alias or name for name, field in kind.model_fields.items() if not field.exclude]
         assert [key for key in keys if f"<code>{key}</code>" not in library] == [], kind
-        # What is only named is not known to the page before it is used.
+        # A named file does not exist for the page before its use.
         assert "ForwardRef" not in repr(kind.model_fields), kind
     assert len(result_classes()) > 40
     assert "Insufficient" in (site / "gallery" / "calibrate-insufficient.html").read_text(encoding="utf-8")

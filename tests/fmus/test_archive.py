@@ -59,7 +59,7 @@ def _names_are_parsed_once() -> Iterator[None]:
 def test_valid_to_fmpy_and_the_same_bytes_on_every_build(component, flavour, fmi, tmp_path, monkeypatch):
     first = build(component.name, tmp_path / "a", component.effects, flavour=flavour, fmi=fmi)
     assert validate_fmu(str(first)) == []
-    # Machine code is made again for one component; of the others it is kept by the bytes of their sources.
+    # Machine code is compiled again for one component; the others' is cached by the bytes of their sources.
     again = component.name == "AccelerometerBlock" and not component.effects
     if again:
         monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "empty"))
@@ -115,7 +115,7 @@ def test_arrays_are_real_ones_and_the_types_are_declared(tmp_path):
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_names_of_types_are_unique_and_no_variable_has_one(fmi, tmp_path, monkeypatch):
-    # Nothing is run.
+    # No code is run.
     monkeypatch.setattr("trihedron.fmus.native.c_source.binary", lambda *_, **__: b"")
     for component in all_kinds():
         path = build(component.name, tmp_path, component.effects, flavour="native", fmi=fmi)

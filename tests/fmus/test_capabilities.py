@@ -19,11 +19,11 @@ needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no
 
 TRIED = {
     "canHandleVariableCommunicationStepSize",
-    # By the sequences of calls in test_native_conformance, and for Python in test_components.
+    # Covered by the sequences of calls in test_native_conformance, and for Python in test_components.
     *("canGetAndSetFMUstate", "canSerializeFMUstate", "canGetAndSetFMUState", "canSerializeFMUState"),
-    # In test_derivatives.
+    # Covered in test_derivatives.
     *("providesDirectionalDerivative", "providesDirectionalDerivatives"),
-    # The instances here are given no functions of memory.
+    # The instances here have no memory functions.
     "canNotUseMemoryManagementFunctions",
 }
 OVER_A_STEP = ("increment", "increment_reading")
@@ -124,7 +124,7 @@ def test_every_declared_capability_is_there(component, flavour, tmp_path, slaves
         for name, values in even.items():
             assert uneven[name] == pytest.approx(values, rel=1e-9, abs=1e-9), name
     else:
-        # It takes its sample period, and no longer step.
+        # It accepts its sample period, and no longer step.
         assert driven.step(0.0, 0.02)
         assert not driven.step(0.02, 0.03)
 

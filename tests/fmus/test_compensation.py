@@ -38,7 +38,7 @@ def test_it_has_the_parameters_of_the_calibrated_block():
 @given(st.lists(SMALL, min_size=15, max_size=15), st.tuples(FORCE, FORCE, FORCE))
 def test_the_inverse_of_the_block_for_every_force(values, force):
     _, recovered = there_and_back(dict(zip(names(), values, strict=True)), force)
-    # the bias is added to the reading and taken off again: its rounding is what is left
+    # the bias is added to the reading and subtracted again: only its rounding remains
     np.testing.assert_allclose(recovered, force, rtol=0, atol=4e-15 * (GRAVITY + np.abs(force).max()))
 
 

@@ -134,7 +134,7 @@ def test_errors_of_the_block_stay_within_their_bound_and_are_held_over_a_rest():
         for k in range(500):
             errors[dwell, k] = model.step(dwell * 50.0 + k * 0.1, 0.1)["reading[1]"] / 9.80665
     assert np.abs(errors).max() <= 1e-5
-    # Within a rest the error spans the white part alone; from rest to rest the middle moves by the held part.
+    # Within a rest the error has only its white part; from rest to rest the middle moves by the held part.
     assert np.all(np.ptp(errors, axis=1) <= 2 * 0.25e-5)
     assert np.all(np.ptp(errors, axis=1) > 1.9 * 0.25e-5)
     assert np.ptp(errors.mean(axis=1)) > 1e-6

@@ -82,7 +82,7 @@ def test_senses_of_inputs_are_those_of_their_last_changes():
     read_block(-0.5, 0.0, 0.0)
     model.begin()
     recorded = []
-    # The first change is from no input; what only rounding changes is no change.
+    # The first change has no previous input; a change by rounding does not count.
     for k, n in enumerate((-0.5, -0.3, -0.3, -0.3 - 1e-16, -0.31, -0.31 + 1e-15, 0.2)):
         read_block(n, 0.0, 0.0)
         model.step(float(k), 1.0)
@@ -150,7 +150,7 @@ def test_a_record_without_approach_columns_gives_senses_from_the_row_before():
     assert rows.input_sense[1:].tolist() == np.sign(np.diff(rows.n, axis=0)).tolist()
     turns = np.remainder(np.diff(ALPHA) + np.pi, 2.0 * np.pi) - np.pi
     assert rows.sense_alpha.tolist() == [0.0, *np.sign(turns)]
-    # Any order of rows keeps what came before each.
+    # Any order of rows keeps each row's predecessor.
     chosen = np.array([2, 5])
     some = circumstances_of(record).selected(chosen)
     at = Positions(ALPHA[chosen], BETA[chosen], np.zeros(2, dtype=int))

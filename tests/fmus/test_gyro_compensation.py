@@ -76,7 +76,7 @@ def test_no_lag_makes_it_unstable(steps):
     jumping = replace(rows, rate=np.where(np.arange(len(rows.rate)) % 2 == 0, 1.0, -1.0)[:, None] * np.ones(3))
     response = gyro_readings([(LATENCY, [steps * PERIOD])], jumping, "GyroCompensation")
     assert np.abs(response).max() <= 7.0 + 1e-12
-    # From a jump on, what came before is forgotten after two lags.
+    # Two lags after a jump, the earlier motion is forgotten.
     step = replace(rows, rate=np.where(np.arange(len(rows.rate)) < 10, 0.0, 1.0)[:, None] * np.ones(3))
     response = gyro_readings([(LATENCY, [steps * PERIOD])], step, "GyroCompensation")
     assert response[30:] == pytest.approx(np.ones_like(response[30:]), abs=1e-12)

@@ -107,7 +107,7 @@ def test_fmpy_gets_the_numbers_of_co_simulation(name, fmi, solver, tmp_path):
         else:
             # FMPy reads no discrete arrays: one command, from the start.
             values["command"] = "1.0 -0.3"
-        # What counts at the end of a step, and its length, is of another step where events cut it.
+        # Values at the end of a step, and its length, belong to another step if events cut it.
         output_names = ["angle", "rate", "specific_force", "attitude", "attitude_inertial"]
     if fmi == 2:
         variables = elements_of(component, "output")
@@ -145,7 +145,7 @@ def test_events_come_where_a_move_changes_and_where_a_rest_begins(fmi, tmp_path)
     assert table.model.get(by["dwell"]) == [2.0]
     assert table.model.get(by["angle"]) == pytest.approx([1.0, 0.0], abs=1e-15)
     assert table.update() is None
-    # A command amid continuous time brings events: they are asked for.
+    # A command in continuous time brings events, which are requested.
     table.flow()
     assert table.model.set("command", [0.0, 0.0]) == OK
     assert table.go(4.0) == OK

@@ -102,10 +102,10 @@ def test_libraries_for_macos_are_found_by_their_name_signed_and_for_old_systems(
     library = binary(PLATFORMS[name], "Name", native_sources(components()["TableController"], 2), portable=True)
     commands = load_commands(library)
     assert commands[0xD][24:].rstrip(b"\0") == b"@rpath/Name.dylib"
-    # LC_BUILD_VERSION, or LC_VERSION_MIN_MACOSX where older systems are to read it.
+    # LC_BUILD_VERSION, or LC_VERSION_MIN_MACOSX for older systems.
     (word,) = struct.unpack_from("<I", *((commands[0x32], 12) if 0x32 in commands else (commands[0x24], 8)))
     assert (word >> 16, word >> 8 & 255) == oldest
-    # The signature: every page of the library before it has the hash that stands in its code directory.
+    # The signature: every page of the library before it has the hash in its code directory.
     begin, size = struct.unpack_from("<2I", commands[0x1D], 8)
     signature = library[begin : begin + size]
     at = signature.index(bytes.fromhex("fade0c02"))

@@ -135,7 +135,7 @@ def test_a_slip_at_the_end_of_a_step_is_in_one_increment_and_in_the_attitude_the
         begin, length = rng.choice([0.0, 7.3]), rng.choice([0.005, 0.1, 0.3, 1.0 / 3.0, rng.uniform(0.01, 2.0)])
         counted = begin + length * np.arange(21)
         times = counted if case % 2 else np.cumsum([begin, *[length] * 20])
-        # The hours of the end of a step as one who makes a scenario, or the table, finds them.
+        # The hours of the end of a step, as the author of a scenario, or the table, computes them.
         at = rng.integers(3, 18)
         ends = [(times[at] - begin) / 3600.0, at * length / 3600.0, (times[at - 1] + length - begin) / 3600.0]
         start = ends[case % 3]

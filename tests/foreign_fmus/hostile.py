@@ -90,7 +90,7 @@ def assert_named_and_kept(folder: Path, call: str, way: str, out: Path) -> None:
     assert message.startswith(f"FMU '{name}' (Hostile.fmu): "), message
     assert "\n" not in message
     if call == "Instantiate":
-        # There is no instance yet to speak of a status.
+        # There is no instance yet that could return a status.
         expected = "fmi2Instantiate failed" if way == "error" else f"its library cannot be loaded.*{WAYS[way]}"
         assert re.search(expected, message), message
     else:

@@ -1,4 +1,4 @@
-"""Sessions with one change between two rows, of which the product is not told."""
+"""Sessions with one change between two rows, unknown to the product."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -97,7 +97,7 @@ def two_things(
     reading += with_effects - session.read()[1]
     if wrong_row:
         reading[rows[1]] += SIGMA * rng.choice([-1.0, 1.0], 3) * rng.uniform(10.0, 30.0, 3)
-    # Errors within nine tenths of the bound: what effects and breaks do to each other is left out.
+    # Errors within nine tenths of the bound, because the interaction of effects and breaks is left out.
     record = session.recorded(angles, reading + 0.9 * errors(rng, count)[0])
     return TwoThings(record, int(rows[0]) + 1, int(rows[1]) + 1)
 

@@ -39,7 +39,7 @@ def true_motion(poses: np.ndarray = POSES, rest: float = 3.0, move: float = 1.5,
         s = (np.arange(round(move / period)) + 0.5) * period / move
         turn = angle * (s - np.sin(2.0 * np.pi * s) / (2.0 * np.pi))
         speed = angle / move * (1.0 - np.cos(2.0 * np.pi * s))
-        # The block also turns about the vertical, by half a turn at most, first.
+        # First, the block also turns about the vertical, by half a turn at most.
         spin = (0.5 + 0.4 * (k % 3)) * np.sin(2.0 * np.pi * s)
         vertical = Rotation.from_rotvec(-turn[:, None] * axis).apply(before)
         rates.append(speed[:, None] * axis + spin[:, None] * vertical)
@@ -183,7 +183,7 @@ def write_strapdown(
     np.savetxt(path, np.column_stack(columns), formats, ",", header=names, comments="")
 
 
-# A gyro's fault that is in no catalogue
+# A gyro's fault outside the catalogue
 
 WHITE = 8e-4
 """Noise of a gyro at a row [rad/s]."""
@@ -264,6 +264,6 @@ def outside_gyro(path: Path, seed: int, index: int) -> OutsideGyro:
         filmed = attitude + 0.5 * SEEN * rng.normal(size=attitude.shape)
         write_strapdown(path, times, gyro, force, filmed / np.linalg.norm(filmed, axis=1)[:, None])
     else:
-        # Between rests the block counts as calibrated: each gyro has a scale factor and misalignments of its own.
+        # Between rests the block counts as calibrated: each gyro has its own scale factor and misalignments.
         write_strapdown(path, times, gyro + true @ rng.uniform(-2e-3, 2e-3, (3, 3)).T, force)
     return OutsideGyro(path, shape, f"gyro-{p + 1}", quantity, with_truth, size, fault, values)

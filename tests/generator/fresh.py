@@ -95,7 +95,7 @@ def position_record(path: Path, kind: str, seed: int) -> Fresh:
         reading[:, p] += sign * 3e-5 * size * np.exp(-hours / (rng.uniform(0.2, 0.8) * hours[-1]))
     elif kind == "quantisation":
         values = {"step": float(rng.uniform(1.5e-4, 8e-4))}
-        # Rounded before the error is added, as by an electronics that is read out with noise.
+        # Rounded before the error is added, like electronics with noise in the readout.
         reading[:, p] = np.round(reading[:, p] / values["step"]) * values["step"]
     session.write(path, (encoder, beta), reading + error, rng)
     return Fresh(path, kind, frozenset(hidden), values, stand.targets())

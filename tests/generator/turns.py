@@ -70,7 +70,7 @@ def turned_by(steps: np.ndarray) -> Rotation:
     """Return attitudes (N,) of a block that begins level and is turned by rotation vectors (N, 3) one after the
     other."""
     attitude, span = Rotation.from_rotvec(steps), 1
-    # Products of 1, 2, 4, ... neighbours: the order of the factors stays.
+    # Products of 1, 2, 4, ... neighbours keep the order of the factors.
     while span < len(steps):
         attitude = Rotation.concatenate([attitude[:span], attitude[:-span] * attitude[span:]])
         span *= 2

@@ -180,7 +180,7 @@ class Known:
         return np.where(values[:, None] > np.sort(values)[:-1], 1.0, 0.0)
 
 
-# The shapes: what is unknown to the model, at unit size.
+# The shapes: unknown to the model, at unit size.
 
 
 def bell(off: np.ndarray, width: float) -> np.ndarray:
@@ -280,7 +280,7 @@ def of_temperature(truth: Known, rng: np.random.Generator) -> Fault:
 def one_jump(truth: Known, rng: np.random.Generator) -> Fault:
     which, at = int(rng.integers(4)), rng.uniform(0.25, 0.75)
     if which == 0:
-        # Once around, linear back: a circle allows no jump alone.
+        # Linear once around and back: a circle allows no single jump.
         phase = rng.uniform()
         return on_encoder(truth, rng, lambda angle: teeth_of(angle, phase), "jump")
     if which == 1:
@@ -315,7 +315,7 @@ SHAPES: tuple[Callable[[Known, np.random.Generator], Fault], ...] = (
 )
 
 
-# Distances, and what cannot be told from the truth
+# Distances, and alternatives that equal the truth
 
 
 def distance(change: np.ndarray, columns: np.ndarray) -> float:

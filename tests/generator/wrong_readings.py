@@ -39,7 +39,7 @@ def with_rates(record: StrapdownRecord, change: Callable[[np.ndarray], np.ndarra
 
 
 def fastest_row(rate: np.ndarray, axis: int) -> int:
-    """The middle of the longest stretch in which a gyro turns nearly as fast as ever."""
+    """Return the middle of the longest stretch of nearly fastest turning."""
     begins, ends = runs_of(np.abs(rate[:, axis]) > 0.8 * np.abs(rate[:, axis]).max())
     longest = int(np.argmax(ends - begins))
     return int(begins[longest] + ends[longest]) // 2
@@ -103,19 +103,19 @@ ATTITUDES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def with_force_lost(force: np.ndarray) -> np.ndarray:
-    """Three rows at rest in which all accelerometers read zero."""
+    """Make three rows at rest in which all accelerometers read zero."""
     force[70:73] = 0.0
     return force
 
 
 def with_force_spike(force: np.ndarray) -> np.ndarray:
-    """One reading of one accelerometer, at rest, that is 4 g off."""
+    """Make one reading of one accelerometer 4 g wrong, at rest."""
     force[70, 1] += 4.0 * G
     return force
 
 
 def shaken_beyond(limit: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Readings of 16 bits with this limit [g], of a block that is shaken in its first rest by 2.5 g."""
+    """Make readings of 16 bits with this limit [g], with the block shaken by 2.5 g in its first rest."""
 
     def change(force: np.ndarray) -> np.ndarray:
         rows = np.arange(100)
@@ -138,14 +138,14 @@ FORCES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def as_increments(record: StrapdownRecord) -> StrapdownRecord:
-    """The record with increments of angle and velocity in place of rates, as long as the rows are apart."""
+    """Return the record with increments of angle and velocity in place of rates, over the steps between rows."""
     assert record.rate is not None
     period = float(np.median(np.diff(record.time_s)))
     return replace(record, rate=None, increment=period * record.rate, velocity_increment=period * record.specific_force)
 
 
 def wrong_bench(name: str, right: BenchRecord) -> BenchRecord:
-    """A record of a table that is wrong in this way."""
+    """Return a record of a table that is wrong in this way."""
     assert right.increment is not None
     if name in FORCES:
         return replace(right, specific_force=FORCES[name](right.specific_force.copy()))

@@ -18,7 +18,7 @@ COMPUTER = components()["AttitudeComputer"]
 BY_NAME = {a.name: a for a in ALGORITHMS}
 every = pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
 
-# Their formulas do not change when γ' and γ'' become -γ'' and -γ', but for the sign.
+# Their formulas change only the sign when γ' and γ'' become -γ'' and -γ'.
 TIME_SYMMETRIC = {
     *("two-sample-rodrigues", "mean-rate", "two-sample-quaternion", "two-sample-textbook"),
     *("two-sample-textbook-as-run", "two-sample-rotation-vector", "two-sample-fifth-power"),
@@ -252,9 +252,9 @@ def test_eight_at_a_time_are_taken_of_a_smooth_rate_alone(seed: int) -> None:
     assert not smooth(slow + 1e-3 * noise)
     assert not smooth(slow + 1e-3 * np.outer(np.sin(2.5 * np.arange(16)), axis))
     assert smooth(np.tile(axis * 0.01, (16, 1)))
-    # Nothing but rounding is in the differences.
+    # The differences contain only rounding.
     assert smooth(0.01 * np.outer(1.0 + 1e-5 * np.arange(16) / 7.0, axis))
-    # No more than half a turn is given to one polynomial.
+    # One polynomial gets no more than half a turn.
     assert not smooth(np.tile(0.5 * axis / np.linalg.norm(axis), (16, 1)))
 
 
@@ -268,7 +268,7 @@ def test_products_with_the_eight_before_carry_every_cone_and_every_slow_rate() -
         return np.array(result[1:])
 
     for phase in (0.05, 0.3, 0.8, 1.2, 1.57, 1.8):
-        # The mean over the turn: what differs from step to step adds up to nothing.
+        # In the mean over the turn, differences from step to step cancel.
         begins = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
         cones = (lambda k, p=phase, c=c: np.array([math.cos(p * k + c), math.sin(p * k + c), 0.0]) for c in begins)
         motion = np.mean([products(cone)[2] for cone in cones])

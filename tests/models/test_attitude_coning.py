@@ -69,7 +69,7 @@ def polynomial_products(count: int) -> dict[tuple[int, int], Fraction]:
 
     angles = []
     for sample in range(count):
-        # The angle that increment `sample` alone makes: 0 before its end, 1 from there on, at the whole numbers.
+        # The angle of increment `sample` alone: 0 before its end, 1 from there on, at the whole numbers.
         total = [Fraction(0)] * (count + 1)
         for m in range(sample + 1, count + 1):
             basis = [Fraction(1)]
@@ -96,7 +96,7 @@ def products_of(algorithm: Algorithm) -> dict[int, Fraction]:
         products = polynomial_products(algorithm.samples)
     by_distance: dict[int, Fraction] = {}
     for (i, j), value in products.items():
-        # A product with the sum of the increments before it is one with each.
+        # A product with the sum of earlier increments is one with each of them.
         for first in range(j) if i == SUM else [i]:
             by_distance[j - first] = by_distance.get(j - first, Fraction(0)) + value
     return by_distance
@@ -135,7 +135,7 @@ def test_products_of_polynomial_rates_are_those_of_the_polynomial() -> None:
 
 
 ONE_DEGREE = {
-    # Table of facts/attitude.md, section 3: half-angle 1 degree.
+    # Published values at half-angle 1 degree.
     "mean-rate": (-4.17e-04, -1.67e-03, -6.65e-03, -2.65e-02, -1.03e-01, -3.63e-01),
     "one-sample-rodrigues": (-2.08e-07, -3.33e-06, -5.31e-05, -8.37e-04, -1.27e-02, -1.51e-01),
     "two-sample-quaternion": (-2.08e-07, -3.33e-06, -5.30e-05, -8.36e-04, -1.26e-02, -1.51e-01),

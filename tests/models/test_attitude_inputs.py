@@ -130,7 +130,7 @@ def test_order_under_coning_is_that_of_the_inputs_at_most(name: str, order: int)
     for x in (0.1, 0.2):
         g = np.array(weights_of(n, False), dtype=float) @ np.exp(1j * x * np.arange(n + 1))
         errors_made = sum(float(k) * (g[i].conjugate() * g[j]).imag for i, j, k in algorithm.products)
-        # The increments of whole steps turn, too: each with half the sum of those before it.
+        # The increments of whole steps turn, too: each with half the sum of the earlier ones.
         drift = errors_made + 0.25 * abs(g.sum()) ** 2 / np.tan(0.5 * n * x)
         errors.append(drift / (0.5 * n / x) - 1.0)
     assert np.log2(errors[1] / errors[0]) == pytest.approx(order, abs=0.7)

@@ -15,8 +15,8 @@ from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
 
 HALF = mpf(1) / 2
 
-# Angular rate as a cubic polynomial of time [rad/s], and one of degree 12: an algorithm that represents a cubic rate
-# exactly shows its order only there.
+# Angular rate as a cubic polynomial of time [rad/s], and one of degree 12: only this one shows the order of an
+# algorithm that represents a cubic rate exactly.
 CUBIC = [[mpf(x) / 10 for x in row] for row in ((9, -4, 7), (5, 11, -6), (-12, 3, 8), (4, -9, 5))]
 _DRAW = random.Random(3)
 HIGH = CUBIC + [[mpf(_DRAW.randint(-20, 20)) / 10 for _ in range(3)] for _ in range(9)]

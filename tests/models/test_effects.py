@@ -100,7 +100,7 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
             slopes.append((up - down) / (2.0 * size))
         derivative = (4.0 * slopes[1] - slopes[0]) / 3.0
         assert np.abs(derivative.ravel() - columns[:, k])[determined].max() < 2e-9
-        # Where the record does not tell, the effect is within what the bound grows by for its size.
+        # Where the record does not show the sense, the effect is within the growth of the bound for its size.
         assert np.all(np.abs(derivative.ravel()[~determined]) <= left_open(place, rows)[~determined] * (1.0 + 2e-9))
         assert np.abs(columns[:, k]).max() > 0.0
 
@@ -113,7 +113,7 @@ def test_small_turns_are_exact_for_large_effects(place):
     coefficients = 8e-3 * np.array([0.6, -0.8, -0.5, 0.7])[: len(effect.parameters)]
     turns = small_turns(effect, place, rows) @ coefficients
     if effect.stage == "encoder_effects":
-        # Functions of the true angles, which have the turns in.
+        # Functions of the true angles, which include the turns.
         for _ in range(40):
             moved = dataclasses.replace(rows, alpha=rows.alpha + turns[:, 1], beta=rows.beta + turns[:, 3])
             turns = small_turns(effect, place, moved) @ coefficients
@@ -196,7 +196,7 @@ def test_parameters_come_back_from_coefficients_and_have_one_name(place):
     if place.order is not None:
         entry["order"] = place.order
     if place.axes:
-        # The order of factors is free; that of a turn's axis and its input is not.
+        # The order of factors is free; the order of a turn's axis and its input is not.
         entry["axes"] = list(place.axes if place.effect == "fixture-flexure" else place.axes[::-1])
     assert place_from_mapping({**entry, **by_name}) == (place, by_name)
     variables = extend(components()[effect.component or ""], [place]).variables

@@ -65,12 +65,12 @@ def test_signatures_are_the_derivatives_of_what_the_block_reads(place):
     clean = gyro_readings([], rows, regular=regular)
     assert clean == pytest.approx(rows.rate, abs=1e-14)
     for k in range(columns.shape[2]):
-        # A low-pass is linear in its time constant only where that is short beside a step.
+        # A low-pass is linear in its time constant only if that is short compared with a step.
         size = 1e-4 if place.effect == "lag" else 1e-3
         values = effect.from_coefficients(size * np.eye(columns.shape[2])[k])
         change = (gyro_readings([(place, values)], rows, regular=regular) - clean) / size
         if regular:
-            # Of jitter the angle is the same: over the nominal period, and over the interval as logged.
+            # The angle of jitter is the same over the nominal period and over the logged interval.
             change = change * rows.period / rows.step[:, None]
         assert np.abs(change - columns[:, :, k]).max() < 1e-11 * max(1.0, np.abs(columns).max())
         assert np.abs(columns[:, :, k]).max() > 0.0
@@ -182,7 +182,7 @@ def test_biases_that_settle_are_an_exponential_of_the_time_since_the_first_row(c
     assert change == pytest.approx(np.outer(np.exp(-rows.hours / constant), sizes), abs=1e-14)
     at_first = place.definition.signature(place, rows) @ sizes
     assert change == pytest.approx(np.exp(-rows.hours / constant)[:, None] * at_first, abs=1e-14)
-    # A time constant of zero stands for none.
+    # A time constant of zero means none.
     assert gyro_readings([(place, [*sizes, 0.0])], rows) == pytest.approx(rows.rate, abs=1e-15)
 
 
@@ -238,7 +238,7 @@ def test_undersampling_leaves_out_what_the_computer_then_adds():
     increments = np.stack([np.diff(np.sin(20.0 * edges)), -np.diff(np.cos(20.0 * edges)), 0.0 * edges[1:]], axis=1) / 20
     turns = Rotation.from_rotvec(small).as_quat()
     while len(turns) > 1:
-        # Neighbours are joined, so that all turn in their order.
+        # Neighbours are joined, so that all turns keep their order.
         odd = turns[len(turns) - len(turns) % 2 :]
         even = len(turns) // 2 * 2
         turns = np.vstack(((Rotation(turns[0:even:2]) * Rotation(turns[1:even:2])).as_quat(), odd))

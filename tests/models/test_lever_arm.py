@@ -52,7 +52,7 @@ def test_it_is_the_acceleration_of_a_point_of_a_turning_body():
     path = turn @ arm[:2]
     acceleration = (path[2:] - 2.0 * path[1:-1] + path[:-2]) / step**2
     expected = np.einsum("nji,nj->ni", turn[1:-1], acceleration)
-    # The block takes its acceleration over the last step: half a step late.
+    # The block uses its acceleration over the last step: half a step late.
     late = 0.5 * step * swing * omega**3 * 0.06
     assert np.abs(measured[1:-1, :2] - expected)[2:].max() < late + 1e-4
     assert np.abs(measured[:, 2]).max() < 1e-12

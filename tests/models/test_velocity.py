@@ -171,7 +171,7 @@ def test_gravitation_start_and_parts_of_samples() -> None:
     for k in range(16):
         parts.put(increment=gammas[k // 2] / 2, velocity_increment=velocities[k // 2] / 2).step(0.005 * k, 0.005)
     assert parts["velocity"] == pytest.approx(complete["velocity"], abs=1e-14)
-    # What the body gained stands in the body; the attitude is that of the attitude computer.
+    # The gained velocity is in body axes; the attitude is that of the attitude computer.
     still = Named("AttitudeComputer", algorithm=algorithm.number, sample_period=0.01).begin()
     for k, gamma in enumerate(gammas):
         still.put(increment=gamma).step(0.01 * k, 0.01)

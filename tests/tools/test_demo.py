@@ -20,7 +20,7 @@ def test_the_demo_holds_the_truth_names_the_effect_and_measures_the_gain(demo):
     out, page = demo
     text = page.read_text(encoding="utf-8")
     assert "42 of 42 true values lie inside their guaranteed intervals" in text
-    # It is the shipped scenario, and none of what makes it shorter was missed.
+    # It is the shipped scenario, with every change that makes it shorter.
     scenario = (out / "scenario" / IMU_CALIBRATION).read_text(encoding="utf-8")
     assert [shorter for shorter in SHORTER.values() if shorter not in scenario] == []
     diagnosis = json.loads((out / "diagnosis.json").read_text())
@@ -30,7 +30,7 @@ def test_the_demo_holds_the_truth_names_the_effect_and_measures_the_gain(demo):
     assert diagnosis["causes"][0]["where"] == hidden["where"]
     gain = diagnosis["gain"]
     assert gain["held_out_rms_after"] < 0.6 * gain["held_out_rms_before"]
-    # Its record is one of a whole bench, of which both witnesses are heard.
+    # Its record is one of a whole bench, with both witnesses.
     assert isinstance(read_record(out / "measured.csv"), BenchRecord)
     (parameter,) = diagnosis["causes"][0]["parameters"]
     assert parameter["low"] < hidden["parameters"]["coefficient"] < parameter["high"]

@@ -157,7 +157,7 @@ def test_more_positions_than_a_bench_measures_are_refused_before_they_are_read(
     assert cli.main(["calibrate", str(path), "--noise-bound", "1e-5"]) == 2
     output = f"has {POSITION.most_rows + 1} rows; at most {POSITION.most_rows} are read of a position record"
     assert capsys.readouterr().err == f"trihedron: {path}: {output}\n"
-    # One row less is read, and refused for what it holds.
+    # With one row less it is read, and refused for its content.
     table = table.head(POSITION.most_rows)
     table.write_csv(path) if ending == "csv" else table.write_parquet(path)
     assert cli.main(["calibrate", str(path), "--noise-bound", "1e-5"]) == 2

@@ -92,7 +92,7 @@ def test_axes_renamed_with_the_mounting_are_the_same_block(tmp_path):
     first, second = found(table, baseline="symmetric"), found(changed.table, baseline="symmetric", **changed.options)
     assert second["verdict"] == first["verdict"] == "consistent"
     assert second["radius"] == pytest.approx(first["radius"], rel=1e-5)
-    # The frame of corrected readings is the convention's own; how long they are is the block's.
+    # The frame of corrected readings is the convention's own; their length is the block's.
     before = corrected(table, tmp_path, baseline="symmetric")
     after = corrected(changed.table, tmp_path, baseline="symmetric", **changed.options)
     assert np.linalg.norm(after, axis=1) == pytest.approx(np.linalg.norm(before, axis=1), abs=1e-5)
@@ -195,7 +195,7 @@ def test_rates_in_degrees_that_are_said_are_the_same_rates(moved):
     first, second = inspected(moved), inspected(degrees, channels=("w=deg",))
     for name in first.keys() - {"warnings", "turning"}:
         assert differences(first[name], second[name], 1e-9) == [], name
-    # Found step by step, until a step is small beside what noise leaves open.
+    # The intervals are found step by step, until a step is small compared with the noise.
     matrix = np.array(first["turning"]["matrix"])
     assert np.array(second["turning"]["matrix"]) == pytest.approx(matrix, abs=1e-3)
 

@@ -40,7 +40,7 @@ def stored(value: float) -> Decimal:
 def test_a_bound_is_never_less_and_what_is_at_least_never_more(value, count):
     above, below = Decimal(upwards(value, count)), Decimal(downwards(value, count))
     assert below <= stored(value) <= above
-    # Who reads the text as a double holds a bound too.
+    # The text read as a double is a bound too.
     assert float(downwards(value, count)) <= value <= float(upwards(value, count))
     # No looser than the last digit.
     step = Decimal(1).scaleb(stored(value).adjusted() - count + 1) if value else Decimal(0)

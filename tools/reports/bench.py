@@ -110,7 +110,7 @@ def centre_residual(result: Calibration) -> NDArray:
 
 
 def readings_at(linearised: Linearisation, point: NDArray) -> NDArray:
-    """Return the residuals (N, 3) [g] of readings at a point, without the rows of what is known beside them."""
+    """Return the residuals (N, 3) [g] of readings at a point, without the rows of prior knowledge."""
     return linearised.residual_at(point)[: linearised.reading.size].reshape(-1, 3)
 
 

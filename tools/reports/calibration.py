@@ -356,7 +356,7 @@ def _in_sigma(result: Calibration, p: Parameter, value: float | None) -> float |
 
 
 def promised_error(result: Calibration) -> str:
-    """Return what the largest error of an estimate is called: guaranteed only where σ is a bound."""
+    """Return the name of an estimate's largest error: "guaranteed error" only if σ is a bound."""
     return "guaranteed error" if result.sigma.kind == "bound" else ERROR_BOUND
 
 

@@ -89,7 +89,7 @@ def test_limits_count_like_bounds_and_hold():
     for k in range(4):
         second = np.arange(4) == k
         least = Possible(bounded.jacobian, bounded.residual, bounded.bound).reach(-np.eye(4)[k])
-        # from the centre on, and from a little above the least possible on
+        # from the centre, and from slightly above the least possible value
         for end in (x[k], -least + 0.01 * (x[k] + least)):
             limited = Bounded(bounded.jacobian, bounded.residual, bounded.bound, low=np.where(second, end, -free))
             inside = found(limited)

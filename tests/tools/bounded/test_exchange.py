@@ -21,7 +21,7 @@ def test_what_is_found_is_that_of_the_programme_and_is_proven(seed, kind):
     assert solution is not None
     assert solution.radius == pytest.approx(radius, rel=1e-9)
     assert np.abs(target - matrix @ solution.x).max() == pytest.approx(radius, rel=1e-9)
-    # No x misses these rows by less: their weights add up to nothing of any column.
+    # No x misses these rows by less: their weights cancel in every column.
     multipliers = solution.multipliers
     assert np.abs(multipliers).sum() == pytest.approx(1.0, rel=1e-12)
     assert multipliers @ target[solution.rows] == pytest.approx(radius, rel=1e-9)
@@ -68,11 +68,11 @@ def test_the_vertex_that_goes_farthest_is_that_of_the_solver_and_is_proven(seed,
     columns, rows = int(rng.integers(1, 9)), int(rng.integers(12, 90))
     matrix, middle, half = rng.normal(size=(rows, columns)), rng.normal(size=rows), rng.uniform(0.5, 2.0, rows)
     if kind == "whole numbers":
-        # Many vertices go as far, and more rows meet than there are columns.
+        # Many vertices go equally far, and more rows meet than there are columns.
         matrix, middle, half = np.round(2 * matrix), 0.0 * middle, np.ones(rows)
         matrix[:columns] = np.eye(columns)
     elif kind == "apart":
-        # Two blocks: where the other one goes is all the same.
+        # Two blocks: the other one is arbitrary.
         matrix[::2, : columns // 2], matrix[1::2, columns // 2 :] = 0.0, 0.0
     middle = matrix @ rng.normal(size=columns) + 0.3 * half * np.sin(middle)
     corner, vertices = Corner.of(matrix), []
@@ -88,11 +88,11 @@ def test_the_vertex_that_goes_farthest_is_that_of_the_solver_and_is_proven(seed,
         assert vertex is not None
         assert toward @ vertex.x == pytest.approx(solver.maximise(toward)[0], abs=1e-8)
         assert (np.abs(matrix @ vertex.x - middle) <= half + 1e-9).all()
-        # By weights of the rows that meet nothing goes farther.
+        # By the weights of the rows that meet, nothing goes farther.
         assert vertex.duals @ matrix[vertex.rows] == pytest.approx(toward, abs=1e-10)
         most = vertex.duals @ middle[vertex.rows] + np.abs(vertex.duals) @ half[vertex.rows]
         assert most == pytest.approx(toward @ vertex.x, abs=1e-8)
-    # From wherever the walk begins it ends at the same vertex, of all that go as far.
+    # From any start the walk ends at the same vertex of all that go equally far.
     assert vertices[0].x == pytest.approx(vertices[-1].x, abs=1e-9)
 
 

@@ -85,7 +85,7 @@ def test_bounds_that_grow_with_a_size_leave_the_union_over_its_signs(seed, share
                 farthest_of_growing(jacobian, residual, bound, rate, sign, size, signed) for sign in (1.0, -1.0)
             )
             assert possible.reach(signed) == pytest.approx(farthest, rel=1e-6)
-    # About another point of the first branch it is the same set.
+    # About another point of the first branch the set is the same.
     step = np.array([0.2 * size, 0.0, 0.0, 0.0])
     moved = Possible(jacobian, residual - jacobian @ step, bound, growths=[branch.moved(step) for branch in branches])
     if np.all(np.abs(residual - jacobian @ step) <= bound + branches[0].at(step)):
@@ -99,7 +99,7 @@ def test_a_radius_is_paid_for_by_the_size_that_it_takes(sign):
     rate = np.array([1.0, 0.0, 0.0])
     growth = Growth(np.zeros(3), sign * rate[:, None], *np.sort([[0.0], [sign * 100.0]], axis=0))
     radius, step, _ = chebyshev_radius(jacobian, residual, bound, growth=growth)
-    # 10 − c ≤ ρ and c ≤ ρ for a size c: half of it is paid by the reading at rest.
+    # 10 − c ≤ ρ and c ≤ ρ for a size c: the reading at rest pays half of it.
     assert (radius, sign * step[0]) == pytest.approx((5.0, 5.0))
     farthest = chebyshev_radius(
         jacobian, residual, bound, growth=Growth(growth.now, -growth.rows, -growth.high, -growth.low)
@@ -117,7 +117,7 @@ def alike(seed: int, proofs: dict | None):
     size = 30.0 * bound.max() / np.abs(jacobian[:, 0]).max()
     for k in range(9):
         matrix = jacobian + k * change
-        # About a point that needs a size of its first column, of which the other sign does not do.
+        # The point needs a size of its first column that the other sign cannot give.
         step = np.array([(0.1 + 0.05 * k) * size, 0.0, 0.0, 0.0])
         branches = [grown(rate, sign, size).moved(step) for sign in (1.0, -1.0)]
         yield Possible(matrix, residual, bound, growths=branches, proofs={} if proofs is None else proofs)
@@ -133,10 +133,10 @@ def test_what_bounds_one_set_bounds_the_union_of_those_alike_as_far_as_it_reache
     monkeypatch.setattr(Polytope, "maximise", lambda *calls: solved.append(1) or maximise(*calls))
     for weights, end in zip(directions, truth, strict=True):
         assert together.reach(weights) == pytest.approx(end, rel=1e-9)
-        # What goes no farther than is asked for is told as that, what does as far as it goes.
+        # A set that goes no farther than `least` returns it, any other its reach.
         assert together.reach(weights, 1.01 * end) == 1.01 * end
         assert together.reach(weights, 0.99 * end) == pytest.approx(end, rel=1e-9)
-    # Asked three times of each set, this many would be a third.
+    # This number would be a third of three questions for each set.
     assert len(solved) < len(directions) * len(sets)
 
 

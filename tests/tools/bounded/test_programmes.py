@@ -47,7 +47,7 @@ def test_radius_agrees_with_another_formulation_and_its_duals_prove_it(seed):
     np.testing.assert_allclose(jacobian.T @ duals * 1e-5, 0, atol=1e-9)
     assert duals @ residual == pytest.approx(radius, rel=1e-9)
     assert np.abs(duals) @ bound == pytest.approx(1.0, rel=1e-9)
-    # The few readings that prove it have the same radius by themselves.
+    # The few readings that prove it have the same radius alone.
     witness = np.abs(duals) * bound > 1e-9
     assert witness.sum() <= 7
     alone, _, _ = chebyshev_radius(jacobian[witness] * UNITS, residual[witness], bound[witness])

@@ -90,8 +90,8 @@ def test_truth_is_in_every_interval_whatever_the_noise(capsys: pytest.CaptureFix
                 assert e.a_priori is not None
                 excess = abs(e.a_priori - x) - guaranteed(e)
                 beyond = max(beyond, excess)
-                # the guaranteed error is of the linear programme; adversarial noise attains it, and what is then
-                # beyond it is the curvature of the model over that very distance
+                # the guaranteed error is that of the linear programme; adversarial noise attains it, and the excess is
+                # the curvature of the model over that distance
                 if not low <= x <= high or excess > guaranteed(e) ** 2:
                     missed.append((seed, kind, e.symbol))
     with capsys.disabled():
@@ -152,7 +152,7 @@ def test_an_outlier_is_proven_by_its_witness_alone():
     assert all((e.low, e.high, e.central, e.error_bound) == (None,) * 4 for e in result.parameters)
     assert (result.estimator, result.no_estimate[:13]) == ("least squares", "no parameters")
     linearised = result.linearised
-    # measurements stand position by position, accelerometers 1, 2, 3 within each
+    # measurements are ordered by position, then accelerometers 1, 2, 3
     rows = np.array([(row // 3 + 1, row % 3 + 1) in proof for row in range(len(linearised.residual))])
     alone, _, _ = chebyshev_radius(linearised.jacobian[rows], linearised.residual[rows], linearised.bound[rows])
     assert alone > 1
@@ -305,7 +305,7 @@ def test_truth_within_the_priors_is_within_every_interval(seed):
     truth["X4-X5"] = truth["X4"] - truth["X5"]
     for e in result.parameters:
         low, high = interval(e)
-        # biases and sums may be a little beyond the bounds in the random bench: they are not here
+        # biases and sums may slightly exceed the bounds in the random bench: they are left out
         assert low <= truth[e.symbol] <= high, e.symbol
         assert e.estimate is not None
         assert e.guaranteed_error is not None
@@ -321,7 +321,7 @@ def test_a_prior_bounds_what_the_readings_leave_open_and_nothing_else():
     assert by_symbol["X4+X16"].guaranteed_error is not None
     result = {e.symbol: e for e in calibrate(measured, noise_bound=SIGMA, priors=["X16=1e-3"]).parameters}
     assert interval(result["X16"]) == pytest.approx((-1e-3, 1e-3), rel=1e-3)
-    # the tilts of a hundredth that stay open turn the input by as much, and so its size to second order
+    # the open tilts of a hundredth turn the input by as much, and so its size to second order
     low, high = interval(result["X4"])
     assert -2.5e-3 < low < -1e-3 < 1e-3 < high < 2.5e-3
     assert result["X9"].estimate is None
@@ -360,7 +360,7 @@ def test_three_thousand_positions():
     result = calibrate(many, noise_bound=SIGMA)
     assert misses(result, target_values(bench, np.eye(3))) == []
     worst = max(e.guaranteed_error or np.inf for e in result.parameters)
-    # near the best that any plan can do, 2.03 σ
+    # near the optimum of any plan, 2.03 σ
     assert worst < 2.2 * SIGMA
 
 
@@ -387,7 +387,7 @@ def test_pairs_are_projections_of_the_feasible_set():
     pairs = [pair for group in joint_sets(result.feasible).values() for pair in group]
     assert len(pairs) == 3 + 6 + 10 + 15
     for pair in pairs:
-        # each polygon spans just the two intervals, is convex, and holds the truth
+        # each polygon spans exactly the two intervals, is convex, and holds the truth
         for k, target in enumerate((pair.first, pair.second)):
             ends = pair.vertices[:, k].min(), pair.vertices[:, k].max()
             assert ends == pytest.approx(alone[target.symbol], abs=1e-4 * SIGMA)

@@ -120,7 +120,7 @@ def test_the_page_shows_what_is_possible_jointly_what_it_bought_and_refused_rest
     page = html_of(calibration_page, calibrate(run_, noise_bound=SIGMA), run_)
     for text in ("Possible together: accelerometer 3", "What it bought", "Rests that were left out", "drifts linearly"):
         assert text in page
-    # Where it was measured, residuals, what is possible jointly, rests.
+    # The measured directions, residuals, the joint set, rests.
     assert page.count("<svg xmlns") == 1 + 1 + 4 + 1
     assert "24 rests were found, 22 are used, 2 are not." in page
 

@@ -80,7 +80,7 @@ def test_half_a_last_digit_and_no_more_is_allowed_to_the_radius():
     resolution = 0.2 * SIGMA
     _, _, linearised = fitted(4, np.random.default_rng(6).uniform(-SIGMA, SIGMA, (24, 3)))
     duals = chebyshev_radius(linearised.jacobian, linearised.residual, linearised.bound)[2]
-    # errors of one size wherever the duals look: no parameters do better than the truth
+    # errors of one size at all readings of the duals: no parameters do better than the truth
     pattern = np.sign(np.where(np.abs(duals) * SIGMA > 1e-9, duals, 0.0)).reshape(-1, 3)
     exact = fitted(4)[1]
     for part, verdict in ((0.99, "consistent"), (1.01, "falsified")):
@@ -101,7 +101,7 @@ def test_the_bound_of_a_reading_whose_sign_is_open_is_what_an_asymmetric_block_d
     certain = np.array([[False, True, True]])
     extra = widening(linearised, certain, SIGMA, BOUNDS)
     assert extra[1:].tolist() == [0.0, 0.0]
-    # every parameter that moves the input at the end of its range, every other nothing
+    # every parameter that moves the input is at the end of its range, every other is zero
     x = dict.fromkeys(TARGETS, 0.0) | {"X4": v, "X5": -v}
     x |= {"X1": u, "X3": u, "X8": -v, "-X12": v}
     truths = [dict(x, **{name: sense * x[name] for name in ("X1", "X3", "X8", "-X12")}) for sense in (-1.0, 1.0)]
@@ -151,7 +151,7 @@ def test_no_true_input_is_further_from_the_corrected_one_than_said_and_some_is_n
         error = true_inputs(benches, np.array(reading)) - n
         assert np.all((least <= error) & (error <= most))
         nearest = min(nearest, *(1 - error.max(axis=0) / most[0]), *(1 - error.min(axis=0) / least[0]))
-    # to first order it is attained
+    # it is attained to first order
     assert nearest <= 6 * size
 
 

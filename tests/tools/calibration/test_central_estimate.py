@@ -79,7 +79,7 @@ def test_the_estimate_is_possible_and_near_the_truth(count, noise, part_of_a_pri
     a_priori = column(result, "a_priori")
     assert np.all(np.abs(truth - a_priori) <= column(result, "guaranteed_error"))
     assert rms(estimate - truth) < part_of_a_priori * rms(a_priori - truth)
-    # not a middle of its own for each target, but near to them
+    # not the middle for each target, but near it
     assert np.all(np.abs(estimate - (low + high) / 2.0) < 0.45 * (high - low) + 1e-12 * SIGMA)
 
 
@@ -153,7 +153,7 @@ def test_a_position_that_is_listed_twice_moves_the_centre_a_little():
     moved = column(result, "estimate") - once
     assert 1e-4 * SIGMA < np.abs(moved).max() < 0.5 * SIGMA
     assert np.all((column(result, "low") <= column(result, "estimate")) & (truth <= column(result, "high")))
-    # what is possible is the same
+    # the possible set is the same
     width = column(calibrate(measured, noise_bound=SIGMA), "high") - column(
         calibrate(measured, noise_bound=SIGMA), "low"
     )
@@ -221,7 +221,7 @@ def test_a_file_of_the_second_schema_says_the_same_as_one_of_the_third(verdict):
     again = Calibration.model_validate_json(json.dumps(of_second_schema(result)))
     assert [p.to_json() for p in again.parameters] == [p.to_json() for p in result.parameters]
     assert (again.sigma, again.radius, again.estimator) == (result.sigma, result.radius, result.estimator)
-    # Directions were not written: each parameter that is open stands by itself.
+    # Directions were not written: each open parameter is separate.
     assert [direction.parameters for direction in again.open] == [[gap.symbol] for gap in result.missing]
     moved = {symbol for direction in result.open for symbol in direction.parameters}
     assert moved == {gap.symbol for gap in result.missing}

@@ -73,7 +73,7 @@ def test_truth_is_within_what_remains_and_levelling_is_no_worse_than_guaranteed(
     n = corrected(correction, GRAVITY * reading) / GRAVITY
     low, high = remaining_error(correction, n)
     assert np.all((low <= truth - n) & (truth - n <= high))
-    # nothing known better would help much: the calibration itself is good to some σ
+    # nothing known better would help much: the calibration itself is accurate to some σ
     assert np.abs(np.stack([low, high])).max() < 10 * SIGMA
     unit = truth[:206]
     gained = levelling(correction, reading[:206])

@@ -99,7 +99,7 @@ def test_all_that_is_listed_mends_the_record_and_nothing_is_applied_silently(cle
         assert any(f"--channels {option}" in line.replace('"', "") for line in mended.warnings)
         result = calibrate(mended, noise_bound=SIGMA)
         assert result.verdict == "consistent"
-        # To rounding the record is the same, so all of it fits as well.
+        # The record is the same to rounding, so all of it fits as well.
         assert result.radius == pytest.approx(right.radius, rel=1e-6)
 
 
@@ -109,7 +109,7 @@ def test_a_mounting_that_is_the_same_is_said_and_mends_it(clean):
     assert matrix is not None
     rows = [[float(x) for x in row.split(",")] for row in re.findall(r"\[([^\[\]]+)\]", matrix[1])]
     assert calibrate(spoilt, noise_bound=SIGMA, mounting={"own": rows}).verdict == "consistent"
-    # In that mounting nothing is left to say.
+    # In that mounting there is nothing to report.
     at = Positions(spoilt.alpha, spoilt.beta, np.zeros(24, dtype=int))
     assert not channels_advice(spoilt, spoilt.specific_force / GRAVITY, parametrise({"own": rows}), at)
 
@@ -151,7 +151,7 @@ def test_a_person_who_says_that_the_file_stands_as_it_is_has_the_verdict(clean):
 def test_channels_that_were_said_wrongly_are_said_anew_for_the_file(clean):
     wrongly = clean.read_with(Channels.given(["2,1,3"]))
     message = advised(wrongly)
-    # What mends it is the file as it stands, not another exchange of what was said.
+    # The correct option restores the file, not another exchange.
     assert "no --channels" in message
 
 
@@ -166,7 +166,7 @@ def test_a_raw_record_is_read_so_before_its_rests_are_averaged(tmp_path):
     np.testing.assert_allclose(again.alpha, plain.alpha, atol=1e-12)
     for column in ("approach_alpha", "approach_beta"):
         np.testing.assert_array_equal(getattr(again, column), getattr(plain, column))
-    # A record of positions that comes from rests is read so with its rests.
+    # A position record made from rests is read with its rests.
     averaged = read_record(mirrored, PositionRecord).read_with(Channels.given(["alpha=-1", "1,3,2"]))
     np.testing.assert_allclose(averaged.specific_force, read_record(raw, PositionRecord).specific_force, atol=1e-12)
     np.testing.assert_array_equal(averaged.approach_alpha, plain.approach_alpha)

@@ -15,7 +15,7 @@ def test_every_interval_holds_the_truth_and_what_is_stated(seed, tmp_path):
     result = calibrate(read_record(fresh.path, PositionRecord), noise_bound=SIGMA)
     assert result.verdict == "consistent"
     assert {entry.symbol for entry in result.parameters} == set(fresh.targets)
-    # What is written down with nine decimals, and the programmes' tolerance.
+    # Nine written decimals, and the programmes' tolerance.
     room = 1e-9
     for entry in result.parameters:
         assert entry.low is not None

@@ -211,7 +211,7 @@ def test_a_truth_as_far_as_the_guaranteed_error_gives_records_within_the_bounds(
         assert weights @ away == pytest.approx(error, rel=1e-6)
         assert np.abs(duals) @ system.bound == pytest.approx(error, rel=1e-6)
         apart = np.abs(system.residual_at(system.point + away) - system.residual_at(system.point)) / system.bound
-        # The model is linear but for products of such small steps.
+        # The model is linear except for products of these small steps.
         assert apart.max() == pytest.approx(1.0, abs=1e-4)
 
 
@@ -242,7 +242,7 @@ def test_rates_say_what_increments_say(record, result):
     for by_rates, by_increments in zip(calibration.of_gyros, result.of_gyros, strict=True):
         assert by_rates.guaranteed_error is not None
         assert by_rates.low == pytest.approx(by_increments.low, abs=0.02 * by_rates.guaranteed_error)
-    # What a rate does between samples nobody has seen.
+    # The rate between samples is unknown.
     sampled = told(rates, replace(PLACE, rates="instantaneous"))
     for by_rates, by_increments in zip(sampled.of_gyros, calibration.of_gyros, strict=True):
         assert by_rates.guaranteed_error is not None

@@ -143,7 +143,7 @@ def test_two_processes_do_not_work_in_one_folder(tmp_path, monkeypatch):
 
     monkeypatch.setattr(CalibrationRuns, "run", another_resumes)
     run_campaign(path, out, jobs=1)
-    # Whoever waits at a file that is taken away holds the lock of nothing.
+    # A process that waits at a removed file holds no lock.
     run_campaign(path, out, jobs=1, resume=True)
     assert locks == [(out / "campaign.lock").stat().st_ino]
 

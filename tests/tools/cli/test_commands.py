@@ -48,7 +48,7 @@ def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, c
     assert (titles["effect"], titles["where"]) == (hidden["effect"], hidden["where"])
     written = {path.name for path in Path("extended").iterdir()}
     assert written >= {"AccelerometerBlock.fmu", "AccelerometerBlock.ssv", "TurntableMotion.fmu", "scenario.toml"}
-    # As it was written it gives the record again.
+    # The written scenario gives the record again.
     assert run(capsys, "simulate", "extended/scenario.toml", "--out", "again")[0] == 0
     measured, again = (read_record(path, PositionRecord) for path in (record, Path("again/positions.csv")))
     assert np.abs(again.specific_force - measured.specific_force).max() <= 1e-5 * 9.80665

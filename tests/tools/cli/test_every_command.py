@@ -108,7 +108,7 @@ def test_help_has_a_sentence_and_an_example_and_every_command_has_json(name: str
 def test_wrong_options(command: Command, here: Path, capsys):
     before = files(here)
     for added in wrong_options(command):
-        # An option may be given once only: the right one makes room for the wrong one.
+        # An option may be given only once: the wrong one replaces the correct one.
         retained = without(command.arguments, added[0])
         status = cli.main([*retained, *added])
         check_refused(status, capsys)
@@ -148,7 +148,7 @@ def test_wrong_inputs(command: Command, kind: str, here: Path, monkeypatch, caps
             status = cli.main(list(command.arguments))
         written = {p.name for p in here.iterdir() if p.name.startswith("out")}
         if kind == "cut" and status == 0:
-            # Half a file may be a whole one.
+            # Half a file may be a valid one.
             capsys.readouterr()
         else:
             output = check_refused(status, capsys)

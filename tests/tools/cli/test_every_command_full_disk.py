@@ -132,7 +132,7 @@ def test_a_disk_that_ends_in_the_middle(command: Command, here: Path, tmp_path: 
             name: payload for name, payload in files(folder).items() if name in before or not name.endswith(LOCK)
         }
         if command.arguments[0] == "campaign" and remaining != before:
-            # What was kept is whole, and the rest is made.
+            # The kept files are whole, and the rest is made.
             assert commands.run([*arguments, "--resume"], folder).status == 0
             remaining = {name: payload for name, payload in files(folder).items() if name in written}
             assert remaining.keys() == written.keys()

@@ -60,7 +60,7 @@ OURS = str(Path(cli.__file__).resolve().parent)
 
 def is_ours(frame: Any) -> bool:
     name = frame.f_code.co_filename
-    # A generator is also called to be closed, where Python lets no exception out.
+    # A generator is also called for closing, where Python passes no exception on.
     if frame.f_code.co_flags & inspect.CO_GENERATOR:
         return False
     return name.startswith(OURS) and "/tools/cli/" not in name
@@ -98,7 +98,7 @@ def test_ctrl_c_in_the_middle(command: Command, here: Path, capsys):
         assert {name: content for name, content in files(here).items() if name in before} == before
         assert "Traceback" not in output.err
         if status == 0:
-            # A search that is stopped gives the best that it has found, and says so.
+            # A stopped search returns its best result, and says so.
             assert "interrupted" in output.out or remaining == complete, (part, output)
             continue
         assert status == 130, output.err

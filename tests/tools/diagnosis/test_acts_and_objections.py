@@ -22,12 +22,12 @@ WARM_UP = EffectPlace("warm-up", "accelerometer-1")
         (HYSTERESIS, [(0.0, 9e-5)], False),
         (HYSTERESIS, [(1e-9, 9e-5)], True),
         (HYSTERESIS, [(-np.inf, np.inf)], False),
-        # Not all components are zero together, though each may be: that is no size of any.
+        # The components are not all zero together, though each may be: no single size is certain.
         (BASE, [(-2e-5, 1e-5), (-1e-5, 0.0)], False),
         (BASE, [(-2e-5, 1e-5), (-1e-5, -1e-9)], True),
-        # A time constant is no size, and says nothing of one that may be zero.
+        # A time constant is not a size, and does not count for one that may be zero.
         (WARM_UP, [(-1e-5, 1e-5), (0.1, 2.0)], False),
-        # The phase of an amplitude that may be zero says nothing.
+        # The phase of an amplitude that may be zero is meaningless.
         (HARMONIC, [(0.0, 1e-5), (0.5, 1.0)], False),
         (HARMONIC, [(1e-7, 1e-5), (-1.0, 1.0)], True),
     ],
@@ -42,7 +42,7 @@ def test_every_effect_of_a_set_has_a_size_that_is_not_zero():
     drift = Cause.found(BASE, (), [0.0, 0.0], [(-2e-5, 1e-5), (-1e-5, 2e-5)])
     surely = Cause.found(BASE, (), [5e-6, 0.0], [(1e-6, 1e-5), (-1e-5, 2e-5)])
     hysteresis = Cause.found(HYSTERESIS, (), [5e-5], [(1e-5, 9e-5)])
-    # The fit says nothing here.
+    # The fit has no meaning here.
     fit = cast("Fit", None)
     assert not Finding((drift,), fit).acts
     assert not Finding((drift, hysteresis), fit).acts

@@ -83,13 +83,13 @@ def test_the_truth_is_in_the_band_and_among_the_laws(power: int):
     room = 1e-9
     assert (low - room <= truth).all()
     assert (truth <= high + room).all()
-    # It is a band: what it leaves out is larger than what it holds.
+    # It is a band: it excludes more than it contains.
     assert np.median(high - low) < np.ptp(truth)
     laws = {law.words: beyond.stated(law) for law in beyond.laws}
     law = laws[{3: "c n2³", 5: "c n2⁵"}[power]]
     assert law.intervals[0][0] <= 1.2e-4 <= law.intervals[0][1]
     assert Formula.of(law.law or "").place == law.place
-    # Powers next to each other cannot be told apart at this size: none is named alone.
+    # Neighbouring powers cannot be separated at this size: none is named alone.
     assert len(laws) > 1
     (caution,) = beyond.caution
     assert "n2⁵" in caution
@@ -141,7 +141,7 @@ def test_where_every_error_is_at_its_bound_a_table_is_told_with_the_noise_bound_
     assert extension.left_out_rms < 1.5
     assert extension.gain is not None
     assert extension.gain.held_out_rms_after < 1.5 * SIGMA
-    # A bound that is a little larger is all that the table lacks, one that is a little smaller is too small.
+    # The table needs only a slightly larger bound; a slightly smaller one is too small.
     wider, narrower = (
         bench_evidence(record, noise_bound=extension.noise_bound_needed * part).model.mended([extension.place], Work())
         for part in (1.001, 0.999)
@@ -168,7 +168,7 @@ def test_a_function_times_a_sine_of_an_angle_is_told_by_its_formula_and_extends_
     assert extension.kind == "formula"
     assert extension.law == "beta += sin(alpha) * (a * cos(2 * beta) + b * sin(2 * beta))"
     assert Formula.of(extension.law).law == extension.law
-    # What an encoder reads too much turns the table too little.
+    # An encoder that reads too much turns the table too little.
     for (low, high), part in zip(extension.intervals, (np.sin(1.0), np.cos(1.0)), strict=True):
         assert low <= -1.5e-4 * part <= high
     export_extended(result, tmp_path)
@@ -196,7 +196,7 @@ def test_what_is_in_no_catalogue_extends_the_model_and_is_no_cause():
     truth, low, high = truth_and_ends(result.beyond, bump)
     assert (low - 1e-7 <= truth).all()
     assert (truth <= high + 1e-7).all()
-    # It predicts what was not used, to within the noise.
+    # It predicts unused positions to within the noise.
     assert extension.left_out_rms is not None
     assert extension.left_out_rms < 1.5
     assert extension.gain is not None
@@ -214,7 +214,7 @@ def test_at_its_knots_a_table_is_what_its_parameters_say_and_its_intervals_hold_
     zero = next(at for at, value in stated.items() if value == 0.0)
     for knot in extension.knots:
         true = bump(np.array([knot["at"]]))[0] - bump(np.array([zero]))[0]
-        # The bump is no table itself: between knots it bends.
+        # The bump is not a table: it bends between knots.
         assert knot["low"] is None or knot["low"] - 1.5e-5 <= true
         assert knot["high"] is None or true <= knot["high"] + 1.5e-5
 

@@ -73,7 +73,7 @@ def test_that_functions_were_compared_roughly_or_not_at_all_is_said(size, says):
     assert fit.radius <= evidence.model.limit
     unlisted = Unlisted.of(dependence(evidence), Listed(evidence), fit)
     assert [text for text in unlisted.caution if text in (ROUGHLY, NOT_COMPARED)] == ([] if says is None else [says])
-    # What stands only by a linear model that may be wrong is no rival.
+    # A pair that stands only within the error of the linear model is not a rival.
     assert says is None or unlisted.rivals == ()
 
 

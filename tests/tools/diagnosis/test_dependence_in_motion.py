@@ -230,7 +230,7 @@ def test_of_three_gyros_each_has_a_band_that_holds_its_function_and_together_the
         ends = np.array([(knot["low"], knot["high"]) for knot in band.knots])
         assert (ends[:, 0] <= truths).all()
         assert (truths <= ends[:, 1]).all()
-        # Three functions at once leave it wide, and it follows the function all the same.
+        # The band is wide for three functions at once, and still follows the function.
         assert np.corrcoef(ends.mean(axis=1)[1:-1], truths[1:-1])[0, 1] > 0.9
     assert result.extension is not None
     assert len(result.extension.causes) == 3
@@ -271,7 +271,7 @@ def test_what_is_proven_is_beside_a_set_that_acts_otherwise_and_beside_no_other(
     evidence = carried_evidence(filmed(at_gyro(2, lambda time, rate: rate[:, 1] ** 2)))
     assert isinstance(evidence.model, Carried)
     (pair,) = (p for p in evidence.reader.pairs if (p.where, p.quantity, p.factor) == ("gyro-2", "w2", ""))
-    # Of the same quantity, and of another form than the effect has: what is the same is no rival of itself.
+    # The quantity is the same and the form differs from the effect's: an equal function is not its own rival.
     forms = [Standing(pair, Form("pieces", 2), 2, 0.9), Standing(pair, Form("jump", at=0.4), 2, 0.9)]
     place = EffectPlace(effect, "gyro-block")
     unlisted = Unlisted.of(

@@ -39,7 +39,7 @@ HIDDEN = {
 @cache
 def with_harmonic() -> Any:
     record = hidden_record(17, HARMONIC, (2e-4, 2.0))
-    # Steps of a run that begins at zero are exact: FMPy counts them in another way.
+    # Steps of a run that begins at zero are exact: FMPy counts them differently.
     result = diagnosed(replace(record, time_s=record.time_s - record.time_s[0]))
     assert_named(result, {HARMONIC: (2e-4, 2.0)})
     return result
@@ -63,14 +63,14 @@ def test_the_exported_scenario_gives_the_record_again(place, tmp_path):
     assert len(again) == len(record)
     off = misses(record, again)
     if place.effect == "quantisation":
-        # Noise at a step: no simulation tells to which side a reading was rounded.
+        # Noise at a step: no simulation shows the side to which a reading was rounded.
         assert (off <= 1.0).mean() > 0.75
         off = np.minimum(off, np.abs(off - HIDDEN[place][0] / SIGMA))
     assert off.max() <= 1.0
     assert np.abs(again.alpha - record.alpha).max() < 1e-9
     assert np.abs(again.beta - record.beta).max() < 1e-9
-    # The rests lie about the record's times, but for the first, which begins with the run; of readings that bend
-    # within a rest, and have no noise, the last part counts.
+    # The rests are centred on the record's times, except the first, which begins with the run. For readings that bend
+    # within a rest without noise, the last part counts.
     steps = 10 if place.effect in ("warm-up", "thermal-lag") else 1
     assert np.abs(again.time_s - record.time_s)[1:].max() <= run.scenario.run.step_s * steps
     assert (again.approach_alpha == record.approach_alpha).all()
@@ -121,7 +121,7 @@ def test_both_flavours_and_fmpy_give_the_same_bits(tmp_path):
     of_run = {k: v for k, v in parameters.items() if not isinstance(v, list)}
     of_run |= {f"{k}[{i}]": x for k, v in parameters.items() if isinstance(v, list) for i, x in enumerate(v, start=1)}
     force = with_fmpy(folder / "TurntableMotion.fmu", times, commands, "specific_force", of_run)
-    # What the table says at the end of a step is the block's input over it.
+    # The table's output at the end of a step is the block's input over it.
     inputs = {f"specific_force[{i}]": np.append(force[1:, i - 1], force[-1, i - 1]) for i in (1, 2, 3)}
     reading = with_fmpy(folder / "AccelerometerBlock.fmu", times, inputs, "reading", {})
     assert (reading[1:] == runs["native"].select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:]).all()

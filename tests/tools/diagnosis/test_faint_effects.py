@@ -20,7 +20,7 @@ CASES = [
 
 
 def refusing(monkeypatch: pytest.MonkeyPatch, place: EffectPlace, times: float) -> None:
-    """Let the search refuse an effect by itself so many times, as rounding at the very edge would."""
+    """Let the search refuse a single effect this number of times, as rounding at the very edge would."""
     mended, refused = Bench.mended, []
 
     def at_the_edge(model: Bench, places: Sequence[EffectPlace], work: Any) -> Any:

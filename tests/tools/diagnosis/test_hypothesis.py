@@ -44,7 +44,7 @@ def test_a_true_formula_stands_and_a_false_one_is_refuted(text):
     right, wrong = (answered(evidence, place, rerun=False) for place in places)
     assert right.answer == "stands"
     assert right.radius <= evidence.model.limit < right.radius_before
-    # The formula counts from the encoder's zero, which nobody knows: a thousandth of the size here.
+    # The formula counts from the encoder's unknown zero: a thousandth of the size here.
     for parameter, size in zip(right.parameters, formula.sizes, strict=True):
         assert within(parameter, size, 3e-3 * abs(size))
     assert (wrong.answer, wrong.parameters) == ("refuted", ())

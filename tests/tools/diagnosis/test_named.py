@@ -67,10 +67,10 @@ QUICK = {
     "warm-up": Hidden({on("warm-up", 2): (4e-4, 0.02)}, 26),
     "lag from another temperature": Hidden({on("thermal-lag", 2): (5e-5, 1e-4, 0.015)}, 30, WARM),
     "channels exchanged late": Hidden({on("exchanged-readings", 1, 2): (before_row(20),)}),
-    # What is left of the channels before that tells no bench by itself.
+    # The channels before that alone do not determine a bench.
     "channel reversed early": Hidden({on("exchanged-readings", 3, 3): (before_row(5),)}),
     "rounded readings": Hidden({on("quantisation", 2): (4e-4,)}, 40),
-    # The second order of 3e-3 rad is half a σ: with first orders alone the right name would be refused.
+    # The second order of 3e-3 rad is half a σ: first orders alone would refuse the correct name.
     "large sag": Hidden({EffectPlace("sag", "inner-axis"): (3e-3, 0.4)}, 36, AT_BOUND),
     "quadratic": Hidden({on("quadratic", 2): (-1.2e-3,)}, 40),
 }
@@ -80,7 +80,7 @@ LONG = {
     "warm mounting": Hidden({EffectPlace("mounting-temperature", "mounting"): (2e-5, 3e-5, -4e-5)}, 30, WARM),
     "scale step": Hidden({on("scale-step", 2): (4e-4, before_row(12))}),
     "small slip": Hidden({EffectPlace("mounting-slip", "mounting"): (1e-4, -1e-4, 5e-5, before_row(14))}),
-    # So large that the nominal fit says little of the time constant: every one has to be judged at a better one.
+    # The effect is so large that the nominal fit hardly shows the time constant: each is judged at a better fit.
     "large warm-up": Hidden({on("warm-up", 2): (5e-2, 0.03)}, 26),
     "lag from a steady temperature": Hidden({on("thermal-lag", 2): (5e-5, 0.0, 0.015)}, 30, WARM),
     "lag from below": Hidden({on("thermal-lag", 2): (5e-5, -1e-4, 0.01)}, 30, WARM),
@@ -96,7 +96,7 @@ LONG = {
     "three at one accelerometer": Hidden(
         {on("cubic", 3): (6e-4,), on("cross-product", 3, 1, 2): (6e-4,), on("bias-drift", 3): (8e-3,)}, 40
     ),
-    # Five hundred σ of one and ten of the other: the search begins where the large one no longer draws the fit.
+    # Five hundred σ of one and ten of the other: the search begins where the large one no longer distorts the fit.
     "large and small": Hidden(
         {EffectPlace("encoder-harmonic", "outer-axis", 3): (5e-3, 0.3), on("cubic", 1): (8e-4,)}, 36, AT_BOUND
     ),

@@ -32,6 +32,6 @@ def test_the_generators_model_imitates_what_is_no_fault():
     turns = truth.unit_turns()
     for carrier in (turns["outer"], turns["kappa"], turns["epsilon"], turns["inner"]):
         assert distance(carrier.ravel(), truth.model) < 1e-5
-    # A wobble of order one is a tilt of the table; of order two it is nothing that the model has.
+    # A wobble of order one is a tilt of the table; the model does not contain one of order two.
     wobbles = [np.cos(order * truth.session.alpha)[:, None] * turns["kappa"] for order in (1, 2)]
     assert distance(wobbles[0].ravel(), truth.model) < 1e-2 < distance(wobbles[1].ravel(), truth.model)

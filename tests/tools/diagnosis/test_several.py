@@ -82,7 +82,7 @@ def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs
     assert {gain.unit for gain in three_records.cross_gain} == {"g"}
     for gain in three_records.cross_gain:
         assert rms[gain.record][gain.record] < SIGMA < gain.rms
-    # The second has a cubic term besides: of itself alone.
+    # Only the second has a cubic term besides.
     assert rms["record-1"]["record-3"] < SIGMA < rms["record-1"]["record-2"]
     assert rms["record-2"]["record-1"] > SIGMA
     helps = {(entry.found_in, entry.effect): entry.on for entry in three_records.helps}

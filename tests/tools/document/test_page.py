@@ -97,7 +97,7 @@ def test_the_page_is_whole_and_opens_without_script_and_network() -> None:
     assert ("href", "./run-1/run%20data.parquet") in reader.attributes
     assert "run-1/run data.parquet" in reader.text
     assert "/somewhere" not in page
-    # Numbers stand to the right, and what is missing is a dash.
+    # Numbers are right-aligned, and a missing value is a dash.
     for number in ("−1.5·10⁻⁴", "−2.5·10⁻¹⁵", "12"):
         assert f'<td class="number">{number}</td>' in page
     assert page.count('<td class="number">–</td>') == 2

@@ -143,7 +143,7 @@ def test_a_reading_in_motion_says_nothing_where_its_input_may_change_its_sign(fa
     evidence = whole_evidence(measured(*(Hidden(place, (1e-3,)) for place in places)), bench().place, noise_bound=SIGMA)
     residual = evidence.model.at(places, faultless.point, sizes)[0][: evidence.model.of_readings].reshape(-1, 3)
     untold = evidence.model.moving.seen.bound == UNTOLD
-    # A bound of noise, and what the encoder and a parabola are off.
+    # A bound of noise, and the errors of the encoder and of a parabola.
     assert np.abs(residual).max() < 1.5
     assert untold.sum() > 3
     assert (np.abs(evidence.model.moving.read.contexts.n) < 0.02)[untold].all()
@@ -287,7 +287,7 @@ def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
     evidence = whole_evidence(measured(), bench().place, noise_bound=SIGMA)
     pairs = {(pair.where, pair.name): pair for pair in evidence.reader.pairs}
     harmonic, alpha_pair = evidence.rows.columns_of([HARMONIC]), pairs["outer-axis", "alpha"]
-    # The true angle is the reading less what an encoder errs by; an effect counts its sine first.
+    # The true angle is the reading less the encoder's error; an effect uses its sine first.
     by_functions = -alpha_pair.columns(Form("harmonic", 3))[:, ::-1]
     squared = evidence.rows.columns_of([EffectPlace("gyro-rate-squared", "gyro-block")])[:, 1]
     rate = pairs["gyro-2", "w2"]
@@ -320,7 +320,7 @@ def test_of_a_gyro_that_swings_no_slow_temperature_is_proven_alone(seed):
     """It swings about twice as fast as the laboratory's temperature, whose functions are then nearly as simple."""
     rng = np.random.default_rng([75, 7 + seed])
     drawn, p, per_hour = draw_whole(rng), int(rng.integers(1, 4)), float(rng.uniform(11.0, 13.4))
-    # About the hour at which the temperature is highest.
+    # Near the hour of the highest temperature.
     phase = 0.5 * np.pi - 2.0 * np.pi * per_hour / 24.0 + float(rng.uniform(-0.4, 0.4))
     place = Formula.of(f"w{p} += c*sin({2.0 * np.pi * per_hour:.4f}*hours + {phase:.3f})").place
     clean = whole_evidence(drawn.measured(75, seed), drawn.place, noise_bound=SIGMA)

@@ -110,7 +110,7 @@ def test_a_slip_is_seen_by_readings_and_by_gyros_as_the_extended_component_says(
     assert np.abs(by_gyros[across]).max() > 1e-4
     assert np.abs(columns[of:] @ values[:-1] - by_gyros).max() <= 3e-6
     by_readings = (moved.model.moving.seen.reading - clean.model.moving.seen.reading).ravel()
-    # Which rows of a move are read may change with the slip.
+    # The selected rows of a move may change with the slip.
     same = np.repeat(moved.model.moving.seen.rows == clean.model.moving.seen.rows, 3)
     remaining = (columns[:of] @ values[:-1] - by_readings)[same & with_slip.says[:of]]
     assert np.abs(remaining).max() <= 3e-6 < 1e-4 < np.abs(by_readings[same]).max()

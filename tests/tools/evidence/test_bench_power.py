@@ -56,7 +56,7 @@ def class_of(truth: Known, pair: str) -> tuple[NDArray, NDArray]:
     elif pair == "accelerometer-1 n3":
         imitated += [knots]
     elif pair == "accelerometer-3 alpha":
-        # n3 is cos α, with a scale factor of its own for each sign.
+        # n3 is cos α, with its own scale factor for each sign.
         imitated += [np.cos(knots), np.abs(np.cos(knots))]
     return carried([carrier], hats), np.array(imitated).T
 

@@ -105,7 +105,7 @@ def test_latency_is_named_in_samples_beside_the_true_attitude_and_nothing_where_
     assert (result.reference, result.verdict) == ("true attitude", "explained")
     (cause,) = result.causes
     assert cause.place == LATENCY
-    # The trapezoid rule delays nothing: three rows are three rows.
+    # The trapezoid rule adds no delay: three rows are three rows.
     assert cause.values[0] == pytest.approx(0.03, rel=0.05)
     assert "samples" in str(result)
     assert "lag by" in str(result)
@@ -129,12 +129,12 @@ def test_signatures_are_what_the_exported_components_do(reference):
         numbers = evidence.rows.numbers_of([place])
         expected = part.columns[..., numbers] @ coefficients
         if isinstance(evidence.reference, Gravity):
-            # Only the turn across gravity counts between rests: it moves the direction by change × up.
+            # Between rests only the turn across gravity counts: it moves the direction by change × up.
             up = evidence.reference.directions(evidence.rows.point[:9])
             change = np.cross(change, up[evidence.reference.ends[0][:, 0]])
             change = np.einsum("skp,sp->sk", evidence.reference.across(0, up), change)
         else:
-            # What an effect adds to the mean at rest is taken out with it: its columns hold both.
+            # The effect's part of the mean at rest is subtracted with it: its columns hold both.
             assert evidence.at_rest is not None
             expected = expected + part.columns[..., evidence.rows.numbers_of([BIAS])] @ (
                 evidence.at_rest[:, numbers] @ coefficients

@@ -79,7 +79,7 @@ def test_what_a_cell_may_miss_is_nearly_attained_and_small(name, part):
         nearest = max(nearest, float((off[:, -1] / np.maximum(allowed[:, -1], 1e-12)).max()))
         size.append(float(allowed.max()))
     assert nearest > part
-    # It costs little: a hundredth of what it adds.
+    # The cost is small: a hundredth of the addition.
     assert max(size) < (1e-5 if name == "warm-up" else 2e-4)
 
 

@@ -79,9 +79,9 @@ def test_a_record_about_what_mends_it_by_itself_stands_as_with_that_effect_of_it
     assert not with_own.model.falsified
     assert together.model.falsified
     assert with_own.model.baseline.radius == pytest.approx(together.model.refit(of_each).radius, abs=2e-3)
-    # One that is mended in one of them alone does not stand.
+    # A set that mends only one of them does not stand.
     assert join({"even": alone["even"], "odd": halves["odd"]}).model.falsified
-    # What is left to all records is taken out of the fit again.
+    # The fit subtracts the common remainder of all records again.
     without = join({label: mended(half, half.model.refit([ENCODER]), []) for label, half in halves.items()})
     assert without.model.falsified
     assert without.model.refit([ENCODER]).radius == pytest.approx(together.model.refit([ENCODER]).radius, abs=2e-3)
@@ -111,7 +111,7 @@ def test_a_shared_parameter_that_differs_in_one_record_is_found_by_how_much_it_d
     assert fit.radius <= joint.model.limit
     ((low, high),) = fit.intervals()[0]
     assert low < 4e-4 < high
-    # Of two records it is not told which one differs.
+    # Two records do not show which one differs.
     assert joint.model.classes.equivalents(place) == (Differs("parameter", "X4", record="first", unit="1"),) or any(
         isinstance(changed, Differs) for changed in joint.model.classes.whole_class(place)
     )

@@ -103,7 +103,7 @@ def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_s
     result: Any = diagnose(drawn_record(seed, change, filmed=True)[0], rerun=False)
     assert (result.verdict, result.causes) == ("unexplained", ())
     assert result.radius > 2.0
-    # The bound is that of the instruments: what is hidden is not in it.
+    # The bound is that of the instruments, without the hidden fault.
     assert result.noise_bound_arcmin == pytest.approx(clean, rel=0.5)
     (objection,) = [text for text in result.not_named or () if "all effects of the catalogue together" in text]
     needed, explained = map(float, re.findall(r"have to be ([0-9.]+) arcmin, .* explain ([0-9.]+);", objection)[0])
@@ -218,7 +218,7 @@ def test_means_of_flicker_noise_differ_over_a_record_as_the_allan_deviation_with
         means = noise.reshape(-1, size, 3).mean(axis=1)
         measured.append(means.var(axis=0))
         predicted.append(model.rate_square(np.array([size]))[0])
-        # Means that differ by three times as much are called unsteady, these are not.
+        # Means that differ three times as much count as unsteady, these do not.
         lengths = np.full(len(means), float(size))
         assert not model.judged(means.var(axis=0, ddof=1), len(means) - 1, lengths).unsteady
         assert model.judged(9.0 * means.var(axis=0, ddof=1), len(means) - 1, lengths).unsteady

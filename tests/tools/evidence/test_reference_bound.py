@@ -91,7 +91,7 @@ def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(recor
     )
     assert result.to_json()["reference_bound_arcmin"] == pytest.approx(8.5)
     proviso = "his holds if the true attitude errs by 8.5 arcmin at most at any row, as stated"
-    # Less would be enough, and then the intervals would miss what is true.
+    # A smaller bound would be enough, but its intervals would miss the truth.
     assert least < 0.7 * ERROR
     assert f"less than {least:.2f} would not do" in str(result).splitlines()[0]
     ends = zip(narrow.causes[0].intervals, GAMMA.ravel(), strict=True)
@@ -102,7 +102,7 @@ def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(recor
 
 @pytest.mark.acceptance
 def test_a_record_that_is_consistent_by_what_is_stated_says_so():
-    # In radians it is not the number that was given.
+    # In radians it differs from the given number.
     result = diagnose(filmed(in_motion=0.0), rerun=False, reference_bound=303.447)
     assert result.verdict == "consistent"
     assert "as stated: 303.447 arcmin" in result.evidence.reader.bounds_from

@@ -46,7 +46,7 @@ def test_names_in_two_lines_are_read_together(head: list[str], tmp_path: Path):
     assert np.degrees(record.beta) == pytest.approx(BETA)
     assert record.time_s == pytest.approx(TIME)
     assert record.temperature == pytest.approx([20.5] * COUNT)
-    # a line that names no column is kept with the record
+    # a line without column names is kept with the record
     assert record.about.get("Serial") == ("A-17" if head[0].startswith("Serial") else None)
 
 

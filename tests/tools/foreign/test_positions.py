@@ -54,7 +54,7 @@ def test_a_dialect_is_imported_or_asks_for_what_is_missing(name: str, bench: Ben
     assert_clean(record if timed else replace(record, time_s=bench.time[rows]), bench, rows, file.grain)
     if record.temperature is not None:
         assert record.temperature == pytest.approx(bench.temperature[rows], abs=1e-4)
-    # what was written says how finely: no less, and not ten times more
+    # the written digits give the resolution: not less, and not ten times more
     assert np.abs(record.specific_force - bench.force[rows]).max() <= 1.001 * record.resolution + 1e-15
     if timed:
         assert np.diff(record.time_s) == pytest.approx(np.diff(bench.time[rows]), abs=1e-5)
@@ -67,7 +67,7 @@ def test_where_a_guess_could_be_wrong_the_other_answer_is_taken_too_or_refused(n
     file = file_of(bench, name)
     path = written(tmp_path, file.content)
     if set(file.wrong) & {"units.force", "decimal"}:
-        # the size of gravity says no
+        # the size of gravity excludes it
         with pytest.raises(th.InputError, match="gravity"):
             th.import_record(path, answers=file.wrong)
         return

@@ -266,7 +266,7 @@ def test_field_files_with_marked_heads_and_of_workbooks(tmp_path, capsys):
     status, said, table = imported(copied("pct.txt", tmp_path), capsys, *units)
     assert status == 0, said
     assert table["f3_mps2"][0] == 9.8
-    # its head says gyros where its numbers are accelerations: refused, and right once it is said
+    # its head names gyros but its numbers are accelerations: refused, and correct with the right option
     crossed = copied("hash_space.txt", tmp_path)
     status, said, _ = imported(crossed, capsys, *units)
     assert status == 2

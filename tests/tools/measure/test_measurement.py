@@ -136,13 +136,13 @@ def test_pieces_and_a_kill_at_any_byte_change_nothing(seed: int, finished: Sessi
     while sent:
         measurement.feed(sent[:7000])
         sent = sent[7000:]
-    # the process is gone; what it had begun to write may end anywhere
+    # the process is gone; its last write may end anywhere
     closed(measurement)
     cut = readings[: readings.rfind(b"\n", 0, at) + 1]
     assert out.read_bytes() == cut
     out.write_bytes(cut[: len(cut) - draw.randrange(0, 60)])
     session = fed(begun(programme, out, resume=True), readings, draw)
-    # the comment may stand before a row that was passed over
+    # the comment may precede a skipped row
     rows_expected = [line for line in readings.splitlines() if not line.startswith(b"#")]
     assert [line for line in out.read_bytes().splitlines() if not line.startswith(b"#")] == rows_expected
     assert session.setting_of == finished.setting_of
@@ -307,7 +307,7 @@ def test_a_file_may_come_later_and_grow_but_not_shrink(tmp_path: Path):
 @pytest.mark.skipif(sys.platform == "win32", reason="a pipe with a name")
 def test_a_pipe_with_a_name_is_read_to_its_end(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe")
-    # Whoever reads waits for whoever writes, unless one does both.
+    # A reader waits for a writer, unless one process does both.
     write = os.open(tmp_path / "pipe", os.O_RDWR)
     source = source_of(str(tmp_path / "pipe"))
     assert source.read() == b""

@@ -230,7 +230,7 @@ def test_stamps_that_jitter_are_said_and_the_rates_integrated_as_logged() -> Non
     time[20:] += 0.02 * 0.05
     jittering = th.attitude_of_record(replace(record, time_s=time))
     assert "time stamps are up to" in jittering.warnings[0]
-    # At a constant rate the turn is the rate times the time that the stamps say.
+    # At a constant rate the turn is the rate times the time between stamps.
     turn = 2.0 * np.arccos(abs(jittering.attitude[-1] @ jittering.attitude[0]))
     assert turn == pytest.approx(np.linalg.norm([0.1, 0.2, 0.3]) * (time[-1] - time[0]), rel=1e-9)
 
@@ -327,7 +327,7 @@ def test_the_measured_record_agrees_with_another_composition(broad: Any) -> None
 def test_the_measured_record_drifts_by_its_gyros_bias(broad: Any) -> None:
     raw: Any = th.attitude_of_record(broad)
     bias: Any = rate_at_rest(broad)
-    # Half a degree a second stands in the gyros at rest; the error cannot grow faster than that by much.
+    # The gyros at rest have half a degree a second; the error cannot grow much faster.
     assert 25.0 < 60.0 * math.degrees(float(np.linalg.norm(bias))) < 45.0
     assert math.degrees(raw.rms) == pytest.approx(44.2, abs=0.5)
     assert raw.drift < float(np.linalg.norm(bias)) * 1.1
@@ -371,14 +371,14 @@ def test_algorithms_stand_side_by_side_with_their_errors() -> None:
     assert table["error_max_deg"][3] is None
     by_name = {row.algorithm: row for row in rows}
     assert [row.updates for row in rows] == [400, 200, 100, 0, 50]
-    # 60 degrees at 1 Hz turn by more than Panov's cut-off series takes.
+    # 60 degrees at 1 Hz turn by more than the range of Panov's cut-off series.
     assert "panov-cut-off is valid to 0.07 rad" in by_name["panov-cut-off"].refused
     errors: list[Any] = [by_name[a.name].maximum for a in CHOSEN if a.name != "panov-cut-off"]
     apart = [by_name[a.name].apart for a in CHOSEN if a.name != "panov-cut-off"]
     assert all(error is not None for error in errors)
     assert errors[0] > errors[2] > errors[1] > 1e3 * errors[3]
     assert errors[3] < 1e-9
-    # The distance from the best is the error, where the best errs by nothing.
+    # The distance from the best is the error if the best has none.
     assert apart[0] == pytest.approx(errors[0], rel=0.2)
     assert apart[3] == 0.0
 
@@ -475,7 +475,7 @@ def test_the_drift_of_an_algorithm_is_the_growth_between_equal_phases() -> None:
     split = split_error(time, error, 2.0)
     expected = (error[700] - error[75]) / (time[700] - time[75])
     np.testing.assert_allclose(split.rate, expected, rtol=1e-3, atol=1e-9)
-    # The largest error that the paper prints is drift and wave together.
+    # The paper's largest error is drift and wave together.
     largest = angle_errors(attitudes, samples.angles_at_steps(algorithm), normalised=True)
     assert np.linalg.norm(largest) <= 1.2 * np.linalg.norm(np.abs(split.slow).max(axis=0) + split.amplitude)
 

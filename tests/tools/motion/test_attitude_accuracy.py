@@ -126,7 +126,7 @@ def test_round_off_stays_under_2e_12_degrees_a_minute(algorithm: str, frequency:
 @pytest.mark.parametrize(
     ("algorithm", "expected"),
     [
-        # Table of facts/attitude.md, section 3: motion 1 at 1 kHz, exact increments.
+        # Reference values for motion 1 at 1 kHz, exact increments.
         ("mean-rate", (1.18e-04, 4.44e-05, 1.71e-04)),
         pytest.param("one-sample-rodrigues-symmetric", (1.60e-07, 8.02e-06, 2.09e-06), marks=LONG),
         pytest.param("two-sample-rodrigues-third-order", (3.85e-07, 2.14e-05, 5.56e-06), marks=LONG),
@@ -175,8 +175,8 @@ def never_worse(name: str, frequency: int, span: float) -> None:
         for k, increments in enumerate(cases):
             for row, algorithm in zip(square, ("adaptive-degree", "two-sample-rodrigues"), strict=True):
                 row[k] += Course(increments, course.attitudes).error(BY_NAME[algorithm]) ** 2
-    # Near half the sample rate and above nobody carries the vibration; there it is up to 1.2 times. Elsewhere a tenth
-    # is what so few draws of quanta leave open.
+    # Near half the sample rate and above no algorithm follows the vibration; there it is up to 1.2 times. Elsewhere a
+    # tenth is the scatter of this number of draws.
     assert (np.sqrt(square[0] / square[1]) <= (1.2 if frequency <= 1000 else 1.1)).all()
 
 
@@ -256,7 +256,7 @@ def test_vibration_beside_a_slow_turn_leaves_little_at_the_ends_of_steps() -> No
         course = course_of_harmonics(harmonics.reshape(-1), 1000.0, 1.0)
         errors = [course.error(BY_NAME[name]) for name in ("adaptive-degree", "two-sample-rodrigues")]
         logarithm.append(np.log(errors[0] / errors[1]))
-    # With the two factors alone that order 4 asks for it is 0.06.
+    # With only the two factors that order 4 needs it is 0.06.
     assert np.exp(np.mean(logarithm)) < 0.04
 
 
@@ -269,8 +269,8 @@ def test_the_best_algorithm_is_cheap_where_noise_hides_what_cheap_ones_leave_out
     adaptive, best = BY_NAME["adaptive-degree"], BY_NAME["functional-iteration-8"]
     assert operations_per_sample(adaptive, exact) > 1500.0
     assert operations_per_sample(adaptive, noisy) < 250.0
-    # What it leaves out is a small part of the random walk of the noise, within 1e-4 rad/s at each sample; exact it is
-    # the best one.
+    # The omitted part is a small part of the noise's random walk, within 1e-4 rad/s at each sample; for exact samples
+    # it is the best algorithm.
     walk = 1e-4 / 400.0 * np.sqrt(len(exact) / 3.0)
     for increments, close in ((exact, 1e-14), (noisy, 0.05 * walk)):
         computed, reference = (run_algorithm(algorithm, increments) for algorithm in (adaptive, best))

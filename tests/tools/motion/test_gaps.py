@@ -68,7 +68,7 @@ def test_the_bound_holds_and_is_not_far_from_what_happens(kind):
         apart = angle_between(carried(bridged), carried(record))[0]
         part.append(apart / bridge.bound)
     assert max(part) <= 1.0
-    # Half of the bound is room for what the rows around a gap do not show.
+    # Half of the bound is room for motion that the rows around a gap do not show.
     assert max(part) > 0.5
     assert np.median(part) > 0.1
 

@@ -188,7 +188,7 @@ def test_a_record_without_noise_and_one_of_few_rows():
 
 def test_rests_without_noise_are_where_nothing_changes():
     exact = strapdown_record(gyro_bias=GYRO_BIAS, force_noise=0.0, rate_noise=0.0)
-    # As what computes attitudes leaves it: now and then a last digit is another.
+    # As computed attitudes come: occasionally a last digit differs.
     force = exact.specific_force * np.where(np.arange(len(exact)) % 37 == 0, 1.0 + 2e-16, 1.0)[:, None]
     inspection = inspected(replace(exact, specific_force=force))
     assert inspection.rests.force == pytest.approx(G * POSES, abs=1e-12)
@@ -390,7 +390,7 @@ def test_twelve_rests_that_determine_all_have_ends_with_the_truth_between_them(s
 
 
 def test_the_bounds_of_means_in_json_are_those_of_the_text_and_none_of_few_rests():
-    """They are widened by how far a deviation of so few rests may be too small."""
+    """The bounds are widened because a deviation of few rests may be too small."""
     many: Any = strapdown_record()
     rows = np.flatnonzero(many.time_s < 1.5 + 4.5 * 3.5)
     told = inspected(chosen(many, rows)).to_json()["rests"]

@@ -103,7 +103,7 @@ def test_what_the_adaptive_algorithm_loses_on_vibration_above_half_the_rate_no_a
     on_both = [
         [error(algorithm, same, true) for true in (course.attitudes, twin)] for algorithm in (ADAPTIVE, mean_rate)
     ]
-    # One is the best of the motion, the other of its twin, and each is as much worse on the other as it must be.
+    # Each is the best for its own motion, and as much worse on the other as it must be.
     assert on_both[0][0] < 1.1 * bound * on_both[1][0]
     assert on_both[1][1] > 20.0 * on_both[0][1]
 

@@ -144,7 +144,7 @@ def test_the_option_decides(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     path = tmp_path / "record.csv"
     write_record(replace(record, time_s=stamped(record.time_s, "jitter", 7)), path)
     for stamps, words in (("even", "even, one every"), ("logged", "as logged"), ("50", "even, one every 0.02 s")):
-        # By a rate that is half of the true one the gyros turn twice as far as gravity: refused without --trust.
+        # With half of the true sampling rate the gyros turn twice as far as gravity: refused without --trust.
         command = ["inspect", str(path), "--stamps", stamps, "--trust", "--json", str(tmp_path / "out.json")]
         assert main(command) == 0
         assert f"time stamps: {words}" in capsys.readouterr().out
@@ -232,7 +232,7 @@ def test_epoch_nanoseconds_stay_exact(first: int, tmp_path: Path) -> None:
     assert time.tolist() == [5_000_001 * row * 1e-9 for row in range(200)]
 
 
-# What came from the field
+# Files from the field
 
 
 @pytest.mark.parametrize(

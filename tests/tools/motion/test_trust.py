@@ -82,7 +82,7 @@ SHORT_PROGRAMME = Programme(
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a record for every wrong reading, by hand and on a table, and right ones."""
+    """Return a folder with a record for every wrong reading, by hand and on a table, and correct ones."""
     folder = tmp_path_factory.mktemp("wrong")
     for name in WRONG:
         write_record(wrong_record(name, 7, truth=False, **SHORT), folder / f"{name}.csv")
@@ -97,7 +97,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(command: str, record: str, files: Path) -> int:
-    """The exit status of a command for a record; files that it reads stand in that folder."""
+    """Return the exit status of a command for a record; its input files are in that folder."""
     words = [str(files / word) if (files / word).is_file() else word for word in command.format(record).split()]
     return cli.main(words)
 

@@ -84,7 +84,7 @@ def test_rates_that_were_said_to_be_degrees_and_are_none_are_said(clean, order):
 def test_exchanged_accelerometers_are_listed_beside_gyros(clean):
     for matrix in PERMUTATIONS[1:]:
         advice = said_of(replace(clean, specific_force=clean.specific_force @ matrix.T))
-        # Gravity that is reversed as a whole turns as gravity does: nothing in the record tells it.
+        # Gravity that is reversed as a whole turns like gravity: the record does not show it.
         if np.array_equal(matrix, -np.eye(3)):
             assert advice == ""
         else:
@@ -166,7 +166,7 @@ def test_channels_that_change_during_a_record_are_said_with_the_time_and_no_way_
         advice = "; ".join(trust_of(replace(record, rate=rate, specific_force=force)).faults)
         inspection = re.search(r"change their order, signs or unit at ([\d.]+) s: no --channels reads both", advice)
         if inspection is None:
-            # moves of one half alone need not tell two ways apart; then gravity at the later rests says it
+            # moves of one half alone may leave two orders; then gravity at the later rests decides
             assert (record is clean, way) == (True, 21)
             assert "the gyros miss gravity after" in advice
             continue
@@ -176,7 +176,7 @@ def test_channels_that_change_during_a_record_are_said_with_the_time_and_no_way_
 def test_accelerometers_that_are_all_reversed_or_a_reference_whose_z_points_down_are_said(tmp_path):
     record = filmed(5, speed=2.0)
     assert downward_warning(record) == ()
-    # a reference whose z lies level is neither
+    # a reference with a level z axis is neither
     level = Rotation.from_euler("x", 90.0, degrees=True) * Rotation.from_quat(np.roll(record.attitude, -1, axis=1))
     assert downward_warning(replace(record, attitude=np.roll(level.as_quat(), 1, axis=1))) == ()
     reversed_ = replace(record, specific_force=-record.specific_force)

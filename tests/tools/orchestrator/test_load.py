@@ -245,7 +245,7 @@ def is_whole(stored: bytes) -> bool:
 def test_damaged_machine_code_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     loops.compiled_march.cache_clear()
     loops.compiled_march()
-    # What the other tests keep, in a cache of its own.
+    # The content of the other tests, in a cache of its own.
     folder = tmp_path / "cache" / "loops"
     shutil.copytree(cache_folder() / "loops", folder)
     monkeypatch.setenv("TRIHEDRON_CACHE", str(folder.parent))
@@ -255,7 +255,7 @@ def test_damaged_machine_code_is_made_again(tmp_path: Path, monkeypatch: pytest.
         stored.write_bytes(content[stored][:-8] + bytes(8))
     loops.compiled_march.cache_clear()
     loops.compiled_march()
-    # A cache that is used again and again has those of other versions, too.
+    # A cache in long use also has those of other versions.
     assert [is_whole(stored.read_bytes()) for stored in content].count(True) == 1
 
 

@@ -126,7 +126,7 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("everything")
     source = foreign_fmus.HERE / "everything.c"
     library = folder / f"everything{fmpy.sharedLibraryExtension}"
-    # Every function of FMI 3.0 must be there; those that nobody calls do nothing.
+    # Every function of FMI 3.0 must exist; functions that are never called do nothing.
     names = re.findall(r"FMI3_Export \w+\s+(\w+);", FUNCTIONS.read_text())
     settings = source.read_text()
     missing = [n for n in names if not re.search(rf"\b{n}\(|ACCESS\({n[7:]},|NOTHING\({n}\)", settings)]
@@ -291,7 +291,7 @@ def test_native_fmus_are_coupled(native: Path) -> None:
     [
         ({"n3": 1}, r"^FMU 'n3' \(Native\.fmu\): fmi2DoStep at 0\.625 s ended with Error: fuse of 3 0\.25$"),
         ({"n3": 4}, r"stops = 4 is outside its limits \[-inf, 3\.0\]"),
-        # Nobody is blamed with the words of another.
+        # No FMU is blamed with another's message.
         ({"n0": 3, "n3": 2}, r"^FMU 'n3' .* ended with Error \(its log says nothing\)$"),
     ],
 )
@@ -378,7 +378,7 @@ def test_the_orchestrator_gives_the_numbers_of_a_plain_loop(fmu_folder: Path, sl
     scenario = Scenario.model_validate(
         {
             "run": {"stop_s": STEPS * STEP, "step_s": STEP},
-            # Not in the order in which they must step.
+            # Not in the necessary stepping order.
             "fmus": {n: {"component": n, "parameters": PARAMETERS[n]} for n in reversed(PARAMETERS)},
             "connections": wires(*(f"{a}.{o} -> {b}.{t}" for a, o, b, t, _, _ in COUPLED)),
             "stimuli": [

@@ -77,7 +77,7 @@ def test_commands_over_every_step(rows, step, lead):
     outer, inner = np.radians([alpha, beta]).tolist()
     targets = [[a, b] for a, b in zip(outer, inner, strict=True)]
     model = programme(outer, inner, dwell, lead_steps=lead, **SLOW)
-    # As contracts and docs/scenarios.md have it: a slot is the slower axis' move and the dwell, in whole steps.
+    # By the contracts and docs/scenarios.md, a slot is the slower axis' move and the dwell, in whole steps.
     ends, before = [0], SLOW["initial_angle"]
     for target, rest in zip(targets, dwell, strict=True):
         durations = [

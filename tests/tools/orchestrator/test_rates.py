@@ -36,7 +36,7 @@ def test_a_fast_one_hears_a_slow_one_held_or_interpolated(foreign: Path, compile
         wired = between(way, "slow.ended -> fast.u[1]")
         table = run_of_guests(foreign, fmus, run=setting, connections=wired, compiled=compiled).table
         assert table["fast.y[1]"].to_list() == expected.tolist()
-        # The record is of its own times, whether it is ahead or not.
+        # The record has its own times, ahead or not.
         assert table["slow.ended"].to_list() == HELD.tolist()
         assert table["slow.began"].to_list() == np.maximum(HELD - SLOW, 0.0).tolist()
         assert set(table["slow.step"][4:]) == {SLOW}
@@ -70,7 +70,7 @@ def test_slow_through_slow_to_fast(foreign: Path, coupling: str | None) -> None:
         assert table["mid.y[2]"].to_list() == HELD.tolist()
         assert table["fast.y[2]"].to_list() == np.floor(T).tolist()
     else:
-        # As at one rate, but that each is later by its reader's step.
+        # As at one rate, except that each is later by its reader's step.
         assert table["fast.y[1]"].to_list() == np.maximum(T - BASE - SLOW, 0.0).tolist()
         assert table["mid.y[2]"].to_list() == np.maximum(HELD - SLOW, 0.0).tolist()
         assert table["fast.y[2]"].to_list() == np.floor(np.maximum(T - BASE, 0.0)).tolist()

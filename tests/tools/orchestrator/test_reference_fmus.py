@@ -150,7 +150,7 @@ def test_model_exchange_by_a_solver(tmp_path: Path) -> None:
     for name, (variable, expected) in truth.items():
         for fmi in (2, 3):
             column = next(c for c in table.columns if c.startswith(f"{name}{fmi}.{variable}"))
-            # Where the ball rests depends on when its bounces are too low for it.
+            # The resting place of the ball depends on the threshold of its bounces.
             judged = times < 2.3 if name == "BouncingBall" else times < 10.0
             difference = float(np.abs(table[column].to_numpy() - expected)[judged].max())
             print(f"{name}, FMI {fmi}, by CVODE: largest difference {difference:.3g}")

@@ -44,7 +44,7 @@ def test_an_output_reaches_its_consumer_in_the_same_step(foreign: Path, order: t
     fmus = {name: {"clock": CLOCK, "sum": ACCUMULATOR}[name] for name in order}
     simulation = run(foreign, fmus, connections=wires("clock.ended -> sum.increment"))
     ended = simulation.table["clock.ended"].to_numpy()
-    # What the clock says after step k is in the sum after step k: nothing is a step late.
+    # The clock's value after step k is in the sum after step k: nothing is a step late.
     assert simulation.table["sum.total"].to_list() == list(np.cumsum(ended))
     assert simulation.provenance["order"] == ["clock", "sum"]
 
@@ -247,7 +247,7 @@ def test_a_run_that_fails_late_keeps_its_rows(
         assert place == f"{out / 'run.parquet'} has the run up to 5 s"
         assert sorted(p.name for p in out.iterdir()) == ["run.json", "run.parquet"]
         table = pl.read_parquet(out / "run.parquet")
-        # Until it fails it puts out 0, then the time at which a step begins.
+        # Until it fails its output is 0, then the time at which a step begins.
         assert table["time_s"].to_list() == pytest.approx([0.1 * k for k in range(51)])
         provenance = json.loads((out / "run.json").read_text())
         assert (provenance["complete"], provenance["steps"], provenance["failure"]) == (False, 50, failure)
@@ -325,7 +325,7 @@ def test_ctrl_c_inside_an_fmu_is_an_interruption_not_a_failure_of_the_fmu(tmp_pa
     with pytest.raises(KeyboardInterrupt, match=r"interrupted; .*run\.csv has the run up to 0\.\d s"):
         run_scenario(scenario, tmp_path / "out")
     assert not any((tmp_path / "temporary").iterdir())
-    # What there is so far is whole, and says that it is not all.
+    # The present rows are whole, and marked as incomplete.
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["run.csv", "run.json"]
     provenance = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
     assert provenance["complete"] is False

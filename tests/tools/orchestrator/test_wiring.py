@@ -130,8 +130,7 @@ def test_fmus_step_after_those_that_feed_them_and_else_as_in_the_file(count: int
     place = {name: i for i, name in enumerate(order)}
     assert all(place[f"f{a}"] < place[f"f{b}"] for a, b in edges)
     for i, name in enumerate(order):
-        # Whoever steps earlier although it stands later in the file does so because it had to wait for nobody
-        # while the other still waited for someone.
+        # An FMU that steps earlier although it is later in the file waited for none while the other still waited.
         for later in order[i + 1 :]:
             if names.index(later) < names.index(name):
                 assert any(f"f{b}" == later and place[f"f{a}"] >= i for a, b in edges)
@@ -220,6 +219,6 @@ def test_what_feeds_a_cycle_and_what_a_cycle_feeds_are_not_delayed(foreign: Path
     assert simulation.provenance["order"] == ["clock", "one", "other", "sum"]
     ended = simulation.table["clock.ended"].to_numpy()
     np.testing.assert_allclose(simulation.table["sum.total"].to_numpy(), np.cumsum(0.5 * ended), rtol=1e-14)
-    # Without a state that can be set back nothing can be iterated.
+    # Without a restorable state nothing can be iterated.
     sections["run"]["coupling"] = "iterate"
     assert "'one' (Gain.fmu) cannot get and set its state" in refusal(foreign, fmus, **sections)

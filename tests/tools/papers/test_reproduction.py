@@ -139,7 +139,7 @@ def test_all_published_rows():
     for row in result.rows:
         assert bool(row.remark) == (row.row in unexplained)
     ratios = {row.row: row.ratio for row in result.rows}
-    # The "instability" of ψ comes out to the printed digits with amplitudes as they were typed.
+    # The "instability" of ψ is reproduced to the printed digits with the amplitudes as typed.
     for number in (60, 61, 67, 71, 72, 73, 76, 79, 81, 84, 88):
         assert ratios[number][0] == pytest.approx(1.0, abs=5e-4)
     for effect in result.effects:

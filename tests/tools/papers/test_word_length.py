@@ -77,5 +77,5 @@ def test_ten_minutes():
     assert errors[REPEATING, "independently", "pairs"] == pytest.approx(4.7e-5, rel=0.02)
     assert errors[REPEATING, "feedback", "pairs"] < 1e-7
     assert errors[REPEATING, "pairs", "pairs"] < 5e-8
-    # Where rounding errors do not repeat with the motion they do not add up.
+    # Rounding errors that do not repeat with the motion do not add up.
     assert errors[INCOMMENSURATE, "independently", DOUBLE] < 3e-6

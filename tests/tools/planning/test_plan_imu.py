@@ -62,7 +62,7 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
     longer = planned.errors(planned.linearised([visit._replace(dwell_s=20.0) for visit in some]))
     # Noise over a rest four times as long is half; the encoders' part falls faster.
     assert longer[symbols.index("B1")] < 0.6 * errors[symbols.index("B1")]
-    # Eight positions at one inner angle: nothing turns about the inner axis.
+    # Eight positions at one inner angle have no turn about the inner axis.
     still = planned.errors(planned.linearised(some[:8]))
     assert np.isinf(still[symbols.index("M33")])
 
@@ -155,7 +155,7 @@ def test_thirty_minutes_are_planned_far_better_than_usual_and_the_promise_holds(
     assert calibration.verdict == "consistent"
     assert calibration.gyros is not None
     assert inside_intervals(calibration, true_targets(read_scenario(tmp_path / "planned.toml"))) == 42
-    # Latencies of accelerometers are not planned for: what is read in motion tells them beside.
+    # The plan ignores latencies of accelerometers: readings in motion determine them besides.
     planned = [parameter for parameter in calibration.parameters if parameter.symbol not in LATENCIES]
     for parameter, promised in zip(planned, plan.targets, strict=True):
         assert parameter.symbol == promised.symbol

@@ -172,7 +172,7 @@ def test_a_set_for_chosen_targets_costs_less_than_one_for_all() -> None:
     assert list(plan.costs) == ["X16", "X17", "X18"]
     independent = independent_costs(*angles(plan).T)[-3:]
     assert np.allclose(independent, [*plan.costs.values()], rtol=1e-7)
-    # One set of so many for all 18 costs 1.44 times the optima at best.
+    # One set of this number for all 18 costs 1.44 times the optima at best.
     assert plan.worst_ratio < TABLE[7]
     assert plan.lower_bound is not None
     assert 1.0 <= plan.lower_bound <= plan.worst_ratio
@@ -201,7 +201,7 @@ def test_a_set_for_levelling_keeps_its_promise_and_is_better_for_it_than_one_for
     errors = {p.symbol: (p.guaranteed_error or np.inf) / SIGMA for p in calibration.parameters if p.symbol in LEVEL}
     assert set(errors) == set(LEVEL)
     for symbol, error in errors.items():
-        # Readings whose sign is not certain before are used too, and derivatives are those at the fit.
+        # Readings whose sign is not certain a priori are used too, and derivatives are those at the fit.
         assert 0.9 * plan.costs[symbol] < error < 1.02 * plan.costs[symbol]
 
 
@@ -282,7 +282,7 @@ def test_a_cone_of_tilt_is_a_limit_of_alpha_and_is_kept() -> None:
 def test_a_table_with_limited_angles_says_what_it_cannot_determine() -> None:
     with pytest.raises(InputError, match=r"--keep-out: no positions .* determine X15; ask for others by --target"):
         tables_task(keep_out=("alpha:30:330", "beta:30:330"), admissible="paper")
-    # Of one axis alone, the inner one fast.
+    # One axis alone, with a fast inner one.
     limits = {"keep_out": ("beta:0.01:359.99",), "admissible": "paper"}
     with pytest.raises(InputError, match=r"determine X1, X2, X3, .*X16"):
         tables_task(**limits)

@@ -187,7 +187,7 @@ def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[
     hitting.prove(7, 1.5 * best, 20)
     assert len(hitting) > 3
     for rows, reached in zip(sets, ratio, strict=True):
-        # What reaches a ratio has a position in the region of every cut.
+        # A set that reaches a ratio has a position in the region of every cut.
         assert (hitting._height[rows].max(axis=0) >= (1.0 - 1e-6) / reached).all()
 
 

@@ -39,7 +39,7 @@ def test_a_knock_is_read_and_said_with_its_row(tmp_path):
     line = read_text("\n".join([STRAPDOWN_HEADER, *rows]) + "\n").warnings[0]
     assert "row 9 (130 m/s²)" in line
     assert "left out" in line
-    # Not a knock but the unit: every row is beyond.
+    # The unit is wrong, not a row: every row is beyond.
     refused(read_text, "\n".join([STRAPDOWN_HEADER, *(f"{k},0,0,0,0,0,981" for k in range(20))]), "median of |f|")
     refused(read_text, "\n".join([RAW_HEADER, "1,0,0,0,0,9.8", "2,0,0,0,0,1e30"]), "row 3, column f3_mps2")
 
@@ -61,14 +61,14 @@ def test_a_knock_in_a_rest_or_a_move_changes_no_verdict(clean, tmp_path, where, 
     record: Any = read_record(path)
     before, after = inspect_record(clean), inspect_record(record)
     assert all(not (rows.start <= row < rows.stop) for rows in after.rests.rows)
-    # What the bounds hold without the knock they hold with it: no mean is drawn.
+    # The bounds hold with the knock as without it: it moves no mean.
     assert np.abs(after.rests.force).max() < 1.1 * np.abs(before.rests.force).max()
     assert after.turning.said == ()
     diagnosis = diagnose(record, rerun=False)
     assert diagnosis.verdict == "consistent"
     assert any(f"row {row + 2}" in line for line in diagnosis.warnings)
     assert f"row {row + 2}" in str(inspect_record(record))
-    # Of the moves over one rest and more those with the knock are gone, and no other.
+    # Moves over one rest and more with the knock are gone, and no others.
     first, last = diagnosis.evidence.model.reference.scored[0].first, diagnosis.evidence.model.reference.scored[0].last
     assert not ((first < row) & (row <= last)).any()
 

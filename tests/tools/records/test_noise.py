@@ -126,7 +126,7 @@ def test_readings_that_rounding_makes_equal_have_half_a_last_digit_for_their_bou
     assert 0.99 * bound.value < np.abs(written - force).max() / GRAVITY <= bound.value
 
 
-# N, D50, D99, and σ over a standard deviation that 2, 4 and 20 repeats tell, of a model of 18 parameters
+# N, D50, D99, and σ over a standard deviation from 2, 4 and 20 repeats, for a model of 18 parameters
 TABLE = [
     (24, 1.64, 2.46, 4.68, 3.41, 2.62),
     (36, 1.83, 2.60, 5.12, 3.69, 2.80),

@@ -235,7 +235,7 @@ def test_a_position_record_written_reads_back_bit_for_bit(tmp_path):
     back = read_record(path, PositionRecord)
     for name in ("position", "time_s", "alpha", "specific_force", "temperature", "approach_alpha"):
         np.testing.assert_array_equal(getattr(back, name), getattr(record, name))
-    # an angle that no number of degrees gives is the nearest one
+    # an angle that no number of degrees gives becomes the nearest one
     np.testing.assert_allclose(back.beta, record.beta, rtol=2.3e-16, atol=0)
     assert back.mounting == record.mounting
     write_record(back, again)

@@ -114,7 +114,7 @@ def test_what_every_document_says(name):
         if part.table is not None:
             assert part.table.without_empty_columns() == part.table
             assert "1" not in [row.get("unit") for row in rows_of(name, part.title)]
-    # Who reads on finds what there is behind the answer.
+    # The details follow the answer.
     if "<nav" in html:
         assert html[: html.index("<nav")].count("<h2>") == len(page.answer)
     addresses = re.findall(r'(?:href|src)="([^"]*)"', html)
@@ -155,7 +155,7 @@ def test_a_falsified_calibration_shows_the_readings_that_prove_it_and_no_guarant
     result = shown("calibration, falsified")[0]
     rows = rows_of("calibration, falsified", "Evidence: the readings that prove it")
     assert len(rows) == len(result.witness)
-    # At the Chebyshev centre the readings that prove it are all off by the radius.
+    # At the Chebyshev centre the readings of the proof are all off by the radius.
     assert {abs(number(row["at best off by [σ]"])) for row in rows} == {round(result.radius, 2)}
     assert "guaranteed error" not in rows_of("calibration, falsified", "Targets")[0]
 
@@ -199,7 +199,7 @@ def test_the_second_witness_and_what_the_cause_does_to_the_calibration():
     rows = rows_of("bench, explained", "Targets, and what the effects do to them")
     assert len(rows) == 18
     assert {row["unit"] for row in rows} == {"", "rad", "g"}
-    # A quadratic term passes for scale-factor errors of opposite signs.
+    # A quadratic term imitates scale-factor errors of opposite signs.
     plus = {1: "X4", 2: "X9", 3: "X14"}[result.causes[0].place.index + 1]
     (moved,) = (number(row["moved by"]) for row in rows if row["target"] == plus)
     assert abs(moved) == pytest.approx(abs(result.causes[0].values[0]), rel=0.3)

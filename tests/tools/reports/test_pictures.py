@@ -108,7 +108,7 @@ def test_a_picture_stands_alone_on_light_and_dark_pages(name: str) -> None:
     assert colours
     assert colours <= {colour.light for colour in COLOURS}
     assert all(f"{colour.dark}!important" in svg for colour in COLOURS)
-    # The original of a marker would keep its own colour: a rule of the page does not reach into its copies.
+    # The original of a marker would keep its own colour: a page's rule does not reach its copies.
     assert not any("#" in original for original in re.findall(r'<path id="[^"]*" d="[^"]*" style="([^"]*)"', drawn))
 
 

@@ -140,7 +140,7 @@ def test_units_names_and_transformations(tmp_path, fmus):
     assert table == {"gravity": 9.81, "azimuth": 2.0, "latitude": 0.7, "seed": 8}
     assert ignored == ()
     assert scenario.fmus["computer"].parameters == {"algorithm": MEAN_RATE, "renormalise": False}
-    # The annotation is missing: the smallest step that an FMU's own experiment has.
+    # Without the annotation: the smallest step of an FMU's own experiment.
     assert (scenario.run.start_s, scenario.run.stop_s, scenario.run.step_s) == (2.0, 4.0, 0.01)
 
 

@@ -126,7 +126,7 @@ def test_the_parts_stand_in_the_order_that_omsimulator_wants(exported):
     assert annotation.get("type") == "org.openmodelica"
     masters = [e for e in annotation.iter() if e.tag.endswith("FixedStepMaster")]
     assert [(m.get("description"), m.get("stepSize")) for m in masters] == [("oms-ma", "0.125")]
-    # FMPy gives every input connector a value, 0 where nothing feeds it: what is not connected has none.
+    # FMPy gives every input connector a value, 0 without a source: an unconnected one has none.
     inputs = [e.get("name") for e in root.iter() if e.get("kind") == "input"]
     assert "temperature" not in inputs
 
@@ -266,7 +266,7 @@ def test_different_steps_go_out_and_come_back(tmp_path, options):
     for connection, way in zip(connections, ("interpolate", "hold", None), strict=True):
         connection["between"] = way
     if options:
-        # The rows say how long a rest has lasted.
+        # The rows give the length of a rest so far.
         connections = [connection for connection in connections if connection["to"] != "block.dwell"]
     scenario = bench(**options, fmus=fmus, connections=connections)
     expected = run_scenario(scenario).table

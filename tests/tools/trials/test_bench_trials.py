@@ -156,7 +156,7 @@ def test_a_record_differs_from_its_faultless_bench_by_the_noise_and_no_more(nois
         assert getattr(record, name) is not None
         assert np.array_equal(getattr(record, name), getattr(faultless, name))
     assert record.mounting == faultless.mounting
-    # The sizes are computed for the times at which the bench will really be read.
+    # The sizes are computed for the times of the actual readings.
     assert np.abs(record.time_s - record.time_s[0] - faultless.time_s + faultless.time_s[0]).max() < 8.0
 
 

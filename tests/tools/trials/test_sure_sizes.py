@@ -54,7 +54,7 @@ def test_at_the_first_size_no_noise_hides_an_effect_and_at_half_of_it_some_does(
     for _ in range(40):
         noise = SIGMA * RNG.choice([-1.0, 1.0], size=len(d))
         assert radius(model, 1.01 * size * d + noise) > 1.0
-    # Without noise half the size is still at the edge; the worst noise undoes as much as the model may.
+    # Without noise half the size is still at the edge; the worst noise hides as much as the model may.
     assert radius(model, 0.5 * size * d) == pytest.approx(1.0, abs=1e-6)
     step = chebyshev_radius(model.jacobian, d, model.bound)[1]
     worst = -SIGMA * (d - model.jacobian @ step) / np.abs(d - model.jacobian @ step).max()
