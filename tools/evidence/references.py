@@ -19,10 +19,11 @@ from ..motion.inspect import Inspection
 from ..motion.norm import COLUMNS, NAMES, ROWS, inputs_of, norm_block, norm_equations
 from ..motion.rest_noise import RestNoise, factor_for, rest_lengths, rest_noise
 from ..motion.rests import Rests
-from ..motion.truth import Usable, known_rows, thinned, usable_in, windows_between
+from ..motion.truth import MOST_PIECES, Usable, known_rows, usable_in, windows_between
 from ..records import StrapdownRecord
 from ..records.columns import INERTIAL
 from ..records.noise import SCATTER_FACTOR
+from ..records.turned import thinned
 from .fit import coefficient_count
 from .rows import Part, Pieces
 
@@ -317,7 +318,7 @@ def gravity_pieces(inspection: Inspection) -> tuple[Pieces, tuple[Pieces, ...], 
         begin, end = last[numbers], first[numbers + together]
         chosen = np.flatnonzero(usable(begin, end))
         if together > 1:
-            chosen = thinned(chosen)
+            chosen = thinned(chosen, MOST_PIECES)
         if len(chosen):
             label = "1 move" if together == 1 else f"{together} moves"
             moves.append(Pieces("moves", label, begin[chosen], end[chosen]))

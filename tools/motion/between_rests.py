@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
-from scipy.spatial.transform import Rotation
 
 from ..records import StrapdownRecord
 from ..records.channels import PERMUTATIONS, Channels
+from ..records.turned import Stretches, thinned
 from ..rounding import digits
-from .rests import RecordSampling, Rests, rates_of
-from .truth import thinned, usable_in
+from .rests import RecordSampling, Rests
+from .truth import usable_in
 from .turning import said_of_ways, units_tried
 
 ALLOWED, ALLOWED_PART = 0.15, 0.1
@@ -33,8 +33,6 @@ LEAST_TURN = 0.3
 """Moves that turn gravity by less tell no way of reading from another [rad]."""
 MOST_MOVES = 80
 """So many moves are looked at, spread over the record."""
-STEP = 0.1
-"""Turns of neighbouring rows are added up to one of about this size [rad]."""
 SCALES = 2.0 ** np.arange(-3.0, 3.01, 0.25)
 """Sizes of the gyros' readings that are tried."""
 OF_ONE = np.concatenate([1.0 + (part - 1.0) * np.eye(3) for part in (0.25, 0.5, 2.0, 4.0)])
@@ -49,33 +47,28 @@ ALIKE = 0.1
 class Moves:
     """Moves between two rests.
 
-    Gravity's directions (M, 3) at both, the turns (M, C, 3) [rad] between, how far the block turns (M,) [rad], what
-    the gyros may have drifted (M,) [rad], and the times (M, 2) at which moves begin and end [s].
+    Gravity's directions (M, 3) at both, the turns between, what the gyros may have drifted (M,) [rad], and the times
+    (M, 2) at which moves begin and end [s].
     """
 
     before: NDArray[np.float64]
     after: NDArray[np.float64]
-    turns: NDArray[np.float64]
-    way: NDArray[np.float64]
+    turns: Stretches
     drift: NDArray[np.float64]
     times: NDArray[np.float64]
 
     def __len__(self) -> int:
-        return len(self.way)
+        return len(self.drift)
 
-    def of(self, mask: NDArray[np.bool_]) -> "Moves":
+    def those(self, mask: NDArray[np.bool_]) -> "Moves":
         """Some of the moves."""
-        parts = (self.before, self.after, self.turns, self.way, self.drift, self.times)
-        return Moves(*(part[mask] for part in parts))
+        return Moves(self.before[mask], self.after[mask], self.turns.those(mask), self.drift[mask], self.times[mask])
 
     def carried(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         """Gravity (M, 3) at the second rests, as gyros carry it that are read through a matrix (3, 3)."""
         if not len(self):
             return self.before
-        turn = Rotation.from_rotvec((self.turns @ matrix.T).reshape(-1, 3))
-        while len(turn) > len(self):
-            turn = turn[0::2] * turn[1::2]
-        return turn.inv().apply(self.before)
+        return self.turns.total(matrix).inv().apply(self.before)
 
     def missed(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         """Angles (M,) between gravity as it is carried and as it is measured [rad]."""
@@ -83,7 +76,7 @@ class Moves:
 
     def allowed(self, size: float = 1.0) -> NDArray[np.float64]:
         """What gyros of usual errors may miss (M,), where they turn so many times as far as they read [rad]."""
-        return ALLOWED + ALLOWED_PART * size * self.way + self.drift
+        return ALLOWED + ALLOWED_PART * size * self.turns.way + self.drift
 
     def missing(self, scale: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Moves (M,) over which gyros of these scales (3,) miss gravity by more than they may, where that is told."""
@@ -110,32 +103,18 @@ def moves_between(record: StrapdownRecord, sampling: RecordSampling, rests: Rest
     suits = (np.abs(np.diff(size)) <= SAME_FORCE * size[:-1]) & standing[1:] & standing[:-1]
     suits &= (record.time_s[last] - record.time_s[first] <= LONGEST_S) & usable_in(record, sampling)(first, last)
     chosen = thinned(np.flatnonzero(suits), MOST_MOVES)
-    rates = rates_of(record)[1:]
-    if record.rate is not None:
-        rates = 0.5 * (record.rate[1:] + record.rate[:-1])
-    step = np.diff(record.time_s)[:, None]
-    level = 0.5 * (rests.rate[1:] + rests.rate[:-1])
-    summed, way = [], np.zeros(len(chosen))
-    for place, k in enumerate(chosen):
-        rows = slice(first[k], last[k])
-        turns = (rates[rows] - level[k]) * step[rows]
-        so_far = np.cumsum(np.linalg.norm(turns, axis=1))
-        way[place] = so_far[-1]
-        begins = np.flatnonzero(np.diff(so_far // STEP, prepend=-1.0))
-        summed.append(np.add.reduceat(turns, begins))
-    longest = max(map(len, summed), default=1)
-    padded = np.zeros((len(chosen), 1 << (longest - 1).bit_length(), 3))
-    for place, turns in enumerate(summed):
-        padded[place, : len(turns)] = turns
+    ends = np.column_stack([first[chosen], last[chosen]])
+    level = 0.5 * (rests.rate[1:] + rests.rate[:-1])[chosen]
     direction = rests.force / np.where(size > 0.0, size, 1.0)[:, None]
-    times = np.column_stack([record.time_s[first[chosen]], record.time_s[last[chosen]]])
-    drift = (times[:, 1] - times[:, 0]) * np.linalg.norm(np.diff(rests.rate, axis=0)[chosen], axis=1)
-    return Moves(direction[chosen], direction[chosen + 1], padded, way, drift, times)
+    times = record.time_s[ends]
+    drift = np.diff(times, axis=1)[:, 0] * np.linalg.norm(np.diff(rests.rate, axis=0)[chosen], axis=1)
+    turns = Stretches.of(record, record.time_s, ends).less(level)
+    return Moves(direction[chosen], direction[chosen + 1], turns, drift, times)
 
 
 def ways_beside_gravity(moves: Moves, before: Channels | None) -> tuple[str, str] | None:
     """What is wrong with order, signs or unit of gyros that miss gravity over most moves, as of `said_of_ways`."""
-    telling = moves.of(moves.turned > LEAST_TURN)
+    telling = moves.those(moves.turned > LEAST_TURN)
     unknown = not (telling.allowed() <= TELLING).any()
     if before == Channels() or not (unknown or 2 * telling.missing(np.ones(3)).sum() > len(telling)):
         return None
@@ -181,7 +160,7 @@ def scales_by_rests(moves: Moves) -> NDArray[np.float64] | None:
 
     They differ where that misses far less.
     """
-    telling = moves.of((moves.turned > LEAST_TURN) & (moves.allowed() - ALLOWED <= 4.0 * TELLING))
+    telling = moves.those((moves.turned > LEAST_TURN) & (moves.allowed() - ALLOWED <= 4.0 * TELLING))
     if len(telling) < FEWEST_MOVES:
         return None
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from ..records import StrapdownRecord
 from ..records.channels import Channels
 from ..records.stamps import grid_of
+from ..records.turned import thinned
 from ..result import Array, Result
 from .carry import rotation_of
 from .rests import RecordSampling, Rests, rates_of
@@ -186,11 +187,4 @@ def windows_between(known: NDArray, usable: Usable, period: float, seconds: floa
         last.append(known[best])
         k = best
     windows = np.column_stack([np.array(first, dtype=int), np.array(last, dtype=int)])
-    return windows[thinned(np.flatnonzero(usable(windows[:, 0], windows[:, 1])))]
-
-
-def thinned(chosen: NDArray, most: int = MOST_PIECES) -> NDArray[np.int_]:
-    """At most so many of them, spread over the record: they say much the same."""
-    if len(chosen) <= most:
-        return chosen
-    return chosen[np.linspace(0, len(chosen) - 1, most).round().astype(int)]
+    return windows[thinned(np.flatnonzero(usable(windows[:, 0], windows[:, 1])), MOST_PIECES)]

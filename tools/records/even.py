@@ -6,17 +6,19 @@ direction at the first into that at the second; over each stretch with a true at
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from ..rounding import digits, exactly
 from .kinds import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
+from .limits import runs_of
 from .stamps import Grid, grid_of
+from .turned import Stretches, thinned
 
 EVEN, LOGGED = "even", "logged"
 """What `--stamps` takes beside a rate in hertz."""
@@ -40,6 +42,10 @@ NOISE = 2e-3
 """What a move misses by without any error of stamps [rad]."""
 GYRO, RATE, ACCELEROMETER = 0.1, 0.02, 0.03
 """Sizes of the errors that are fitted: of a gyro's scale and axis, its bias [rad/s], and an accelerometer [g]."""
+FEWEST_BLOCKS = 4
+"""Fewer blocks hold no two rests."""
+CONVERGED = 1e-3
+"""The fit of small errors ends where nothing changes by more than this part."""
 AS_WELL = 1.03
 """Even stamps that leave no more than this times what those logged leave are taken: loggers stamp late more often
 than sensors sample unevenly."""
@@ -142,159 +148,83 @@ class Missed:
 
 def missed_angles(record: StrapdownRecord, grid: Grid) -> Missed | None:
     """By how much the gyros miss gravity over moves, or the true attitude; None where the record does not tell."""
-    pieces, words = _with_truth(record, grid), "stretches with a true attitude"
+    ends, words = _with_truth(record, grid), "stretches with a true attitude"
     directions = None
-    if len(pieces) < FEWEST:
-        rests = _rests(record, grid)
-        pieces, directions = _moves(record, grid, rests)
-        words = "moves between rests"
-    if len(pieces) < FEWEST:
+    if len(ends) < FEWEST:
+        (ends, directions), words = _moves(record, grid), "moves between rests"
+    if len(ends) < FEWEST:
         return None
-    sizes = []
-    for time in (grid.even, grid.logged):
-        sizes.append(_least_missed(record, time, pieces, directions))
-    if not min(sizes) <= LARGEST:
+    even, logged = (_least_missed(record, time, ends, directions) for time in (grid.even, grid.logged))
+    if not min(even, logged) <= LARGEST:
         return None
-    return Missed(sizes[0], sizes[1], len(pieces), words)
+    return Missed(even, logged, len(ends), words)
 
 
-def _thinned(pieces: list) -> list:
-    """At most so many of some pieces, spread evenly."""
-    if len(pieces) <= MOST:
-        return pieces
-    return [pieces[k] for k in np.linspace(0, len(pieces) - 1, MOST).astype(int)]
+def _usable(record: StrapdownRecord, grid: Grid, ends: NDArray[np.int_]) -> NDArray[np.int_]:
+    """Which of some stretches (S, 2) of rows hold no gap, and in which the block turns; spread over the record."""
+    gaps = np.append(0, np.cumsum(grid.is_gap))
+    whole = np.flatnonzero(gaps[ends[:, 0]] == gaps[ends[:, 1]])
+    turned = Stretches.of(record, grid.even, ends[whole]).way > TURNED
+    return thinned(whole[turned], MOST)
 
 
-def _with_truth(record: StrapdownRecord, grid: Grid) -> list[tuple[int, int]]:
-    """Stretches, first and last row, in which the block turns and its true attitude is known at both ends."""
-    if record.attitude is None:
-        return []
+def _with_truth(record: StrapdownRecord, grid: Grid) -> NDArray[np.int_]:
+    """Stretches (S, 2), first and last row, in which the block turns and its true attitude is known at both ends."""
     rows = max(2, round(STRETCH / grid.period))
-    known = np.asarray(np.isfinite(record.attitude).all(axis=1))
-    gaps = np.concatenate([[0], np.cumsum(grid.is_gap)])
     first = np.arange(0, len(record) - rows, rows)
-    last = first + rows
-    first, last = first[known[first] & known[last]], last[known[first] & known[last]]
-    whole = gaps[first] == gaps[last]
-    pieces = list(zip(first[whole].tolist(), last[whole].tolist(), strict=True))
-    return _thinned([piece for piece in pieces if _turn(record, grid, *piece) > TURNED])
+    if record.attitude is None:
+        return np.zeros((0, 2), dtype=int)
+    known = np.isfinite(record.attitude).all(axis=1)
+    first = first[known[first] & known[first + rows]]
+    ends = np.column_stack([first, first + rows])
+    return ends[_usable(record, grid, ends)]
 
 
-def _turn(record: StrapdownRecord, grid: Grid, first: int, last: int) -> float:
-    """How far the block turns between two rows, by the gyros [rad]."""
-    assert record.rate is not None
-    return float(grid.period * np.linalg.norm(record.rate[first:last], axis=1).sum())
+def _moves(record: StrapdownRecord, grid: Grid) -> tuple[NDArray[np.int_], NDArray[np.float64]]:
+    """Moves (S, 2), from the middle of a rest to that of the next, and gravity's directions (S, 2, 3) at both.
 
-
-def _rests(record: StrapdownRecord, grid: Grid) -> list[slice]:
-    """Rows of the rests: neighbouring quiet blocks without a gap."""
+    Rests are neighbouring quiet blocks without a gap.
+    """
     assert record.rate is not None
     size = max(8, round(BLOCK / grid.period))
     count = len(record) // size
-    if count < 4:
-        return []
-    shape = (count, size, 3)
-    scatter = record.rate[: count * size].reshape(shape).std(axis=1).max(axis=1)
+    if count < FEWEST_BLOCKS:
+        return np.zeros((0, 2), dtype=int), np.zeros((0, 2, 3))
+    rows = slice(0, count * size)
+    scatter = record.rate[rows].reshape(count, size, 3).std(axis=1).max(axis=1)
     still = scatter <= STILL * np.quantile(scatter, 0.1)
     still[grid.gaps[grid.gaps < count * size] // size] = False
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-    rests = []
-    for first, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if stop - first >= 2:
-            rests.append(slice(first * size, stop * size))
-    return rests
+    begins, stops = runs_of(still)
+    long = stops - begins >= 2
+    begins, stops = begins[long] * size, stops[long] * size
+    directions = np.zeros((len(begins), 3))
+    for place, (begin, stop) in enumerate(zip(begins, stops, strict=True)):
+        mean = record.specific_force[begin:stop].mean(axis=0)
+        directions[place] = mean / max(float(np.linalg.norm(mean)), 1e-300)
+    middle = (begins + stops) // 2
+    ends = np.column_stack([middle[:-1], middle[1:]])
+    short = np.flatnonzero((ends[:, 1] - ends[:, 0]) * grid.period <= LONGEST)
+    usable = short[_usable(record, grid, ends[short])]
+    return ends[usable], np.stack([directions[:-1], directions[1:]], axis=1)[usable]
 
 
-def _moves(
-    record: StrapdownRecord, grid: Grid, rests: list[slice]
-) -> tuple[list[tuple[int, int]], list[tuple[NDArray, NDArray]]]:
-    """Moves between rests, first and last row, and gravity's directions at both."""
-    gaps = np.concatenate([[0], np.cumsum(grid.is_gap)])
-    chosen = []
-    for before, behind in pairwise(rests):
-        first, last = (before.start + before.stop) // 2, (behind.start + behind.stop) // 2
-        is_whole = gaps[first] == gaps[last] and (last - first) * grid.period <= LONGEST
-        if is_whole and _turn(record, grid, before.stop, behind.start) > TURNED:
-            chosen.append((first, last, before, behind))
-    pieces, directions = [], []
-    for first, last, before, behind in _thinned(chosen):
-        pieces.append((first, last))
-        directions.append((_direction(record, before), _direction(record, behind)))
-    return pieces, directions
+def _least_missed(record: StrapdownRecord, time: NDArray, ends: NDArray[np.int_], directions: NDArray | None) -> float:
+    """What the gyros miss [rad], rms over stretches (S, 2), with the best small errors of the instruments."""
+    stretches = Stretches.of(record, time, ends)
 
+    def missed(errors: NDArray) -> NDArray:
+        """What is missed (S, 3) [rad] with errors (24,) in their sizes: of gyros, then of accelerometers."""
+        gyros, bias = np.eye(3) + GYRO * errors[:9].reshape(3, 3), RATE * errors[9:12]
+        turn = stretches.less(np.tile(-bias, (len(ends), 1))).total(gyros)
+        if directions is None:
+            assert record.attitude is not None
+            before, behind = (Rotation.from_quat(record.attitude[rows], scalar_first=True) for rows in ends.T)
+            return (turn.inv() * before.inv() * behind).as_rotvec()
+        force = directions @ (np.eye(3) + ACCELEROMETER * errors[12:21].reshape(3, 3)).T + ACCELEROMETER * errors[21:]
+        return force[:, 1] - turn.inv().apply(force[:, 0])
 
-def _direction(record: StrapdownRecord, rows: slice) -> NDArray:
-    mean = record.specific_force[rows].mean(axis=0)
-    return mean / max(float(np.linalg.norm(mean)), 1e-300)
+    def residuals(errors: NDArray) -> NDArray:
+        return np.append(missed(errors).ravel() / NOISE, errors)
 
-
-def _least_missed(
-    record: StrapdownRecord,
-    time: NDArray,
-    pieces: list[tuple[int, int]],
-    directions: list[tuple[NDArray, NDArray]] | None,
-) -> float:
-    """What the gyros miss [rad], rms over pieces, with the best small errors of the instruments."""
-    assert record.rate is not None
-    step = np.diff(time)
-    gyros, bias = np.eye(3), np.zeros(3)
-    missed = math.inf
-    for _ in range(3):
-        residuals, designs = [], []
-        for number, (first, last) in enumerate(pieces):
-            seconds = step[first:last, None]
-            turns = 0.5 * (record.rate[first:last] + record.rate[first + 1 : last + 1]) * seconds
-            partial = _products(Rotation.from_rotvec(turns @ gyros.T + seconds * bias).as_matrix())
-            if directions is None:
-                assert record.attitude is not None
-                ends = Rotation.from_quat(record.attitude[[first, last]], scalar_first=True)
-                residual, design = _beside_truth(partial, turns, seconds, (ends[0].inv() * ends[1]).as_matrix())
-            else:
-                residual, design = _beside_gravity(partial, turns, seconds, *directions[number])
-            residuals.append(residual)
-            designs.append(design)
-        matrix, values = np.concatenate(designs) / NOISE, np.concatenate(residuals) / NOISE
-        sizes = np.repeat([GYRO, RATE, ACCELEROMETER], [9, 3, matrix.shape[1] - 12])
-        free = np.vstack([matrix, np.diag(1.0 / sizes)])
-        solution = np.linalg.lstsq(free, np.concatenate([values, np.zeros(len(sizes))]), rcond=None)[0]
-        missed = NOISE * float(np.sqrt(np.mean((values - matrix @ solution) ** 2)))
-        gyros, bias = gyros + solution[:9].reshape(3, 3), bias + solution[9:12]
-    return missed * math.sqrt(3.0)
-
-
-def _products(matrices: NDArray) -> NDArray:
-    """Products (n, 3, 3) of the first, the first two, ... of some rotations (n, 3, 3)."""
-    products, apart = matrices.copy(), 1
-    while apart < len(products):
-        products[apart:] = products[:-apart] @ products[apart:]
-        apart *= 2
-    return products
-
-
-def _turned_by_errors(partial: NDArray, turns: NDArray, seconds: NDArray) -> NDArray:
-    """How the turn at the end of a piece changes (3, 12) with the errors of gyros, then with their biases."""
-    at_end = partial[-1].T @ partial
-    by_gyros = np.einsum("kia,kb->iab", at_end, turns).reshape(3, 9)
-    return np.hstack([by_gyros, np.einsum("kia,k->ia", at_end, seconds[:, 0])])
-
-
-def _beside_truth(partial: NDArray, turns: NDArray, seconds: NDArray, true: NDArray) -> tuple[NDArray, NDArray]:
-    """What the gyros miss the true turn (3, 3) by [rad], and how it changes with the errors."""
-    residual = Rotation.from_matrix(partial[-1].T @ true).as_rotvec()
-    return residual, _turned_by_errors(partial, turns, seconds)
-
-
-def _beside_gravity(
-    partial: NDArray, turns: NDArray, seconds: NDArray, before: NDArray, behind: NDArray
-) -> tuple[NDArray, NDArray]:
-    """What the gyros miss gravity behind a move by [rad], and how it changes with the errors."""
-    back = partial[-1].T
-    carried = back @ before
-    design = np.cross(carried, _turned_by_errors(partial, turns, seconds), axisb=0, axisc=0)
-    of_force = back @ _of_accelerometers(before) - _of_accelerometers(behind)
-    return behind - carried, np.hstack([design, of_force])
-
-
-def _of_accelerometers(direction: NDArray) -> NDArray:
-    """How a reading (3,) [g] changes (3, 12) with the errors of accelerometers, then with their biases."""
-    return np.hstack([np.kron(np.eye(3), direction), np.eye(3)])
+    errors = least_squares(residuals, np.zeros(24), method="lm", ftol=CONVERGED, xtol=CONVERGED).x
+    return float(np.sqrt(3.0 * np.mean(np.square(missed(errors)))))

@@ -1,0 +1,71 @@
+"""Turns of gyros over stretches of rows: many stretches at once, rows that turn little added up."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from .kinds import StrapdownRecord
+
+STEP = 0.1
+"""Turns of neighbouring rows are added up to one of about this size [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """Stretches of rows as turns (S, C, 3) [rad] one after the other, and the times (S, C) that they take [s].
+
+    `way` (S,): how far the block turns, to and fro [rad].
+    """
+
+    turns: NDArray[np.float64]
+    seconds: NDArray[np.float64]
+    way: NDArray[np.float64]
+
+    @staticmethod
+    def of(record: StrapdownRecord, time: NDArray[np.float64], ends: NDArray[np.int_]) -> "Stretches":
+        """The stretches between rows (S, 2) of a record with these time stamps (N,); each has one row at least."""
+        step = np.diff(time)[:, None]
+        if record.rate is None:
+            assert record.increment is not None
+            turns = record.increment[1:]
+        else:
+            turns = 0.5 * (record.rate[1:] + record.rate[:-1]) * step
+        turns = np.hstack([turns, step])
+        so_far = np.append(0.0, np.cumsum(np.linalg.norm(turns[:, :3], axis=1)))
+        summed = []
+        for first, last in ends.tolist():
+            begins = np.flatnonzero(np.diff(so_far[first:last] // STEP, prepend=-1.0))
+            summed.append(np.add.reduceat(turns[first:last], begins))
+        count = 1 << (max(map(len, summed), default=1) - 1).bit_length()
+        padded = np.zeros((len(ends), count, 4))
+        for place, parts in enumerate(summed):
+            padded[place, : len(parts)] = parts
+        return Stretches(padded[:, :, :3], padded[:, :, 3], so_far[ends[:, 1]] - so_far[ends[:, 0]])
+
+    def __len__(self) -> int:
+        return len(self.way)
+
+    def those(self, mask: NDArray[np.bool_]) -> "Stretches":
+        """Some of the stretches."""
+        return Stretches(self.turns[mask], self.seconds[mask], self.way[mask])
+
+    def less(self, level: NDArray[np.float64]) -> "Stretches":
+        """The stretches without a rate (S, 3) that the gyros read at rest [rad/s]."""
+        turns = self.turns - self.seconds[:, :, None] * level[:, None, :]
+        return Stretches(turns, self.seconds, np.linalg.norm(turns, axis=2).sum(axis=1))
+
+    def total(self, matrix: NDArray[np.float64]) -> Rotation:
+        """The turns (S), at least one, over whole stretches of gyros that are read through a matrix (3, 3)."""
+        total = Rotation.from_rotvec((self.turns @ matrix.T).reshape(-1, 3))
+        while len(total) > len(self):
+            total = total[0::2] * total[1::2]
+        return total
+
+
+def thinned(chosen: NDArray[np.int_], most: int) -> NDArray[np.int_]:
+    """At most so many rows of an array, spread over it: they say much the same."""
+    if len(chosen) <= most:
+        return chosen
+    return chosen[np.linspace(0, len(chosen) - 1, most).round().astype(int)]
