@@ -1,15 +1,15 @@
 """The gyro block, scale factors and misalignment, bias, bounded errors, increments in whole quanta; its inverse.
 
-The stages are those of the accelerometer block, on the mean rate ω over a step: reading = ω + Γ ω + b + what effects
-add + error, then the last stage; the increment is the reading's integral, rounded, with its remainder carried on.
+The stages are those of the accelerometer block, on the mean rate ω over a step: reading = ω + Γ ω + b + effects +
+error, then the last stage; the increment is the reading's integral, rounded, with its remainder carried on.
 
-The inverse is one to second order in the effects. The block reads r = (I + Γ) ω + b + e(ω), with e what effects add to
-a step, by the steps before too. With ω₀ = (I + Γ)⁻¹ (r − b) and ω₁ = ω₀ − (I + Γ)⁻¹ e(ω₀), the rate is
-ω = ω₀ − (I + Γ)⁻¹ e(ω₁): two terms of Neumann's series. Nothing is fed back, so what the series leaves out cannot grow;
-an exact inverse of a lag of a step and more would.
+The inverse is one to second order in the effects. The block reads r = (I + Γ) ω + b + e(ω), with e the effects'
+addition to a step, which may depend on earlier steps. With ω₀ = (I + Γ)⁻¹ (r − b) and ω₁ = ω₀ − (I + Γ)⁻¹ e(ω₀), the
+rate is ω = ω₀ − (I + Γ)⁻¹ e(ω₁): two terms of Neumann's series. Nothing is fed back, so the remainder of the series
+cannot grow; an exact inverse of a lag of a step and more would.
 
-Source: P. Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd ed. 2013,
-section 4.4.
+Source: P. Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd ed. 2013, section
+4.4.
 """
 
 import math

@@ -1,15 +1,15 @@
 """The restricted Python in which kernels are written.
 
-A kernel runs unchanged as plain Python, is compiled by numba, is carried by a PythonFMU FMU and can be translated to
-C. So it uses nothing but
+A kernel runs unchanged as plain Python, is compiled by numba, is carried by a PythonFMU FMU and can be translated to C.
+So it uses only
 
 * float scalars, integer indices and flat arrays of floats (`Vector`: a list in plain Python, an array elsewhere);
 * ``+ - * /``, comparisons, ``if``, ``for ... in range``, ``while``;
 * ``math.sqrt``, ``math.exp``, ``math.sin``, ``math.cos``, ``math.atan2``, ``math.floor``, ``math.fabs``, ``math.pi``;
 * calls to other kernels and module constants in capitals;
 
-and no ``**``, ``%``, ``//``, ``round``, objects, slices or keyword arguments. What a kernel changes is an array, even
-of one element; what it only reads may be a scalar. Working arrays are arguments too: a kernel allocates nothing.
+and no ``**``, ``%``, ``//``, ``round``, objects, slices or keyword arguments. Changed arguments are arrays, even of one
+element; read-only ones may be scalars. Working arrays are arguments too: a kernel allocates nothing.
 
 Context
 -------

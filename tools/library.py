@@ -69,7 +69,7 @@ def simulate(
     Raises
     ------
     InputError
-        whatever cannot be done, in one line
+        for anything that cannot be done, in one line
 
     Examples
     --------
@@ -210,7 +210,7 @@ def run_campaign(
     Raises
     ------
     InputError
-        whatever cannot be done, in one line; what was computed until then is kept
+        for anything that cannot be done, in one line; earlier results are kept
     KeyboardInterrupt
         Ctrl-C; the folder is whole, and `resume` goes on
     """
@@ -314,7 +314,7 @@ def compare(first: Any, second: Any, *, within: Sequence[str] = ()) -> "Compared
     Raises
     ------
     InputError
-        for what is no run or record, or two that have no times or columns in common
+        for anything but a run or record, or two without common times or columns
 
     Examples
     --------
@@ -346,7 +346,7 @@ def plot(run: Any, page: str | Path) -> Path:
     Raises
     ------
     InputError
-        for what is no run or record, or a page that cannot be written
+        for anything but a run or record, or a page that cannot be written
     """
     from .comparison import table_of_run
 

@@ -66,7 +66,7 @@ def import_record(
     Raises
     ------
     InputError
-        for what has to be said first, or a file that cannot be used
+        for an open question, or a file that cannot be used
 
     Examples
     --------
@@ -230,7 +230,7 @@ def calibrate(
     Raises
     ------
     InputError
-        whatever cannot be done, in one line
+        for anything that cannot be done, in one line
 
     Examples
     --------
@@ -255,7 +255,10 @@ def calibrate(
 
 
 def _diagnosis_of(found: "str | Path | Any") -> "diagnosis.Diagnosis":
-    """A diagnosis, or that of a file; an InputError for another result."""
+    """Return a diagnosis, or that of a file.
+
+    Raises InputError for another result.
+    """
     result = diagnosis.read_diagnosis(Path(found)) if isinstance(found, str | Path) else found
     if not isinstance(result, diagnosis.Diagnosis):
         raise InputError(f"--with {found}: is no diagnosis; the file of `trihedron diagnose --json` is needed")
@@ -409,7 +412,7 @@ def diagnose(
     Raises
     ------
     InputError
-        whatever cannot be done, in one line
+        for anything that cannot be done, in one line
 
     Examples
     --------
@@ -471,7 +474,7 @@ def calibrate_together(
     Raises
     ------
     InputError
-        whatever cannot be done, in one line
+        for anything that cannot be done, in one line
     """
     runs = _several((first, *others), (records.PositionRecord,), channels, stamps)
     for run in runs.values():
@@ -530,7 +533,7 @@ def diagnose_together(
     Raises
     ------
     InputError
-        whatever cannot be done, in one line
+        for anything that cannot be done, in one line
 
     Examples
     --------

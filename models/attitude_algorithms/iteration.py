@@ -1,11 +1,11 @@
 """Functional iteration: the rate as the polynomial through N increments, the attitude iterated on Chebyshev nodes.
 
-In the manner of Wu 2018 (quaternion functional iterative integration): λ = 1 + ½∫ λ ∘ ω dt is iterated with ω the
+The method follows Wu 2018 (quaternion functional iterative integration): λ = 1 + ½∫ λ ∘ ω dt is iterated with ω the
 polynomial of degree N - 1 that has the given increments, at P = N + 7 Chebyshev nodes of the step, until the remainder
-of the iteration is below rounding. Nothing of second order in the increments is left out, so that the error is that of
-the polynomial alone: of order N + 2 for even N and N + 1 for odd N. (The two-sample one is of order 4, as (22) is.)
-The Rodrigues vector of Wu's first paper (RodFIter, IEEE Trans. AES 54(5), 2018; its abstract and patent were to be had)
-is iterated on the same nodes: the same error to rounding, at more cost and in a shorter range.
+of the iteration is below rounding. All terms of second order in the increments are kept, so the error is that of the
+polynomial alone: of order N + 2 for even N and N + 1 for odd N. (The two-sample one is of order 4, like (22).) The
+Rodrigues vector of Wu's first paper (RodFIter, IEEE Trans. AES 54(5), 2018; from its abstract and patent) is iterated
+on the same nodes: the same error to rounding, at more cost and in a shorter range.
 """
 
 import math
@@ -219,7 +219,7 @@ def slopes_at_nodes(steep: float, nodes: int, space: Vector) -> None:
             space[at + 2] = w * y + (c * x - a * z)
             space[at + 3] = w * z + (a * y - b * x)
         else:
-            # ρ stands behind a zero, as the vector of a quaternion does.
+            # ρ has a zero before it, like the vector of a quaternion.
             along = 0.25 * (a * x + b * y + c * z)
             space[at] = 0.0
             space[at + 1] = x + 0.5 * (b * z - c * y) + along * a

@@ -1,24 +1,24 @@
 """Rotation vectors with products of increments: φ = Σ γ_i + Σ k_ij γ_i × γ_j, each algorithm by its k_ij alone.
 
-The sums are of the increments of a step, i = 0, 1, ...; negative i are those before it, the last of them -1; i = `SUM`
-is the sum of the increments of the step before γ_j. So k_ij are the data of every family:
+The sums are over the increments of a step, i = 0, 1, ...; negative i are those before it, the last of them -1; i =
+`SUM` is the sum of the increments of the step before γ_j. So k_ij are the data of every family:
 
-* of polynomial rates, exact in ½∫ α × ω dt;
-* optimised for coning, compressed: under coning the vector product of two increments has a mean that depends on their
-  distance alone, so that all pairs of one distance may be put into one, (Σ k_p γ_{N-p}) × γ_N. The k_p solve, order by
-  order in x = Ω Δt, Σ k_p · 4 sin²(x/2) sin(p x) = (N x - sin N x)/2. In general motion they are of third order only.
-  With increments before the step there are more k_p: the class of Ignagni 1996, of which the paper was not to be had;
-* uncompressed, with the k_p shared among the pairs of a distance so that the products are exact for polynomial rates,
-  too: the order of general motion comes back. Song, Wu and Pan 2013, by a table in the public domain that gives them
-  after Song's thesis; tests of the orders hold them;
-* recursive: the fast loop of Savage 1998, part 1, (46), (47): each increment with half the sum of those before it and
-  1/12 of the one before it, which is exact for a linear rate, however many there are in a step.
+* polynomial rates, exact in ½∫ α × ω dt;
+* optimised for coning, compressed: under coning the vector product of two increments has a mean that depends only on
+  their distance, so all pairs of one distance may be combined to one, (Σ k_p γ_{N-p}) × γ_N. The k_p solve, order by
+  order in x = Ω Δt, Σ k_p · 4 sin²(x/2) sin(p x) = (N x - sin N x)/2. In general motion they are only of third order.
+  With increments before the step there are more k_p: the class of Ignagni 1996, whose paper was not available;
+* uncompressed: the pairs of a distance share the k_p so that the products are exact for polynomial rates, too, which
+  restores the order of general motion. Song, Wu and Pan 2013, by a table in the public domain after Song's thesis;
+  tests hold the orders;
+* recursive: the fast loop of Savage 1998, part 1, (46), (47): each increment with half the sum of the earlier ones
+  and 1/12 of the previous one, which is exact for a linear rate, for any number of them in a step.
 
 Velocity has the same k_ij, by duality: `velocity`.
 
-Before them stand the algorithms that have a formula of their own, from one gyro sample, and where they need it the one
-before, or from two: γ' and γ'' are the increments of the two halves of a step. Their products are those that a rotation
-vector of the same accuracy has: velocity goes by them.
+The first algorithms have formulas of their own, from one gyro sample, some with the previous one, or from two: γ' and
+γ'' are the increments of the two halves of a step. Their products are those of a rotation vector of the same accuracy,
+which velocity uses.
 """
 
 import math

@@ -1,16 +1,16 @@
 """The strapdown velocity computer: velocity increments with rotation and sculling compensation, beside the attitude.
 
-The velocity of a step is u = ∫ C f dt, C from the body to where it stood at the beginning of the step, f the specific
-force. With ε² = 0 attitude and velocity are one equation: the dual rate ω + ε f turns the dual attitude λ̂ as ω turns λ.
-So each rotation vector φ = Σ γ_i + Σ k_ij γ_i × γ_j has a velocity of the same k_ij and the same orders,
+The velocity of a step is u = ∫ C f dt, C from the body to its attitude at the beginning of the step, f the specific
+force. With ε² = 0 attitude and velocity are one equation: the dual rate ω + ε f turns the dual attitude λ̂ as ω turns
+λ. So each rotation vector φ = Σ γ_i + Σ k_ij γ_i × γ_j has a velocity of the same k_ij and the same orders,
 
     σ = Σ υ_i + Σ k_ij (γ_i × υ_j + υ_i × γ_j),   u = σ + (1 - cos φ)/φ² φ × σ + (φ - sin φ)/φ³ φ × (φ × σ),
 
-υ_i = ∫ f dt over a sample: the products are sculling, the rest is rotation, exact where ω and f are constant. That is
+υ_i = ∫ f dt over a sample: the products are sculling, the other terms are rotation, exact for constant ω and f. That is
 the form "joint". The classic one puts sums of increments into the rotation, α = Σ γ_i and υ = Σ υ_i in place of φ and
-σ, and adds what products add to σ behind it: of third order at most. Its first order has ½ α × υ for the rotation: of
-second order. Where the attitude is iterated, f is the polynomial through the increments as ω is, and C f is integrated
-over the nodes, after the last iteration.
+σ, and adds the products of σ afterwards: of third order at most. Its first order has ½ α × υ for the rotation: of
+second order. If the attitude is iterated, f is the polynomial through the increments like ω, and C f is integrated over
+the nodes, after the last iteration.
 
 Source: P. Savage, "Strapdown inertial navigation integration algorithm design", part 2, JGCD 21(2), 1998, for the
 classic form; K. Roscoe, "Equivalency between strapdown inertial navigation coning and sculling integrals/algorithms",

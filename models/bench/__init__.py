@@ -1,6 +1,6 @@
 """The bench model: a block of accelerometers and gyros on a two-axis turntable. All its formulas are here.
 
-`rests` has the readings at rest and `turns` what the gyros integrate, both as exact functions of parameters that can be
+`rests` has the readings at rest and `turns` the gyros' integrals, both as exact functions of parameters that can be
 fitted. `table` moves the table in time, for the simulation; the block's own kernels are `models.accelerometer` and
 `models.gyro`. Tests hold the two sets together.
 """

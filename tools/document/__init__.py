@@ -1,4 +1,4 @@
-"""What a result says, as blocks, rendered as text, page or notebook. It knows no record and no instrument."""
+"""Pages of results as blocks, rendered as text, HTML or notebook. The package knows no record and no instrument."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What a result has to say, as blocks: verdict, figures, prose, tables, pictures, equations, files."""
+"""Blocks of a result's page: verdict, figures, prose, tables, pictures, equations, files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 Tone = Literal["good", "attention", "neutral"]
 Words = Mapping[str, Callable[[str], str | None]]
-"""Field -> how a person writes its text."""
+"""Field -> format of its text for people."""
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture that is drawn when it is first looked at."""
+    """A picture that is drawn at its first use."""
 
     figure: "Callable[[], Figure]"
     svg: Callable[[], str]
@@ -31,14 +31,14 @@ class Picture:
 
 @dataclass(frozen=True)
 class Download:
-    """A file that the page carries in itself."""
+    """A file inside the page."""
 
     name: str
-    """under which it is saved"""
+    """name of the saved file"""
     text: str
     """its content"""
     shown: str
-    """what the link says"""
+    """text of the link"""
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,11 @@ class Table:
     header: Sequence[str]
     """names of the columns, with units"""
     rows: "Sequence[Sequence[Cell]]"
-    """text as it stands, numbers that are no counts rounded by `trihedron.tools.rounding`, None as a dash"""
+    """unchanged texts, numbers that are not counts rounded by `trihedron.tools.rounding`, None as a dash"""
     caption: str = ""
-    """what it shows"""
+    """description"""
     fixed: bool = False
-    """whether columns stay that have nothing in any row, as room to write"""
+    """True to keep empty columns, as room to write"""
 
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows, start=1):
@@ -62,7 +62,7 @@ class Table:
                 raise TypeError(f"row {number} has a number that is not rounded: {row}")
 
     def without_empty_columns(self) -> "Table":
-        """Return the table without the columns that have nothing in any row."""
+        """Return the table without its empty columns."""
         header = []
         rows: list[list[Cell]] = [[] for _ in self.rows]
         for k, heading in enumerate(self.header):
@@ -82,8 +82,8 @@ def table_of(
 ) -> Table:
     """Return a table with a row for each result, all of one kind, and a column for each named field.
 
-    The types of the fields say what heads a column, its unit and how its numbers are rounded; `words` give texts of
-    some fields as people write them.
+    The types of the fields give a column's head, its unit and the rounding of its numbers; `words` are the texts of
+    some fields for people.
     """
     if not results:
         return Table([], [])
@@ -101,24 +101,24 @@ def table_of(
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page: prose, equations, then its picture, its table and the files that belong to it.
+    """A part of the page: prose, equations, then its picture, its table and its files.
 
-    Columns of the table that have nothing in any row are left out, and so is a table without rows, unless it is fixed.
+    Empty columns of the table are left out, and so is a table without rows, unless it is fixed.
     """
 
     title: str
     paragraphs: Sequence[str] = ()
-    """plain text; a single one may stand for itself"""
+    """plain text; a single one may be given without a sequence"""
     picture: Picture | None = None
     caption: str = ""
-    """of the picture"""
+    """caption of the picture"""
     table: Table | None = None
     files: Sequence[Path | str] = field(default=())
-    """linked relative to the page's folder"""
+    """files, linked relative to the page's folder"""
     equations: Sequence[str] = ()
     """MathML of `trihedron.tools.document.notation`"""
     download: Download | None = None
-    """a file that the page carries"""
+    """a file inside the page"""
 
     def __post_init__(self) -> None:
         if isinstance(self.paragraphs, str):
@@ -131,7 +131,7 @@ class Section:
 
     @property
     def holds(self) -> bool:
-        """Whether there is anything in it."""
+        """Return True if it is not empty."""
         parts = (self.paragraphs, self.picture, self.table, self.files, self.equations, self.download)
         return any(parts)
 
@@ -142,35 +142,35 @@ def _no_sections() -> "Sequence[Section]":
 
 @dataclass(frozen=True)
 class Page:
-    """What stands on the page of a result; a terminal shows its verdict, figures, answer and warnings."""
+    """The page of a result; a terminal shows its verdict, figures, answer and warnings."""
 
     title: str
     verdict: str
-    """the sentence that a person who reads no more should have read"""
+    """the sentence for a person who reads no more"""
     answer: Sequence[Section]
-    """the sections that say the answer: they stand above the list of contents"""
+    """the sections of the answer, above the list of contents"""
     further: Callable[[], Sequence[Section]] = _no_sections
-    """makes the sections behind it, for a page alone"""
+    """makes the further sections, only for a page"""
     tone: Tone = "neutral"
     """colour of the rule beside the verdict"""
     key: Mapping[str, object] = field(default_factory=dict)
     """a few figures below the verdict"""
     provenance: Mapping[str, object] = field(default_factory=dict)
-    """what the results rest on: versions, content hashes; no time of day, so that the page repeats"""
+    """basis of the results: versions, content hashes; no time of day, so that the page repeats"""
     sources: Sequence[str] = ()
-    """where the methods that were used are published"""
+    """publications of the methods"""
     warnings: Sequence[str] = ()
     sheet: bool = False
-    """one A4 page to sign: what is empty at its head, and in tables, is room to write"""
+    """one A4 page to sign: empty fields at its head, and in tables, are room to write"""
     screen: Sequence[str] = ()
-    """lines that a terminal shows in place of verdict, figures, answer and warnings"""
+    """lines for a terminal in place of verdict, figures, answer and warnings"""
     zoom: bool = False
-    """its pictures are lines over time, of which a stretch can be drawn out"""
+    """its pictures are lines over time; a reader can enlarge a stretch of them"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "answer", [section for section in self.answer if section.holds])
 
     @cached_property
     def sections(self) -> "Sequence[Section]":
-        """All sections that hold anything, in their order."""
+        """Return all non-empty sections, in order."""
         return [*self.answer, *[section for section in self.further() if section.holds]]

@@ -1,6 +1,6 @@
-"""How a page sets what is written: texts, rounded numbers, intervals that are drawn, equations with their numbers.
+"""Typography of a page: texts, rounded numbers, drawn intervals, equations with their numbers.
 
-Numbers are rounded by `trihedron.tools.rounding`, and only there. Equations are MathML: read by every browser without
+Numbers are rounded by `trihedron.tools.rounding`, and only there. Equations are MathML: every browser reads it without
 script, fonts or network.
 """
 
@@ -16,7 +16,7 @@ from ...models.effects import EffectPlace
 from ..rounding import NONE, Number, digits, outwards, upwards
 
 LONG = 24
-"""A text of more letters in a table may be broken into lines."""
+"""Number of letters from which a text in a table may be broken into lines."""
 
 _WRITTEN_POWER = re.compile(r"(?<![\w.])(?P<sign>[-+−]?)(?P<head>\d+(?:\.\d+)?)e(?P<power>[-+−]?\d+)(?![\w.]*\w)")
 _MINUS = re.compile(r"(?:(?<=[\s(\[])|^)-(?=\d)")
@@ -30,30 +30,30 @@ class Drawn:
 
 
 Cell = Number | str | int | bool | Drawn | None
-"""What stands in a table: a number that is no count is rounded before, so that its text says what it promises."""
+"""Content of a table's cell: numbers that are not counts are rounded before, so that their texts keep their bounds."""
 
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def plain(text: object) -> str:
-    """One line of text with nothing in it that XML cannot hold."""
+    """Return one line of text without characters that XML cannot hold."""
     return " ".join(_NOT_XML.sub("\ufffd", str(text)).split())
 
 
 def short(text: object, most: int = 48) -> str:
-    """`plain`, cut so that it can stand beside an axis."""
+    """Return `plain`, cut to fit beside an axis."""
     line = plain(text)
     return line if len(line) <= most else line[: most - 1].rstrip() + "…"
 
 
 def raised(power: int) -> str:
-    """A power of ten: 10⁻³."""
+    """Return a power of ten: 10⁻³."""
     return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def typographic(text: str) -> str:
-    """Text with the signs of typography, numbers with a power of ten written as such: -1.09e-03 as −1.09·10⁻³."""
+    """Return a text with typographic signs and powers of ten: -1.09e-03 as −1.09·10⁻³."""
     return _MINUS.sub("−", _WRITTEN_POWER.sub(_power, text))
 
 
@@ -63,14 +63,14 @@ def _power(number: re.Match[str]) -> str:
 
 
 def look(column: Sequence[Cell]) -> str:
-    """The class of a column's cells: numbers stand to the right, long texts may be broken."""
+    """Return the class of a column's cells: numbers are right-aligned, long texts may be broken."""
     if any(map(_is_number, column)) and all(_is_number(cell) or cell is None for cell in column):
         return "number"
     return "words" if any(isinstance(cell, str) and len(cell) > LONG for cell in column) else ""
 
 
 def written(cell: Cell) -> str:
-    """The text of a cell."""
+    """Return the text of a cell."""
     if isinstance(cell, Drawn):
         return Markup(cell.svg)
     if cell is None or cell is NONE:
@@ -85,17 +85,17 @@ def _is_number(cell: Cell) -> bool:
 
 
 def minus(text: str) -> str:
-    """A number's text with the sign of typography."""
+    """Return a number's text with the typographic minus."""
     return text.replace("-", "−")
 
 
 def sentence(text: str) -> str:
-    """A line for a terminal as a sentence of a page."""
+    """Return a line for a terminal as a sentence of a page."""
     return f"{text[:1].upper()}{text[1:]}."
 
 
 def listed(texts: Sequence[str], most: int) -> str:
-    """The first texts of a list, and how many there are more."""
+    """Return the first texts of a list, and the number of further ones."""
     line = ", ".join(texts[:most])
     if len(texts) > most:
         line += f" and {len(texts) - most} more"
@@ -103,23 +103,23 @@ def listed(texts: Sequence[str], most: int) -> str:
 
 
 def unit_behind(unit: str) -> str:
-    """A unit behind a number: nothing for what has none."""
+    """Return a unit behind a number, empty for a pure number."""
     return "" if unit == "1" else unit
 
 
 def symbol_text(symbol: str) -> str:
-    """A target's symbol with signs of typography; the name of its mounting stays as it is."""
+    """Return a target's symbol with typographic signs; the name of its mounting stays."""
     head, at, mounting = symbol.partition("@")
     return head.replace("-", "−") + at + mounting
 
 
 def unit_text(unit: str) -> str:
-    """A unit as people write it: m/s² for m/s2, nothing for 1."""
+    """Return a unit as people write it: m/s² for m/s2, nothing for 1."""
     return re.sub(r"(?<=[a-zA-Z])[0-9]", lambda power: _POWERS[int(power[0])], unit_behind(unit))
 
 
 def half_width(low: float | None, high: float | None) -> float | None:
-    """Half of an interval; None where an end is not known."""
+    """Return half of an interval; None if an end is unknown."""
     return None if low is None or high is None else 0.5 * (high - low)
 
 
@@ -128,18 +128,18 @@ class Bar:
     """An interval about its estimate, in units of σ."""
 
     error: float | None
-    """the guaranteed error: the band reaches so far to both sides of its middle"""
+    """the guaranteed error: extent of the band on both sides of its middle"""
     low: float | None
     high: float | None
-    """what is possible, less the estimate"""
+    """ends of the interval, less the estimate"""
     truth: float | None = None
-    """less the estimate, where it is known"""
+    """true value less the estimate, if known"""
     about: float = 0.0
     """the middle of the band, less the estimate"""
 
 
 def bars(rows: Sequence[Bar]) -> tuple[list[Drawn | None], float]:
-    """The cells, and how far [σ] the scale of all of them reaches to either side.
+    """Return the cells, and the reach of their common scale to either side [σ].
 
     Rows without a number are None.
     """
@@ -189,11 +189,11 @@ THIN = '<mspace width="0.17em"/>'
 
 
 def equation(text: str) -> str:
-    """A formula in plain text as MathML: a `<math>` element, one line.
+    """Return a formula in plain text as MathML: a `<math>` element, one line.
 
-    Names have one or more letters with ``_`` before an index (n_3, Γ_21); powers are written as ², ⁵ and ⁻¹, numbers
-    with a power of ten as 1.2e−3, words between single quotes; ``{a ; b | c ; d}`` is a choice: a where b, c where d;
-    ``[a ; b | c ; d]`` is a matrix with the rows a b and c d.
+    Names have one or more letters with ``_`` before an index (n_3, Γ_21). Powers are written as ², ⁵ and ⁻¹, numbers
+    with a power of ten as 1.2e−3, words between single quotes. ``{a ; b | c ; d}`` is a choice: a if b, c if d. ``[a ;
+    b | c ; d]`` is a matrix with the rows a b and c d.
     """
     return f'<math display="block"><mrow>{_row(plain(text))}</mrow></math>'
 
@@ -224,7 +224,7 @@ def _row(text: str) -> str:
 
 
 def _table(text: str, *, brace: bool) -> str:
-    """A choice behind a brace, or a matrix in brackets."""
+    """Return a choice behind a brace, or a matrix in brackets."""
     rows = ["".join(f"<mtd>{_row(cell)}</mtd>" for cell in part.split(";")) for part in text.split("|")]
     cells = "".join(f"<mtr>{row}</mtr>" for row in rows)
     if brace:
@@ -242,7 +242,7 @@ def _element(match: re.Match[str], *, first: bool) -> str:
     if match["words"]:
         return f"<mtext>{'' if first else '&nbsp;'}{escape(match['words'][1:-1])}&nbsp;</mtext>"
     if match["operator"]:
-        # Brackets keep the size of the text; a sign at the beginning belongs to its number.
+        # Brackets keep the size of the text; a leading sign belongs to its number.
         form = ' form="prefix"' if first and match["operator"] in "-−" else ""
         size = ' stretchy="false"' if match["operator"] in "()|" else ""
         size += {"|": ' lspace="0" rspace="0"', "/": ' lspace="0.06em" rspace="0.06em"'}.get(match["operator"], "")
@@ -253,7 +253,7 @@ def _element(match: re.Match[str], *, first: bool) -> str:
     upright = ' mathvariant="normal"' if match["name"] in FUNCTIONS else ""
     name = f"<mi{upright}>{escape(match['name'])}</mi>"
     if match["name"].startswith("Δ") and len(match["name"]) > 1:
-        # A change is written with an upright Δ before the letter that it is of.
+        # A change is written with an upright Δ before its letter.
         name = f'<mrow><mi mathvariant="normal">Δ</mi><mi>{escape(match["name"][1:])}</mi></mrow>'
     below = f"<mn>{escape(match['below'])}</mn>" if match["below"] else ""
     above = f"<mn>{_above(match['above'])}</mn>" if match["above"] else ""
@@ -266,12 +266,12 @@ def _above(signs: str) -> str:
 
 
 def signed(value: float, text: str) -> str:
-    """A term of a sum: the number's text (of |value|) with the value's sign before it."""
+    """Return a term of a sum: the number's text (of |value|) with the value's sign before it."""
     return f"{'−' if value < 0.0 else '+'} {text}"
 
 
 def effect_formula(place: EffectPlace, values: Mapping[str, str]) -> str | None:
-    """What an effect adds, with its place and its parameters' texts in it; None where it has no formula."""
+    """Return an effect's formula, with its place and its parameters' texts in it; None without a formula."""
     effect = place.definition
     if not effect.formula:
         return None

@@ -1,7 +1,7 @@
-"""A document as one HTML file with its pictures in it: nothing from the network; or as PDF, by a browser.
+"""A page as one HTML file with its pictures in it, without the network; or as PDF, by a browser.
 
-A page of lines over time has one small script, which draws out a stretch; no other can run, and it is read without it.
-The browser is one that is installed: Chromium, Chrome or Edge, without a window.
+A page of lines over time has one small script, which enlarges a stretch. No other script can run, and the page is
+readable without it. The browser is an installed one: Chromium, Chrome or Edge, without a window.
 """
 
 import base64
@@ -33,30 +33,30 @@ if TYPE_CHECKING:
 
 
 FEW = 4
-"""A page of more sections has a table of contents."""
+"""Number of sections above which a page has a table of contents."""
 
 
 def html(page: Page, folder: Path | None = None) -> str:
-    """A page as complete HTML; whatever its texts hold is shown and never run.
+    """Return a page as complete HTML; any content of its texts is shown and never run.
 
-    Files are shown and linked relative to the folder where the page will stand.
+    Files are shown and linked relative to the page's folder.
     """
     return _template().render(page=page, folder=folder, few=FEW, style=_text("page.css"), zoom=_text("zoom.js"))
 
 
 def write_page(path: Path, page: Page) -> None:
-    """Write a page as HTML, or as PDF where the name ends so; whole or not at all.
+    """Write a page as HTML, or as PDF if the name ends so; whole or not at all.
 
     Raises
     ------
     InputError
-        where the file cannot be written, or the page not be printed
+        if the file cannot be written, or the page cannot be printed
     """
     write_html(path, html(page))
 
 
 def _prose(text: str) -> Markup:
-    """A paragraph; what stands between backquotes is code."""
+    """Return a paragraph; text between backquotes is code."""
     parts = _said(text).split("`")
     if len(parts) % 2 == 0:
         return escape("`".join(parts))
@@ -74,14 +74,14 @@ def _template() -> "Template":
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    # Pictures and equations are made by this package, which escapes every label: they alone are put in as they are.
+    # This package makes pictures and equations and escapes every label: only they are inserted unchanged.
     environment.filters |= {"plain": plain, "said": _said, "prose": _prose, "cells": _cells, "linked": _linked}
     environment.filters |= {"quoted": quote, "hashed": _hashed}
     return environment.from_string(_text("page.html"))
 
 
 def _hashed(script: str) -> str:
-    """What a page says of the one script that may run in it."""
+    """Return the hash of the one script that may run in a page."""
     return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
@@ -90,13 +90,13 @@ def _said(text: object) -> str:
 
 
 def _cells(table: Table) -> tuple[list[str], list[list[str]]]:
-    """How each column looks, and the rows as they are written."""
+    """Return the class of each column, and the rows as texts."""
     columns = [[row[k] for row in table.rows] for k in range(len(table.header))]
     return list(map(look, columns)), [list(map(written, row)) for row in table.rows]
 
 
 def _linked(file: Path | str, folder: Path | None) -> tuple[str, str]:
-    """How a file is shown, and the address that leads to it."""
+    """Return the shown name of a file, and its address."""
     shown = Path(file)
     if folder is not None:
         try:
@@ -109,7 +109,7 @@ def _linked(file: Path | str, folder: Path | None) -> tuple[str, str]:
 
 
 CONVERTERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
-"""Programs that print a page to PDF, the first that is found."""
+"""Programs that print a page to PDF; the first one found is used."""
 
 SECONDS = 120.0
 OPTIONS = (
@@ -123,17 +123,17 @@ OPTIONS = (
 
 
 def converter() -> str | None:
-    """The program that makes PDF on this machine; None where there is none."""
+    """Return the program that makes PDF on this machine; None if there is none."""
     return next((path for name in CONVERTERS if (path := shutil.which(name))), None)
 
 
 def report_file(path: Path, option: str = "--report") -> None:
-    """Check the name of a page before anything is computed.
+    """Check the name of a page before any computation.
 
     Raises
     ------
     InputError
-        for a device or a pipe, another ending than .html or .pdf, and for .pdf where nothing makes one
+        for a device or a pipe, for another ending than .html or .pdf, and for .pdf without a program that makes it
     """
     ordinary_file(None, path)
     if path.suffix.lower() not in (".html", ".htm", ".pdf"):
@@ -145,12 +145,12 @@ def report_file(path: Path, option: str = "--report") -> None:
 
 
 def write_html(path: Path, page: str) -> None:
-    """Write a page as HTML, or as PDF where the name ends so; whole or not at all.
+    """Write a page as HTML, or as PDF if the name ends so; whole or not at all.
 
     Raises
     ------
     InputError
-        where the file cannot be written, or the page not be printed
+        if the file cannot be written, or the page cannot be printed
     """
     if path.suffix.lower() != ".pdf":
         write_text(path, page)
@@ -169,7 +169,7 @@ def write_html(path: Path, page: str) -> None:
 def _print(program: str, source: Path, printed: Path, path: Path) -> None:
     command = [program, *OPTIONS, f"--user-data-dir={source.parent / 'profile'}", f"--print-to-pdf={printed}"]
     if hasattr(os, "geteuid") and os.geteuid() == 0:
-        # A browser does not run for the superuser within its sandbox; the page is ours.
+        # A browser refuses its sandbox for the superuser; the page is our own.
         command.append("--no-sandbox")
     try:
         process = subprocess.run(
@@ -182,7 +182,7 @@ def _print(program: str, source: Path, printed: Path, path: Path) -> None:
 
 
 def repeatable(content: bytes) -> bytes:
-    """A PDF with one time of making and nodes counted from 1: the same page gives the same bytes."""
+    """Return a PDF with a fixed creation time and nodes counted from 1: the same page gives the same bytes."""
     names: dict[bytes, bytes] = {}
 
     def counted(match: re.Match[bytes]) -> bytes:
@@ -191,14 +191,14 @@ def repeatable(content: bytes) -> bytes:
     return re.sub(rb"\bnode\d{8}\b", counted, re.sub(rb"(?<=Date \(D:)\d{14}", b"20000101000000", content))
 
 
-# What a terminal and a notebook show of a page: its verdict, figures and first sections
+# A page at a terminal and in a notebook: its verdict, figures and first sections
 
 MOST_ROWS = 40
-"""Rows of a result's table that a notebook shows."""
+"""Largest number of rows of a result's table in a notebook."""
 
 
 def text(page: Page) -> str:
-    """Return what a terminal shows of a page: its verdict, figures, first sections and warnings."""
+    """Return a page's text for a terminal: its verdict, figures, first sections and warnings."""
     if page.screen:
         return "\n".join(page.screen)
     lines = [page.verdict]
@@ -228,7 +228,7 @@ def section_lines(section: Section) -> list[str]:
 
 
 def table_lines(table: Table) -> list[str]:
-    """Return a table as lines of columns: numbers stand to the right, small pictures are left out."""
+    """Return a table as lines of columns: numbers are right-aligned, small pictures are left out."""
     columns = []
     for k, heading in enumerate(table.header):
         cells = [row[k] for row in table.rows]
@@ -241,7 +241,7 @@ def table_lines(table: Table) -> list[str]:
 
 
 def _column(heading: str, cells: Sequence[Cell]) -> list[str]:
-    """The heading and the cells of a column, all of one width; a minus is one that can be typed."""
+    """Return the heading and the cells of a column, all of one width, with ASCII minus signs."""
     texts = [heading]
     for cell in cells:
         texts.append("" if cell is None else str(cell).replace("−", "-"))
@@ -252,13 +252,13 @@ def _column(heading: str, cells: Sequence[Cell]) -> list[str]:
 
 
 def notebook(page: Page, frame: "DataFrame | None") -> str:
-    """Return what a notebook shows (HTML): the verdict, and the result's table where there is one."""
+    """Return a page for a notebook (HTML): the verdict, and the result's table if there is one."""
     table = "" if frame is None else table_html(frame)
     return f"<div><p><strong>{escaped(page.verdict)}</strong></p>{table}</div>"
 
 
 def table_html(frame: "DataFrame") -> str:
-    """Return a table as HTML; numbers with all their digits, empty where there is none."""
+    """Return a table as HTML; numbers with all their digits, empty for missing ones."""
     head = "".join(f"<th>{escaped(name)}</th>" for name in frame.columns)
     rows = []
     for values in frame.head(MOST_ROWS).iter_rows():

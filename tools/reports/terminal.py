@@ -1,4 +1,4 @@
-"""What a terminal shows of a diagnosis: a verdict, its evidence, what is certain, what was tried, what to do next."""
+"""The answer of a diagnosis at a terminal: verdict, evidence, certain facts, tried explanations, next step."""
 
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -10,12 +10,12 @@ from ..rounding import NONE, digits, exactly, interval, residual, upwards
 from . import beyond
 
 WIDTH, LINES = 80, 25
-"""A screen."""
+"""Columns and lines of a screen."""
 LABEL = 13
-"""Columns of the labels."""
+"""Width of the labels [columns]."""
 MOST_SIZES, MOST_RIVALS, MOST_HYPOTHESES = 4, 3, 2
 MOST_VERDICT, MOST_ENTRY = 5, 3
-"""Lines of the verdict, and of an entry."""
+"""Largest number of lines of the verdict, and of an entry."""
 MORE = "..."
 PLACES = {"g": "an accelerometer", "rad": "an axis", "rad/s": "a gyro"}
 
@@ -38,7 +38,7 @@ def terminal_lines(result: Diagnosis, verdict: str, warnings: Sequence[str]) -> 
 
 
 def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
-    """Return labels and texts in the order in which a person needs them."""
+    """Yield labels and texts in the order of a person's questions."""
     yield "Evidence", evidence_text(result)
     for text in certain_texts(result):
         yield "Certain", text
@@ -55,7 +55,7 @@ def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
 
 
 def evidence_text(result: Diagnosis) -> str:
-    """Return the largest error without and with what is named, and the bound."""
+    """Return the largest error without and with the named effects, and the bound."""
     if result.radius is None:
         return ""
     unit = "σ" if result.calibration.sigma.value is not None and result.unit is None else "times its bound"
@@ -77,7 +77,7 @@ def evidence_text(result: Diagnosis) -> str:
 
 
 def certain_texts(result: Diagnosis) -> list[str]:
-    """Return what the record proves: sizes with their intervals, or a place and a quantity."""
+    """Return the facts that the record proves: sizes with their intervals, or a place and a quantity."""
     texts: list[str] = []
     if result.verdict == "explained" and result.best is not None:
         sizes: list[str] = []
@@ -98,7 +98,7 @@ def certain_texts(result: Diagnosis) -> list[str]:
 
 
 def _detection(result: Diagnosis) -> list[str]:
-    """Return from which size on an error that is in no catalogue would have shown."""
+    """Return the detection limit of errors outside the catalogue."""
     sizes = []
     for unit, where in PLACES.items():
         of_unit = [entry["size"] for entry in result.power or () if entry["unit"] == unit and entry["size"] is not None]
@@ -108,7 +108,7 @@ def _detection(result: Diagnosis) -> list[str]:
 
 
 def _sizes(cause: Cause, *, several: bool) -> list[str]:
-    """Return each parameter with its interval, of several effects with the effect."""
+    """Return each parameter with its interval; for several effects with the effect."""
     texts, of = [], f"{cause.place.title}: " if several else ""
     for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
         estimate, least, most = interval(value, low, high)
@@ -118,7 +118,7 @@ def _sizes(cause: Cause, *, several: bool) -> list[str]:
 
 
 def open_texts(result: Diagnosis) -> list[str]:
-    """Return what the record leaves open, the most important first."""
+    """Return the questions that the record leaves open, the most important first."""
     texts = []
     if result.verdict == "ambiguous" and result.sets:
         rivals = [explanation.sentence for explanation in result.explanations]
@@ -135,7 +135,7 @@ def open_texts(result: Diagnosis) -> list[str]:
 
 
 def tried_text(result: Diagnosis) -> str:
-    """Return what was looked for."""
+    """Return the explanations that were tried."""
     if result.calibration.verdict != "falsified" and not result.tried:
         return ""
     texts = ["a larger σ", "wrong rows", "breaks"] if result.calibration.linearised is not None else []
@@ -149,7 +149,7 @@ def tried_text(result: Diagnosis) -> str:
 
 
 def gain_text(result: Diagnosis) -> str:
-    """Return what the extended simulation does to what was held out."""
+    """Return the effect of the extended simulation on held-out parts."""
     gain = result.gain
     if gain is None:
         return ""
@@ -189,7 +189,7 @@ def _rows(rows: Sequence[int]) -> str:
 
 
 def _wrapped(text: str, label: str, most: int) -> list[str]:
-    """Return a text in lines behind its label; what is longer than allowed ends with dots."""
+    """Return a text in lines behind its label; a text that is too long ends with dots."""
     return textwrap.wrap(
         text,
         WIDTH,
