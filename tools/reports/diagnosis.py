@@ -81,9 +81,24 @@ def _page_of_file(result: Diagnosis) -> Page:
 
 def answer_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
     """Return the cause with its size, its gain, and the residuals; `files` belong to the cause."""
-    sections = [cause_section(result, files or []), gain_section(result)]
+    sections = [cause_section(result, files or []), change_section(result), gain_section(result)]
     sections += _errors(result)[:1]
     return [section for section in sections if section is not None]
+
+
+def change_section(result: Diagnosis) -> Section | None:
+    """Return the change at a break with the values that the record leaves possible; None without a break."""
+    first = result.explanations[0] if result.explanations else None
+    if first is None or first.kind != "break" or not first.change:
+        return None
+    rows: list[list[Cell]] = []
+    for name, value in first.change.items():
+        if first.within is None:
+            rows.append([name, f"{value:.3g}", None, None])
+        else:
+            rows.append([name, *interval(value, *first.within[name])])
+    table = Table(["change", "estimate", "low", "high"], rows)
+    return Section("The change", [first.sentence], table=table)
 
 
 def remarks_of(result: Diagnosis) -> list[Section]:

@@ -26,7 +26,7 @@ NEAR = 1.3
 """Below this radius a slightly larger noise bound does as well: nothing is proven."""
 ROUNDS = 8
 """Rounds of least squares in which rows that misfit lose their weight."""
-MOST_SLACK = 2.0
+MOST_SLACK = 200.0
 """The linear model, about a fit to most of the rows, may be wrong by so many bounds at most."""
 MOST_EXACT = 6
 """So many gaps in a row, the most promising first, are fitted without success."""

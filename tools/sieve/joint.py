@@ -28,6 +28,8 @@ FARTHER = 2
 """Pairs that need so many numbers more than the simplest are no rivals."""
 LEAST_OF_TWO = 4
 """The least numbers that a pair needs."""
+MOST_SLACK = 2.0
+"""The linear model may be wrong by so many bounds at most."""
 MOST_NUMBERS = 3
 """Of two breaks each changes so many numbers at most."""
 
@@ -122,7 +124,7 @@ class Joint:
 
     def _of(self, options: Sequence[Option], columns: Sequence[NDArray], alike: int) -> Iterator[Pair]:
         problem = Problem.of(self.search.problem.residual, self.search.problem.nominal, columns, alike=alike)
-        for chosen in sets_of_size(problem, 2, self.search.slack, 0, self.search.work):
+        for chosen in sets_of_size(problem, 2, min(self.search.slack, MOST_SLACK), 0, self.search.work):
             first, second = (options[number] for number in chosen.effects)
             if self._is_one(first, second):
                 yield self._pair(first, second, linear_radius(problem, EffectSet(chosen.effects)))

@@ -12,6 +12,7 @@ from generator import SIGMA
 from generator.broken import Broken, broken_record
 from trihedron import read_record
 from trihedron.models.effects import EffectPlace
+from trihedron.tools.reports import page_of
 from trihedron.tools.trials import Hidden, draw_whole
 
 KEYS = {
@@ -118,3 +119,10 @@ def test_biases_of_a_bench_record_change_at_a_time(whole):
     assert 136.0 < explanation.time_s < 148.0
     for (low, high), size in zip(explanation.within.values(), sizes, strict=True):
         assert low <= size <= high
+
+
+def test_a_break_stands_on_the_page_with_what_is_possible():
+    record = broken_record(3, "biases", 24, 8.0).record
+    page = page_of(diagnosed(record), record)
+    section = next(section for section in page.answer if section.title == "The change")
+    assert [row[0] for row in section.table.rows] == ["bias_1_g", "bias_2_g", "bias_3_g"]
