@@ -1,11 +1,12 @@
 """Faults of laboratories in a record of positions: wrong angles, signs, exchanged or copied rows, disturbed rests."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from generator import SIGMA
+from generator.effects import Sized
 from generator.positions import Session, errors
 from trihedron.tools.records import PositionRecord
 
@@ -72,11 +73,11 @@ SPOILED: dict[str, Spoiled] = {
 }
 
 
-def with_wrong_rows(seed: int, what: str, count: int = 36, rows: int = 1) -> WrongRows:
+def with_wrong_rows(seed: int, what: str, count: int = 36, rows: int = 1, hidden: Sequence[Sized] = ()) -> WrongRows:
     """Return a record of a drawn session with this number of rows wrong in this way."""
     rng = np.random.default_rng([seed, count, rows])
     session = Session.drawn(rng, count)
-    angles, reading = session.read(error=errors(rng, count)[0])
+    angles, reading = session.read(hidden, errors(rng, count)[0])
     wrong = np.sort(rng.choice(count, rows, replace=False))
     for row in wrong:
         SPOILED[what](angles, reading, int(row), rng)

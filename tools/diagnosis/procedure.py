@@ -18,7 +18,15 @@ from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
 from ..rounding import exactly
-from ..sieve import LEAST_OF_TWO, Simple, joint_faults, simple_faults, tells_two_things, too_small_bounds
+from ..sieve import (
+    LEAST_OF_TWO,
+    Simple,
+    joint_faults,
+    rows_beside_effects,
+    simple_faults,
+    tells_two_things,
+    too_small_bounds,
+)
 from .beyond import Beyond, keys_of
 from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, finding_of
 from .dependence import Dependence, Proven, Standing, Suffices, dependence, residual_structure
@@ -227,7 +235,8 @@ class Procedure:
             return ()
         if search(self.evidence.model, largest=1).fits:
             return ()
-        return tuple(sorted(joint_faults(self.evidence), key=lambda fault: (fault.numbers, fault.radius)))
+        pairs = (*joint_faults(self.evidence), *rows_beside_effects(self.evidence))
+        return tuple(sorted(pairs, key=lambda fault: (fault.numbers, fault.radius)))
 
     @cached_property
     def objections(self) -> tuple[str, ...]:

@@ -1,3 +1,4 @@
+from .beside import rows_beside_effects as rows_beside_effects
 from .faults import simple_faults as simple_faults
 from .joint import LEAST_OF_TWO as LEAST_OF_TWO
 from .joint import joint_faults as joint_faults
