@@ -77,6 +77,9 @@ ROUNDING = 2e-15
 """What the evaluation of readings and model may be wrong by, as a fraction of g."""
 NOTICEABLE = 0.1
 """The part of σ from which on it is said that a comment line adds to it."""
+SMALL_RADIUS = 0.1
+"""Of so many readings beside the parameters the largest error is seldom so small a part of σ."""
+FEWEST_SPARE = 12
 GRID_STEP_DEG = 15
 WELL_DETERMINED = 2.0
 """Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
@@ -163,6 +166,12 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         positions += repeats(linearised)
     warnings = list(record.warnings) + _of_correction(record) + _of_resolution(record, sigma, request.gravity)
     warnings += _remarks(linearised, falsified and bool(missing), unbounded)
+    spare = len(linearised.residual) - linearised.span.shape[1]
+    if noise.complete and solution.radius < SMALL_RADIUS and spare >= FEWEST_SPARE:
+        warnings.append(
+            f"σ may be too large: no error of this record has to be more than {upwards(solution.radius * sigma, 2)} g; "
+            "a smaller σ gives closer intervals and hides fewer effects"
+        )
     if not solution.contradicted and solution.radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
         warnings.append(
             "the readings are written too coarsely for this noise bound: half a last digit is "

@@ -92,3 +92,11 @@ def test_a_standard_deviation_that_cannot_be_is_refused(options, message, tmp_pa
     for command in ("calibrate", "diagnose"):
         assert main([command, str(path), *options]) == 2
         assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("noise_bound", "hinted"), [(1e-5, False), (2e-5, False), (4e-4, True)])
+def test_a_sigma_that_is_far_too_large_is_hinted_at(noise_bound, hinted):
+    record = clean_record(8, 36, "uniform")
+    for result in (th.calibrate(record, noise_bound=noise_bound), th.diagnose(record, noise_bound=noise_bound)):
+        assert result.verdict == "consistent"
+        assert any("σ may be too large: no error of this record" in text for text in result.warnings) == hinted
