@@ -65,5 +65,5 @@ def worst_carried(evidence: Any, run: Any) -> float:
 
 
 def flowing(result: Diagnosis) -> str:
-    """What a terminal shows of a diagnosis, as one line."""
+    """Return the answer of a diagnosis at a terminal, as one line."""
     return " ".join(str(result).split())

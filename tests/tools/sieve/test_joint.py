@@ -1,4 +1,4 @@
-"""Two breaks, a break and an effect, a break and a wrong row: both are named where one does not do."""
+"""Two breaks, a break and an effect, a break and a wrong row: both are named if one alone is not enough."""
 
 import pytest
 
