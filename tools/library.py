@@ -295,8 +295,8 @@ def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_
 def compare(first: Any, second: Any, *, within: Sequence[str] = ()) -> "Compared":
     """Compare two runs or records: the largest difference of each column, and its time.
 
-    Times match rows, numbers match positions; at other times the second is interpolated. Angles differ by the shorter
-    way round (359° and 1° by 2°), and q and -q are one attitude.
+    Rows are matched by time, positions by number; at other times the second is interpolated. Angles differ by the
+    shorter way round (359° and 1° by 2°), and q and -q are one attitude.
 
     Parameters
     ----------
