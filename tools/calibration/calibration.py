@@ -77,6 +77,8 @@ ROUNDING = 2e-15
 """What the evaluation of readings and model may be wrong by, as a fraction of g."""
 NOTICEABLE = 0.1
 """The part of σ from which on it is said that a comment line adds to it."""
+FEWEST_PASTED = 3
+"""So many rows one after the other that stand in a record twice, with all digits, were pasted."""
 SMALL_RADIUS = 0.1
 """Of so many readings beside the parameters the largest error is seldom so small a part of σ."""
 FEWEST_SPARE = 12
@@ -165,6 +167,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     if not noise.complete:
         positions += repeats(linearised)
     warnings = list(record.warnings) + _of_correction(record) + _of_resolution(record, sigma, request.gravity)
+    warnings += _of_pasted_rows(record)
     warnings += _remarks(linearised, falsified and bool(missing), unbounded)
     spare = len(linearised.residual) - linearised.span.shape[1]
     if noise.complete and solution.radius < SMALL_RADIUS and spare >= FEWEST_SPARE:
@@ -410,6 +413,27 @@ def _of_resolution(record: PositionRecord, sigma: float, gravity: float) -> list
                 f"the comment line `# {key}: {record.about[key]}` counts: it adds {upwards(size)} g to the noise bound "
                 f"of {upwards(sigma, 3)} g"
             )
+    return lines
+
+
+def _of_pasted_rows(record: PositionRecord) -> list[str]:
+    """Say which rows stand in the record twice, with all digits."""
+    if not record.resolution:
+        return []
+    before: dict[tuple[float, ...], int] = {}
+    earlier = []
+    for row, values in enumerate(np.column_stack((record.alpha, record.beta, record.specific_force)).tolist()):
+        earlier.append(before.setdefault(tuple(values), row))
+    lines, row = [], 0
+    while row < len(earlier):
+        count = 0
+        while row + count < len(earlier) and earlier[row] != row and earlier[row + count] == earlier[row] + count:
+            count += 1
+        if count >= FEWEST_PASTED:
+            again = f"rows {row + 1} to {row + count} of {record.path.name}"
+            first = f"rows {earlier[row] + 1} to {earlier[row] + count}"
+            lines.append(f"{again} are {first} again, digit by digit: take one of them out, each counts twice")
+        row += max(count, 1)
     return lines
 
 

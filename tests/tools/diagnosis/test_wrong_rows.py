@@ -89,3 +89,15 @@ def test_two_readings_of_one_accelerometer_are_not_named_alone():
     assert diagnosis.verdict == "ambiguous"
     assert {explanation.kind for explanation in diagnosis.explanations} == {"rows", "function"}
     assert "Accelerometer 2 does something" in diagnosis.explanations[1].sentence
+
+
+@pytest.mark.parametrize(("first", "count"), [(0, 24), (5, 3), (10, 8)])
+def test_rows_that_were_pasted_twice_are_said(first, count, tmp_path):
+    path = tmp_path / "r.csv"
+    write_record(drawn_record(21, count=24), path)
+    head, *rows = path.read_text(encoding="utf-8").splitlines()
+    pasted = [*rows, *rows[first : first + count]]
+    numbered = [f"{k},{10.0 * k},{row.split(',', 2)[2]}" for k, row in enumerate(pasted, start=1)]
+    path.write_text("\n".join([head, *numbered]) + "\n", encoding="utf-8")
+    (warning,) = th.diagnose(path, noise_bound=SIGMA).warnings
+    assert f"rows 25 to {24 + count} of r.csv are rows {first + 1} to {first + count} again" in warning
