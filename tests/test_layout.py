@@ -57,3 +57,9 @@ def test_every_name_of_a_package_s_face_is_there():
         assert package.__all__
         for name in package.__all__:
             assert getattr(package, name) is not None
+
+
+def test_no_two_files_of_tests_have_the_same_name():
+    """Pytest imports them by their names alone."""
+    names = [file.name for file in (ROOT / "tests").rglob("test_*.py")]
+    assert sorted(set(names)) == sorted(names)

@@ -52,7 +52,7 @@ def test_python_and_the_command_line_say_the_same_words_of_a_shared_option(capsy
     documented = " ".join((th.calibrate.__doc__ or "").split())
     assert cli.main(["calibrate", "--help"]) == 0
     text = " ".join(capsys.readouterr().out.replace("│", "").split())
-    for words in ("Model value of gravity [m/s²].", "as a fraction of g; without it the record must tell."):
+    for words in ("Model value of gravity [m/s²].", "Without it, or --noise-sd, the record must tell."):
         assert words in documented
         assert words in text
     assert "mounting : str | " in documented
