@@ -11,7 +11,7 @@ import pytest
 from generator import SIGMA
 from generator import G as GRAVITY
 from generator.fresh import position_record as fresh_record
-from generator.positions import hidden_record
+from generator.positions import drawn_record, hidden_record
 from generator.stands import random_bench, simulated
 from generator.stands import record as position_record
 from other_solver import farthest
@@ -228,13 +228,17 @@ def test_a_limit_that_many_readings_reach_is_no_scale_factor(seed, axis):
 
 def test_positions_that_separate_put_candidates_further_apart_than_both_bounds():
     """A reading may be within σ of two predictions that are less than 2 σ apart, rounded as it is written."""
-    evidence = bench_evidence(hidden_record(5, CUBIC, (1e-4,)), noise_bound=NOISE_BOUND)
-    fits = [evidence.model.refit([place]) for place in (CUBIC, ODD)]
+    quadratic = EffectPlace("quadratic", "accelerometer-1")
+    product = EffectPlace("cross-product", "accelerometer-1", None, (1, 2))
+    evidence = bench_evidence(drawn_record(2, [(quadratic, (2e-4,))], 14), noise_bound=NOISE_BOUND)
+    fits = [evidence.model.refit([place]) for place in (quadratic, product)]
+    assert all(fit.radius < 1.0 for fit in fits)
     readings, room = evidence.model.readings, 3e-7
     with mock.patch.object(bench_predictions, "decide", wraps=bench_predictions.decide) as decide:
         positions = bench_predictions.separating_positions(
             readings, evidence.model.search.centre.point, fits, (3e-3, 1e-2), room
         )
+    assert positions
     assert all(position["apart_g"] > 2.0 * (NOISE_BOUND + room) for position in positions)
     assert [call.args[-1] for call in decide.call_args_list] == [pytest.approx(2.0 * (NOISE_BOUND + room))]
 
