@@ -14,12 +14,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from ...models.effects.lookup import TURNS
 from ..bounded.programmes import chebyshev_radius, column_space, spaces_beyond
 from ..bounded.set_bounds import ACCEPTED, REFUSED, settle
 from ..bounded.sets import Problem, Work, sharp_weights
-from ..evidence.evidence import Evidence
+from ..evidence.evidence import Evidence, Reader
+from ..evidence.fit import FAINT
 from ..evidence.pairs import WAVES, Form, Pair, function_in_words, named
 from ..evidence.rows import Channel
 from ..result import Result
@@ -33,6 +35,12 @@ MOST_SECOND_ORDER = 1.0
 """The linear model may be wrong by at most so many bounds, or nothing is said of functions."""
 FURTHER_NUMBERS = 2
 """What leaves more than a bound, as the linear model may be wrong, is a proof where so many numbers more mend that."""
+OWN = 1e-7
+"""Columns of which so small a part is beyond the model are imitated by it."""
+AGREED = 1e-7
+"""A radius that changes by so little as the model is linearised anew is that of the exact model."""
+MOST_ROUNDS = 4
+"""The model is linearised anew at most so often."""
 LARGEST_PART = 0.5
 """A function has at most this part of as many coefficients as its quantity has values."""
 DEPENDENT = 1e-12
@@ -314,8 +322,20 @@ class Search:
 
     @cached_property
     def limit(self) -> float:
-        """Radius up to which the linear model stands."""
-        return self.evidence.model.limit + self.evidence.model.second_order
+        """Radius up to which the linear model stands, and the exact one may."""
+        return self.evidence.model.limit + max(self.evidence.model.second_order, FAINT)
+
+    @cached_property
+    def told(self) -> float:
+        """Radius up to which a form tells a function.
+
+        A function that differs from the form by no more than `FAINT` of a bound, which is never shown, leaves no more
+        than the bounds. Of a model that is not linearised anew the bounds alone count.
+        """
+        model, reader = self.evidence.model, self.evidence.reader
+        if reader.about(reader.rows.point) is None:
+            return model.limit
+        return model.limit + FAINT
 
     @property
     def dependence(self) -> Dependence:
@@ -325,7 +345,7 @@ class Search:
         places = tuple(dict.fromkeys(pair.freedom.split()[0] for pair in self.pairs if pair.freedom in freedoms))
         model = self.evidence.model
         most_complex = LARGEST_PART * self.evidence.rows.piece_count
-        return Dependence(standing, tuple(freedoms), places, model.radius, model.limit, most_complex)
+        return Dependence(standing, tuple(freedoms), places, model.radius, self.told, most_complex)
 
     @cached_property
     def freedoms(self) -> list[str]:
@@ -364,6 +384,39 @@ class Search:
         self.work.programme(*matrix.shape)
         return chebyshev_radius(matrix, self.problem.residual, np.ones(len(matrix)))[0]
 
+    def exact_radius(self, trial: Trial) -> float | None:
+        """The radius that a function leaves of the exact model, linearised at its own fit.
+
+        None of a model that is not linearised anew.
+        """
+        reader, pair, last = self.evidence.reader, trial.pair, np.inf
+        for _ in range(MOST_ROUNDS):
+            radius, step = self.fit_with(reader, pair.columns(trial.form))
+            if abs(radius - last) <= AGREED:
+                return radius
+            moved = reader.about(reader.rows.point + step)
+            if moved is None:
+                return None
+            reader, last = moved, radius
+            pair = next(one for one in reader.pairs if one.is_named_as(pair))
+        return radius
+
+    def fit_with(self, reader: Reader, columns: NDArray) -> tuple[float, NDArray[np.float64]]:
+        """The radius that columns (M, K) leave, and the step (P,) of the model's parameters to it.
+
+        Of the columns those are taken that add most to the model: the others it imitates. Their own values count, for
+        what parameters of the model did in place of them would have a second order.
+        """
+        bound = reader.rows.bound
+        nominal, added = reader.rows.nominal / bound[:, None], columns / bound[:, None]
+        base = column_space(nominal)
+        _, sizes, order = qr(added - base @ (base.T @ added), mode="economic", pivoting=True)
+        own = np.abs(np.diag(sizes)) > OWN * np.linalg.norm(added, axis=0).max()
+        matrix = np.hstack((nominal, added[:, order[: own.sum()]]))
+        self.work.programme(*matrix.shape)
+        radius, step, _ = chebyshev_radius(matrix, reader.rows.residual / bound, np.ones(len(bound)))
+        return radius, step[: nominal.shape[1]]
+
     def standing(self, freedoms: Sequence[str]) -> Iterator[Standing]:
         """The least complex functions of each pair, as complex as a rival of the least complex of all may be."""
         every = (trial for pair in self.pairs if pair.freedom in freedoms for trial in self.trials(pair))
@@ -382,12 +435,18 @@ class Search:
                 continue
             # Several places with functions of their own contain each of them: no rivals of one that stands.
             is_standing = any(pair in standing_pairs for pair in (trial.pair, *trial.pair.members))
-            if not is_standing and self.stands(trial.space):
-                standing_pairs.append(trial.pair)
-                most = min(most, most_of_rivals(trial.complexity))
+            if is_standing or not self.stands(trial.space):
+                continue
+            radius, radius_of_next = self.exact_radius(trial), np.inf
+            if radius is None:
                 radius = self.radius(np.hstack((self.problem.nominal, trial.space)))
-                radius_of_next = np.inf if radius <= self.evidence.model.limit else self.radius_of_next(trial)
-                yield Standing(trial.pair, trial.form, trial.complexity, radius, radius_of_next)
+                if radius > self.told:
+                    radius_of_next = self.radius_of_next(trial)
+            elif radius > self.told:
+                continue
+            standing_pairs.append(trial.pair)
+            most = min(most, most_of_rivals(trial.complexity))
+            yield Standing(trial.pair, trial.form, trial.complexity, radius, radius_of_next)
 
     def radius_of_next(self, trial: Trial) -> float:
         """The least radius of forms of its pair that have a number or two more than a trial."""

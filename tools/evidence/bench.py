@@ -23,7 +23,7 @@ from ..calibration.calibration import (
     reading_uncertainty,
     repeats,
 )
-from ..calibration.model import Linearisation, least_singular
+from ..calibration.model import Linearisation, least_singular, linearise
 from ..calibration.targets import NAMES
 from ..records import BenchRecord, PositionRecord
 from ..rounding import exactly
@@ -281,6 +281,12 @@ class BenchReader(Reader):
     def pairs(self) -> Sequence[Pair]:
         """Accelerometers, turns and tilts of the axes, each with every quantity of the record's rows."""
         return tuple(pairs_of_bench(self.model.contexts))
+
+    def about(self, point: NDArray) -> "BenchReader | None":
+        """Return the reader of the exact model linearised at other parameters (P,)."""
+        here = self.model.here
+        at = (here.parametrisation, here.positions, here.reading, point, here.bound, here.sign)
+        return replace(self, model=replace(self.model, here=linearise(*at)))
 
     @property
     def numbers(self) -> NDArray[np.int_]:

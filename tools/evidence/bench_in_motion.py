@@ -393,6 +393,9 @@ class WholeReader(BenchReader):
         """Which rows are readings at positions."""
         return self.model.of_positions
 
+    def about(self, point: NDArray) -> None:
+        """Return None: rests and turns together are not linearised anew."""
+
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
         """As of the rests; the nominal one is falsified where turns or readings in motion are what falsifies it."""
         calibration = super().calibration_of(fit)

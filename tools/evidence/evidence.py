@@ -401,6 +401,10 @@ class Reader:
         """The rows of the model."""
         return self.model.rows
 
+    def about(self, point: NDArray) -> "Reader | None":
+        """Return the reader of rows about other parameters (P,); None of a model that is not linearised anew."""
+        return None
+
     def head(self) -> Mapping[str, Any]:
         """The first keys of the result: what was assumed, and the baseline; `missing` where nothing can be fitted."""
         raise NotImplementedError

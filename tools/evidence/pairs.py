@@ -149,6 +149,11 @@ class Pair:
         """All quantities that it depends on."""
         return frozenset(word for word in f"{self.quantity} {self.factor}".split() if word in QUANTITIES)
 
+    def is_named_as(self, pair: "Pair") -> bool:
+        """Whether it is the same place and quantity as another pair, whatever their values."""
+        own = (self.where, self.quantity, self.factor, self.freedom)
+        return own == (pair.where, pair.quantity, pair.factor, pair.freedom)
+
     def table(self, law: str) -> EffectPlace:
         """A table of its quantity at its place."""
         if self.where in GYROS:
