@@ -11,7 +11,7 @@ from ...models.effects import EffectPlace, Rows
 from ...models.effects.columns import is_inner_axis
 from ...models.effects.definition import ACCELEROMETERS, AXES
 from ...models.effects.mounting import MOUNTING
-from ..bounded.programmes import Interval, column_space
+from ..bounded.programmes import Interval, SolverError, column_space
 from ..bounded.sets import EffectSet, Problem, Work, linear_radius, sets_of_size
 from ..evidence.bench import Bench
 from ..evidence.bench_in_motion import BenchInMotion
@@ -42,14 +42,13 @@ ROW = 4
 class Part:
     """One number of bench or block that may change: a function that jumps, by its place and what it is multiplied by.
 
-    `key` is its name in results with the unit, `catalogued` the effect of the catalogue that is the same.
+    `key` is its name in results.
     """
 
     where: str
     factor: str
     key: str
     unit: str
-    catalogued: str = ""
 
     def jumping(self, hours: float) -> EffectPlace:
         """The change after a time [h], as an effect."""
@@ -57,14 +56,11 @@ class Part:
         return EffectPlace("lookup", self.where, law=f"{times}hours jumps at {hours!r}")
 
 
-BIASES = tuple(Part(where, "", f"bias_{p}_g", "g", "bias-step") for p, where in enumerate(ACCELEROMETERS, start=1))
-SCALES = tuple(
-    Part(where, f"n{p}", f"scale_factor_{p}", "", "scale-step") for p, where in enumerate(ACCELEROMETERS, start=1)
-)
+BIASES = tuple(Part(where, "", f"bias_{p}_g", "g") for p, where in enumerate(ACCELEROMETERS, start=1))
+SCALES = tuple(Part(where, f"n{p}", f"scale_factor_{p}", "") for p, where in enumerate(ACCELEROMETERS, start=1))
 ANGLES = tuple(Part(MOUNTING, f"turn {k}", f"mounting_{k}_rad", "rad") for k in (1, 2, 3))
-OUTER_ZERO, INNER_ZERO = (
-    Part(where, "", f"{angle}_zero_rad", "rad") for where, angle in zip(AXES, ("alpha", "beta"), strict=True)
-)
+OUTER_ZERO = Part(AXES[0], "", "alpha_zero_rad", "rad")
+INNER_ZERO = Part(AXES[1], "", "beta_zero_rad", "rad")
 PUT_BACK = "Taken off and put back, or slipped."
 SWITCHED = "Switched off and on, or knocked."
 LOST_COUNTS = "An encoder that lost counts, or slipped."
@@ -203,11 +199,6 @@ class Search:
         model = self.evidence.model
         return model.rests if isinstance(model, BenchInMotion) else model
 
-    @property
-    def room(self) -> float:
-        """What writing down the readings adds to the bounds, as the exact fit has these."""
-        return self.evidence.model.room
-
     @cached_property
     def rows(self) -> Rows:
         """What signatures see at that fit."""
@@ -307,15 +298,15 @@ class Search:
         """The exact model with a change; None where it does not stand."""
         try:
             fit = self.evidence.model.refit(places)
-        except ValueError:
+        except (ValueError, SolverError):
             return None
         return fit if fit.radius <= self.evidence.model.limit else None
 
     def simple(self, groups: Sequence[Group], standing: Sequence[Standing], beside: Beside = ALONE) -> Simple:
         """Breaks of some groups, with what is beside them, as a fault of the record; the best of some gaps first."""
-        best, *others = standing
-        fit = replace(best.fit, also=tuple(one.fit for one in others)).centred(self.room)
-        values, intervals = list(fit.values()), list(fit.intervals(self.room))
+        (best, *others), room = standing, self.evidence.model.room
+        fit = replace(best.fit, also=tuple(one.fit for one in others)).centred(room)
+        values, intervals = list(fit.values()), list(fit.intervals(room))
         change: dict[str, float] = {}
         ends: dict[str, tuple[float, float]] = {}
         sentences, numbers = [], beside.numbers + len(groups) - 1
