@@ -230,3 +230,19 @@ def test_what_is_there_or_of_another_instrument_or_no_result_is_refused_in_one_l
             entries_of(tmp_path / "unit")
     with pytest.raises(InputError, match="is no folder"):
         entries_of(tmp_path / "none")
+
+
+@pytest.mark.parametrize("command", ["trend --json", "trend --report", "list --json", "show --out", "second name"])
+def test_no_output_replaces_an_archived_calibration(command, root, tmp_path, capsys):
+    folder = tmp_path / "unit"
+    for k in range(2):
+        assert main(["instrument", "add", str(folder), str(root / f"{k}.json"), "--date", DATES[k], "-q"]) == 0
+    entries = {path: path.read_bytes() for path in folder.glob("*.json")}
+    target = max(entries)
+    if command == "second name":
+        command, target = "show --out", tmp_path / "other.json"
+        target.hardlink_to(max(entries))
+    word, option = command.split()
+    assert main(["instrument", word, str(folder), option, str(target)]) == 2
+    assert "trihedron: " in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in folder.glob("*.json")} == entries

@@ -198,3 +198,20 @@ def test_an_unknown_way_of_acting_is_checked(tmp_path):
         check_effect("x.py", replace(dead, variants=lambda *given: [1]))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="variants raises ZeroDivisionError"):
         check_effect("x.py", replace(dead, variants=lambda *given: 1 / 0))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("way", ["--answer", "--json", "second name", "record"])
+def test_no_output_replaces_the_file_of_effects(way, tmp_path, capsys):
+    path = written(tmp_path)
+    content, target = path.read_bytes(), path
+    if way == "second name":
+        target = tmp_path / "other.json"
+        target.hardlink_to(path)
+    words = ["hidden", str(tmp_path / "record.csv"), "--seed", "3", "--effects-from", str(path)]
+    if way == "record":
+        words[1] = str(target)
+    else:
+        words += [way if way.startswith("--") else "--json", str(target)]
+    assert cli.main(words) == 2
+    assert "trihedron: " in capsys.readouterr().err
+    assert path.read_bytes() == content

@@ -17,7 +17,7 @@ from ..result import ABSENT, Result
 from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns
 from .deciding import understood
-from .layout import has_table, upright
+from .layout import has_table, upright, with_exact_seconds
 from .mapping import (
     OPEN,
     Mapping,
@@ -177,7 +177,7 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
         lines = lines_of(file, text)
         if lines[0].strip().startswith(LABVIEW):
             return [labview_sheet(file, lines, encoding)]
-        return [upright(text_sheet(file, lines, encoding, mapping.separator))]
+        return [upright(with_exact_seconds(text_sheet(file, lines, encoding, mapping.separator)))]
     sheets = [upright(sheet) for sheet in workbook_sheets(file, content)]
     if mapping.sheet not in ("", OPEN):
         return [sheet_of_workbook(sheets, file, mapping.sheet)]

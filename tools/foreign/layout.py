@@ -12,7 +12,7 @@ from itertools import islice, pairwise, zip_longest
 from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
-from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, of_name
+from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, normal, of_name
 from .numbers import bare, has_degree_mark, is_missing, known_unit, parsed_number, unit_behind
 from .sheet import LOOKED_AT, Row, Sheet, cell, has_text, is_data, is_value, is_word
 
@@ -24,6 +24,10 @@ MOST_REMARKS = 60
 """Largest number of lines around the table that are kept."""
 LONGEST_REMARK = 300
 """Largest number of characters that are kept of such a line."""
+NANOSECONDS = re.compile(r"(?P<before>.* |)(nano ?secs?|nsecs?|nano ?seconds?)")
+SECONDS = ("sec", "secs", "seconds")
+"""Names of nanoseconds, and of whole seconds beside them."""
+NANOSECOND_DIGITS = 9
 OF_A_REST = (POSITION, *ANGLES, TEMPERATURE, TIMES, DATE)
 """Columns that the heading of a block may give for a rest."""
 LEAST_BLOCKS = 2
@@ -272,6 +276,35 @@ def _remarks(rows: Sequence[Row]) -> dict[str, str]:
 
 def _printable(text: str) -> str:
     return " ".join(printable(text).split()).lstrip("# ")[:LONGEST_REMARK]
+
+
+def with_exact_seconds(sheet: Sheet) -> Sheet:
+    """Return a sheet whose whole seconds and the nanoseconds beside them are one time, as ROS writes them apart."""
+    for line, texts in islice(sheet.rows(), LOOKED_AT):
+        names = [normal(text) for text in texts]
+        for place, name in enumerate(names):
+            match = NANOSECONDS.fullmatch(name)
+            for word in SECONDS:
+                if match is not None and (whole := match["before"] + word) in names:
+                    return _with_joined(sheet, line, names.index(whole), place)
+    return sheet
+
+
+def _with_joined(sheet: Sheet, head: int, whole: int, nano: int) -> Sheet:
+    """Join two columns below the line of their names to one time in seconds; the nanoseconds' column goes."""
+    cells: list[list[str]] = []
+    for line, texts in sheet.rows():
+        cells += [[] for _ in range(line - 1 - len(cells))]
+        joined = list(texts)
+        seconds, part = cell(texts, whole).strip(), cell(texts, nano).strip()
+        if line == head:
+            joined[whole] = "time [s]"
+        elif line > head and seconds.isdecimal() and part.isdecimal() and len(part) <= NANOSECOND_DIGITS:
+            joined[whole] = f"{seconds}.{part.zfill(NANOSECOND_DIGITS)}"
+        if len(joined) > nano:
+            joined.pop(nano)
+        cells.append(joined)
+    return replace(sheet, lines=(), cells=cells)
 
 
 def upright(sheet: Sheet) -> Sheet:

@@ -112,6 +112,26 @@ def test_names_of_seconds_are_times(name, tmp_path, capsys):
     assert table["time_s"].to_list() == pytest.approx([0.01 * k for k in range(ROWS)])
 
 
+@pytest.mark.parametrize(
+    ("whole", "part"),
+    [
+        ("sec", "nanosec"),
+        ("header.stamp.sec", "header.stamp.nanosec"),
+        ("field.header.stamp.secs", "field.header.stamp.nsecs"),
+        ("Seconds", "Nanoseconds"),
+    ],
+)
+@pytest.mark.parametrize("first", [1_700_000_000_999_999_999, 5_000_000_001])
+def test_seconds_and_nanoseconds_are_one_exact_time(whole, part, first, tmp_path, capsys):
+    stamps = [first + 5_000_001 * row for row in range(ROWS)]
+    columns = {whole: [stamp // 10**9 for stamp in stamps], part: [stamp % 10**9 for stamp in stamps]}
+    status, said, table = imported(laboratory_file(tmp_path, motion(**columns)), capsys)
+    assert status == 0, said
+    # an epoch counts from the first row
+    start = first if first < 10**15 else 0
+    assert table["time_s"].to_list() == [(start + 5_000_001 * row) / 1e9 for row in range(ROWS)]
+
+
 @pytest.mark.parametrize("name", ["TOW", "GPS TOW", "time of week", "iTOW"])
 def test_a_time_of_week_is_a_time_whose_unit_is_asked(name, tmp_path, capsys):
     path = laboratory_file(tmp_path, motion(**{name: [345_600_000 + 10 * k for k in range(ROWS)]}))

@@ -12,8 +12,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import trihedron as th
+from generator.positions import write_hidden_record
+from generator.runs import PROGRAMME, Bench
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
+from trihedron.tools.motion import rate_at_rest
 from trihedron.tools.records import StrapdownRecord, write_record
 from trihedron.tools.records.stamps import grid_of
 
@@ -230,6 +233,65 @@ def test_epoch_nanoseconds_stay_exact(first: int, tmp_path: Path) -> None:
     th.import_record(tmp_path / "log.csv", out=tmp_path / "record.csv")
     time = th.read_record(tmp_path / "record.csv").time_s
     assert time.tolist() == [5_000_001 * row * 1e-9 for row in range(200)]
+
+
+def increments_of(record: StrapdownRecord) -> StrapdownRecord:
+    """Return the record with increments of angle and velocity in place of rates."""
+    assert record.rate is not None
+    turns, speeds = PERIOD * record.rate, PERIOD * record.specific_force
+    return replace(record, rate=None, increment=turns, velocity_increment=speeds)
+
+
+@pytest.mark.parametrize("kind", ["jitter", "late", "bursts"])
+def test_stamps_of_increments_are_taken_and_said(kind: str, tmp_path: Path) -> None:
+    record = increments_of(moved_by_hand(3))
+    write_record(replace(record, time_s=stamped(record.time_s, kind, 4)), tmp_path / "record.csv")
+    said = th.read_record(tmp_path / "record.csv").warnings
+    assert any(line.startswith("time stamps: ") and "nothing in the record tells" in line for line in said)
+    run = th.attitude_of_record(tmp_path / "record.csv", stamps="even")
+    assert run.period == pytest.approx(PERIOD, rel=1e-3)
+    assert run.attitude == pytest.approx(th.attitude_of_record(record).attitude, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["jitter", "coarse", "bursts"])
+def test_a_corrected_record_has_the_stamps_that_counted(kind: str, tmp_path: Path) -> None:
+    record = moved_by_hand(5)
+    path, out = tmp_path / "record.csv", tmp_path / "out.csv"
+    write_record(replace(record, time_s=stamped(record.time_s, kind, 6)), path)
+    write_hidden_record(tmp_path / "clean.csv", 5)
+    calibration = th.calibrate(tmp_path / "clean.csv", noise_bound=1e-5)
+    (tmp_path / "calibration.json").write_text(calibration.json_text())
+    for stamps, times in (("even", None), ("100", None), ("logged", th.read_record(path, stamps="logged").time_s)):
+        words = ["apply", str(tmp_path / "calibration.json"), str(path), "--out", str(out), "--stamps", stamps]
+        assert main([*words, "--json", str(tmp_path / "out.json"), "--trust", "-q"]) == 0
+        written = th.read_record(out, stamps="logged").time_s
+        if times is None:
+            assert np.diff(written) == pytest.approx(PERIOD, rel=1e-3)
+        else:
+            assert written.tolist() == times.tolist()
+        assert "time stamps: " in (tmp_path / "out.json").read_text()
+
+
+def test_a_raw_record_of_stamps_that_repeat_is_calibrated_by_its_rate(tmp_path: Path) -> None:
+    record, _ = Bench(white=1e-4).run(PROGRAMME[:3])
+    right = th.calibrate(record, noise_bound=1e-3)
+    period = float(np.median(np.diff(record.time_s)))
+    step = 4.0 * period
+    table = record.to_polars().with_columns((pl.col("time_s") / step).floor() * step)
+    table.write_csv(tmp_path / "coarse.csv")
+    with pytest.raises(InputError, match=r"repeats; .*stamps RATE_HZ"):
+        th.calibrate(tmp_path / "coarse.csv", noise_bound=1e-3)
+    result = th.calibrate(tmp_path / "coarse.csv", noise_bound=1e-3, stamps=f"{1.0 / period}")
+    assert (result.verdict, result.radius) == (right.verdict, pytest.approx(right.radius, rel=1e-6))
+    assert any("those logged are unused" in line for line in result.warnings)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_rate_at_rest_is_that_of_even_stamps(kind: str, tmp_path: Path) -> None:
+    record = moved_by_hand(7)
+    write_record(replace(record, time_s=stamped(record.time_s, kind, 8)), tmp_path / "record.csv")
+    bias = rate_at_rest(th.read_record(tmp_path / "record.csv"))
+    assert bias == pytest.approx(rate_at_rest(record), abs=1e-4)
 
 
 # Files from the field
