@@ -33,7 +33,7 @@ from ..records import BenchRecord, PositionRecord, RawRecord, Source, StrapdownR
 from ..records.columns import CORRECTED_BY
 from ..records.rests import average_rests, find_rests
 from ..result import Result, Told
-from ..rounding import exactly
+from ..rounding import exactly, upwards
 from .model import checked_mounting
 from .promise import broken_conditions
 from .targets import corners
@@ -507,7 +507,7 @@ def write_parameter_set(result: Result, path: Path) -> None:
     about, source = "an accelerometer block", content.get("provenance")
     if source is not None:
         about = f"{source['record']} (SHA-256 {source['record_sha256'] or 'none'})"
-    text = f"Calibration of {about}, noise bound {exactly(content['sigma']['value'])} g, case (A1)"
+    text = f"Calibration of {about}, noise bound {upwards(content['sigma']['value'], 3)} g, case (A1)"
     contents = {path: _checked_set(path, "AccelerometerBlock", block, intervals, text)}
     of_gyros = calibrated_gyros(content)
     if of_gyros is not None:

@@ -64,13 +64,16 @@ def evidence_text(result: Diagnosis) -> str:
         after = f"{residual(result.best.radius)} {unit}"
         if result.best.kind in ("rows", "stretch"):
             text = f"largest error {residual(result.radius)} {unit} with all rows, {after} without these"
+        elif result.best.kind == "sigma":
+            text += f", {residual(result.best.radius)} times the larger σ"
         elif result.verdict == "explained":
             text += f" without this, {after} with it"
         else:
             text += f" of the model alone, {after} with the first"
     sigma = result.calibration.sigma
     if unit == "σ":
-        text += f"; σ = {exactly(sigma.value)} g ({sigma.basis})"
+        bound = exactly(sigma.value) if sigma.kind == "bound" else upwards(sigma.value, 3)
+        text += f"; σ = {bound} g ({sigma.basis})"
     elif result.noise_bound_arcmin is not None:
         text += f"; the bound is {upwards(result.noise_bound_arcmin, 3)} arcmin"
     return f"{text}."

@@ -51,6 +51,8 @@ def test_a_standard_deviation_says_which_sigma_it_makes(tmp_path, capsys):
     sigma = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["sigma"]
     assert sigma["kind"] == "estimated"
     assert sigma["value"] == pytest.approx(2.6995 * 5e-6, rel=1e-4)
+    main(["diagnose", str(path), "--noise-sd", "5e-6"])
+    assert "σ = 1.35e-5 g (2.70 sd, sd = 5e-6 g as given" in " ".join(capsys.readouterr().out.split())
     assert th.diagnose(path, noise_sd=5e-6).calibration.sigma == th.calibrate(path, noise_sd=5e-6).sigma
 
 
