@@ -50,8 +50,8 @@ def _is_part_of(smaller: Kind, larger: Kind) -> bool:
 class Option:
     """One of two things: a break of a group at a gap, or what is beside one."""
 
-    group: Group | None = None
-    gap: Gap | None = None
+    groups: tuple[Group, ...] = ()
+    gaps: tuple[Gap, ...] = ()
     beside: Beside = ALONE
 
 
@@ -96,7 +96,7 @@ class Joint:
             if len(group.parts) > MOST_NUMBERS:
                 continue
             for gap, block in zip(self.search.gaps, self.search.columns(group), strict=True):
-                options.append(Option(group, gap))
+                options.append(Option((group,), (gap,)))
                 columns.append(block)
         return options, columns
 
@@ -126,17 +126,14 @@ class Joint:
         problem = Problem.of(self.search.problem.residual, self.search.problem.nominal, columns, alike=alike)
         for chosen in sets_of_size(problem, 2, min(self.search.slack, MOST_SLACK), 0, self.search.work):
             first, second = (options[number] for number in chosen.effects)
-            if self._is_one(first, second):
+            # Breaks come last; two at one gap are one of a larger group.
+            if second.gaps and first.gaps != second.gaps:
                 yield self._pair(first, second, linear_radius(problem, EffectSet(chosen.effects)))
 
-    def _is_one(self, first: Option, second: Option) -> bool:
-        """Whether two things are a pair: the second a break, not at the same gap as the first."""
-        return second.gap is not None and first.gap != second.gap
-
     def _pair(self, first: Option, second: Option, radius: float) -> Pair:
-        broken = [option for option in (first, second) if option.gap is not None]
-        broken.sort(key=lambda option: option.gap.hours)
-        groups, gaps = tuple(option.group for option in broken), tuple(option.gap for option in broken)
+        broken = zip(first.groups + second.groups, first.gaps + second.gaps, strict=True)
+        in_time = sorted(broken, key=lambda group_and_gap: group_and_gap[1].hours)
+        groups, gaps = tuple(group for group, _ in in_time), tuple(gap for _, gap in in_time)
         beside = first.beside
         numbers = beside.numbers + len(groups) - 1
         for group, gap in zip(groups, gaps, strict=True):

@@ -124,5 +124,7 @@ def test_biases_of_a_bench_record_change_at_a_time(whole):
 def test_a_break_stands_on_the_page_with_what_is_possible():
     record = broken_record(3, "biases", 24, 8.0).record
     page = page_of(diagnosed(record), record)
+    assert page is not None
     section = next(section for section in page.answer if section.title == "The change")
+    assert section.table is not None
     assert [row[0] for row in section.table.rows] == ["bias_1_g", "bias_2_g", "bias_3_g"]
