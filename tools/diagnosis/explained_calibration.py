@@ -17,7 +17,7 @@ from ..calibration.estimates import Solution, open_directions, solve_system
 from ..calibration.gyros import widened
 from ..calibration.model import Linearisation, determined
 from ..calibration.targets import Target, asked_priors, error_weights
-from ..errors import InputError
+from ..errors import InputError, one_line
 from ..evidence.bench import Bench, bench_evidence
 from ..evidence.bench_model import Cast, Model, Readings
 from ..evidence.evidence import Evidence
@@ -34,6 +34,8 @@ ROUNDS = 12
 STILL = 1e-13
 """Steps [g], [rad], [1] that move nothing."""
 MORE_POSITIONS = "more positions"
+WRITTEN = ("formula", "lookup")
+"""Effects that are in no catalogue: a law or a table as a diagnosis writes it."""
 
 
 @dataclass(frozen=True)
@@ -203,6 +205,11 @@ def _named(diagnosis: Diagnosis, record: PositionRecord, evidence: Evidence) -> 
                 "diagnose it"
             )
         causes[_place_in(evidence, cause, record)] = cause
+    if not causes and diagnosis.explanations and not diagnosis.causes:
+        raise InputError(
+            f"--with: the diagnosis names no effect but {diagnosis.explanations[0].kind}: "
+            f"{one_line(diagnosis.explanations[0].sentence)}; mend the record, and calibrate without --with"
+        )
     if not causes:
         raise InputError("--with: the diagnosis names nothing that is the instrument's; diagnose this record")
     return Named(causes, not same)
@@ -214,6 +221,12 @@ def _place_in(evidence: Evidence, cause: Cause, record: PositionRecord) -> Effec
         rows = np.flatnonzero(evidence.model.numbers == int(cause.where.removeprefix("position-")))
         if len(rows):
             return place_of(int(rows[0]) + 1, cause.place.axes[0])
+    if cause.effect in WRITTEN:
+        try:
+            evidence.rows.columns_of([cause.place])
+        except ValueError as error:
+            raise InputError(f"{record.path}: --with {error}") from error
+        return cause.place
     if cause.place not in evidence.model.places:
         raise InputError(f"--with: {cause.place.title} is no effect of {record.path}: another kind of record")
     return cause.place

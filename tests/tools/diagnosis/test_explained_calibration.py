@@ -155,6 +155,34 @@ def test_a_file_is_calibrated_with_the_diagnosis_of_that_file(tmp_path):
     assert any("stays in the readings" in reason for reason in applied.not_guaranteed)
 
 
+def test_a_formula_is_solved_with_the_parameters():
+    """A fifth power is in no catalogue; the diagnosis names it by a formula."""
+    rng = np.random.default_rng(4)
+    session = Session.drawn(rng, 40)
+    angles, reading = session.read([], rng.uniform(-SIGMA, SIGMA, (40, 3)))
+    n = session.stand.inputs(session.alpha, session.beta)
+    reading[:, 0] += 3e-4 * n[:, 0] ** 5
+    record = session.recorded(angles, reading)
+    diagnosis = diagnosed(record).model_copy(update={"made_of": record})
+    assert [cause.effect for cause in diagnosis.causes] == ["formula"]
+    result: Any = th.calibrate(record, explained_by=diagnosis)
+    assert missed(result, session.stand.targets()) == []
+    size = result.effects[0].parameters[0]
+    assert size.low <= 3e-4 <= size.high
+
+
+def test_rows_that_are_wrong_are_no_effect():
+    rng = np.random.default_rng(7)
+    session = Session.drawn(rng, 36)
+    angles, reading = session.read([], rng.uniform(-SIGMA, SIGMA, (36, 3)))
+    angles[12, 0] += 0.007
+    record = session.recorded(angles, reading)
+    diagnosis = diagnosed(record)
+    assert diagnosis.verdict == "explained"
+    with pytest.raises(InputError, match="names no effect but rows"):
+        th.calibrate(record, explained_by=diagnosis)
+
+
 def test_what_cannot_be_solved_together_is_refused(tmp_path):
     case = drawn(0)
     consistent = th.diagnose(Session.drawn(np.random.default_rng(1), 40).record(), noise_bound=SIGMA)
