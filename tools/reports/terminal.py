@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from ..diagnosis.cause import Cause
 from ..diagnosis.result import Diagnosis
 from ..document.notation import sentence, unit_text
+from ..evidence.pairs import in_words
 from ..rounding import NONE, digits, exactly, interval, residual, upwards
 from . import beyond
 
@@ -45,7 +46,7 @@ def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
     for text in open_texts(result):
         yield "Not certain", text
     for text in beyond.extension_texts(result)[:1]:
-        yield "Beyond", text
+        yield "Beyond", text.removeprefix("Beyond the catalogue: ")
     for hypothesis in (result.hypotheses or ())[:MOST_HYPOTHESES]:
         radii = f"{residual(hypothesis.radius_before)} -> {residual(hypothesis.radius)}"
         yield "Formula", f"{hypothesis.formula}: {hypothesis.answer}; largest error over its bound {radii}."
@@ -92,9 +93,12 @@ def certain_texts(result: Diagnosis) -> list[str]:
         if result.best.rows and not result.best.causes:
             count = (result.calibration.positions or 0) - len(result.best.rows)
             texts.append(f"without {_rows(result.best.rows)} the other {count} fit within σ.")
-    proven = beyond.proven_text(result)
-    if proven and result.verdict != "explained":
-        texts.append(sentence(proven))
+    proven = result.proven
+    if proven is not None and result.verdict == "ambiguous":
+        text = f"the error is at {proven.place.replace('-', ' ')}"
+        if proven.quantity:
+            text += f" and depends on {in_words(proven.quantity)} alone"
+        texts.append(f"{text}.")
     if result.verdict == "consistent":
         texts += _detection(result)
     return texts
@@ -133,7 +137,8 @@ def open_texts(result: Diagnosis) -> list[str]:
     texts += [sentence(text) for text in (result.objections or ())[:1]]
     if result.verdict == "unexplained":
         texts += [sentence(text) for text in (result.not_named or ())[:2]]
-    texts += [sentence(text) for text in (result.caution or ())[:1]]
+    if result.verdict != "ambiguous" or not texts:
+        texts += [sentence(text) for text in (result.caution or ())[:1]]
     return texts
 
 
@@ -178,6 +183,8 @@ def next_text(result: Diagnosis) -> str:
         return "put it into the simulation: add --export FOLDER."
     if result.verdict == "consistent" and result.calibration.linearised is not None:
         return "take the parameters from trihedron calibrate."
+    if result.verdict == "ambiguous":
+        return "measure again with a smaller σ: longer, or each position more often."
     if result.verdict == "unexplained":
         return "look at the residuals: add --report page.html. Repeat the worst positions."
     if result.verdict == "insufficient" and result.missing:
