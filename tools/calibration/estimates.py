@@ -356,6 +356,10 @@ class FeasibleSet:
     slack: float
 
 
+LARGEST_STEP = 1e3
+"""A longer step, in radians or in parts of one, leads to where no model holds: something is all but undetermined."""
+
+
 def chebyshev_centre(system: Linearisation) -> tuple[float, NDArray, NDArray]:
     """The least max |z − f(X)| / bound of the exact model, where it is attained (P,), and the duals (M,) that prove it.
 
@@ -368,6 +372,8 @@ def chebyshev_centre(system: Linearisation) -> tuple[float, NDArray, NDArray]:
     best = system.point
     attained = float(np.abs(system.residual / system.bound).max())
     for _ in range(8):
+        if np.abs(step).max() > LARGEST_STEP:
+            break
         centre = best + step
         residual = system.residual_at(centre)
         worst = float(np.abs(residual / system.bound).max())

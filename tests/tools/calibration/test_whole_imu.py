@@ -407,3 +407,17 @@ def test_against_inertial_space_the_earth_is_no_error_of_the_gyros(truth):
         reader: Any = evidence.reader
         assert ("Earth" in reader.bounds_from) == (not comments)
     assert within[1] < 0.2 * within[0]
+
+
+@pytest.mark.parametrize(("first", "stop"), [(168, 372), (100, 300), (60, 500)])
+def test_accelerometers_stuck_over_moves_leave_too_few_rests_and_no_error(first, stop, tmp_path, capsys):
+    """Rests that are lost leave mountings all but open: the programme's centre is then anywhere."""
+    positions = ((0.0, 0.0), (90.0, 0.0), (180.0, 0.0), (0.0, 90.0), (0.0, 180.0), (90.0, 90.0), (360.0, 0.0))
+    programme = Programme(positions, dwell=2.0, rate=2.0, step=0.05)
+    right = bench_record(Truth.drawn(np.random.default_rng(5)), programme, Errors(rate=5e-5))
+    force = right.specific_force.copy()
+    force[first:stop, 1] = -32768.0
+    write_record(replace(right, specific_force=force), tmp_path / "bench.csv")
+    place = ["--latitude-deg", "55.75", "--azimuth-deg", "20"]
+    assert main(["calibrate", str(tmp_path / "bench.csv"), "--noise-bound", "1e-4", *place, "--trust"]) in (0, 2)
+    assert "fault of the program" not in capsys.readouterr().err
