@@ -34,8 +34,8 @@ MANY_ROWS, FEWEST_OF_FEW = 24, 4
 """Of fewer rows in all a break needs so many on each side."""
 FROM_THE_FIRST = -1.0
 """A time [h] before every record."""
-ROW = 4
-"""Numbers that one wrong row costs."""
+ROW, SPARE = 4, 5
+"""Numbers that one wrong row costs; readings beyond a break that its numbers leave over, or the rows do as well."""
 
 
 @dataclass(frozen=True)
@@ -297,10 +297,10 @@ class Search:
     def fitted(self, places: Sequence[EffectPlace]) -> Fit | None:
         """The exact model with a change; None where it does not stand."""
         try:
-            fit = self.evidence.model.refit(places)
+            fits = self.evidence.model.mended(places, self.work)
         except (ValueError, SolverError):
             return None
-        return fit if fit.radius <= self.evidence.model.limit else None
+        return fits[0] if fits else None
 
     def simple(self, groups: Sequence[Group], standing: Sequence[Standing], beside: Beside = ALONE) -> Simple:
         """Breaks of some groups, with what is beside them, as a fault of the record; the best of some gaps first."""
@@ -342,7 +342,7 @@ class Search:
     def numbers_of(self, group: Group, gap: Gap) -> int:
         """Numbers of a break; at an end of the record as many as those of the rows there, where these do as well."""
         beyond = min(gap.after, len(self.hours) - gap.after)
-        if 2 * len(group.parts) >= 3 * beyond:
+        if 3 * beyond - len(group.parts) < SPARE:
             return max(group.numbers, ROW * beyond)
         return group.numbers
 
