@@ -78,6 +78,8 @@ def with_stamps(record: Measured, stamps: str | None = None) -> Measured:
         return record
     if stamps == LOGGED or isinstance(record, PositionRecord):
         return _said(record, "time stamps: as logged, as said")
+    if stamps == EVEN and len(record) < 2:
+        return record
     if stamps == EVEN:
         grid = grid_of(record.time_s)
         if not grid.regular:

@@ -286,6 +286,13 @@ def test_a_raw_record_of_stamps_that_repeat_is_calibrated_by_its_rate(tmp_path: 
     assert any("those logged are unused" in line for line in result.warnings)
 
 
+@pytest.mark.parametrize("stamps", ["even", "logged", "100"])
+def test_one_row_has_no_period(stamps: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    moved_by_hand(3).to_polars()[:1].write_csv(tmp_path / "record.csv")
+    assert main(["inspect", str(tmp_path / "record.csv"), "--stamps", stamps]) == 2
+    assert "has 1 rows; at least 16 are needed" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_rate_at_rest_is_that_of_even_stamps(kind: str, tmp_path: Path) -> None:
     record = moved_by_hand(7)
