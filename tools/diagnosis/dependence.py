@@ -410,7 +410,8 @@ class Search:
         bound = reader.rows.bound
         nominal, added = reader.rows.nominal / bound[:, None], columns / bound[:, None]
         base = column_space(nominal)
-        _, sizes, order = qr(added - base @ (base.T @ added), mode="economic", pivoting=True)
+        decomposition = qr(added - base @ (base.T @ added), mode="r", pivoting=True)
+        sizes, order = np.asarray(decomposition[0]), np.asarray(decomposition[-1])
         own = np.abs(np.diag(sizes)) > OWN * np.linalg.norm(added, axis=0).max()
         matrix = np.hstack((nominal, added[:, order[: own.sum()]]))
         self.work.programme(*matrix.shape)

@@ -176,7 +176,7 @@ def _with_truth(record: StrapdownRecord, grid: Grid) -> NDArray[np.int_]:
     first = np.arange(0, len(record) - rows, rows)
     if record.attitude is None:
         return np.zeros((0, 2), dtype=int)
-    known = np.isfinite(record.attitude).all(axis=1)
+    known = np.asarray(np.isfinite(record.attitude).all(axis=1))
     first = first[known[first] & known[first + rows]]
     ends = np.column_stack([first, first + rows])
     return ends[_usable(record, grid, ends)]

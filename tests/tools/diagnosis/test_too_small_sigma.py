@@ -25,10 +25,14 @@ def with_effect(seed: int, place: EffectPlace, size: float, count: int = 48):
 @pytest.mark.parametrize(("seed", "count", "too_small"), [(11, 36, 1.4), (12, 48, 1.9), (13, 100, 1.6)])
 def test_a_clean_record_asks_for_a_larger_bound(seed, count, too_small, errors):
     record = clean_record(seed, count, errors)
-    least = 1e-5 * th.calibrate(record, noise_bound=1e-5).radius
+    radius = th.calibrate(record, noise_bound=1e-5).radius
+    assert radius is not None
+    least = 1e-5 * radius
     diagnosis = diagnose(record, noise_bound=least / too_small, rerun=False)
     first = diagnosis.explanations[0]
     assert (diagnosis.verdict, first.kind, first.numbers, diagnosis.causes) == ("explained", "sigma", 1, ())
+    assert first.change is not None
+    assert first.calibration is not None
     bound = first.change["noise_bound"]
     assert least <= bound < 1.1 * least
     assert first.sentence.startswith("Nothing simple is wrong. With σ = ")
@@ -61,7 +65,8 @@ def test_beside_an_effect_both_are_named(seed):
 @pytest.mark.parametrize("size", [6e-5, 1.5e-4, 4e-4])
 def test_an_effect_with_the_right_bound_is_no_noise(size):
     diagnosis = diagnose(with_effect(31, QUADRATIC, size), noise_bound=1e-5, rerun=False)
-    assert diagnosis.calibration.radius > 1.0
+    assert diagnosis.radius is not None
+    assert diagnosis.radius > 1.0
     assert all(explanation.kind != "sigma" for explanation in diagnosis.explanations)
 
 

@@ -297,8 +297,9 @@ def test_one_row_has_no_period(stamps: str, tmp_path: Path, capsys: pytest.Captu
 def test_the_rate_at_rest_is_that_of_even_stamps(kind: str, tmp_path: Path) -> None:
     record = moved_by_hand(7)
     write_record(replace(record, time_s=stamped(record.time_s, kind, 8)), tmp_path / "record.csv")
-    bias = rate_at_rest(th.read_record(tmp_path / "record.csv"))
-    assert bias == pytest.approx(rate_at_rest(record), abs=1e-4)
+    again = th.read_record(tmp_path / "record.csv")
+    assert isinstance(again, StrapdownRecord)
+    assert rate_at_rest(again) == pytest.approx(rate_at_rest(record), abs=1e-4)
 
 
 # Files from the field

@@ -59,7 +59,9 @@ def test_one_column_of_fewer_digits_disproves_nothing(tmp_path):
     force = record.specific_force.copy()
     force[:, 0] = np.round(force[:, 0], 1)
     path = written(replace(record, specific_force=force), tmp_path, ("resolution_mps2: 0.05",))
-    assert read_record(path).resolution == pytest.approx(0.05)
+    record = read_record(path)
+    assert isinstance(record, RawRecord)
+    assert record.resolution == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize("size", ["0.09", "0.07"])
