@@ -643,7 +643,9 @@ def _again(fault: Simple) -> tuple[str, ...]:
     if fault.before_row is not None:
         return (f"calibrate the rows before row {fault.before_row} and those from it on apart from each other",)
     if fault.time_s is not None:
-        return (f"calibrate what was measured before {fault.time_s:.0f} s and after it apart from each other",)
+        return (
+            f"calibrate what was measured before {exactly(round(fault.time_s))} s and after it apart from each other",
+        )
     if not fault.rows:
         return ()
     if len(fault.rows) == 1:

@@ -40,6 +40,8 @@ are no bench with an effect."""
 MAX_ITERATIONS, MAX_MOVES = 12, 8
 DIFFERENCE = 1e-6
 """Parameters [1], [rad], [g] differ by so much for exact derivatives."""
+EDGE = 1e-6
+"""By so much approximate derivatives may misjudge the radius of a set at the very edge."""
 LEAST_PART = 0.01
 """Steps to a fit at the very edge are no shorter than this part of the whole one."""
 ATTAINED = 1e-10
@@ -417,7 +419,7 @@ def fitted(
     fit = fit_at(x, model, estimate, there=True)
     part = 1.0
     # At the very edge derivatives have to be exact, and whole steps may overshoot by their second order.
-    while lowest <= limit < fit.radius and part > LEAST_PART:
+    while lowest <= limit + EDGE and fit.radius > limit and part > LEAST_PART:
         exact = replace(model, jacobian=exact_jacobian(model_at, x, model.jacobian))
         shorter = x + part * fit_at(x, exact, estimate).step
         moved = model_at(shorter)

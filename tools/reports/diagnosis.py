@@ -94,7 +94,7 @@ def change_section(result: Diagnosis) -> Section | None:
     rows: list[list[Cell]] = []
     for name, value in first.change.items():
         if first.within is None:
-            rows.append([name, f"{value:.3g}", None, None])
+            rows.append([name, digits(value), None, None])
         else:
             rows.append([name, *interval(value, *first.within[name])])
     table = Table(["change", "estimate", "low", "high"], rows)

@@ -19,7 +19,7 @@ from ..evidence.bench_visits import signature_columns
 from ..evidence.cells import FEWEST_ROWS
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, estimated
-from ..rounding import Stated
+from ..rounding import Stated, exactly
 from .simple import Simple
 
 NEAR = 1.3
@@ -368,7 +368,7 @@ class Search:
             return rows
         circumstances = self.model.readings.circumstances
         begin, end = circumstances.began + 3600.0 * self.hours[self.order[[first, last]]]
-        return f"{rows} ({begin:.0f} s to {end:.0f} s)"
+        return f"{rows} ({exactly(round(begin))} s to {exactly(round(end))} s)"
 
 
 def said(group: Group, sizes: Sequence[Stated]) -> str:

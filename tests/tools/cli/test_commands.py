@@ -60,11 +60,11 @@ def test_dwell_scatter_alone_falsifies_nothing(tmp_path, monkeypatch, capsys):
     proved."""
     monkeypatch.chdir(tmp_path)
     assert run(capsys, "simulate", SCENARIOS / "static-calibration.toml", "--out", "run")[0] == 0
-    for command in ("calibrate", "diagnose"):
+    for command, verdict in (("calibrate", "noise-unknown"), ("diagnose", "insufficient")):
         status, out, _ = run(capsys, command, "run/run.parquet", "--json", "result.json")
         result = json.loads(Path("result.json").read_text())
         assert status == 0
-        assert result["verdict"] == "insufficient"
+        assert result["verdict"] == verdict
         sigma = result["sigma"] if command == "calibrate" else result["calibration"]["sigma"]
         assert "scatter" in sigma["from"]
         assert "repeat positions" in out

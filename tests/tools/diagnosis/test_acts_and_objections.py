@@ -1,5 +1,6 @@
 """A cause acts, and each kind of witness can object by itself."""
 
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -42,8 +43,8 @@ def test_every_effect_of_a_set_has_a_size_that_is_not_zero():
     drift = Cause.found(BASE, (), [0.0, 0.0], [(-2e-5, 1e-5), (-1e-5, 2e-5)])
     surely = Cause.found(BASE, (), [5e-6, 0.0], [(1e-6, 1e-5), (-1e-5, 2e-5)])
     hysteresis = Cause.found(HYSTERESIS, (), [5e-5], [(1e-5, 9e-5)])
-    # The fit has no meaning here.
-    fit = cast("Fit", None)
+    # The fit has no meaning here, but that no effect of it is faint.
+    fit = cast("Fit", SimpleNamespace(faint=()))
     assert not Finding((drift,), fit).acts
     assert not Finding((drift, hysteresis), fit).acts
     assert not Finding((hysteresis, drift), fit).acts

@@ -123,7 +123,8 @@ def test_no_size_is_sure_where_nothing_was_measured(tmp_path: Path):
     sizes = {(e["place"], e["quantity"]): e["size"] for e in result.power or () if "factor" not in e}
     assert sizes["accelerometer-1", "n1"] is None
     assert sizes["accelerometer-1", "beta"] is not None
-    assert "accelerometer-1 by n1" in str(result)
+    result.report(tmp_path / "page.html")
+    assert "accelerometer-1 by n1" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_what_only_a_fault_beyond_every_instrument_would_show_is_said_to_show_at_no_size():

@@ -45,7 +45,8 @@ def test_a_comment_line_that_widens_the_bounds_is_named(line, tmp_path):
 
 @pytest.mark.parametrize("line", ["resolution_mps2: 1e-6", "resolution_deg: 1e-6", "operator: A"])
 def test_one_that_adds_next_to_nothing_is_not(line, tmp_path):
-    assert th.calibrate(positions(tmp_path, line), noise_bound=SIGMA).warnings == []
+    warnings = th.calibrate(positions(tmp_path, line), noise_bound=SIGMA).warnings
+    assert not any("counts" in warning for warning in warnings)
 
 
 @pytest.mark.parametrize("size", ["1", "0.2", "30"])
