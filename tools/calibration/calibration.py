@@ -100,7 +100,7 @@ PLACES = np.where(MATRICES.max(axis=2) > 0.0, MATRICES.argmax(axis=2), MATRICES.
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of a calibration: the options of `trihedron.calibrate`.
+    """Request of a calibration: the options of `trihedron.calibrate`.
 
     σ and `noise_sd` are fractions of g, gravity in [m/s²]; the bounds are u^max [rad] and v^0max of (1.7); mountings
     are a preset, the path of a TOML file, or Q (3, 3) by name; targets are linear combinations of X1..X18 beside those
@@ -237,7 +237,7 @@ def sigma_of(noise: NoiseBound) -> Sigma:
 
 
 def provenance_of(record: PositionRecord, bounds: tuple[float, float]) -> Provenance:
-    """Return what a calibration of a record is made from."""
+    """Return the provenance of a calibration: record, digest, kind, bounds, temperatures and comments."""
     extent = None
     if record.temperature is not None:
         extent = [float(record.temperature.min()), float(record.temperature.max())]
@@ -283,7 +283,7 @@ def _without_estimate(falsified: bool, unbounded: bool, missing: Sequence[Parame
 
 
 def reading_uncertainty(resolution: float) -> float:
-    """What writing down a reading to half a digit of `resolution` and evaluating the model may add, fractions of g."""
+    """Return the error by half a digit of `resolution` and by evaluating the model, as a fraction of g."""
     return resolution + ROUNDING
 
 
@@ -545,7 +545,7 @@ def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation
         return ""
 
     def apart(way: int) -> NDArray[np.float64]:
-        """Squares (N,) of what the readings are apart from an ideal bench that is read so [g²]."""
+        """Return the squared distances (N,) of the readings from an ideal bench read in this way [g²]."""
         turn, permutation = divmod(int(way), len(PERMUTATIONS))
         return np.square(reading - inputs[turn] @ PERMUTATIONS[permutation].T).sum(axis=1)
 
@@ -566,7 +566,7 @@ def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation
 
 
 def _changes(gains: NDArray[np.float64]) -> bool:
-    """Whether the first or the last rows, but for one, gain more than `CHANGES` as they are read; gains (N,) [g²]."""
+    """Return whether first or last rows, without their best one, gain more than `CHANGES` as read; gains (N,) [g²]."""
     both_ways = np.stack([gains, gains[::-1]])
     largest = np.maximum.accumulate(np.maximum(both_ways, 0.0), axis=1)
     return bool(np.any(np.cumsum(both_ways, axis=1) - largest > CHANGES))

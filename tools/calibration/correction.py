@@ -53,10 +53,10 @@ Measured = PositionRecord | RawRecord | StrapdownRecord
 
 @dataclass(frozen=True)
 class GyroCorrection:
-    """The inverse of calibrated gyros, but for their lag [s], which stays in what they read.
+    """The inverse of calibrated gyros except for their lag [s], which remains in the readings.
 
-    `bias` (3,) [rad/s], `matrix` (3, 3) I + Γ, `sensitivity` (3, 3) [rad/s per g]; `force_lag` that of the
-    accelerometers [s], which stays too, None where it is not known.
+    `bias` (3,) [rad/s], `matrix` (3, 3) I + Γ, `sensitivity` (3, 3) [rad/s per g]; `force_lag` is the lag of the
+    accelerometers [s], which remains too; None where it is not known.
     """
 
     bias: NDArray
@@ -121,7 +121,7 @@ class Correction:
         return corrected(self, specific_force) / self.gravity
 
     def bound_at(self, n: NDArray, noise_bound: float | NDArray) -> NDArray[np.float64]:
-        """How far true inputs may be from corrected ones n (N, 3) [g], either way."""
+        """Return the largest difference of true inputs from corrected ones n (N, 3) [g], of either sign."""
         least, most = remaining_error(self, n, noise_bound)
         return np.maximum(np.abs(least), np.abs(most))
 
@@ -169,7 +169,7 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
 
 
 def _origin(calibration: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Return what the promise of a calibration rests on: σ, and its record's digest, temperatures and comments."""
+    """Return the basis of a calibration's promise: σ, and the digest, temperatures and comments of its record."""
     try:
         sigma = Sigma.model_validate(calibration_of(calibration)["sigma"])
         values: dict[str, Any] = {"noise_bound": sigma.value or 0.0, "sigma_kind": sigma.kind}
@@ -232,7 +232,7 @@ def corrected(correction: Correction, specific_force: NDArray) -> NDArray:
 
 
 def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
-    """What the block reads beyond its input at inputs (N, 3) [g]: at least and at most (N, 3) [g].
+    """Return the least and the greatest error (N, 3) [g] of the block's readings at inputs (N, 3) [g].
 
     The greatest error over all parameters that the calibration leaves possible is convex in the input as long as its
     signs stay, so that its values at the corners of a simplex around the input bound it.
@@ -264,7 +264,7 @@ def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def remaining_error(correction: Correction, n: NDArray, noise_bound: float | NDArray = 0.0) -> tuple[NDArray, NDArray]:
-    """How far true inputs may be from corrected ones n (N, 3) [g]: least and greatest difference, true less corrected.
+    """Return the least and the greatest difference (N, 3) [g], true less corrected, for corrected inputs n (N, 3) [g].
 
     `noise_bound` [g] is that of the readings' own errors; 0 leaves what the calibration alone is responsible for.
     """
@@ -349,7 +349,7 @@ class AppliedEffect(Result):
 
 
 class Applied(Told):
-    """A record with what a calibration, or a diagnosis of another record, says of its instrument.
+    """A record corrected by a calibration, or by a diagnosis of another record, of its instrument.
 
     Attributes
     ----------
@@ -519,7 +519,7 @@ def write_parameter_set(result: Result, path: Path) -> None:
 
 
 def _checked_set(path: Path, name: str, values: Parameters, intervals: Mapping[str, Interval], text: str) -> bytes:
-    """The parameter set of a component; an InputError for values beyond what it takes."""
+    """Return the parameter set of a component; raise an InputError for values beyond its limits."""
     component = components()[name]
     for variable in component.interface:
         least, most = variable.within

@@ -1,4 +1,4 @@
-"""The exact model fitted to readings, and what they leave possible there.
+"""The exact model fitted to readings, and the parameters that the readings leave possible.
 
 Radius, values, guaranteed errors, exact intervals, pairs of targets.
 """
@@ -220,7 +220,7 @@ def widening(
 
 
 def _spread(linearised: Linearisation, bound: NDArray) -> Callable[[NDArray], NDArray]:
-    """How far linear functions (K, P) of the parameters may be from estimates when readings are within `bound`."""
+    """Return a function: the largest error of linear functions (K, P) of the parameters for readings within `bound`."""
     every = len(bound) // ENOUGH + 1
     # three readings for each position: a stride of a multiple of three would leave accelerometers out
     every += every % 3 == 0
@@ -243,10 +243,10 @@ def _spread(linearised: Linearisation, bound: NDArray) -> Callable[[NDArray], ND
 
 
 def _open_remainder(linearised: Linearisation, extent: NDArray) -> NDArray:
-    """How far the parameters that the measurements leave open may move readings (M,), as a fraction of g.
+    """Return the largest change of readings (M,) by undetermined parameters, as a fraction of g.
 
-    Truth is within `extent` (P,): the bounds of (1.7), the biases like v, or priors. To first order that moves readings
-    hardly at all; to second order what is left open turns into errors of everything else. The second differences along
+    Truth is within `extent` (P,): the bounds of (1.7), the biases like v, or priors. To first order such parameters
+    hardly change the readings; to second order they turn into errors of everything else. The second differences along
     all pairs of moves are summed in absolute value.
     """
     directions = np.linalg.svd(linearised.span, full_matrices=True)[0][:, linearised.span.shape[1] :].T
@@ -267,7 +267,7 @@ def _open_remainder(linearised: Linearisation, extent: NDArray) -> NDArray:
 
 @dataclass(frozen=True)
 class Solution:
-    """What a linear system says of parameters.
+    """Solution of a linear system for the parameters.
 
     `radius` is the least largest residual over its bound; `duals` (M,) prove it. `feasible` is None where the
     measurements contradict the model. `further` (K, 2) are the ends of further combinations of parameters.
@@ -282,7 +282,7 @@ class Solution:
 
     @property
     def stated(self) -> "KindOfEstimate | None":
-        """What the estimates are; None where nothing is determined."""
+        """Kind of the estimates; None where nothing is determined."""
         if self.estimator is None and any(p.estimate is not None for p in self.parameters):
             return "least squares"
         return self.estimator
@@ -295,7 +295,7 @@ class Solution:
 
     @property
     def contradicted(self) -> bool:
-        """Whether no parameters keep every residual within its bound."""
+        """Return whether no parameters keep every residual within its bound."""
         return self.feasible is None
 
 
@@ -307,10 +307,10 @@ def solve_system(
     further: NDArray | None = None,
     fitted: Linearisation | None = None,
 ) -> Solution:
-    """Return what a system says of targets, and of further combinations (K, P).
+    """Return the solution of a system for targets and further combinations (K, P) of parameters.
 
-    The slack is what writing down the readings adds to the noise bound, both fractions of g. Least squares are those of
-    the system `fitted`, where it is another. A SolverError where a programme cannot be solved.
+    The slack is the addition to the noise bound for the digits of the readings; both are fractions of g. Least squares
+    use the system `fitted`, if it is another. Raises a SolverError if a programme cannot be solved.
     """
     weights = np.array([target.weights for target in targets])
     combinations = weights
@@ -511,19 +511,19 @@ def _steps_of(feasible: FeasibleSet) -> tuple[Polytope, NDArray]:
 
 
 def _room(feasible: FeasibleSet) -> NDArray:
-    """What every residual (M,) may be: its bound and the slack, or what the Chebyshev centre leaves of it."""
+    """Return the largest allowed residuals (M,): bound and slack, or the Chebyshev centre's residual if larger."""
     system = feasible.linearised
     size = np.abs(system.residual_at(feasible.centre))
     return np.maximum(system.bound + feasible.slack, size) * (1.0 + RELATIVE_TOLERANCE)
 
 
 def _takes_long(system: Linearisation) -> bool:
-    """Whether there are so many measurements that progress is worth showing."""
+    """Return whether the measurements are numerous enough to show progress."""
     return len(system.bound) >= MANY_MEASUREMENTS
 
 
 def _is_determined(system: Linearisation, weights: NDArray) -> bool:
-    """Whether the measurements determine weights'X."""
+    """Return whether the measurements determine weights'X."""
     outside = float(np.linalg.norm(weights - system.span @ (system.span.T @ weights)))
     return outside <= NOT_OUTSIDE * float(np.linalg.norm(weights))
 
@@ -558,7 +558,7 @@ def open_directions(system: Linearisation, targets: Sequence[Target], close_by: 
 
 @dataclass(frozen=True)
 class PairSet:
-    """What readings leave possible of two targets: vertices (V, 2) in order, about the origin of the estimates."""
+    """Possible values of two targets: vertices (V, 2) in order, about the origin of the estimates."""
 
     first: Target
     second: Target

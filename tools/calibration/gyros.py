@@ -55,11 +55,11 @@ SAME_DEG = 1e-6
 
 @dataclass(frozen=True)
 class Bench:
-    """Where a bench stands and how well it measures turns.
+    """A bench's place on the earth and the bounds of its turns.
 
-    The latitude, and the azimuth of the outer axis from north towards east [deg]; the bound of a gyro's mean over one
-    second [rad/s], by default from the rests; that of an encoder's error [rad], by default σ, which holds it in it;
-    what a rate in the record means.
+    The place is the latitude and the azimuth of the outer axis, from north towards east [deg]. The bounds are that of a
+    gyro's mean over one second [rad/s], by default from the rests, and that of an encoder's error [rad], by default σ,
+    which includes it. `rates` is the meaning of a rate in the record.
     """
 
     latitude_deg: float
@@ -88,7 +88,7 @@ class Bench:
 
     @classmethod
     def given(cls, record: PositionRecord | StrapdownRecord, **options: Any) -> "Bench | None":
-        """The bench of options, and of what the comment lines of a bench record say; None where no place is said.
+        """Return the bench by options and by the comment lines of a bench record; None where neither names the place.
 
         An InputError for an option without the place, or one that contradicts where the record says it was measured.
         """
@@ -114,7 +114,7 @@ class Bench:
 
 
 def said_of_place(raw: RawRecord | PositionRecord | StrapdownRecord) -> dict[str, float]:
-    """What comment lines of a record say of its place, and of how well turns are measured there."""
+    """Return the place, and the bounds of turns, from the comment lines of a record."""
     numbers = {}
     for name in ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound"):
         if (text := raw.about.get(name)) is not None:
@@ -155,7 +155,7 @@ def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **option
 
 
 def judged_at_table(raw: BenchRecord, gravity: float) -> AtTable:
-    """What the rests of a bench record say of its accelerometers, with σ as the record tells it; gravity [m/s²]."""
+    """Return the accelerometers' calibration by the rests of a bench record, with the record's σ; gravity [m/s²]."""
     try:
         rests = position_record_of(raw)
         calibration = calibrate(rests, gravity=gravity)
@@ -234,7 +234,7 @@ def with_gyros(
 
 
 def _with_latency(calibration: Calibration, record: PositionRecord, bench: Bench, system: WithTurns) -> Calibration:
-    """A calibration of the whole IMU with the accelerometers' latency, as what they read in motion tells it."""
+    """Return a calibration of the whole IMU with the accelerometers' latency, from their readings in motion."""
     moving = InMotion.of(
         record, calibration.linearised, calibration.gravity, bench.encoder_within(calibration.noise_bound)
     )
@@ -264,7 +264,7 @@ def gyro_names() -> list[tuple[str, str]]:
 
 
 def gyro_targets(before: int) -> list[Target]:
-    """Each of the gyros' parameters, which come behind so many of bench and accelerometers."""
+    """Return a target for each parameter of the gyros, numbered after the `before` ones of bench and accelerometers."""
     targets = []
     for k, symbol in enumerate(GYRO_PARAMETERS):
         name, unit = WORDS[symbol[0]]

@@ -71,7 +71,7 @@ class InMotion:
 
     @staticmethod
     def of(record: PositionRecord, linearised: Linearisation, gravity: float, encoder_bound: float) -> "InMotion":
-        """What a bench record says between its rests, linearised `here`; an encoder's error is within a bound [rad]."""
+        """Return the readings of a bench record between its rests, linearised; encoder errors within a bound [rad]."""
         raw = record.raw
         assert isinstance(raw, BenchRecord)
         time, angles = raw.time_s, np.stack([without_turns(raw.alpha), without_turns(raw.beta)], axis=1)
@@ -99,12 +99,12 @@ class InMotion:
         return replace(unsigned, senses=rising.astype(float) - falling)
 
     def at(self, lag: float) -> Positions:
-        """Where the table stood a lag [s] earlier."""
+        """Return the position of the table a lag [s] earlier."""
         alpha, beta = (self.angles - lag * self.rate + 0.5 * lag**2 * self.acceleration).T
         return Positions(alpha, beta, np.zeros(len(alpha), dtype=int))
 
     def by_lag(self, parametrisation: Parametrisation, point: NDArray, lag: float) -> NDArray[np.float64]:
-        """How the readings change (3 W,) with the lag [g/s], at a point (P,)."""
+        """Return the derivative (3 W,) of the readings by the lag [g/s], at a point (P,)."""
         earlier = lag * self.acceleration - self.rate
         return (slopes_by_angles(parametrisation, point, self.at(lag)) * earlier[:, None, :]).sum(axis=2).ravel()
 
@@ -161,7 +161,7 @@ def _steady_rows(
 
 
 def _one_sign(linearised: Linearisation, angles: NDArray, rows: NDArray, half: int) -> NDArray[np.bool_]:
-    """Whether (W, 3) inputs have one sign, surely, over the rows that readings at rows (W,) are of."""
+    """Return whether inputs (W, 3) surely keep one sign over the rows averaged in the readings at rows (W,)."""
     inputs = np.zeros((3, len(rows), 3))
     for number, shift in enumerate((-half - 1, 0, half)):
         alpha, beta = angles[rows + shift].T
@@ -215,7 +215,7 @@ class WithMotion(WithTurns):
         return np.append(super().residual_at(point[: -len(FURTHER)]), in_motion)
 
     def jacobian_at(self, point: NDArray) -> NDArray:
-        """Exact derivatives at another point, but for how scale factors change what a place adds."""
+        """Return the derivatives at another point; exact, but with the places' additions constant in scale factors."""
         x, lag = point[: self.own], float(point[-len(FURTHER)])
         at, sign, arms = self._moved(point)
         by_bench = reading_jacobian(self.parametrisation, x, at, sign).reshape(-1, self.own)
@@ -227,9 +227,9 @@ class WithMotion(WithTurns):
         return np.vstack([before, rows])
 
     def _moved(self, point: NDArray, later: float = 0.0) -> tuple[Positions, NDArray, NDArray[np.float64]]:
-        """Where the table stood, signs (W, 3) of the inputs, and what a metre of each place adds (3 W, 9) [g].
+        """Return the table's positions, the inputs' signs (W, 3), and the change (3 W, 9) [g] by a metre of each place.
 
-        An accelerometer reads what its own place adds along its axis and, misaligned, along the others'.
+        An accelerometer reads the addition of its own place along its axis and, misaligned, along the others'.
         """
         lag, places = float(point[-len(FURTHER)]) + later, point[-9:].reshape(3, 3)
         targets, at = self.parametrisation.selection[0] @ point[: self.own], self.moving.at(lag)

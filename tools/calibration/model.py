@@ -239,7 +239,7 @@ def _selection(p: Parametrisation, at: Positions) -> NDArray:
 
 
 def _in_blocks(evaluate: Callable[..., NDArray]) -> Callable[..., NDArray]:
-    """What is evaluated position by position, of many block by block."""
+    """Wrap a function that evaluates position by position, so that it handles many positions block by block."""
 
     @wraps(evaluate)
     def evaluated(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
@@ -331,7 +331,7 @@ class Linearisation:
 
     @property
     def deficient(self) -> bool:
-        """Whether the measurements leave a parameter open."""
+        """Return whether the measurements leave a parameter open."""
         return self.span.shape[1] < len(self.point)
 
     @property

@@ -1,4 +1,4 @@
-"""Whether what a correction promises holds for a record: the same block, as warm, and at rest under gravity."""
+"""Checks whether a correction's promise holds for a record: the same block, as warm, and at rest under gravity."""
 
 import re
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What is asked for and what is known beforehand: linear combinations of the paper's X, as a person writes them.
+"""Targets and priors: linear combinations of the paper's X, in the form in which a person writes them.
 
 Targets of the convention, other combinations, errors of readings at the corners of the input, priors |a'X| ≤ limit.
 """
@@ -305,7 +305,7 @@ class WithPriors(Linearisation):
     prior: NDArray
 
     def residual_at(self, point: NDArray) -> NDArray:
-        """Exact residuals (M + K,) at another point; a prior's is what is left to zero."""
+        """Return exact residuals (M + K,) at another point; a prior's is its distance to zero."""
         return np.append(super().residual_at(point), -self.prior @ point)
 
     def jacobian_at(self, point: NDArray) -> NDArray:
@@ -341,7 +341,7 @@ def asked_priors(texts: Sequence[str], p: Parametrisation, bounds: tuple[float, 
 
 
 def parameter_limits(symbols: Sequence[str], bounds: tuple[float, float], priors: Sequence[Prior] = ()) -> NDArray:
-    """How large each parameter (P,) may be: u^max or v^0max of (1.7), or what a prior on it alone says."""
+    """Return the largest size of each parameter (P,): u^max or v^0max of (1.7), or the limit of a prior on it alone."""
     limits = np.where(np.isin(symbols, ("X1", "X2", "X3")), float(bounds[0]), float(bounds[1]))
     by_prior: dict[int, float] = {}
     for prior in priors:

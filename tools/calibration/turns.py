@@ -1,9 +1,9 @@
-"""Turns of a bench record: what the gyros integrate over pieces of it, and by how much that may be wrong.
+"""Turns of a bench record: the integrals of the gyros over pieces of it, and their bounds.
 
-A piece is a rest, a move from one rest to the next, or a part of a move that is cut where the table turns steadily:
-there, and only there, a lag of the gyros behind the encoders shows, and what comes back with each whole turn. Over a
-piece the integral of the readings errs by the gyros' noise, by what the encoders are off at its ends and on the way, by
-what both axes do between rows, and by a moment at its ends.
+A piece is a rest, a move from one rest to the next, or a part of a move. Moves are cut where the table turns steadily:
+only there do a lag of the gyros behind the encoders, and errors that return with each whole turn, show. Over a piece
+the integral errs by the gyros' noise, by the encoders' errors at its ends and on the way, by the motion of both axes
+between rows, and by a moment at its ends.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -80,7 +80,7 @@ class Turns:
         return self.moments, self.growth, self.mounting, self.earth
 
     def residual(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
-        """What is left (3 S,) of the integrals [rad]."""
+        """Return the residuals (3 S,) of the integrals [rad]."""
         return (self.integral - integrated_readings(targets, gyros, *self._rest)).ravel()
 
     def jacobian(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
@@ -88,7 +88,7 @@ class Turns:
         return integrated_jacobian((targets, gyros), self._rest).reshape(-1, len(targets) + len(gyros))
 
     def bound(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
-        """Bounds (3 S,) of what is left, about a point [rad]."""
+        """Return the bounds (3 S,) of the residuals about a point [rad]."""
         from_inner = self.jacobian_of_axes(targets, gyros)
         smeared = _smear(float(gyros[LAG]), self.period) * np.abs(self.growth[1][:, [0, 1, 3]])
         return (self.noise[:, None] + (self.swept + smeared) @ np.abs(from_inner).T).ravel()
@@ -202,10 +202,10 @@ def turns_of(
 
 
 def _smear(lag: float, period: float) -> float:
-    """What a lag that is made between rows adds to an integral at most, for each unit by which a rate grows [s²].
+    """Return the largest change of an integral by a lag that is made between rows, per unit growth of a rate [s²].
 
-    What is interpolated between two rows is late by the lag in the mean, and is one or the other: of τ in a period h
-    the integral is off by τ (h - τ)/2. What leads is carried on by the last two, and off by τ (h + τ)/2.
+    An interpolation between two rows is late by the lag in the mean, but takes one row or the other: for a lag τ and a
+    period h the integral is off by τ (h - τ)/2. A lead extrapolates the last two rows, and is off by τ (h + τ)/2.
     """
     size = abs(lag)
     if lag < 0.0:
@@ -214,7 +214,7 @@ def _smear(lag: float, period: float) -> float:
 
 
 def _noise(gyros: StrapdownRecord, sampling: RecordSampling, seconds: NDArray) -> NDArray[np.float64]:
-    """Bounds (S,) of the gyros' noise over pieces [rad], from what they do within rests."""
+    """Return the bounds (S,) of the gyros' noise over pieces [rad], from the noise within rests."""
     noise = rest_noise(rates_of(gyros), gyros.time_s, quiet_rests(gyros, sampling), sampling.period)
     if noise is None:
         raise InputError(
@@ -231,7 +231,7 @@ def _within(rest: Rest) -> tuple[int, int]:
 
 
 def motion_of(angle: NDArray, bound: float) -> NDArray[np.float64]:
-    """How far an axis has gone since the row before (N,) [rad]; what an encoder's error may make is none."""
+    """Return the travel of an axis since the row before (N,) [rad]; moves within an encoder's error count as zero."""
     travel, at = np.zeros(len(angle)), angle[0]
     far = np.flatnonzero(np.abs(np.diff(angle, prepend=at)) > 0.0)
     for k in far.tolist():
@@ -241,23 +241,23 @@ def motion_of(angle: NDArray, bound: float) -> NDArray[np.float64]:
 
 
 def _bends(angle: NDArray) -> NDArray[np.float64]:
-    """By how much an angle (N,) bends about each row: the largest second difference there and beside it [rad]."""
+    """Return the bend of an angle (N,) about each row: the largest second difference there and beside it [rad]."""
     second = np.abs(np.diff(angle, 2, prepend=angle[0], append=angle[-1]))
     return np.maximum(second, np.maximum(np.append(second[1:], 0.0), np.append(0.0, second[:-1])))
 
 
 def _between_rows(angles: NDArray, bends: NDArray) -> NDArray[np.float64]:
-    """What the turn about an axis across may be off since the row before (N,) [rad], as axes speed up within a step.
+    """Return the error of the turn about a transverse axis since the row before (N,) [rad], as axes speed up in a step.
 
-    That is the area between the way of both angles (2, N) and its chord: a twelfth of a bend times the other's step,
-    of one that begins within the step more.
+    The error is the area between the path of both angles (2, N) and its chord: a twelfth of a bend times the other's
+    step, more for one that begins within the step.
     """
     step = np.abs(np.diff(angles, prepend=angles[:, :1]))
     return (step[0] * bends[1] + step[1] * bends[0]) / 8.0
 
 
 def slopes_of(values: NDArray, time: NDArray) -> NDArray[np.float64]:
-    """How fast an angle (N,) grows at each row, over a few rows to either side [1/s]."""
+    """Return the slope of an angle (N,) at each row, over a few rows to either side [1/s]."""
     rows = np.arange(len(time))
     low, high = np.maximum(rows - BESIDE, 0), np.minimum(rows + BESIDE, len(time) - 1)
     return (values[high] - values[low]) / (time[high] - time[low])
@@ -298,7 +298,7 @@ class WithTurns(Linearisation):
 
     @property
     def own(self) -> int:
-        """How many parameters are those of the bench and the accelerometers."""
+        """Number of parameters of the bench and the accelerometers."""
         return len(self.parametrisation.symbols)
 
     @property

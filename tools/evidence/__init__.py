@@ -1,4 +1,4 @@
-"""What a record says against a model, in one form whatever the record, and its makers."""
+"""Evidence: the one form in which every kind of record meets a model, and the functions that make it."""
 
 import lazy_loader
 

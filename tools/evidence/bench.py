@@ -124,12 +124,12 @@ class Bench:
 
     @cached_property
     def contexts(self) -> Contexts:
-        """What signatures see at the nominal fit."""
+        """Quantities that the effects' signatures depend on, at the nominal fit."""
         return self.readings.rows(self.here.point)
 
     @property
     def effort(self) -> Effort:
-        """By the readings, of which a usual record has a thousand at most."""
+        """Effort of the search, from the number of readings; a usual record has at most a thousand."""
         cost = max(1.0, len(self.here.residual) / MANY_ROWS)
         return Effort(cost, most_sets=None, most_rows=None, most_known_alone=MAX_SET)
 
@@ -140,7 +140,7 @@ class Bench:
 
     @property
     def room(self) -> float:
-        """What writing down the readings adds to their bounds."""
+        """Addition to the bounds of the readings for the digits in which they are written."""
         return reading_uncertainty(self.readings.resolution)
 
     @property
@@ -150,7 +150,7 @@ class Bench:
 
     @property
     def second_order(self) -> float:
-        """What the linear model may be wrong by, in units of the bounds."""
+        """Error of the linear model, in units of the bounds."""
         return self.curvature * self.radius**2
 
     @property
@@ -160,7 +160,7 @@ class Bench:
 
     @property
     def falsified(self) -> bool:
-        """Whether the nominal model cannot be true of the record."""
+        """Return whether the readings contradict the nominal model."""
         return self.calibration.verdict == "falsified"
 
     @cached_property
@@ -170,12 +170,12 @@ class Bench:
 
     @cached_property
     def classes(self) -> Classes:
-        """Linear effects by what they add at any positions with the record's mountings."""
+        """Classes of the linear effects, by their columns at any positions with the record's mountings."""
         places = self.rows.linear_places
         return Classes.of(places, self.spaces_of(places))
 
     def spaces_of(self, places: Sequence[EffectPlace]) -> list[NDArray[np.float64]]:
-        """What each effect adds to the model at any positions with the record's mountings."""
+        """Return the column space of each effect beyond the model, at any positions with the record's mountings."""
         return dense_spaces(self.here.parametrisation, places)
 
     @cached_property
@@ -248,7 +248,7 @@ class Bench:
         return About(self.readings.reading.ravel() - model.reading, model.jacobian, model.bound, model.rate)
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
-        """Linear effects that a fit has not and whose circumstances are told, with their columns (M, k) there."""
+        """Yield linear effects that a fit lacks and the record determines fully, with their columns (M, k) there."""
         rows = self.readings.rows_with(fit)
         for place in self.classes.places if fit.places else self.rows.linear_places:
             if place not in fit.places and not untold_readings([place], rows).any():
@@ -269,7 +269,7 @@ class BenchReader(Reader):
 
     @property
     def too_large(self) -> str:
-        """What to say where no linear programme of the record can be solved."""
+        """Hint for the message when no linear programme of the record can be solved."""
         return f"is --noise-bound {exactly(self.model.calibration.noise_bound)} a fraction of g?"
 
     @property
@@ -304,7 +304,7 @@ class BenchReader(Reader):
         return self.model.readings.circumstances
 
     def turns_of(self, fit: Fit | None) -> TurnErrors | None:
-        """What a fit, or the nominal model, leaves of the turns between positions; None of rests alone."""
+        """Return the errors of the turns under a fit, or under the nominal model; None for a record of rests alone."""
         return None
 
     @property
@@ -318,7 +318,7 @@ class BenchReader(Reader):
         return {"baseline_model": nominal.baseline, "next_positions": (), "warnings": nominal.warnings}
 
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
-        """The nominal calibration; beside effects its parameters with what the readings leave possible."""
+        """Return the nominal calibration; for a fit with effects, its parameters with their possible intervals."""
         if fit is None or not fit.places:
             return self.model.calibration
         parameters = parameters_with(self.rows.names, fit.estimate[: len(self.rows.names)], fit.ends(self.model.room))
@@ -336,7 +336,7 @@ class BenchReader(Reader):
         }
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-        """What an extension does to the calibration's targets, and a mounting that would tell more of its causes."""
+        """Return the change of the targets by an extension, and a mounting that separates its causes further."""
         if not fit.places:
             return {}
         keys = self.targets_of(calibration)
@@ -349,7 +349,7 @@ class BenchReader(Reader):
         return keys
 
     def targets_of(self, calibration: Calibration) -> dict[str, Any]:
-        """What an extension does to the calibration's targets."""
+        """Return the targets before an extension and with it."""
         nominal = self.model.calibration.linearised
         targets = []
         for symbol, before, after in zip(nominal.symbols, nominal.point, calibration.parameters, strict=False):
@@ -364,7 +364,7 @@ class BenchReader(Reader):
         return place_of(int(self.model.numbers[int(place.where.removeprefix("position-")) - 1]), place.axes[0])
 
     def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
-        """Intervals of an effect's parameters, widened by what the readings do not tell of Δβ and Δg/g.
+        """Return the intervals of an effect's parameters, widened for the uncertainty of Δβ and Δg/g.
 
         Phases of the inner axis are known up to multiples of Δβ, coefficients of inputs up to powers of 1 − Δg/g.
         """
@@ -474,7 +474,10 @@ def bench_limit(sigma: float, resolution: float) -> float:
 
 
 def untried_in(search: BenchSearch, size: int) -> str | None:
-    """Why sets of so many effects are not the smallest: two that each act at a time of their own are not fitted."""
+    """Return why sets of a size may not be the smallest; None where no smaller set was left out.
+
+    Two effects that each act at an unknown time are not fitted together.
+    """
     if size <= PAIR or not search.two_in_time(Work()):
         return None
     return "two effects that set in, settle or lag, each at its own time, might do with fewer, and were not tried"

@@ -122,7 +122,7 @@ class BenchInMotion(TurnsInTime):
 
     @property
     def of_readings(self) -> int:
-        """How many rows are readings."""
+        """Number of rows that are readings."""
         return len(self.moving.read.here.residual)
 
     @property
@@ -132,10 +132,10 @@ class BenchInMotion(TurnsInTime):
 
     @property
     def effort(self) -> Effort:
-        """Effects of gyros and of what turns, and their times, are about as many again as those of readings.
+        """Effort of the search; effects of gyros and turns, with their times, double that of the readings.
 
-        The rows are many, and each effect by itself would have to be fitted to all of them. Two that set in at a time
-        are not tried together.
+        The rows are many, and each effect alone would need a fit to all of them. Two effects that set in at a time are
+        not tried together.
         """
         cost = 2.0 * max(1.0, len(self.rows.residual) / MANY_ROWS)
         return Effort(cost, most_sets=None, most_rows=None, most_known_alone=1, ranks_each=False)
@@ -147,7 +147,7 @@ class BenchInMotion(TurnsInTime):
 
     @property
     def room(self) -> float:
-        """What writing down the readings adds to their bounds, in units of these."""
+        """Addition to the bounds for the digits of the readings, in units of the bounds."""
         return self.rests.room / self.calibration.noise_bound
 
     @property
@@ -157,7 +157,7 @@ class BenchInMotion(TurnsInTime):
 
     @property
     def falsified(self) -> bool:
-        """Whether the nominal model cannot be true of the record: of rests and turns, or of what is read in motion."""
+        """Return whether rests, turns or readings in motion contradict the nominal model."""
         return self.calibration.verdict == "falsified" or self.baseline.radius > self.limit
 
     @property
@@ -167,7 +167,7 @@ class BenchInMotion(TurnsInTime):
 
     @cached_property
     def classes(self) -> Classes:
-        """Linear effects by what they add to the model on these rows."""
+        """Classes of the linear effects, by their columns on these rows."""
         places = self.rows.linear_places
         return Classes.of(places, self.spaces_of(places))
 
@@ -241,7 +241,7 @@ class BenchInMotion(TurnsInTime):
         return About(residual, jacobian, np.ones(len(residual)), rate)
 
     def added(self, places: Sequence[EffectPlace], blocks: Sequence[slice] | None = None) -> NDArray[np.float64]:
-        """What effects in motion add to readings [g], and linear ones to integrals [rad]: (M, K)."""
+        """Return the columns (M, K) of effects in motion for readings [g], and of linear ones for integrals [rad]."""
         blocks, columns_known = blocks_of(places) if blocks is None else blocks, self._known
         added = np.zeros((len(self.whole.bound), blocks[-1].stop if blocks else 0))
         for place, block in zip(places, blocks, strict=True):
@@ -256,7 +256,7 @@ class BenchInMotion(TurnsInTime):
 
     @cached_property
     def _known(self) -> dict[EffectPlace, NDArray[np.float64]]:
-        """What effects that were asked about add."""
+        """Columns of the effects requested so far."""
         return {}
 
     def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
@@ -307,7 +307,7 @@ class BenchInMotion(TurnsInTime):
             yield from self.sets_in_time(size, work, SLACK)
 
     def _turns_allow(self, places: Sequence[EffectPlace], slack: float, work: Work) -> bool:
-        """Whether the turns by themselves stand with some effects of the gyros and the table."""
+        """Return whether the turns alone are consistent with the chosen effects of the gyros and the table."""
         rows = self.rows.matrix(places)[self.of_readings :]
         work.programme(*rows.shape)
         acting = rows[:, np.abs(rows).max(axis=0) > 0.0]
@@ -318,7 +318,7 @@ class BenchInMotion(TurnsInTime):
         return radius <= 1.0 + slack
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """Fits of a set with possible sizes with which the model stands; of what is not linear in its ways."""
+        """Return consistent fits of a set with possible sizes, with each variant of an effect that is not linear."""
         if any(place in self.starting for place in places):
             return self.mended_in_time(places, work)
         work.programme(*self.rows.matrix([place for place in places if is_linear(place)]).shape)
@@ -450,7 +450,7 @@ class WholeReader(BenchReader):
         return self.rests.power()
 
     def channels(self) -> Sequence[Channel]:
-        """Those of the accelerometers, with what the whole model leaves of their readings."""
+        """Return the channels of the accelerometers, with their residuals under the whole model."""
         residual = self.rows.residual[self.model.of_positions].reshape(-1, 3)
         return [
             replace(channel, error=residual[:, p], bound=np.ones(len(residual)))
@@ -458,7 +458,7 @@ class WholeReader(BenchReader):
         ]
 
     def turns_of(self, fit: Fit | None) -> TurnErrors | None:
-        """What a fit, or the nominal model, leaves of each turn, over its bounds; None where the latter's runs away."""
+        """Return the errors of the turns over their bounds, by a fit or the nominal model; None if that diverges."""
         try:
             nominal = self.model.baseline
         except ValueError:
@@ -479,7 +479,7 @@ class WholeReader(BenchReader):
         return TurnErrors(first, last, turns.moments[:, 2:4], before, after, radii)
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-        """What an extension does to the targets, and why no sizes of others are excluded beside it."""
+        """Return the change of the targets by an extension, and a warning where other effects cannot be excluded."""
         targets = self.targets_of(calibration) if fit.places else {}
         return targets | ({"warnings": (NOT_EXCLUDED,)} if fades(fit) else {})
 
@@ -524,7 +524,7 @@ class WholeRerun:
         return self.rests.reach(effects, errors)
 
     def _at_rest(self, fit: Fit) -> Fit | None:
-        """What a fit says of bench and accelerometers, as a fit of the rests; None where these do not stand with it."""
+        """Return bench and accelerometers of a fit as a fit of the rests; None where the rests contradict it."""
         places = [place for place in fit.places if acts_at_rest(place)]
         of_rests = next(iter(self.model.rests.mended(places, Work())), None) if places else self.model.rests.baseline
         if of_rests is None:

@@ -59,7 +59,7 @@ NOT_EXCLUDED = "beside what settles no sizes of other effects are excluded: each
 
 
 def fades(fit: Fit) -> bool:
-    """Whether an effect of a fit settles."""
+    """Return whether a fit holds an effect that settles."""
     return any(place.definition.searched == TIME_CONSTANT for place in fit.places)
 
 
@@ -80,7 +80,7 @@ class Moving:
     def of(
         rests: Bench, record: PositionRecord, motion: InMotion, to_block: NDArray, lean: float, encoder_bound: float
     ) -> "Moving":
-        """The rests of a record, and what it says between them; more than an encoder's error [rad] is motion."""
+        """Return the rests of a record and its readings in motion; motion exceeds an encoder's error [rad]."""
         linear_rests, readings_at_rest, raw = rests.here, rests.readings, record.raw
         assert isinstance(raw, BenchRecord)
         hours = (raw.time_s[motion.rows] - readings_at_rest.circumstances.began) / 3600.0
@@ -132,7 +132,7 @@ class Moving:
         return replace(motion, specific_force=rows.n, hours=rows.hours, temperature=rows.temperature)
 
     def columns(self, place: EffectPlace) -> NDArray[np.float64]:
-        """What effects of accelerometers that only motion shows add to the readings (3 N, K) [g]; zeros of others."""
+        """Return the columns (3 N, K) [g] of an accelerometer's effect that only motion shows; zeros for any other."""
         effect = place.definition
         if not (effect.in_motion and effect.component == "AccelerometerBlock"):
             return np.zeros((self.seen.reading.size, coefficient_count(place)))
@@ -239,7 +239,7 @@ def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | N
 
 
 def block_turns(raw: BenchRecord, fitted: WithTurns, point: NDArray) -> NDArray[np.float64]:
-    """How far (N, 3) [rad] the block has turned up to each row, in its axes, by parameters of bench and gyros."""
+    """Return the turn (N, 3) [rad] of the block up to each row, in its axes, by parameters of bench and gyros."""
     moments = moments_of(raw.time_s, without_turns(raw.alpha), without_turns(raw.beta))
     targets, ideal = fitted.parametrisation.selection[0] @ point[: fitted.own], np.zeros(len(GYRO_PARAMETERS))
     still = np.stack([np.zeros_like(moments), np.zeros_like(moments)])
@@ -294,7 +294,7 @@ class TurnsInTime(SettingIn):
         return self._replaced_by(set_in={**self.set_in, place: self.cells[place].value(row)})
 
     def columns_set_in(self, place: EffectPlace) -> NDArray[np.float64]:
-        """What an effect that sets in at its time adds to readings [g] and integrals [rad] (M, K); NaN: not told."""
+        """Return the columns (M, K) [g, rad] of an effect at its onset; NaN where the record leaves them open."""
         cells = self.cells[place]
         columns, _ = cells.columns(cells.number(self.set_in[place]))
         return self.over_bounds(columns) * self.whole.bound[:, None]
@@ -345,13 +345,13 @@ class TurnsInTime(SettingIn):
         return super().mended_in_time(places, work)
 
     def _left_by(self, place: EffectPlace, linear: Sequence[EffectPlace], row: float) -> float:
-        """What least squares leave of the rows with an effect that sets in after a row."""
+        """Return the norm of the least-squares residual with an effect that sets in after a row."""
         columns, _ = self.cells[place].columns(int(row))
         matrix = np.hstack([self.rows.matrix(linear), np.nan_to_num(self.over_bounds(columns))])
         return float(np.linalg.norm(self.rows.residual - matrix @ estimated(matrix, self.rows.residual)))
 
     def acts_linearly(self, fit: Fit) -> bool:
-        """Whether every effect of a fit is linear in its coefficients, at its time where it sets in."""
+        """Return whether every effect of a fit is linear in its coefficients, given the time at which it sets in."""
         return all(variant is None or place in self.starting for place, _, variant in fit.ways)
 
     def _replaced_by(self, **fields: Any) -> Self:
@@ -366,7 +366,7 @@ class TurnsInTime(SettingIn):
 
 
 def effects_of_model(gyros: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
-    """What the model of the gyros (22,) has beside biases, scale factors and misalignments, as effects of the block."""
+    """Return the sensitivity and the lag of the gyro model (22,) as effects of the block."""
     return {SENSITIVE: tuple(gyros[SENSITIVITY].tolist()), LATENCY: (float(gyros[LAG]),)}
 
 
@@ -378,7 +378,7 @@ def simulated_turns(
     effects: Mapping[EffectPlace, NDArray],
     set_in: Mapping[EffectPlace, float] | None = None,
 ) -> NDArray[np.float64]:
-    """What the gyro block's FMU integrates over each piece (S, 3) [rad], extended by effects of given coefficients.
+    """Return the integrals (S, 3) [rad] of the gyro block's FMU over each piece, extended by the given effects.
 
     `point` (P,) are parameters of bench, accelerometers and gyros; `set_in` times [h] of effects that have one.
     """

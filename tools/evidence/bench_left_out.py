@@ -74,7 +74,7 @@ class LeftOut:
 
     @staticmethod
     def of(model: Linear, split: Sequence[Split]) -> "LeftOut | None":
-        """Of each part in turn; None where the others would not do, or tell too few of them."""
+        """Return the prediction of each part from the others; None where they determine too little."""
         scored: list[tuple[NDArray, ...]] = []
         for left_out, fitted, without in split:
             if without is None:
@@ -118,7 +118,7 @@ class LeftOut:
 def trials(
     nominal: Linear, fit: Fit, name_in_record: Callable[[EffectPlace], EffectPlace], numbers: NDArray[np.int_]
 ) -> Iterator[Trial]:
-    """What was left out says of a set: positions in turn and blocks in time; then of each effect beside the others.
+    """Yield the trials of a set on left-out positions and blocks in time, then those of each effect beside the others.
 
     Every model is the one linearised at the fit to the whole record. `name_in_record` and `numbers` (N,) say how the
     record names effects and rows.
@@ -146,7 +146,7 @@ def trials(
 
 
 def trials_of_each(fit: Fit, parts: Sequence[NDArray], moved: Moved) -> Iterator[Trial]:
-    """What parts (rows) that are left out in turn say of each effect of a fit but outliers, beside the others.
+    """Yield the trial of each effect but outliers beside the others, on parts (rows) left out in turn.
 
     `moved` gives an effect's columns at places where they do not belong.
     """

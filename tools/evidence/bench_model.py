@@ -84,7 +84,7 @@ class Paid:
 
     @staticmethod
     def of(places: Mapping[EffectPlace, int], rate: NDArray[np.float64]) -> "list[Paid]":
-        """Of effects of one coefficient, with its column, those for whose size bounds grow by `rate` (M, n)."""
+        """Return the effects of one coefficient, with its column, whose size makes the bounds grow by `rate` (M, n)."""
         coefficients = []
         for place, column in places.items():
             if rate[:, column].any():
@@ -137,12 +137,12 @@ def begun_with(growths: Sequence[Growth], branch: int) -> tuple[Growth, ...]:
 
 @dataclass(frozen=True)
 class Relaxation:
-    """What any variant of an effect may do, and more: a set that is refused with it is refused with each of them.
+    """An upper limit for every variant of an effect: a set refused with it is refused with each variant.
 
-    `ways` is the number of variants; 0 of an effect that is linear, but not told everywhere. `touched` (M,) are the
-    readings that some variant changes: they say nothing about the bench; by `widening` (M,) the bounds of the others
-    grow, fractions of g; `columns` (M, K) are what the effect adds linearly, and by `rate` (M,) the bounds grow per
-    unit of its size.
+    `ways` is the number of variants; 0 for a linear effect that the record leaves partly open. `touched` (M,) are the
+    readings that some variant changes: they say nothing about the bench. `widening` (M,) is the growth of the other
+    bounds, as fractions of g. `columns` (M, K) is the linear part of the effect; `rate` (M,) is the growth of the
+    bounds per unit of its size.
     """
 
     place: EffectPlace
@@ -203,7 +203,7 @@ class Readings(Visits):
         return [] if variants is None else variants(place, rows, self.reading, float(self.bound.min()))
 
     def relaxations(self, rows: Rows, places: Sequence[EffectPlace]) -> list[Relaxation]:
-        """Of each effect that can act on the readings at all, what it may do at most."""
+        """Return a relaxation for each effect that can act on the readings."""
         relaxations = []
         for place in places:
             if is_linear(place):
@@ -317,7 +317,7 @@ def _mixed(matrix: NDArray, values: NDArray) -> NDArray:
 
 
 def _without_lost(readings: Readings, point: NDArray, at: Positions, variant: Variant, slopes: NDArray) -> NDArray:
-    """Derivatives (N, 3, P) of the readings by the bench's parameters, less what a variant does not let through."""
+    """Return derivatives (N, 3, P) of the readings by the bench's parameters, less the part that a variant removes."""
     if not variant.lost.any():
         return slopes
     p, remaining = readings.parametrisation, slopes.copy()
@@ -490,7 +490,7 @@ def model_work(readings: Visits) -> float:
 
 
 def _stands(fit: Fit, rows: Rows) -> bool:
-    """Whether each effect that is not linear acts at the fit in the way that was assumed."""
+    """Return whether each effect that is not linear acts at the fit as its variant assumes."""
     for block, variant in zip(fit.blocks, fit.variants, strict=True):
         if variant is None:
             continue
@@ -519,7 +519,7 @@ def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit 
 
 
 def leverages(jacobian: NDArray, fitted_rows: NDArray, rows_out: NDArray) -> NDArray | None:
-    """How uncertain (H,) readings that are held out are predicted, over the others; None where these lose the rank."""
+    """Return the leverage (H,) of held-out readings over the others; None where the others lose the rank."""
     inverse = _inverse(jacobian, determined(jacobian), fitted_rows)
     return None if inverse is None else np.linalg.norm(jacobian[rows_out] @ inverse[1], axis=1)
 
@@ -542,7 +542,7 @@ def predicted_errors(
 
 
 def determined(matrix: NDArray) -> int:
-    """How many directions rows (M, n) determine; the units of the columns do not matter."""
+    """Return the number of directions that rows (M, n) determine, independent of the units of the columns."""
     values = np.linalg.svd(matrix / _sizes(matrix), compute_uv=False)
     return int((values > DETERMINED * values.max(initial=0.0)).sum())
 

@@ -1,7 +1,7 @@
-"""What fits of a bench predict elsewhere: positions that were held out, and positions that might be measured.
+"""Predictions by fits of a bench, for held-out positions and for positions that might be measured.
 
-The extended FMUs are run at positions that were held out, without and with the effects: the gain. Of positions, and of
-a second mounting, those are named that tell candidate causes apart.
+The extended FMUs run at held-out positions, without and with the effects: the difference is the gain. Further
+positions, and a second mounting, are named if they tell candidate causes apart.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -77,7 +77,7 @@ def later_part(fit: Fit) -> list[tuple[EffectPlace, slice, Callable[[Rows], NDAr
 
 @dataclass(frozen=True)
 class Rival:
-    """What a candidate predicts at positions that might be measured, over the parameters that the record leaves it.
+    """Predictions of a candidate at positions that might be measured, over all parameters that the record allows.
 
     `centre` (N, 3): readings over g at the centre of what is possible; `slopes` (N, 3, rank): derivatives in the
     coordinates of the set of possible parameters; `known` (N, 3): which readings have a bounded prediction; `bent`:
@@ -209,7 +209,7 @@ def decide(first: Rival, second: Rival, usable: NDArray, rows: Sequence[int], su
 def nearest(
     first: Rival, second: Rival, usable: NDArray, difference: NDArray, rows: Sequence[int]
 ) -> tuple[float, NDArray]:
-    """How near the predictions at some positions can be [g], and how far apart (N, 3) they all are then."""
+    """Return the least distance of the predictions at some positions [g], and all differences (N, 3) at that point."""
     if not rows:
         return 0.0, difference
     axes = usable[list(rows)]
@@ -228,7 +228,7 @@ def nearest(
 
 @dataclass(frozen=True)
 class Programme:
-    """What might be measured after a record, N visits.
+    """Positions that might be measured after a record, N visits.
 
     `sided`: whether senses of the approach matter, `timed`: whether the time does; `again` (N,): the row of the record
     whose position it is, -1 for another one.
@@ -254,7 +254,7 @@ class Programme:
         now = round(span * (1.0 + 1.0 / max(count - 1, 1)), HOUR_DIGITS)
 
         def seen_by(visits: Visits) -> NDArray:
-            """What a unit of each coefficient of the candidates does there (3 n, K)."""
+            """Return the columns (3 n, K) of the candidates' coefficients at the visits."""
             rows = visits.rows(point)
             columns = [signature_columns(lasting, rows)]
             for fit in fits:
@@ -328,7 +328,7 @@ def _together(parts: Sequence[Visits]) -> Visits:
 
 @dataclass(frozen=True)
 class DenseVisits:
-    """A dense set of positions: what signatures see there, and what the bench's parameters can do (M, P).
+    """A dense set of positions with the signatures' arguments and the columns (M, P) of the bench's parameters.
 
     The positions cover the sphere with every mounting, no input near zero; times, temperatures and senses come in an
     order that no angle follows. To first order: the model is linearised at a faultless bench.
@@ -352,12 +352,12 @@ class DenseVisits:
         return DenseVisits(visits.rows(point), column_space(bench))
 
     def spaces(self, places: Sequence[EffectPlace]) -> list[NDArray]:
-        """What each effect's signature adds to the nominal model, as orthonormal columns."""
+        """Return the orthonormal columns of each effect's signature beyond the nominal model."""
         return spaces_beyond(self.bench, [signature_columns([place], self.rows) for place in places])
 
 
 def dense_spaces(p: Parametrisation, places: Sequence[EffectPlace]) -> list[NDArray]:
-    """What each effect's signature adds to the nominal model over a dense set of positions, as orthonormal columns."""
+    """Return the orthonormal columns of each effect beyond the nominal model, over a dense set of positions."""
     return DenseVisits.of(p).spaces(places)
 
 
@@ -463,7 +463,7 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
 
 
 def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArray, like: Fit) -> Fit | None:
-    """Fit effects to other readings; what is not linear acts in the way whose parameters are nearest to `like`'s."""
+    """Fit effects to other readings; a nonlinear one as the variant with parameters nearest to those of `like`."""
     rows, ways = readings.rows(like.point), {}
     values_like = dict(zip(like.places, like.values(), strict=True))
     for place in places:
@@ -478,7 +478,7 @@ def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArra
 
 
 def _farthest_outside(values: Sequence[float], limits: Sequence[tuple[float, float]]) -> float:
-    """By how much a value is outside its limits, at most; 0 where all are inside."""
+    """Return the largest distance of a value outside its limits; 0 where all are inside."""
     farthest = 0.0
     for value, (low, high) in zip(values, limits, strict=True):
         farthest = max(farthest, low - value, value - high)
@@ -486,7 +486,7 @@ def _farthest_outside(values: Sequence[float], limits: Sequence[tuple[float, flo
 
 
 def undecided(readings: Readings, fit: Fit) -> NDArray:
-    """Readings (N, 3) of bool of which a fit leaves open what its effects do to them: no simulation can tell."""
+    """Return which readings (N, 3) the effects of a fit leave open, so that no simulation can predict them."""
     rows = readings.rows_with(fit)
     untold = untold_readings(fit.places, rows).reshape(-1, 3)
     for _, _, variant in fit.ways:

@@ -65,7 +65,7 @@ CellNumber = tuple[EffectPlace, int]
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """Where sets are sought: a centre, what the model linear there may be wrong by, and cells of unknown numbers.
+    """A setting of the search: a centre, the slack of the model linearised there, and cells of unknown numbers.
 
     The slack is in units of the bounds.
     """
@@ -109,14 +109,14 @@ def without_last(readings: Readings, fit: Fit) -> Fit:
 
 
 def _stop(blocks: Sequence[slice]) -> int:
-    """How many coefficients the blocks of some effects have together."""
+    """Return the number of coefficients of all blocks."""
     if not blocks:
         return 0
     return int(blocks[-1].stop)
 
 
 def _linear_at(readings: Readings, places: tuple[EffectPlace, ...], x: NDArray, count: int) -> Fit:
-    """The model with linear effects at parameters and coefficients (P + K,), of which the first are the bench's."""
+    """Return the model with linear effects at (P + K,) parameters of the bench and coefficients."""
     blocks = blocks_of(places)
     model = Cast(places).model(readings, x[:count], x[count:], blocks)
     assert model is not None
@@ -126,7 +126,7 @@ def _linear_at(readings: Readings, places: tuple[EffectPlace, ...], x: NDArray, 
 
 
 def usual_misfit(fit: Fit) -> float:
-    """What most of the readings' misfits at a fit do not exceed, in units of the bounds."""
+    """Return the quantile of the fit's residuals below which most of them lie, in units of the bounds."""
     return float(np.quantile(np.abs(fit.residual / fit.bound), USUAL))
 
 
@@ -203,7 +203,7 @@ class BenchSearch:
         return usual_centre(self.readings, self.start)
 
     def slack(self, centre: Fit) -> float:
-        """What the linear model may be wrong by, in units of the bounds: of second order in the usual misfit."""
+        """Return the error of the linear model, in units of the bounds: of second order in the usual misfit."""
         return LEAST_SLACK + SECOND_ORDER * usual_misfit(centre) ** 2 * float(self.readings.bound.min())
 
     @cached_property
@@ -227,12 +227,12 @@ class BenchSearch:
 
     @cached_property
     def _open_cells(self) -> dict[frozenset[EffectPlace], list[int]]:
-        """Of sets with an effect with an unknown number the cells of it that no bound refuses."""
+        """Cells that no bound refuses, by the set that their effect with an unknown number belongs to."""
         return {}
 
     @cached_property
     def relaxed(self) -> dict[EffectPlace, Relaxation]:
-        """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
+        """Relaxations of the effects that are not linear, or whose action the record leaves partly open."""
         rows = self.readings.rows(self.centre.point)
         places = [place for place in self.classes.places if untold_readings([place], rows).any()]
         places += [place for place in self.places if not is_linear(place) and place not in self.cells]
@@ -272,9 +272,9 @@ class BenchSearch:
                         yield places
 
     def two_in_time(self, work: Work) -> bool:
-        """Whether two effects with unknown numbers might stand, each in a cell of its own: no bound refuses them.
+        """Return whether no bound refuses two effects with unknown numbers, each in one cell.
 
-        One alone does not, in two of its cells: of these only steps are two events.
+        One effect in two of its cells counts only if it is a step: two steps are two events.
         """
         every, problem = self.every_cell, replace(self.problem(self.centre, [], self.every_cell), alike=0)
         for pair in sets_of_size(problem, 2, self.slack(self.centre), 0, work):
@@ -297,9 +297,9 @@ class BenchSearch:
     def _linear_sets(
         self, centre: Fit, places: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
     ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
-        """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses.
+        """Yield sets of a given number of linear effects and outliers, beside those of a centre, that no bound refuses.
 
-        With each the cell of the effect in it with an unknown number, if there is one.
+        Each set comes with the cell of its effect with an unknown number, if it has one.
         """
         free = [place for place in places if place not in centre.places]
         cells: tuple[CellNumber, ...] = ()
@@ -322,7 +322,7 @@ class BenchSearch:
     def _sets_of(
         self, setting: Setting, free: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
     ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
-        """As `_linear_sets`, in one setting, of so many of the effects that are free and of its cells."""
+        """Yield the sets of `_linear_sets` for one setting, from its cells and the free effects."""
         cells, places = setting.cells, setting.centre.places
         key = (setting.centre, tuple(free), cells)
         if key not in self._problems:
@@ -346,9 +346,9 @@ class BenchSearch:
             yield frozenset(effects), tuple(own_cells)
 
     def settings(self, centre: Fit) -> list[Setting]:
-        """Where the bench is with each effect with an unknown number that stands out, beside those of a centre.
+        """Return the settings beside a centre, one for each effect with an unknown number that helps most.
 
-        With about its number told the bench is known, so that all of its cells can be judged there.
+        An approximate number determines the bench, so that all cells of the effect can be judged there.
         """
         looked_at, settings = set[EffectPlace](), []
         for k in most_helpful(self.problem(centre, [], self.every_cell)):
@@ -366,7 +366,7 @@ class BenchSearch:
         return settings
 
     def nearest(self, centre: Fit, settings: Sequence[Setting]) -> tuple[CellNumber, ...]:
-        """Of effects with no setting few cells at a centre: nothing tells their number but what looks most like it."""
+        """Return a few cells at a centre for effects without a setting: those that reduce the residual most."""
         settled = {setting.cells[0][0] for setting in settings}
         cells = [cell for cell in self.every_cell if cell[0] not in settled]
         helpful = most_helpful(self.problem(centre, [], cells))
@@ -416,10 +416,10 @@ class BenchSearch:
         outliers: Sequence[int],
         work: Work,
     ) -> float:
-        """A lower bound of the radius of a set, in which what is not told of effects is paid for by their sizes.
+        """Return a lower bound of a set's radius, in which the sizes of effects pay for their undetermined parts.
 
-        The set has effects of the problem, outliers at some readings, and those that are `chosen`; 0 where each of
-        these is told, or bounded as well by `_without`.
+        The set has effects of the problem, outliers at some readings, and the `chosen` ones. The bound is 0 if the
+        record determines each of these, or if `_without` gives one as good.
         """
         untold = [relaxation for relaxation in chosen if not relaxation.ways]
         if not untold:
@@ -450,7 +450,7 @@ class BenchSearch:
 
 
 def most_helpful(problem: Problem) -> list[int]:
-    """Candidates by what each takes off the robust sum of squares, the most helpful first; none that adds nothing."""
+    """Return candidates by their reduction of the robust sum of squares, largest first; none without a reduction."""
     projection = project(problem, 1.0 / np.maximum(1.0, np.abs(problem.residual)), together=False)
     starts, sizes = problem.layout
     gains = np.zeros(len(sizes))

@@ -94,7 +94,7 @@ def senses_of(angle: NDArray) -> NDArray:
 
 
 def is_linear(place: EffectPlace) -> bool:
-    """Whether an effect is linear in its coefficients, so that its signature says it all."""
+    """Return whether an effect is linear in its coefficients, so that its signature describes it fully."""
     return place.definition.linear
 
 
@@ -124,7 +124,7 @@ class Visits:
         return replace(self, at=at, circumstances=self.circumstances.selected(rows))
 
     def rows(self, point: NDArray, at: Positions | None = None) -> Rows:
-        """What signatures see at a point (P,), or where the table really stands; derivatives exact to rounding."""
+        """Return the signatures' arguments at a point (P,), by default at the record's positions; exact derivatives."""
         p, at, circumstances = self.parametrisation, self.at if at is None else at, self.circumstances
         n = predicted_input(p, point, at)
 
@@ -167,7 +167,7 @@ class Visits:
         return rates
 
     def rows_with(self, fit: Fit) -> Rows:
-        """What signatures see where the table really stands with the effects of a fit."""
+        """Return the signatures' arguments at the true position of the table, given the effects of a fit."""
         return self.rows(fit.point, self.disturbed(fit.point, fit.sized))
 
     def _input_senses(self, point: NDArray, at: Positions, n: NDArray) -> tuple[NDArray, NDArray]:
@@ -195,7 +195,7 @@ class Visits:
         return np.where(certain, np.sign(ways[0] + ways[1]), 0.0), certain
 
     def moved_axes(self, at: Positions | None = None) -> tuple[NDArray, NDArray]:
-        """Whether (N,) outer and inner axis turned on the way to each position; both where that is not known."""
+        """Return which positions (N,) the outer and the inner axis turned to; both turned where that is unknown."""
         at = self.at if at is None else at
         if self.circumstances.before is None:
             unknown = np.ones(len(at.alpha), dtype=bool)
@@ -236,7 +236,7 @@ class Visits:
         return positions
 
     def disturbed(self, point: NDArray, sized: Sized) -> Positions:
-        """Where the table really stands: true angles, and the small turns of what gives way behind the encoders."""
+        """Return the true position of the table: its angles, and the small turns behind the encoders."""
         at = self.true_angles(point, sized)
         behind = [entry for entry in sized if entry[0].definition.stage != "encoder_effects"]
         if not any(place.definition.turns_table for place, _ in behind):
@@ -265,7 +265,7 @@ def readings_at(rows: NDArray) -> NDArray:
 
 
 def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
-    """Return what a unit of each coefficient of linear effects adds to the readings (3 N, K), side by side."""
+    """Return the columns (3 N, K) of linear effects for the readings, side by side."""
     columns = [np.zeros((3 * len(rows.hours), 0))]
     for place in places:
         effect = place.definition
@@ -274,7 +274,7 @@ def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
 
 
 def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> NDArray[np.bool_]:
-    """Readings (3 N,) of which the record does not tell what some linear effect does to them."""
+    """Return which readings (3 N,) some linear effect changes by an amount that the record does not determine."""
     untold = np.zeros(rows.n.shape, dtype=bool)
     for place in places:
         if place.definition.untold is not None:
@@ -283,7 +283,7 @@ def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> NDArray[np.boo
 
 
 def left_open(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """By how much readings (3 N,) may differ per unit of an effect's size, as far as the record tells [g]."""
+    """Return the undetermined part of each reading (3 N,) per unit of an effect's size [g]."""
     effect, open_parts = place.definition, np.zeros(rows.n.shape)
     for function in (effect.untold, effect.open_argument):
         if function is not None:

@@ -69,7 +69,7 @@ def _free(p: int, count: int) -> NDArray[np.float64]:
 
 
 def _is_time(centre: Fit, rows: Rows, p: int, work: Work) -> bool:
-    """Whether the errors of an accelerometer vary far less with time than with anything else."""
+    """Return whether the errors of an accelerometer vary far less with time than with any other quantity."""
     count = len(rows.hours)
     of_time = least_variation(centre, p, np.argsort(rows.hours, kind="stable"), work)
     for k in range(3):
@@ -88,7 +88,7 @@ def _is_time(centre: Fit, rows: Rows, p: int, work: Work) -> bool:
 
 
 def least_variation(centre: Fit, p: int, order: NDArray[np.int_], work: Work) -> float:
-    """The least sum of changes from row to row (n,) of what is added to an accelerometer so that the model stands.
+    """Return the least total variation of an addition (n,) to an accelerometer that makes the model consistent.
 
     In units of the bounds, by the model linear at a centre; infinite where it cannot stand.
     """

@@ -92,15 +92,15 @@ class RecordReader(Reader):
     lacks: tuple[str, ...] = ()
 
     def missing(self) -> Mapping[str, Any]:
-        """What to add where nothing can be run."""
+        """Advice on data to add, for a record on which nothing can be run."""
         return {"missing": self.lacks} if self.lacks else {}
 
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
-        """Nothing is known of a record of which nothing can be run."""
+        """Return an undetermined calibration: the record cannot be run."""
         return undetermined("")
 
     def head(self) -> Mapping[str, Any]:
-        """The record and what it is held against."""
+        """Return the record and its reference, without a noise bound."""
         record = self.found.record
         return {
             "unit": "arcmin",
@@ -177,7 +177,7 @@ class CarriedReader(RecordReader):
         return tuple(unseen)
 
     def quantities(self) -> dict[str, NDArray[np.float64]]:
-        """What the errors of the quoted pieces may depend on: (S, k) each.
+        """Quantities (S, k) that the errors of the quoted pieces may depend on.
 
         ``rate``: mean rate about each axis; ``turn``: its integral; ``orientation``: specific force at the beginning;
         ``time``; ``temperature`` where the record has it.
@@ -197,7 +197,7 @@ class CarriedReader(RecordReader):
         return quantities
 
     def head(self) -> Mapping[str, Any]:
-        """The record, what it is held against, the bound, the baseline and what no record of this kind shows."""
+        """Return the record, its reference, the bound, the baseline and the effects that such a record never shows."""
         bias, left_in = {}, None
         if self.lengths.as_measured is not None and self.model.falsified:
             left_in = rms_size(self.lengths.as_measured.parts[self.model.quoted].error) / ARCMIN
@@ -227,14 +227,14 @@ class CarriedReader(RecordReader):
         return float(np.median(self.quoted_part.bound)) / ARCMIN
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-        """What the record leaves open; what a wrong clock would do."""
+        """Return the warning of a wrong clock and the parameters that the record leaves open."""
         keys: dict[str, Any] = {"warnings": self._clock_doubt(fit)}
         if not fit.places and (missing := self._left_open(calibration.parameters, excluded)):
             keys["missing"] = missing
         return keys
 
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
-        """The block's parameters by least squares beside a fit's effects, and what the record leaves possible."""
+        """Return the block's least-squares parameters beside a fit's effects, with their possible intervals."""
         stands, names = fit is not None, self.rows.names
         fit = fit or self.model.baseline
         ends = np.tile([-np.inf, np.inf], (len(names), 1))
@@ -255,7 +255,7 @@ class CarriedReader(RecordReader):
         )
 
     def _left_open(self, parameters: Sequence[Parameter], excluded: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-        """What the record leaves open of the gyros, and what would tell it."""
+        """Return sentences on the gyros' parameters that the record leaves open, with data that determine them."""
         wide = []
         for parameter in parameters:
             low, high = parameter.low, parameter.high
@@ -271,7 +271,7 @@ class CarriedReader(RecordReader):
         return ()
 
     def _clock_doubt(self, fit: Fit) -> tuple[str, ...]:
-        """That a wrong clock does to rates what scale factors do that are alike, where they may be alike."""
+        """Return a warning where the scale factors may all be alike: a wrong clock has the same effect on the rates."""
         if SCALE not in fit.places or self.model.found.record.rate is None:
             return ()
         intervals = fit.intervals(most_rows=self.model.effort.most_rows)[fit.places.index(SCALE)]
@@ -333,14 +333,14 @@ class CarriedReader(RecordReader):
         return max(least, self.model.reference.at_rest / ARCMIN)
 
     def would_need(self, places: Sequence[EffectPlace]) -> str:
-        """By how much the true attitude would have to err where nothing acts but these effects."""
+        """Return a sentence with the error of the true attitude that these effects alone would require."""
         if not isinstance(self.model.reference, Truth):
             return ""
         needed = upwards(self.needed(places), 3)
         return f"were that all, the true attitude would have to err by {needed} arcmin or more at a row"
 
     def channels(self) -> Sequence[Channel]:
-        """The quoted errors about each axis, with what they may depend on."""
+        """Return the quoted errors about each axis, with the quantities that they may depend on."""
         part, errors = self.quoted_part, self.quoted_errors(self.model.baseline)
         if isinstance(self.model.reference, Gravity):
             up = self.model.reference.directions(self.rows.point[: len(NAMES)])
@@ -353,7 +353,7 @@ class CarriedReader(RecordReader):
         yield from trials_in_time(self.model.with_onsets(fit).rows, fit)
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
-        """What to add to the record, for the effects that not all sets have."""
+        """Return advice on data to add, to decide about the effects that only some of the sets hold."""
         open_effects = dict.fromkeys(place.effect for place in not_in_all(fits))
         shown_by: dict[str, list[str]] = {}
         for name in open_effects:
@@ -397,7 +397,7 @@ class CarriedRerun:
     def _errors_of_folds(
         model: Carried, places: Sequence[EffectPlace], folds: Sequence[NDArray]
     ) -> list[NDArray[np.float64]] | None:
-        """Errors (S, d) of each scored part, each fold run with what the others say; None: values that no gyro has."""
+        """Return the errors (S, d) of each scored part, each fold run with a fit of the others; None if impossible."""
         rows, of_rows = model.rows, model.rows.of_rows(folds)
         matrix = rows.matrix(places)
         errors = [np.full(rows.parts[k].error.shape, np.nan) for k in rows.scored]

@@ -1,4 +1,4 @@
-"""What a record of a block that is carried must have: it is refused in one line, or lacks something, or may be used."""
+"""Checks of a strapdown record: refuse it in one line, name the missing data, or let it pass."""
 
 import math
 
@@ -43,7 +43,7 @@ def check_reference_bound(bound: float, inspection: Inspection) -> None:
 
 
 def warnings_of(inspection: Inspection) -> tuple[str, ...]:
-    """What a person should know of a record and its sampling."""
+    """Return the warnings of a record and its sampling."""
     sampling, warnings = inspection.sampling, []
     for line in sampling.lines:
         warnings.append(f"{line}; moves with them are not used" if line.startswith("w") else line)
@@ -54,7 +54,7 @@ def warnings_of(inspection: Inspection) -> tuple[str, ...]:
 
 
 def missing_things(inspection: Inspection) -> tuple[str, ...]:
-    """What to add to a record that cannot be judged; nothing where it can."""
+    """Return the data to add to a record that cannot be judged; nothing for one that can."""
     rests, calibration = inspection.rests, inspection.accelerometers
     noise = gyro_noise(inspection.record, rests, inspection.sampling.period)
     if has_truth(inspection):

@@ -73,7 +73,7 @@ def carried_evidence(
     reference_bound: float | None = None,
     further: Sequence[EffectPlace] = (),
 ) -> Evidence:
-    """The evidence of a strapdown record; where nothing can be run, what it lacks.
+    """Return the evidence of a strapdown record; where nothing can be run, the list of missing data.
 
     With true attitude in the record the carried attitude is compared with it over windows of several lengths; without,
     the direction of gravity is carried from rest to rest.
@@ -255,7 +255,7 @@ def about_main_onset(run: Carried) -> Carried:
 
 
 def nearest_onset(run: Carried, place: EffectPlace) -> tuple[float, EffectPlace, Carried]:
-    """What an effect that sets in leaves by least squares, where it leaves about the least; with the evidence then."""
+    """Return the least-squares error of an effect near its best onset, with its place and the evidence there."""
     edges = run.cells[place].edges
     step = max(1, len(edges) // MOST_ONSETS)
     low, high = 0, len(edges)
@@ -285,9 +285,9 @@ def about_effect(run: Carried, place: EffectPlace) -> Carried:
 
 
 def main_effects(run: Carried) -> list[EffectPlace]:
-    """The gyros' effects each of which alone makes most of large errors, as far as no other does better.
+    """Return the effects of the gyros that each explain most of large errors alone, about as well as any other.
 
-    What another one contains comes before it.
+    An effect that another one contains comes before it.
     """
     before = _rms_left(run, ())
     if not before > MANY / np.sqrt(3.0):
@@ -334,12 +334,12 @@ def about_effects(run: Carried, places: Sequence[EffectPlace], solution: NDArray
 
 
 def judged(reader: CarriedReader) -> CarriedReader:
-    """A reader of which it is known whether all effects together can bring the errors within the bounds.
+    """Return the reader with the answer whether all effects together can bring the errors within the bounds.
 
-    The bounds are what gyros and reference do where nothing that is tested acts, and are never widened by what the
-    effects leave: then they would hide what is not in the catalogue. Beside the true attitude windows with errors many
-    times those of the others, which nothing in the catalogue makes, are not used; and the simulation is run about all
-    effects before their first order counts as too little.
+    The bounds hold the errors of gyros and reference where no tested effect acts. The errors that the effects leave
+    never widen them: such bounds would hide a fault that is not in the catalogue. With true attitude, windows are left
+    out if their errors are many times those of the others and nothing in the catalogue makes them. The simulation runs
+    about all effects before their first order counts as too little.
     """
     run = reader.model
     if isinstance(run.reference, Gravity):
@@ -384,7 +384,7 @@ def as_stated(reader: CarriedReader, stated: float) -> CarriedReader:
 
 
 def without_jumps(reader: CarriedReader) -> CarriedReader:
-    """The reader without windows in which gyros or truth jump; that they are left out is said."""
+    """Return the reader without the windows in which gyros or true attitude jump; it reports that they are left out."""
     run = reader.model
     parts = run.rows.parts
     masks = [np.ones(len(part), dtype=bool) for part in parts]

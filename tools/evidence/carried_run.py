@@ -69,7 +69,7 @@ class Carried(SettingIn):
 
     @property
     def of_forces(self) -> int:
-        """How many of the parameters are the accelerometers': nine where gravity is the reference."""
+        """Number of parameters of the accelerometers: nine where gravity is the reference."""
         return len(self.rows.names) - sum(coefficient_count(place) for place in self.own)
 
     def without(self, places: Sequence[EffectPlace]) -> Self:
@@ -81,7 +81,7 @@ class Carried(SettingIn):
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """The pieces of each part, by what a turn within one adds to its error, and what the mean at rest takes out."""
+        """Groups of the pieces of each part, with the gains of a turn within a piece and of the mean at rest."""
         bias = None if self.at_rest is None else self.rows.numbers_of([BIAS])
         run = UnitTurns(self.attitude, self.reference.rows, np.zeros((0, 3, 3)), 0)
         gains = {part.label: part.columns for part in self.reference.parts(run, self.rows.point[: self.of_forces], ())}
@@ -93,7 +93,7 @@ class Carried(SettingIn):
 
     @cached_property
     def resting(self) -> NDArray[np.bool_]:
-        """Whether each row (N,) belongs to a rest."""
+        """Mask (N,) of the rows that belong to a rest."""
         resting = np.zeros(len(self.motion), dtype=bool)
         for rows in self.found.rests.rows:
             resting[rows] = True
@@ -101,12 +101,12 @@ class Carried(SettingIn):
 
     @cached_property
     def observation(self) -> Observation:
-        """What the parts say of additions to the gyros' rates over the steps of the run."""
+        """Observation by all parts of additions to the gyros' rates over the steps of the run."""
         adds = turning(self.motion, self.gyros, self.attitude, 1, len(self.motion))
         return Observation(self.groups, adds, self.resting[1:])
 
     def make_cells(self, place: EffectPlace) -> Cells:
-        """Return the cells of an effect's unknown number; of another effect what it does from each row on."""
+        """Return the cells of an effect's unknown number; for any other effect, those of its onset at each row."""
         time, steps = self.motion.time_s, self.motion.rows(1, len(self.motion), self.gyros.inverse, self.gyros.bias)
         added = place.definition.signature(place, steps)
         counted = np.zeros((len(time), *added.shape[1:]))
@@ -130,7 +130,7 @@ class Carried(SettingIn):
 
     @property
     def second_order(self) -> float:
-        """What the linear model may be wrong by, in bounds: half the square of each turn that is missed."""
+        """Error of the linear model, in units of the bounds: half the square of each turn's residual."""
         turns = (part for part in self.rows.parts if part.pieces.kind != "norms")
         return max(
             float(((part.error**2).sum(axis=1) / part.bound.min(axis=1)).max(initial=0.0)) / 2.0 for part in turns
@@ -169,7 +169,7 @@ class Carried(SettingIn):
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of so many effects that no bound refuses, then those with one that sets in."""
+        """Yield sets of a given size that no bound refuses, then those with one effect that sets in."""
         yield from super().candidates(size, work, among)
         if among is None:
             yield from self.sets_in_time(size, work)
@@ -235,22 +235,22 @@ class Carried(SettingIn):
 
     @property
     def falsified(self) -> bool:
-        """Whether the model cannot be true of the record; a bias that is not constant is not its."""
+        """Return whether the record contradicts the model; a bias that is not constant contradicts it."""
         return super().falsified or self.unsteady is not None
 
     @property
     def unsteady(self) -> str | None:
-        """That the gyros are not constant at rest; None where they are but for noise."""
+        """Sentence on gyros that are not constant at rest; None where only noise varies."""
         return None if self.reference.noise is None else self.reference.noise.said
 
     @property
     def jumps(self) -> bool:
-        """Whether a change of the biases between two rests makes the gyros constant at rest."""
+        """Return whether a change of the biases between two rests makes the gyros constant at rest."""
         return self.reference.noise is not None and self.reference.noise.jumps
 
 
 def is_of_gyros(place: EffectPlace) -> bool:
-    """Whether an effect is carried with the attitude; others change what the accelerometers say at rest."""
+    """Return whether an effect is carried with the attitude; any other changes the accelerometers' readings at rest."""
     return place.definition.component != "AccelerometerBlock"
 
 

@@ -75,7 +75,7 @@ class Cell:
 
     @property
     def one_sign(self) -> bool:
-        """Whether its coefficients all have one sign."""
+        """Return whether the coefficients all have one sign."""
         return self.missed is not None
 
     @property
@@ -117,7 +117,7 @@ class Cell:
         return (*sizes, number)
 
     def undecided(self, rows: Rows, sigma: float) -> NDArray[np.bool_]:
-        """Readings (n, 3) of other rows that lie between the ends of a time, so that it leaves open what they are."""
+        """Return which readings (n, 3) of other rows lie between the ends of a time, so that they are undecided."""
         within = (rows.hours > self.ends[0]) & (rows.hours < self.ends[1])
         return within[:, None] & np.any(self.columns != 0.0, axis=(0, 2)) & (not self.one_sign)
 
@@ -168,7 +168,7 @@ class CellsAtRest(Sequence[Cell]):
         return time_constants(hours, SHORTER)
 
     def read(self, added: NDArray[np.float64], rows: Rows) -> NDArray[np.float64]:
-        """What additions (N, ports, K) at the effect's stage do to the readings (N, 3, K)."""
+        """Return the changes (N, 3, K) of the readings by additions (N, ports, K) at the effect's stage."""
         return rows.by_ports(self.place.definition.stage) @ added
 
     def from_first(self, rows: Rows) -> NDArray[np.float64]:
@@ -177,7 +177,7 @@ class CellsAtRest(Sequence[Cell]):
 
     @cached_property
     def beginnings(self) -> NDArray[np.float64]:
-        """What further coefficients may be at the least and at the most per unit of the first: (B, 0) or (B, 1)."""
+        """Limits of the further coefficients per unit of the first: (B, 0) or (B, 1)."""
         if self.place.definition.memory is None:
             return np.zeros((1, 0))
         return beginnings(self.warmth)[:, None]
@@ -212,7 +212,7 @@ class CellsAtRest(Sequence[Cell]):
         return np.asarray(temperatures[self.place.index], dtype=float)
 
     def missed(self, k: int) -> NDArray[np.float64]:
-        """By how much (N, 3, B) means of the columns at the ends of a cell may err within it, per unit of size."""
+        """Return the error (N, 3, B) within a cell of the mean of the columns at its ends, per unit of size."""
         place, rows, ends = self.place, self.rows, self.ends[k : k + 2]
         faded = fading_error(rows.hours, ends)[:, 0]
         if place.definition.memory is None:
@@ -240,7 +240,7 @@ def time_constants(hours: NDArray[np.float64], part: float = 1.0) -> NDArray[np.
 
 
 def fading_error(hours: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """By how much (N, C) means of e^(−t/τ) at two ends of cells (C + 1,) may err within them."""
+    """Return the error (N, C) within each cell of the mean of e^(−t/τ) at its ends, cells (C + 1,)."""
     return most_bent(hours[:, None] / ends) * np.log(ends[1:] / ends[:-1]) ** 2 / 8.0
 
 
@@ -258,7 +258,7 @@ def most_bent(x: NDArray[np.float64]) -> NDArray[np.float64]:
 def lagged(
     hours: NDArray[np.float64], temperature: NDArray[np.float64], ends: NDArray[np.float64]
 ) -> tuple[NDArray, NDArray]:
-    """Return the lag (N, C + 1) of a temperature at ends of cells, and by how much (N, C) their means may err.
+    """Return the lag (N, C + 1) of a temperature at ends of cells, and the error (N, C) of their means.
 
     The temperature (N,) is linear between the rows, and its lag begins with it.
     """
@@ -281,12 +281,12 @@ def lagged(
 
 @lru_cache(maxsize=4)
 def lagged_of(hours: bytes, temperature: bytes) -> tuple[NDArray, NDArray]:
-    """What `lagged` says of a record, which is the same of each accelerometer."""
+    """Return `lagged` of a record, computed once for all accelerometers."""
     when = np.frombuffer(hours)
     return lagged(when, np.frombuffer(temperature), time_constants(when, SHORTER))
 
 
 def beginnings(temperature: NDArray[np.float64]) -> NDArray[np.float64]:
-    """By how much (2,) [K] a lag is above the first of some temperatures (N,) at the least, and at the most."""
+    """Return the limits (2,) [K] of a lag above the first of some temperatures (N,)."""
     low, high = float(temperature.min()), float(temperature.max())
     return np.array([low - BEFORE * (high - low), high + BEFORE * (high - low)]) - temperature[0]

@@ -68,7 +68,7 @@ SEARCHED = searched_places()
 
 @dataclass(frozen=True, eq=False)
 class InMotion:
-    """What an effect adds to groups of pieces, from the first row on: the cells of its unknown number follow from it.
+    """Additions of an effect to groups of pieces from the first row on; the cells of its number follow from them.
 
     `hours` (N,) of each row since the first; `resting` (N,) whether a row belongs to a rest; `integral` (N, 3, K) what
     it turns up to each row, and `counted` (N, 3, K) each row's part of the mean over all rests; zeros where no mean is
@@ -145,7 +145,7 @@ class Onsets(InMotion):
         return moving
 
     def turn_within(self, k: int, begin: int, end: int) -> NDArray[np.float64]:
-        """Return what a turn between two rows adds to pieces (S, d, 3) that hold both; NaN of those that hold one."""
+        """Return the change of pieces (S, d, 3) by a turn between two rows; NaN for a piece that holds one of them."""
         group = self.groups[k]
         holding = (group.pieces.first <= begin) & (group.pieces.last >= end)
         apart = (group.pieces.last <= begin) | (group.pieces.first >= end)
@@ -161,10 +161,10 @@ class Onsets(InMotion):
         return np.hstack([columns, self.over_bounds(self.moving(begin, end, rested=rested))]), 0.0
 
     def swept(self, begin: int, end: int) -> tuple[NDArray, NDArray, NDArray[np.float64]]:
-        """Return what the effect does at every row from one to another.
+        """Return the additions of the effect at every row from one to another.
 
-        Rows (M, K) at the last, NaN where nothing is told; rows (M, t) that move, and of each value the ways (R, t, K)
-        in which they are added.
+        Returns rows (M, K) at the last row, NaN where the record leaves them open; rows (M, t) that move; and the ways
+        (R, t, K) in which each value adds them.
         """
         rows = slice(begin, end + 1)
         ways = [self.integral[end] - self.integral[rows]]
@@ -227,7 +227,7 @@ class TimeConstants(InMotion):
 
     @cached_property
     def turning(self) -> NDArray[np.float64]:
-        """What each step (N - 1, 3, K) turns at the beginning of the effect."""
+        """Turn (N - 1, 3, K) of each step by the effect from its beginning."""
         return np.diff(self.integral, axis=0)
 
     @property
@@ -244,7 +244,7 @@ class TimeConstants(InMotion):
         return math.log(value / self.times[0]) / self.step
 
     def ends(self, begin: float, end: float) -> tuple[float, float]:
-        """Return the time constants [h] at both ends; the shortest and longest are not told from what is beyond."""
+        """Return the time constants [h] at both ends; a cell at the edge also holds everything beyond it."""
         low, high = 0.0, LAST_HOUR
         if begin > 0:
             low = self.value(begin)
@@ -267,10 +267,10 @@ class TimeConstants(InMotion):
         return few, float((missed @ largest + left_away * size).max())
 
     def swept(self, numbers: NDArray) -> tuple[NDArray, NDArray, NDArray[np.float64]]:
-        """Return what the effect does with time constants of some numbers (R,), evenly spaced.
+        """Return the additions of the effect for time constants with the given numbers (R,), evenly spaced.
 
-        Rows (M, t) that move, ways (R, t, K) in which they are added, polynomials of the logarithm; and by how much
-        (M, K) what it does with any time constant between two neighbours may miss the straight line between theirs.
+        Returns rows (M, t) that move; ways (R, t, K) to add them, polynomials of the logarithm; and the error (M, K) of
+        the straight line between two neighbours, for any time constant between them.
         """
         nodes = self._nodes(numbers[0], numbers[-1])
         samples = np.stack(self._samples(nodes), axis=1)
@@ -292,7 +292,7 @@ class TimeConstants(InMotion):
 
     @staticmethod
     def _nodes(begin: float, end: float) -> NDArray[np.int_]:
-        """Numbers of the time constants by which those between two numbers are told."""
+        """Return the numbers of the time constants that serve as nodes between two numbers."""
         first, last = math.floor(begin / SPACING) - AROUND, math.ceil(end / SPACING) + AROUND
         return SPACING * np.arange(first, max(last, first + DEGREE) + 1)
 
@@ -304,7 +304,7 @@ class TimeConstants(InMotion):
         return [self.samples[number] for number in numbers.tolist()]
 
     def _at_most(self, part: NDArray) -> NDArray[np.float64]:
-        """What a part (N - 1,), of either sign, of what the effect does at each row adds to errors (M, K) at most."""
+        """Return the largest errors (M, K) from a part (N - 1,), of either sign, of the effect at each row."""
         sums = _up_to(np.abs(self.turning) * part[:, None, None], self.boundaries)
         mean = np.einsum("nik,n->ik", np.abs(self.counted[1:]), part)
         largest = [group.largest for group in self.groups]
@@ -344,7 +344,7 @@ def _up_to(additions: NDArray, rows: NDArray) -> NDArray[np.float64]:
 
 
 def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
-    """What the values at nodes (R, j) count in the polynomials through them at some numbers (R,)."""
+    """Return the weights of the values at nodes (R, j) in the polynomials through them, at the given numbers (R,)."""
     weights = np.ones(nodes.shape)
     for node in range(nodes.shape[1]):
         for further in range(nodes.shape[1]):
@@ -365,10 +365,10 @@ def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
 
 
 def refused(matrix: NDArray, residual: NDArray, limit: float, work: Work) -> bool:
-    """Whether rows (M, P) in units of their bounds leave a radius above the limit, whatever the coefficients.
+    """Return whether rows (M, P) in units of their bounds leave a radius above the limit for any coefficients.
 
-    Weighted least squares prove it, or a linear programme does; one that is not solved proves nothing. What they cost
-    is added to the work.
+    Weighted least squares or a linear programme prove it; an unsolved programme proves nothing. Their cost is added to
+    the work.
     """
     if not len(residual):
         return False

@@ -1,7 +1,7 @@
-"""Which place may depend on which quantity, whatever the law: pairs of a table's rests, of a whole bench, of gyros.
+"""Pairs of place and quantity, for any law: of a table's rests, of a whole bench, of gyros.
 
-What a gyro reads too much acts at every step. Its functions are therefore taken at nodes of their quantity, straight
-between them, and what they add up to over each piece is one matrix by the values at the nodes.
+The error of a gyro acts at every step. Its functions are therefore taken at nodes of their quantity, straight between
+them. One matrix by the values at the nodes gives their sums over each piece.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -73,7 +73,7 @@ def pairs_of_bench(rows: Rows) -> Iterator[Pair]:
 
 
 def pairs_of_accelerometer(p: int, rows: Rows) -> Iterator[Pair]:
-    """Yield what one accelerometer's error may depend on at positions of a table."""
+    """Yield the pairs of one accelerometer at positions of a table: quantities that its error may depend on."""
     place, slow = ACCELEROMETERS[p], slow_quantities(rows.hours, rows.temperature)
     inputs, products = inputs_and_products(rows.n)
     own_input = f"n{p + 1}"
@@ -110,7 +110,7 @@ class Way:
 
     @staticmethod
     def every(rows: Rows) -> "Iterator[Way]":
-        """Yield all of which rows have the quantity."""
+        """Yield all ways whose quantity the rows have."""
         slow = slow_quantities(rows.hours, rows.temperature)
         axes = (("outer-axis", "alpha", rows.sense_alpha), ("inner-axis", "beta", rows.sense_beta))
         for k, (place, angle, sense) in enumerate(axes):
@@ -136,7 +136,7 @@ class Way:
 
     @property
     def circle(self) -> bool:
-        """Whether the quantity is an angle."""
+        """Return whether the quantity is an angle."""
         return self.quantity in ("alpha", "beta")
 
     def values(self, rows: Rows) -> NDArray[np.float64]:
@@ -148,7 +148,7 @@ class Way:
         return np.asarray(getattr(rows, self.quantity))
 
     def slope(self, rows: Rows, turns: NDArray) -> NDArray[np.float64]:
-        """Return what a unit does (N, 3), by what each of the seven small turns does (7, N, 3)."""
+        """Return the effect (N, 3) of a unit, from those of the seven small turns (7, N, 3)."""
         if self.factor == "sin alpha":
             return turns[self.turn] * np.sin(rows.alpha)[:, None]
         return turns[self.turn]
@@ -185,7 +185,7 @@ def pairs_of_whole(readings_rows: Rows, travel: Travel, bound: NDArray, nominal:
 
 
 def _above(spread: Spread, bound: NDArray, count: int) -> Spread:
-    """Return what is spread on readings, over their bounds, with zeros behind up to a count of rows."""
+    """Return a spread on readings divided by their bounds, with zeros appended up to a count of rows."""
 
     def spread_on_all(functions: NDArray) -> NDArray[np.float64]:
         upper = spread(functions) / bound[:, None]
@@ -249,7 +249,7 @@ def imitated(pair: Pair, base: NDArray) -> Pair:
 
 @dataclass(frozen=True, eq=False)
 class GyroPairs:
-    """Gyros with every quantity of steps in motion (R,), by an observation of what is added to their rates.
+    """Gyros with every quantity of steps in motion (R,), and an observation of additions to their rates.
 
     `bounds` (S, d) are those of the errors of its groups.
     """
@@ -287,7 +287,7 @@ class GyroPairs:
                 yield replace(gyro, moves=(), missed=None, members=members)
 
     def of_gyro(self, p: int) -> dict[str, Pair]:
-        """Return the pairs of one gyro; what is not the gyro's own has a number before its name."""
+        """Return the pairs of one gyro; those of other quantities than its own have a number before their name."""
         steps, rate, turn = self.steps, f"w{p + 1}", f"dw{p + 1}"
         own_rate, own_turn, force = steps.rate[:, p], steps.acceleration[:, p], steps.specific_force
         pairs = {
@@ -328,7 +328,7 @@ class GyroPairs:
 
 @dataclass(frozen=True, eq=False)
 class OnNodes:
-    """What the values of a function at nodes (n,) of a quantity add to the rows of evidence, at one gyro `p`."""
+    """Map from values of a function at nodes (n,) of a quantity to the rows of evidence, for one gyro `p`."""
 
     of: GyroPairs
     p: int
@@ -347,10 +347,10 @@ class OnNodes:
         return self._over_bounds(self.of.observation.of_functions(weights, len(self.nodes), self.p))
 
     def missed(self, knots: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return by how much rows (M,) over their bounds miss those of a function whose slope changes by one in all.
+        """Return the error of rows (M,) over their bounds, for a function whose slope changes by one in all.
 
-        They are those of one that is straight between knots (k,) and has its values there. At x between two knots the
-        two are (x - a)(b - x)/(b - a) apart at most, for each unit of change between a and b.
+        The rows compared are those of a function that is straight between knots (k,) and has the same values there. At
+        x between two knots a and b the two differ by (x - a)(b - x)/(b - a) at most, per unit of change between them.
         """
         after = np.clip(np.searchsorted(knots, self.values), 1, len(knots) - 1)
         low, high = knots[after - 1], knots[after]

@@ -1,7 +1,7 @@
-"""Evidence: what a record says against a model, composed of rows, model and reader.
+"""Evidence: a record held against a model, composed of rows, model and reader.
 
-The rows are linear about one fit or run. The model fits sets of effects to them, the reader says what they mean in the
-record: names, units, words, what was left out, what can be simulated again. What works on evidence knows no record.
+The rows are linear about one fit or run. The model fits sets of effects to them. The reader gives their meaning in the
+record: names, units, words, left-out data, and runs to repeat. Code that works on evidence knows no kind of record.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -48,7 +48,7 @@ class Worst:
 
 @dataclass(frozen=True)
 class ReadOff:
-    """An effect that readings show by themselves: its place, what is stated of its parameters, and what is possible.
+    """An effect that readings show by themselves: its place, its stated parameters and their possible intervals.
 
     `radius` is that of the model without it, where the readings that show it count as well; `objection` says why it is
     not named all the same.
@@ -63,13 +63,13 @@ class ReadOff:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What readings that were left out say of some effects of a fit.
+    """Trial of some effects of a fit on left-out readings.
 
-    `folds` and `blocks` are errors (R,) of what was left out, without and with the effects: parts of the evidence in
-    turn, and blocks in time; None where that is not possible; `rows` (R,) those of the folds, where they are numbered.
-    `shuffled` are the errors of the folds with the effects' signatures moved to where they do not belong. `jointly`: of
-    the whole set, not of each of its effects; then `worst` is the error that is farthest beyond what noise makes of it,
-    of both.
+    `folds` and `blocks` are errors (R,) of left-out data, without and with the effects: parts of the evidence in turn,
+    and blocks in time; None where that is not possible. `rows` (R,) are those of the folds, where they are numbered.
+    `shuffled` are the errors of the folds with the effects' signatures moved to places where they do not belong.
+    `jointly` marks the trial of the whole set; `worst` is then the error of folds or blocks that is farthest beyond the
+    noise.
     """
 
     places: tuple[EffectPlace, ...]
@@ -83,7 +83,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Effort:
-    """What a search in a record may take.
+    """Effort that a search in a record may take.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Model(Protocol):
 
     @property
     def effort(self) -> Effort:
-        """What a search may take."""
+        """Effort that a search may take."""
         ...
 
     @property
@@ -131,12 +131,12 @@ class Model(Protocol):
 
     @property
     def second_order(self) -> float:
-        """What the linear model may be wrong by, in units of the bounds."""
+        """Error of the linear model, in units of the bounds."""
         ...
 
     @property
     def falsified(self) -> bool:
-        """Whether the model without effects cannot be true of the record."""
+        """Return whether the record contradicts the model without effects."""
         ...
 
     @property
@@ -155,7 +155,7 @@ class Model(Protocol):
         ...
 
     def spaces_of(self, places: Sequence[EffectPlace]) -> list[NDArray[np.float64]]:
-        """What each effect adds to the model, as `classes` have it."""
+        """Return the column space of each effect beyond the model, as in `classes`."""
         ...
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
@@ -169,9 +169,9 @@ class Model(Protocol):
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of so many effects, by default one of each class, that no bound refuses; the most promising first.
+        """Yield sets of a given size that no bound refuses, by default one effect a class; the most promising first.
 
-        What that costs is added to the work, as it is in `mended`.
+        The cost is added to the work, as it is in `mended`.
         """
         ...
 
@@ -180,7 +180,7 @@ class Model(Protocol):
         ...
 
     def untried(self, size: int) -> str | None:
-        """Why sets of so many effects are not the smallest, though they stand: what might do was not tried."""
+        """Return why consistent sets of a size may not be the smallest: which smaller ones were not tried."""
         ...
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
@@ -220,12 +220,12 @@ class Linear:
 
     @property
     def falsified(self) -> bool:
-        """Whether the model without effects cannot be true of the record."""
+        """Return whether the record contradicts the model without effects."""
         return self.baseline.radius > self.limit
 
     @property
     def second_order(self) -> float:
-        """What the linear model may be wrong by, in units of the bounds."""
+        """Error of the linear model, in units of the bounds."""
         return self.curvature * self.radius**2
 
     @cached_property
@@ -245,7 +245,7 @@ class Linear:
         return tuple(seen)
 
     def spaces_of(self, places: Sequence[EffectPlace]) -> list[NDArray[np.float64]]:
-        """What each effect adds to the model."""
+        """Return the column space of each effect beyond the model."""
         return spaces_beyond(self.rows.nominal, [self.rows.columns_of([place]) for place in places])
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
@@ -259,7 +259,7 @@ class Linear:
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of so many effects that no bound refuses; the most promising first."""
+        """Yield sets of a given size that no bound refuses; the most promising first."""
         places = self.classes.places if among is None else among
         rows = self.rows
         problem = Problem.of(rows.residual, rows.nominal, [rows.columns_of([place]) for place in places])
@@ -290,7 +290,7 @@ class Linear:
         return About(rows.residual - matrix @ step, matrix, rows.bound, np.zeros_like(matrix))
 
     def including(self, places: Sequence[EffectPlace]) -> Self:
-        """The same: what has columns of any effect has them all."""
+        """Return the same evidence: a record with columns of any effect has those of all."""
         return self
 
 
@@ -315,18 +315,18 @@ def limits_of(places: Sequence[EffectPlace]) -> tuple[NDArray[np.float64], NDArr
 
 
 class Rerun(Protocol):
-    """What the extended components, FMUs, give of a record.
+    """Result of the extended components, FMUs, for a record.
 
     `quoted`: of what the errors are, in words, the unit in which they are quoted, and what it is in theirs.
     """
 
     @property
     def quoted(self) -> tuple[str, str, float]:
-        """Of what errors are, in words, their unit, and its size."""
+        """Return the name of the quoted errors in words, their unit, and its size."""
         ...
 
     def gain(self, fit: Fit) -> Gain | None:
-        """What the extended components predict of what was not used; None where that is not possible."""
+        """Return the gain of the extended components on data that no fit used; None where none can be computed."""
         ...
 
     def errors(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
@@ -345,7 +345,7 @@ class Rerun(Protocol):
         ...
 
     def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
-        """What `without` may leave in a reading of each accelerometer (3,) [m/s²], by errors of the coefficients.
+        """Return the largest remainder (3,) [m/s²] of `without` in each accelerometer, by errors of the coefficients.
 
         None where it changes no accelerometer.
         """
@@ -354,7 +354,7 @@ class Rerun(Protocol):
 
 @dataclass(frozen=True)
 class Lengths:
-    """What the parts of rows are, where they are pieces of several lengths.
+    """Parts of the rows that are pieces of several lengths.
 
     Attributes
     ----------
@@ -376,9 +376,9 @@ class Lengths:
 
 @dataclass(frozen=True, eq=False)
 class Reader:
-    """What a record's rows mean: names, units, words, and what it has beside them. A kind of record is one of these.
+    """Reader of a record's rows: their names, units and words, and the further data of the record.
 
-    What a kind has not is None or empty.
+    Each kind of record derives a class from this one. Methods without a meaning for a kind return None or nothing.
     """
 
     model: Any
@@ -406,26 +406,26 @@ class Reader:
         return None
 
     def head(self) -> Mapping[str, Any]:
-        """The first keys of the result: what was assumed, and the baseline; `missing` where nothing can be fitted."""
+        """Return the first keys of the result: assumptions and baseline; `missing` where nothing can be fitted."""
         raise NotImplementedError
 
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
-        """What the record says of the model's parameters: beside the effects of a fit that stands, or without effects.
+        """Return the calibration by the record: beside the effects of a consistent fit, or without effects.
 
-        Without a fit nothing is bounded that a falsified model cannot bound.
+        Without a fit, parameters that a falsified model cannot bound have no bounds.
         """
         raise NotImplementedError
 
     def trials(self, fit: Fit) -> Iterator[Trial]:
-        """The second witness: what was left out says of the effects of a fit."""
+        """Yield the trials of a fit's effects on left-out data: the second witness."""
         raise NotImplementedError
 
     def missing(self) -> Mapping[str, Any]:
-        """Keys of the result where nothing can be fitted: what is missing; empty where all is there."""
+        """Return the keys on missing data where nothing can be fitted; empty where the record is complete."""
         return {}
 
     def objections(self) -> tuple[str, ...]:
-        """Why the record cannot be what it says."""
+        """Return reasons why the record contradicts its own description."""
         return ()
 
     def named(self, place: EffectPlace) -> EffectPlace:
@@ -433,7 +433,7 @@ class Reader:
         return place
 
     def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
-        """Intervals of an effect's parameters, widened by what the rows cannot tell."""
+        """Return the intervals of an effect's parameters, widened for everything that the rows leave open."""
         return tuple(ends)
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
@@ -448,7 +448,7 @@ class Reader:
         return ()
 
     def channels(self) -> Sequence[Channel]:
-        """The errors of the baseline, component by component, with what they may depend on."""
+        """Return the errors of the baseline by component, with the quantities that they may depend on."""
         return ()
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
@@ -458,7 +458,7 @@ class Reader:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """What evidence was made from: a record, a function that makes evidence of one, and its options."""
+    """Source of evidence: a record, the function that makes evidence of it, and its options."""
 
     record: Any
     make: Callable[..., "Evidence"]
@@ -472,10 +472,10 @@ class Source:
 @final
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What a record says against a model: its rows, the model that is fitted to them, the reader of both.
+    """A record held against a model: its rows, the model fitted to them, and the reader of both.
 
-    The engine asks the model what `Model` has; what else it is, its own kind of record knows. `source`: what it was
-    made from; None of several records together.
+    The engine uses only the members of `Model`; any others serve the kind of record. `source` is the origin of the
+    evidence; None for several records together.
     """
 
     model: Any
@@ -501,7 +501,7 @@ class Evidence:
         return self if model is self.model else Evidence(model, replace(self.reader, model=model), self.source)
 
     def gain(self, fit: Fit) -> Gain | None:
-        """What the extended components predict of what was not used; None where that is not possible."""
+        """Return the gain of the extended components on data that no fit used; None where none can be computed."""
         return None if self.reader.rerun is None else self.reader.rerun.gain(fit)
 
 

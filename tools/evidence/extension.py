@@ -1,7 +1,7 @@
-"""Components that start with what was found of a record, and scenarios with which they give the record again.
+"""Components that start with the findings of a record, and scenarios that simulate the record with them.
 
-Of a record of a table each rest lies about the time of its row, so that what a run averages over it belongs to that
-row; the first begins with the run, for there the hours begin.
+In a record of a table each rest lies about the time of its row, so that the mean of a run over the rest belongs to that
+row. The first rest begins with the run, because the hours begin there.
 """
 
 import math
@@ -57,7 +57,7 @@ ANGLES = {"alpha_deg": "table.angle_reading[1]", "beta_deg": "table.angle_readin
 
 @dataclass(frozen=True)
 class Start:
-    """What a component starts with: `values` of its parameters, and the `ends` of what is possible of their elements.
+    """Start of a component: `values` of its parameters, and the `ends` of the possible intervals of their elements.
 
     `name` is that of its files; where it is not the component's the FMU starts with other values, and these are those
     of another mounting.
@@ -89,7 +89,7 @@ class Start:
 def takes(
     component: str, values: Mapping[str, float | list[float]], effects: Mapping[EffectPlace, Sequence[float]]
 ) -> bool:
-    """Whether a component takes values of its parameters and of its effects."""
+    """Return whether a component accepts values of its parameters and of its effects."""
     sized = {}
     for place, sizes in effects.items():
         sized[place] = sizes, [(-math.inf, math.inf)] * len(sizes)
@@ -102,7 +102,7 @@ def takes(
 
 @dataclass(frozen=True)
 class Extension:
-    """Components with what was found of a record, and the scenarios, by their files' names, that give it again."""
+    """Components with the findings of a record, and the scenarios that simulate it, by the names of their files."""
 
     starts: Sequence[Start]
     scenarios: Mapping[str, Scenario]
@@ -169,7 +169,7 @@ class Visited:
 
     @property
     def away(self) -> NDArray[np.float64]:
-        """What each position differs by (n, 2) [rad] from where the table comes to it from."""
+        """Difference (n, 2) [rad] of each position from the point where the table's approach to it begins."""
         # An axis that did not turn must not decide the inputs' senses, but where neither did.
         turning = self.moved | ~self.moved.any(axis=1, keepdims=True)
         return APPROACH * self.senses * turning
@@ -270,5 +270,5 @@ def smallest_gap(circumstances: Circumstances) -> float:
 
 
 def can_be_run(circumstances: Circumstances) -> bool:
-    """Whether a run through all rows has not too many steps."""
+    """Return whether a run through all rows has few enough steps."""
     return 3600.0 * circumstances.hours[-1] * STEPS_PER_GAP <= MAX_STEPS * smallest_gap(circumstances)

@@ -1,4 +1,4 @@
-"""A model with a set of effects, fitted: what is possible of their sizes, their classes, FMUs and gain."""
+"""A model fitted with a set of effects: possible sizes, classes, FMUs and gain."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -103,7 +103,7 @@ class Fit:
 
     @property
     def allowed(self) -> NDArray[np.float64]:
-        """How large the errors (M,) may be where the radius is attained, with what the sizes there leave open."""
+        """Largest errors (M,) at the least radius, including the part that the sizes leave open."""
         return self.bound + self.growths[0].at(self.step) if self.growths else self.bound
 
     @property
@@ -127,7 +127,7 @@ class Fit:
 
     @property
     def linear(self) -> bool:
-        """Whether every effect is linear in its coefficients."""
+        """Return whether every effect is linear in its coefficients."""
         return all(variant is None for _, _, variant in self.ways)
 
     @property
@@ -155,7 +155,7 @@ class Fit:
         return " and ".join(place.title for place in self.places)
 
     def values(self, coefficients: NDArray | None = None) -> tuple[tuple[float, ...], ...]:
-        """Parameters of each effect, by default those that are said to be found."""
+        """Return the parameters of each effect, by default the stated ones."""
         if coefficients is None:
             coefficients = self.stated
         values = []
@@ -166,7 +166,7 @@ class Fit:
 
     @property
     def is_possible(self) -> bool:
-        """Whether the sizes that are stated are possible."""
+        """Return whether the stated sizes are possible."""
         return all(are_possible(place, values) for place, values in zip(self.places, self.values(), strict=True))
 
     def possible(
@@ -201,10 +201,10 @@ class Fit:
         return AnyOf([swept.beside(self.step, rows, room, further, shared) for swept in self.swept])
 
     def centred(self, room: float = 0.0, most_rows: int | None = None) -> "Fit":
-        """The fit that states one possible point: the centre of what the bounds and `room` leave, sizes possible.
+        """Return the fit that states the centre of all points within the bounds and `room` with possible sizes.
 
-        Analytic centre of all rows, or central programme where these leave no interior; `most_rows` is as for
-        `Possible`. What nothing determines stays as it is at the Chebyshev centre.
+        This is the analytic centre of all rows, or the central programme where these leave no interior; `most_rows` is
+        as for `Possible`. Undetermined values stay as they are at the Chebyshev centre.
         """
         anything = np.full(len(self.point), np.inf)
         low, high = np.append(-anything, self.limits[0]), np.append(anything, self.limits[1])
@@ -300,7 +300,7 @@ def not_in_all(fits: Sequence[Fit]) -> list[EffectPlace]:
 
 
 def contains(places: Sequence[EffectPlace], others: Sequence[EffectPlace]) -> bool:
-    """Whether a set of effects is another one but for effects that contain others of that set at the same place."""
+    """Return whether two sets are equal except for effects that contain others of the second set at the same place."""
     more = [place for place in places if place not in others]
     less = {(place.effect, _home(place)) for place in others if place not in places}
     contained = set()
@@ -314,12 +314,12 @@ def contains(places: Sequence[EffectPlace], others: Sequence[EffectPlace]) -> bo
 
 
 def _home(place: EffectPlace) -> str:
-    """Where an effect acts: its place, and of an effect in one of several records that record."""
+    """Return the place where an effect acts, with its record where it acts in one of several."""
     return place.title.removeprefix(place.effect)
 
 
 def are_possible(place: EffectPlace, values: Sequence[float]) -> bool:
-    """Whether these values of an effect's parameters are possible."""
+    """Return whether the given values of an effect's parameters are possible."""
     return all(p.possible(value) for p, value in zip(place.definition.parameters, values, strict=True))
 
 
@@ -361,10 +361,10 @@ def hull(ends: Sequence[NDArray]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Classes:
-    """Effects that can be told apart at all, and what each stands for.
+    """Effects that can be told apart, each with the class that it represents.
 
-    `places` are one of each class, in the order of the catalogue; effects that lie wholly in the model are left out.
-    `members` are the others of each class, `spaces` what each adds to the model, as orthonormal columns. `within` are
+    `places` is one effect of each class, in the order of the catalogue; effects that lie wholly in the model are left
+    out. `members` are the others of each class, `spaces` the orthonormal columns of each beyond the model. `within` are
     members whose space is only a part of their class's: turns of the table that it can always do.
     """
 
@@ -422,7 +422,7 @@ class Classes:
         )
 
     def equivalents(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
-        """What cannot be told from the effect at `place`."""
+        """Return the effects that no measurement of this kind separates from the effect at `place`."""
         return tuple(member for member in self.whole_class(place) if member != place)
 
     def whole_class(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
@@ -433,13 +433,13 @@ class Classes:
         return (place,)
 
     def joint_space(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
-        """What a set of effects adds to the model together."""
+        """Return the column space of a set of effects together, beyond the model."""
         spaces = [self.spaces[self.places.index(self.whole_class(place)[0])] for place in places]
         return column_space(np.hstack(spaces)) if spaces else np.zeros((1, 0))
 
 
 class Gain(Told):
-    """Errors of what was not used to estimate anything, without and with the effects.
+    """Errors of data that no estimate used, without the effects and with them.
 
     `over` is the kind of moves or windows, in words, `pieces` how many, `unit` that of the figures where it is another
     than the result's; figures are over the sizes of the errors:
@@ -461,7 +461,7 @@ class Gain(Told):
 
     @property
     def improves(self) -> bool:
-        """Whether what was held out is predicted better with the effects, on the whole."""
+        """Return whether the effects improve the prediction of the held-out data as a whole."""
         return self.held_out_rms_after < self.held_out_rms_before
 
 
@@ -492,12 +492,12 @@ def coefficient_limits(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray
 
 
 def coefficient_count(place: EffectPlace) -> int:
-    """How many linear coefficients an effect has."""
+    """Return the number of linear coefficients of an effect."""
     return len(place.definition.linear_parameters)
 
 
 def width_of(places: Sequence[EffectPlace]) -> int:
-    """How many linear coefficients some effects have together."""
+    """Return the number of linear coefficients of all effects together."""
     return sum(coefficient_count(place) for place in places)
 
 

@@ -1,4 +1,4 @@
-"""Several records of one instrument as one evidence: what they share has one value, all else is each record's own.
+"""One evidence of several records of one instrument: shared parameters have one value, others one a record.
 
 Parameters of the instrument are shared, those of the day, the mounting and the table are each record's own. Effects may
 act in all records with one value, or in one alone; a shared parameter may differ in one. The rows are those of the
@@ -110,7 +110,7 @@ class Joint(Linear):
 
     @cached_property
     def searched(self) -> tuple[tuple[EffectPlace, ...], ...]:
-        """Effects of each record that are linear, and of which it leaves nothing open that counts."""
+        """Linear effects of each record that it determines well enough."""
         of_members = []
         for member, chosen in zip(self.members, self.chosen, strict=True):
             places = member.rows.linear_places
@@ -188,7 +188,7 @@ class Joint(Linear):
         return np.hstack(stacked)
 
     def acts(self, k: int, place: EffectPlace) -> bool:
-        """Whether an effect acts in a record, by its number."""
+        """Return whether an effect acts in the record with a number."""
         return place.record == self.labels[k] if isinstance(place, InRecord) else place in self.searched[k]
 
     def _number(self, k: int, name: str) -> int:
@@ -236,7 +236,7 @@ class Joint(Linear):
 
     @property
     def room(self) -> float:
-        """What digits add to the bounds, in units of these."""
+        """Addition to the bounds for the digits of the readings, in units of the bounds."""
         return max(member.model.room / float(member.rows.bound.min()) for member in self.members)
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
@@ -246,10 +246,10 @@ class Joint(Linear):
     def _own_centres(
         self, jacobian: NDArray, residual: NDArray, paid: NDArray[np.bool_], step: NDArray
     ) -> NDArray[np.float64]:
-        """A step (n,) to the least radius with what is each record's own at its best.
+        """Return a step (n,) to the least radius, with the parameters of each record alone at their centre.
 
-        Records that do not decide the radius may stand anywhere within it, and would go to and fro between its corners.
-        What bounds are `paid` by stays.
+        Records that do not decide the radius could lie anywhere within it, and would go to and fro between its corners.
+        Coefficients marked `paid`, whose sizes widen bounds, stay.
         """
         slices = [slice(begin, end) for begin, end in pairwise(self.starts)]
         acting = np.array([jacobian[rows].any(axis=0) for rows in slices])
@@ -264,19 +264,19 @@ class Joint(Linear):
 
     @property
     def slack(self) -> float:
-        """What the linear model may be wrong by, in bounds: second order of the misfit, and what is left open."""
+        """Error of the linear model, in bounds: second order of the misfit, and the undetermined part of effects."""
         second = max(member.model.curvature for member in self.members) * self.radius**2
         return min(MOST_SLACK, LEAST_SLACK + second + OPEN * self.radius)
 
     @property
     def seeks_outliers(self) -> bool:
-        """Whether readings that are off are sought: in records of which every row is a reading."""
+        """Return whether the search tries outliers: only where every row of every record is a reading."""
         return all(member.rows.are_readings for member in self.members)
 
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of so many effects, outliers among them where records have such, that no bound refuses."""
+        """Yield sets of a given size that no bound refuses, with outliers where the records have readings."""
         places = self.classes.places if among is None else among
         problem = Problem.of(self.rows.residual, self.rows.nominal, [self.columns_of([place]) for place in places])
         outliers = MOST_OUTLIERS if self.seeks_outliers else 0
@@ -308,7 +308,7 @@ class Joint(Linear):
         return self.members[k].model.refit(acting)
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
-        """Nothing: what each record excludes its own diagnosis says."""
+        """Yield nothing: the diagnosis of each record names the effects that it excludes."""
         yield from ()
 
 
@@ -324,7 +324,7 @@ class JointReader(Reader):
 
     @property
     def rank(self) -> int:
-        """How many directions of the parameters all records together determine."""
+        """Number of directions of the parameters that all records together determine."""
         values = np.linalg.svd(self.rows.nominal, compute_uv=False)
         return int((values > max(member.rows.least_singular for member in self.model.members)).sum())
 
@@ -347,7 +347,7 @@ class JointReader(Reader):
         return keys if missing else {}
 
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
-        """What the records say together: of the parameters that they share, and of each record's own."""
+        """Return the calibration by all records: the shared parameters, and those of each record."""
         parameters: dict[str, list[Parameter]] = {label: [] for label in ("", *self.model.labels)}
         if fit is not None:
             ends = fit.ends(self.model.room, self.model.effort.most_rows)

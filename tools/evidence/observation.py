@@ -1,4 +1,4 @@
-"""An observation: errors of pieces of a record as a linear functional of what is added at ports over its rows.
+"""An observation: errors of pieces of a record as a linear functional of additions at ports over its rows.
 
 Rests on a table, turns of a table and a block that is carried make one each. Columns of effects, of effects that set in
 or fade, and of unknown functions of a quantity are what it makes of different additions.
@@ -51,7 +51,7 @@ class Group:
     def columns(
         self, sums: NDArray[np.float64], mean: NDArray[np.float64], first: NDArray[np.int_], last: NDArray[np.int_]
     ) -> NDArray[np.float64]:
-        """Return errors (S, d, K) by sums (B, 3, K), of which each piece has a first and a last, and a mean (3, K)."""
+        """Return errors (S, d, K) by sums (B, 3, K), with the first and last sum of each piece, and a mean (3, K)."""
         errors = self.gain @ (sums[last] - sums[first])
         return errors if self.mean is None else errors - self.mean @ mean
 
@@ -61,13 +61,13 @@ class Group:
 
     @property
     def largest(self) -> "Group":
-        """What the largest errors follow from, where all rows of a piece and the mean at rest err in the same sense."""
+        """Group that yields the largest errors: all rows of a piece and the mean at rest err in the same sense."""
         return Group(self.pieces, np.abs(self.gain), None if self.mean is None else -np.abs(self.mean))
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What pieces of a record say of additions at P ports over its R steps between rows.
+    """Linear map from additions at P ports over R steps between rows to errors of pieces of a record.
 
     `adds` (R, 3, P): what a unit at each port adds to the sums of a step. `resting` (R,): steps of which the mean is
     taken. `ends` (R + 1, 3, P): what a unit adds at a row itself, to where the block stands; None where nothing does.
@@ -80,7 +80,7 @@ class Observation:
     ends: NDArray[np.float64] | None = None
 
     def of(self, added: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the errors (M, K) of what is added (R, P, K), or (R + 1, P, K) at the rows where these count."""
+        """Return the errors (M, K) by additions (R, P, K) to steps, or (R + 1, P, K) at the rows where these count."""
         if not self.groups:
             return (self.adds @ added).reshape(-1, added.shape[2])
         sums, mean, parts = self.sums(added), self.mean(added), []
@@ -90,7 +90,7 @@ class Observation:
         return np.concatenate(parts)
 
     def sums(self, added: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what has been added (R + 1, 3, K) up to each row."""
+        """Return the sums (R + 1, 3, K) of the additions up to each row."""
         sums = np.zeros((len(self.adds) + 1, 3, added.shape[2]))
         if self.ends is None:
             np.cumsum(self.adds @ added, axis=0, out=sums[1:])
@@ -100,7 +100,7 @@ class Observation:
         return at_rows + sums
 
     def mean(self, added: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean (P, K) of what is added over the rows at rest."""
+        """Return the mean (P, K) of the additions over the rows at rest."""
         if self.resting is None or not self.resting.any():
             return np.zeros(added.shape[1:])
         return added[self.resting].mean(axis=0)
@@ -122,7 +122,7 @@ class Observation:
 
     @cached_property
     def largest(self) -> "Observation":
-        """What the largest errors follow from of additions without sign."""
+        """Observation that yields the largest errors by additions of either sign."""
         return Observation(tuple(group.largest for group in self.groups), np.abs(self.adds), self.resting)
 
 
@@ -154,11 +154,11 @@ class OnKnots:
 
     @property
     def count(self) -> int:
-        """How many functions are one at a knot each."""
+        """Number of functions that are one at a single knot."""
         return len(self.knots) - self.circle
 
     def weights(self, values: NDArray) -> Weights:
-        """Return the knots before and after values (n,), and what the function there counts."""
+        """Return the knots before and after values (n,), and the weights of the function there."""
         values = values % TURN if self.circle else values
         after = np.clip(np.searchsorted(self.knots, values), 1, len(self.knots) - 1)
         share = (values - self.knots[after - 1]) / (self.knots[after] - self.knots[after - 1])
@@ -205,7 +205,7 @@ IN_MOTION = effects_in_motion()
 
 
 def acts_at_rest(place: EffectPlace) -> bool:
-    """Whether an effect acts on accelerometers or table, and not on the gyros alone, or in motion on accelerometers."""
+    """Return whether an effect acts at rest: on the table, or on accelerometers but not only in motion."""
     effect = place.definition
     return effect.component not in OF_GYROS and not (effect.in_motion and effect.component == "AccelerometerBlock")
 
@@ -240,7 +240,7 @@ def approached(record: PositionRecord, encoder_bound: float) -> PositionRecord:
 
 
 def moves_of(raw: RawRecord, encoder_bound: float) -> NDArray[np.float64]:
-    """How both axes (2, T) move at the rows of a series [rad a row]; 0 where an encoder's error [rad] may be all."""
+    """Return the move of both axes (2, T) at the rows of a series [rad a row]; 0 within an encoder's error [rad]."""
     moves = []
     for angle in (without_turns(raw.alpha), without_turns(raw.beta)):
         moves.append(np.where(motion_of(angle, encoder_bound) > 0.0, np.gradient(angle), 0.0))
@@ -315,7 +315,7 @@ class Travel:
         )
 
     def columns(self, place: EffectPlace) -> NDArray[np.float64]:
-        """What a unit of each coefficient adds to the integrals of the gyros over all pieces (3 S, K) [rad]."""
+        """Return the columns (3 S, K) [rad] of an effect for the integrals of the gyros over all pieces."""
         if place.definition.component == "GyroBlock":
             return self.gyros.of(place.definition.signature(place, self.motion))
         if place.definition.component == "AttitudeComputer":
@@ -327,14 +327,14 @@ class Travel:
 
     @cached_property
     def gyros(self) -> Observation:
-        """What the pieces say of additions to the gyros' rates over the steps."""
+        """Observation by the pieces of additions to the gyros' rates over the steps."""
         unit = np.broadcast_to(np.eye(3), (len(self.first), 3, 3))
         pieces = Pieces("turns", "turns", self.first, self.last)
         return Observation((Group(pieces, unit),), self.step[:, None, None] * np.eye(3))
 
     @cached_property
     def table(self) -> Observation:
-        """What the pieces say of small turns at the rows, and of what these turn as the frame turns."""
+        """Observation by the pieces of small turns at the rows, and of the turns that follow as the frame turns."""
         (group,) = self.gyros.groups
         gain = np.broadcast_to(self.to_gyros, group.gain.shape)
         across = np.cross(self.turning[:, None, :], np.eye(3)).transpose(0, 2, 1)
@@ -366,7 +366,7 @@ class Travel:
         return np.concatenate([of_table, of_block])
 
     def turned(self, functions: OnKnots, values: NDArray, slope: NDArray) -> NDArray[np.float64]:
-        """What small turns, a slope (R, 3) times functions of values (R,), add to the integrals (3 S, K) [rad]."""
+        """Return the change (3 S, K) [rad] of the integrals by small turns: slope (R, 3) times functions of (R,)."""
         middle = 0.5 * (slope[1:] + slope[:-1])
         weights, count = functions.weights(0.5 * (values[1:] + values[:-1])), functions.count
         across, ends = np.cross(self.turning, middle), np.unique(np.append(self.first, self.last))

@@ -54,7 +54,7 @@ class Differs(InRecord):
 
     @property
     def definition(self) -> Effect:
-        """One number: by how much the parameter is larger there than in the others."""
+        """Effect of one number: the excess of the parameter in this record over its value in the others."""
         meaning = "by how much the parameter is larger there"
         parameter = EffectParameter("difference", self.unit, meaning, LARGEST_OF_BENCH)
         return Effect(self.effect, (), (parameter,), lambda place, _: place.title)
@@ -131,9 +131,9 @@ def mended(before: Evidence, fit: Fit, effects: Sequence[EffectPlace]) -> Eviden
 
 
 def named_alike(records: Mapping[str, Evidence]) -> dict[str, Evidence]:
-    """Records of which accelerometers that are carried have a table's names, where one of the records is a table's.
+    """Return the records; where one is a table's, accelerometers of strapdown records take the names of the table's.
 
-    A scale factor has it only where the table's does not depend on the sign, for then alone it is the same.
+    A scale factor takes the name only where the table's does not depend on the sign: only then are the two the same.
     """
     units: dict[str, str] = {}
     for record in records.values():
@@ -153,17 +153,17 @@ def named_alike(records: Mapping[str, Evidence]) -> dict[str, Evidence]:
 
 
 def is_of_instrument(name: str, shared: Sequence[str] = (), own: Sequence[str] = ()) -> bool:
-    """Whether a parameter is shared: by what is asked, in which a star stands for anything, else by default."""
+    """Return whether a parameter is shared, by the given patterns (a star matches anything), else by default."""
     return not is_asked(name, own) and is_asked(name, (*shared, *OF_INSTRUMENT))
 
 
 def is_asked(name: str, patterns: Sequence[str]) -> bool:
-    """Whether a parameter is meant by one of some names, in which a star stands for anything."""
+    """Return whether a parameter matches one of some patterns, in which a star matches anything."""
     spellings = names_of(name)
     return any(any(fnmatchcase(spelling, pattern) for spelling in spellings) for pattern in patterns)
 
 
 def names_of(name: str) -> tuple[str, ...]:
-    """What a parameter is called: as the model has it, in words, and without its mounting."""
+    """Return the spellings of a parameter: as the model has it, in words, and without its mounting."""
     bare = name.partition("@")[0]
     return tuple(dict.fromkeys((name, bare, *NAMES.get(bare, (bare,))[:1])))

@@ -64,12 +64,12 @@ class Form:
 
     @property
     def searched(self) -> int:
-        """How many numbers are searched for, beside the coefficients."""
+        """Number of searched values beside the coefficients."""
         return {"jump": 1, "sawtooth": 1, "harmonic": 1, "wave": 1, "while": 2}.get(self.kind, 0)
 
     @property
     def coefficients(self) -> int:
-        """How many functions it is made of."""
+        """Number of functions that the form consists of."""
         if self.kind in ("pieces", "powers"):
             return self.count + 1
         if self.kind == "around":
@@ -81,7 +81,7 @@ class Form:
         return 1
 
     def knots(self, values: NDArray) -> NDArray[np.float64]:
-        """Where pieces of a function of these values (n,) meet."""
+        """Return the knots between the pieces of a function of the values (n,)."""
         if self.kind == "around":
             return (self.at + TURN * np.arange(self.count) / self.count) % TURN
         return np.linspace(values.min(), values.max(), self.count + 1)
@@ -150,7 +150,7 @@ class Pair:
         return frozenset(word for word in f"{self.quantity} {self.factor}".split() if word in QUANTITIES)
 
     def is_named_as(self, pair: "Pair") -> bool:
-        """Whether it is the same place and quantity as another pair, whatever their values."""
+        """Return whether another pair has the same place and quantity, whatever their values."""
         own = (self.where, self.quantity, self.factor, self.freedom)
         return own == (pair.where, pair.quantity, pair.factor, pair.freedom)
 
@@ -171,11 +171,11 @@ class Pair:
         return function_in_words(self.where, self.quantity, self.factor)
 
     def columns(self, form: Form) -> NDArray[np.float64]:
-        """What functions of a form add to the rows (M, K)."""
+        """Return the columns (M, K) of the functions of a form."""
         return self.columns_of([form])[0]
 
     def size(self, form: Form) -> int:
-        """How many coefficients functions of a form have."""
+        """Return the number of coefficients of the functions of a form."""
         return form.coefficients * max(1, len(self.members))
 
     def columns_of(self, forms: Sequence[Form]) -> list[NDArray[np.float64]]:

@@ -54,14 +54,14 @@ Named = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class Power:
-    """The size [unit] from which on every fault of a pair falsifies the model, whatever the noise; infinite: none."""
+    """Size [unit] from which every fault of a pair falsifies the model for any noise; infinite: never."""
 
     pair: Pair
     size: float
 
     @property
     def unit(self) -> str:
-        """Of the function's values; times a time or a temperature that is one at its largest."""
+        """Unit of the function's values, times a time or temperature scaled to one at its largest."""
         if self.pair.where in GYROS:
             return {"w": "1", "d": "s"}.get(self.pair.factor[:1], "rad/s")
         if self.pair.factor in INPUTS:
@@ -156,7 +156,7 @@ def _range(pair: Pair) -> NDArray[np.float64]:
 
 
 def _knots(pair: Pair, finer: int) -> NDArray[np.float64]:
-    """Where the pieces meet (K,)."""
+    """Return the knots (K,) between the pieces."""
     if pair.circle:
         return TURN * np.arange(finer * SECTORS) / (finer * SECTORS)
     low, high = _range(pair)
@@ -201,7 +201,7 @@ def _beyond_the_model(name: Named, matrices: bytes, symmetric: bool) -> NDArray[
 
 
 def _imitated(pair: Pair, space: NDArray, finer: int, most: float) -> NDArray[np.float64]:
-    """Functions (K, d) of which at most such a part of the sum of squares is left beside the model."""
+    """Return the functions (K, d) that the model imitates, except for a given part of the sum of squares."""
     columns = pair.spread(_hats(pair, finer, pair.values))
     remainder = columns - space @ (space.T @ columns)
     sizes, turned = np.linalg.eigh(columns.T @ columns)

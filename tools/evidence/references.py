@@ -1,8 +1,8 @@
-"""What an attitude that is carried through a record is held against: gravity at the rests, or the true attitude.
+"""References of a carried attitude: gravity at the rests, or the true attitude.
 
-A gyro that reads δω(t) too much turns the carried attitude, over a piece from t₀ to t₁, by C(t₀)ᵀ ∫ C (I + Γ)⁻¹ δω dt,
-in axes of the piece's beginning and to first order. Errors are computed less true: what a gyro reads too much turns the
-carried attitude too far.
+A gyro whose reading is δω(t) too large turns the carried attitude, over a piece from t₀ to t₁, by C(t₀)ᵀ ∫ C (I + Γ)⁻¹
+δω dt, in axes of the piece's beginning and to first order. Errors are computed less true: a reading that is too large
+turns the carried attitude too far.
 """
 
 from collections.abc import Mapping, Sequence
@@ -72,7 +72,7 @@ def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A run of the simulation through a record, and what each coefficient adds to it.
+    """A run of the simulation through a record, with the derivatives by each coefficient.
 
     `attitude` (N, 4) as it was carried, scalar first; `rows` (B,): every row at which a piece begins or ends, in order;
     `integral` (B, 3, P + K): ∫ C (I + Γ)⁻¹ δω dt up to these rows, by each of the P = `own` parameters of the gyros and
@@ -116,7 +116,7 @@ def integrals(
 
 
 def turning(motion: Motion, model: GyroModel, attitude: NDArray, begin: int, end: int) -> NDArray[np.float64]:
-    """C (I + Γ)⁻¹ dt (n, 3, 3) of rows begin to end: what a unit that each gyro reads too much turns."""
+    """Return C (I + Γ)⁻¹ dt (n, 3, 3) of rows begin to end: the turn by a unit of error of each gyro."""
     after, before = attitude[begin:end], attitude[begin - 1 : end - 1]
     middle = after + before * np.sign(np.sum(after * before, axis=1, keepdims=True))
     return matrices_of(middle) @ model.inverse * motion.step[begin:end, None, None]
@@ -125,7 +125,7 @@ def turning(motion: Motion, model: GyroModel, attitude: NDArray, begin: int, end
 def means_at_rest(
     motion: Motion, model: GyroModel, places: Sequence[EffectPlace], rests: Sequence[slice]
 ) -> NDArray[np.float64]:
-    """What each coefficient adds to the gyros' mean over all rests, (3, K) [rad/s]."""
+    """Return the change (3, K) [rad/s] of the gyros' mean over all rests by each coefficient."""
     total, count = np.zeros((3, sum(coefficient_count(place) for place in places))), 0
     for rows in rests:
         for begin in range(max(rows.start, 1), rows.stop, CHUNK):
@@ -170,7 +170,7 @@ def across(up: NDArray) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What a carried attitude is held against: `scored` are the pieces of each kind that the model is judged by.
+    """Reference of a carried attitude: `scored` are the pieces of each kind that judge the model.
 
     `noise` is the gyros'; None where the record does not tell it: bounds are then zero.
     """
@@ -284,7 +284,7 @@ class Gravity(Reference):
         return parts
 
     def of_readings(self, x: NDArray, attitude: NDArray) -> dict[str, NDArray[np.float64]]:
-        """What readings at the rests that are too large by a unit add to each part, by its label: (S, d, K, 3).
+        """Return the change (S, d, K, 3) of each part, by its label, per unit error of the readings at the rests.
 
         The attitude (N, 4) was carried; `x` are the nine parameters of the accelerometers.
         """
@@ -342,14 +342,14 @@ class Truth(Reference):
 
     @property
     def at_rest(self) -> float:
-        """By how much the true attitude errs at a row at rest, so that two rows differ as they do [rad]."""
+        """Error of the true attitude at a row at rest, from the differences between rows [rad]."""
         return 0.5 * float(self.scatter.max(initial=0.0))
 
     @property
     def of_windows(self) -> NDArray[np.float64]:
-        """What its errors add to the bound of a window of each length (L,) [rad]; stated ones at both ends.
+        """Addition of the true attitude's errors to the bound of a window of each length (L,) [rad].
 
-        What is stated takes nothing from what the record shows.
+        A stated error counts at both ends, and never reduces the error that the record shows.
         """
         if self.stated is None:
             return self.scatter
@@ -379,18 +379,18 @@ class Truth(Reference):
 
 
 def has_truth(inspection: Inspection) -> bool:
-    """Whether a record holds the true attitude anywhere."""
+    """Return whether a record holds the true attitude in any row."""
     return len(known_rows(inspection.record)) > 0
 
 
 def is_inertial(record: StrapdownRecord) -> bool:
-    """Whether a record says that its true attitude is against inertial space."""
+    """Return whether a record declares its true attitude as against inertial space."""
     key, value = INERTIAL
     return record.attitude is not None and record.about.get(key) == value
 
 
 def without_earth(inspection: Inspection) -> Inspection:
-    """What was found in a record whose attitude is inertial, the gyros' means at rest less how it truly turns there."""
+    """Return the inspection of an inertial record with the true rate at rest removed from the gyros' means."""
     record, rests = inspection.record, inspection.rests
     if not is_inertial(record) or not len(rests):
         return inspection
@@ -403,7 +403,7 @@ def without_earth(inspection: Inspection) -> Inspection:
 
 
 def truth_windows(inspection: Inspection) -> tuple[Pieces, ...]:
-    """Windows of each length of which the record holds enough."""
+    """Return the windows of each length that the record holds often enough."""
     record, sampling = inspection.record, inspection.sampling
     rows, usable, period = known_rows(record), usable_in(record, sampling), sampling.period
     windows = [windows_of(rows, usable, period, seconds) for seconds in LENGTHS if seconds >= 4.0 * period]

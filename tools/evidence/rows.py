@@ -80,7 +80,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Errors (S,) of one component, `label`: ``{"axis": 1}``, and what they may depend on, by name.
+    """Errors (S,) of one component, `label`: ``{"axis": 1}``, and the quantities that they may depend on, by name.
 
     `quantities` are coordinates (S, k) of one variable each, `joint` of several together; `angles` (S,) [rad] are tried
     each, and all together.
@@ -189,7 +189,7 @@ class Rows:
 
     @property
     def piece_count(self) -> int:
-        """How many pieces, of the scored kind that has most, or readings of an accelerometer there are."""
+        """Number of pieces of the most frequent scored kind, or of readings of an accelerometer."""
         if self.scored:
             return max(len(self.parts[k]) for k in self.scored)
         return len(self.residual) // (3 if self.are_readings else 1)
@@ -227,7 +227,7 @@ class Rows:
         return Rows.of(parts, self.names, self.point, self.places)
 
     def select(self, k: int) -> "Rows":
-        """The rows of one scored part, with what is known beside it."""
+        """Return the rows of one scored part, with those of the parts that are not scored."""
         return self.with_parts([part for i, part in enumerate(self.parts) if i == k or not part.scored])
 
     def with_errors(self, errors: Sequence[NDArray]) -> "Rows":
@@ -270,7 +270,7 @@ class Rows:
         return errors
 
     def folds(self, count: int = FOLDS) -> list[NDArray[np.int_]]:
-        """Blocks in time, each with as many pieces of the shortest scored kind as the others; each piece's (S,)."""
+        """Return the fold of each piece (S,): blocks in time with equal numbers of the shortest scored kind."""
         main = max((self.parts[k] for k in self.scored), key=len)
         edges = np.quantile(main.middles, np.linspace(0.0, 1.0, min(count, len(main)) + 1)[1:-1])
         return [np.searchsorted(edges, part.middles) for part in self.parts]

@@ -78,7 +78,7 @@ class SettingIn(Linear):
 
     @cached_property
     def ranges(self) -> dict[tuple[EffectPlace, int, int], Range]:
-        """What holds the effects in ranges of their numbers that were tried."""
+        """Ranges already computed, by effect and the numbers at both ends."""
         return {}
 
     def with_onsets(self, fit: Fit) -> Self:
@@ -101,9 +101,9 @@ class SettingIn(Linear):
     """Sets of more effects have none that sets in: in a long record each such pair costs tens of programmes."""
 
     def sets_in_time(self, size: int, work: Work, slack: float = 0.0) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of one or two effects of which one sets in; of two those that no bound refuses.
+        """Yield sets of one effect that sets in, or of two with one that does, where no bound refuses the two.
 
-        By so much `slack`, in bounds, the rows may be wrong.
+        `slack` is the possible error of the rows, in bounds.
         """
         if size > self.most_with_onset:
             return
@@ -223,9 +223,9 @@ class SettingIn(Linear):
     def _rows_of_times(
         self, place: EffectPlace, linear: Sequence[EffectPlace], numbers: NDArray
     ) -> tuple[Rows, NDArray[np.float64]]:
-        """An effect beside others with time constants of some numbers (R,), and what it misses (M, k) between these.
+        """Return rows with an effect at time constants of the given numbers (R,), and its error (M, k) between these.
 
-        The last k rows say that the sizes are possible.
+        The last k rows hold the sizes within their limits.
         """
         cells = self.cells[place]
         assert isinstance(cells, TimeConstants)
@@ -301,7 +301,7 @@ class SettingIn(Linear):
         return cells.edges
 
     def _range(self, place: EffectPlace, begin: int, end: int) -> Range:
-        """Columns (M, L) that hold an effect in a range of its numbers, and what is missed; kept for the next set."""
+        """Return the range of an effect between two numbers, and store it for the next set."""
         known = self.ranges.get((place, begin, end))
         if known is None:
             largest = np.abs(limits_of([place])).max(axis=0)
