@@ -1,4 +1,4 @@
-"""What a person runs."""
+"""Code behind the commands and the Python functions that a person runs."""
 
 from collections.abc import Callable
 from typing import Any

@@ -62,7 +62,7 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
 
 
 class _Names(dict[str, Any]):
-    """The names of a module; what is known to those alone who check types stands for anything."""
+    """The names of a module; a name that only type checkers know resolves to any type."""
 
     def __missing__(self, name: str) -> Any:
         return Any
@@ -70,7 +70,7 @@ class _Names(dict[str, Any]):
 
 @cache
 def _adapters(function: Callable[..., Any]) -> dict[str, TypeAdapter[Any]]:
-    """What looks at the arguments of plain types, by their names."""
+    """Return the type adapters of the arguments that have plain types, by argument name."""
     hints = get_type_hints(function, localns=_Names(vars(inspect.getmodule(function)) | vars(builtins)))
     adapters = {}
     for name, p in inspect.signature(function).parameters.items():
@@ -80,7 +80,7 @@ def _adapters(function: Callable[..., Any]) -> dict[str, TypeAdapter[Any]]:
 
 
 def _plain(hint: Any) -> bool:
-    """Whether a type is made of plain ones."""
+    """Return true if a type is made of plain types only."""
     origin = get_origin(hint)
     if origin is Literal or hint is ... or hint in PLAIN:
         return True
@@ -202,7 +202,7 @@ def one_thread() -> Iterator[None]:
 
 @cache
 def _libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
-    """What says and sets the number of threads of each OpenBLAS beside the packages."""
+    """Return the calls that get and set the number of threads of each OpenBLAS among the installed packages."""
     packages = Path(np.__file__).parent.parent
     paths = []
     for folder in ("numpy.libs", "numpy/.dylibs", "scipy.libs", "scipy/.dylibs"):

@@ -1,4 +1,4 @@
-"""The calibration: what one or several records of any kind say of a model's parameters.
+"""Results of a calibration: the parameters of a model, from one or several records of any kind.
 
 A `Calibration` is what `calibrate` returns, of positions, of a bench with gyros, of several records together, and what
 `inspect` says of accelerometers by the norm of gravity. Its JSON is `trihedron.calibration/3`; a field that holds
@@ -83,7 +83,7 @@ EACH_ITS_OWN = Sigma.of(None, "each record has its own")
 
 
 class Parameter(Part):
-    """What is known of one parameter, or of a linear combination of parameters.
+    """Result for one parameter, or for a linear combination of parameters.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class Parameter(Part):
 
     @property
     def bounded(self) -> bool:
-        """Whether both ends are known."""
+        """Return true if both ends are known."""
         return self.low is not None and self.high is not None
 
     @property
@@ -140,7 +140,7 @@ class Parameter(Part):
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The ends of what is possible, infinite where nothing bounds it."""
+        """Return the ends of the possible values; an end is infinite where nothing bounds it."""
         return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
 
     @property
@@ -158,12 +158,12 @@ class Parameter(Part):
         return 0.5 * (self.high - self.low)
 
     def possible(self, value: float | None) -> bool:
-        """Whether a value lies in the interval, as far as both are known."""
+        """Return true if a value lies in the interval, or if the value or an end is unknown."""
         return value is None or self.low is None or self.high is None or self.low <= value <= self.high
 
 
 class ReadingError(Part):
-    """What an accelerometer reads beyond its input [g] at that input (3,) [g], at least and at most.
+    """Error of an accelerometer [g] at one input (3,) [g]: least and largest possible value.
 
     None where the readings do not determine it.
     """
@@ -211,7 +211,7 @@ class Turn(Part):
 
 
 class GainOfTurns(Part):
-    """What turns add: a parameter's guaranteed error by the accelerometers alone, and by both."""
+    """Gain from the gyros: a parameter's guaranteed error from the accelerometers alone, and from both."""
 
     symbol: str
     accelerometers_alone: Size
@@ -219,7 +219,7 @@ class GainOfTurns(Part):
 
 
 class Gyros(Part):
-    """What the calibration of the gyros of a bench record rests on, and what it gains.
+    """Basis and gain of the calibration of the gyros of a bench record.
 
     Attributes
     ----------
@@ -247,14 +247,14 @@ class Gyros(Part):
 
 
 class KnownBefore(Part):
-    """What was known before: |expression| ≤ limit."""
+    """A limit known before the calibration: |expression| ≤ limit."""
 
     expression: str
     limit: Number
 
 
 class Provenance(Part):
-    """What a calibration was made from: the record's file and its SHA-256 (empty without a file), bounds of (1.7)."""
+    """Source of a calibration: the record's file and its SHA-256 (empty without a file), bounds of (1.7)."""
 
     omitted: ClassVar[frozenset[str]] = frozenset({"kind", "temperature_degC", "comments"})
 
@@ -276,7 +276,7 @@ class CalibratedEffect(Part):
 
     @property
     def in_readings(self) -> bool:
-        """Whether an accelerometer reads it, wherever it is mounted; else it is of the table, or of one reading."""
+        """Return true if an accelerometer reads the parameter; false for parameters of the table or of one reading."""
         return self.where.startswith("accelerometer")
 
 
@@ -289,7 +289,7 @@ class TablePosition(TypedDict):
 
 
 class OfRecord(Part):
-    """What one of several records has of its own."""
+    """Values of one of several records that only this record has."""
 
     sigma: Sigma
     mountings: dict[str, list[list[Number]]] = Field(default={})
@@ -299,7 +299,7 @@ class OfRecord(Part):
 
 
 class ParameterChange(Part):
-    """By how much a parameter of several records, each taken by itself, is no constant.
+    """Change of a parameter between several records, each calibrated by itself.
 
     Attributes
     ----------
@@ -323,7 +323,7 @@ class ParameterChange(Part):
 
 
 class Calibration(Part):
-    """What one or several records say of a model's parameters.
+    """Result of a calibration: the parameters of a model, from one or several records.
 
     Attributes
     ----------
@@ -424,7 +424,7 @@ class Calibration(Part):
 
     @property
     def stands(self) -> bool:
-        """Whether the model keeps every reading within its bound, though that may be no more than an unknown σ."""
+        """Return true if the model keeps every reading within its bound, even where σ is unknown."""
         return gives_parameters(self.verdict, self.estimator)
 
     @property
@@ -472,7 +472,7 @@ class Calibration(Part):
         return default
 
     def __contains__(self, target: object) -> bool:
-        """Whether there is a parameter of this symbol or name."""
+        """Return true if a parameter has this symbol or name."""
         return any(target in (p.symbol, p.name) for p in self.parameters)
 
     def __iter__(self) -> Iterator[str]:  # type: ignore[override]
@@ -480,7 +480,7 @@ class Calibration(Part):
         return iter([p.symbol for p in self.parameters])
 
     def sheet(self, path: str | Path, *, about: Mapping[str, str] | None = None, record: Any = None) -> Path:
-        """Write one A4 page to sign: who measured what, the numbers, the correction, what they rest on.
+        """Write one A4 page to sign: people, numbers, correction, and the evidence behind them.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Two runs or records held against each other, column by column: by how much they differ, and when."""
+"""Compare two runs or records column by column: size and time of the differences."""
 
 import io
 import math
@@ -30,7 +30,7 @@ RUNS = ("run.parquet", "run.csv")
 
 
 class Difference(Result):
-    """How a column differs, the second less the first, in the unit of its name.
+    """Difference of a column, second minus first, in the unit of its name.
 
     Attributes
     ----------
@@ -229,7 +229,7 @@ def _difference(first: NDArray, second: NDArray, period: float | None = None) ->
 
 
 def _judged(column: str, time: NDArray, values: tuple[NDArray, NDArray, NDArray], limit: float) -> Difference:
-    """How a column differs: values of the first, of the second, and their difference."""
+    """Return the difference of a column, from the values of both sources and their difference."""
     first, second, difference = values
     finite = np.isfinite(difference)
     one_only = int(np.count_nonzero(np.isfinite(first) != np.isfinite(second)))
@@ -252,7 +252,7 @@ def _judged(column: str, time: NDArray, values: tuple[NDArray, NDArray, NDArray]
 
 
 def limits_of(within: Sequence[str], columns: list[str]) -> dict[str, float]:
-    """What each column may differ by: NUMBER for all, COLUMN=NUMBER for one; 0 where nothing is said."""
+    """Return the allowed difference of each column: NUMBER for all, COLUMN=NUMBER for one, 0 by default."""
     general = 0.0
     limits: dict[str, float] = {}
     for text in within:
@@ -296,7 +296,7 @@ def _matched(
 
 
 def table_of_run(source: Any) -> tuple[str, pl.DataFrame]:
-    """A run or a record and what it is called: the folder of a run, a file, a table in memory, a record, a simulation.
+    """Return name and table of a run or record: a run's folder, a file, a table in memory, a record, a simulation.
 
     An InputError where it is none, has no times, or they run back.
     """

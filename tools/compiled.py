@@ -80,7 +80,7 @@ class _KeptCode:
         return f"{hashlib.sha256(made_from.encode()).hexdigest()}.code"
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """What was compiled for a signature; None where it has to be compiled."""
+        """Return the compiled code for a signature, or None if it must be compiled."""
         target.refresh()
         content = stored(_KIND, self._name(signature, target.codegen()))
         if content is None:
@@ -91,13 +91,13 @@ class _KeptCode:
             return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Keep what was compiled for a signature."""
+        """Keep the compiled code for a signature."""
         if not result.library.has_dynamic_globals:
             content = import_module("numba.core.serialize").dumps(result._reduce())
             store(_KIND, self._name(signature, result.codegen), content)
 
     def flush(self) -> None:
-        """Keep all: what is kept is named by what it follows from."""
+        """Do nothing: the name of each kept entry already covers its inputs."""
 
 
 def compiled_and_kept(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -198,7 +198,7 @@ def true_values(scenario: Scenario, component: str) -> dict[str, Any]:
 
 
 def bench_place(scenario: Scenario) -> Bench:
-    """Where the table of a scenario stands, and within what its encoders read."""
+    """Return the place of a scenario's table on Earth, and the bound of its encoders' error."""
     table = true_values(scenario, "TurntableMotion")
     latitude, azimuth = (math.degrees(table[name]) for name in ("latitude", "azimuth"))
     return Bench(latitude, azimuth, encoder_bound=table["encoder_fluctuation_bound"])
@@ -218,13 +218,13 @@ def true_targets(scenario: Scenario) -> dict[str, float]:
 
 
 def inside_intervals(calibration: Calibration, truth: dict[str, float]) -> int:
-    """How many true values lie inside their exact intervals."""
+    """Return the number of true values inside their exact intervals."""
     every = calibration.parameters
     return sum(e.low is not None and e.high is not None and e.low <= truth[e.symbol] <= e.high for e in every)
 
 
 def effect_words(hidden: dict[str, Any]) -> str:
-    """What was hidden, in words."""
+    """Describe the hidden effect in words."""
     if hidden["effect"] is None:
         return "nothing"
     order = f" order {hidden['order']}" if "order" in hidden else ""

@@ -1,4 +1,4 @@
-"""What is said to a user whose input cannot be used."""
+"""Errors and messages for a user whose input cannot be used."""
 
 import errno
 from collections.abc import Iterator
@@ -18,11 +18,11 @@ class NoSuchFileError(InputError):
 
 
 class InvalidInput(InputError, ValueError):
-    """What a function called from Python raises of input that cannot be used: a ValueError, too."""
+    """Error of a function called from Python for unusable input: a ValueError, too."""
 
 
 class MissingFile(InputError, FileNotFoundError):
-    """What a function called from Python raises of a file that does not exist: a FileNotFoundError, too."""
+    """Error of a function called from Python for a file that does not exist: a FileNotFoundError, too."""
 
 
 def as_in_python(error: InputError) -> InputError:
@@ -36,7 +36,7 @@ def as_in_python(error: InputError) -> InputError:
 
 @contextmanager
 def said_of(where: str) -> Iterator[None]:
-    """Put the name of a field or file before what is refused in the block."""
+    """Put the name of a field or file before the message of an error in the block."""
     try:
         yield
     except InputError as error:
@@ -61,7 +61,7 @@ def one_line(text: str) -> str:
 
 
 def shortage(error: BaseException) -> str:
-    """Return what the machine is short of, and what to do; empty where an error says nothing of that kind."""
+    """Return the resource that the machine lacks, and the remedy; empty for other errors."""
     number, text = getattr(error, "errno", None), str(error).lower()
     if isinstance(error, MemoryError) or number == errno.ENOMEM or any(words in text for words in NO_MEMORY):
         return "there is not enough memory; end other programs, raise the limit (ulimit -v), or give fewer rows"
@@ -77,7 +77,7 @@ NO_MEMORY = ("cannot allocate memory", "failed to map segment", "bad_alloc")
 
 
 def nearest_file(path: Path) -> str:
-    """What follows "no such file": "; did you mean 'x'?" where a file beside it is called much the same."""
+    """Return "; did you mean 'x'?" for a missing file where a file of a similar name exists; else empty."""
     try:
         names = [entry.name for entry in path.parent.iterdir() if entry.name != path.name]
     except OSError:
@@ -87,12 +87,12 @@ def nearest_file(path: Path) -> str:
 
 
 def full(error: BaseException) -> bool:
-    """Whether an error says that a disk is full, or a file as large as it may be."""
+    """Return true if an error means that a disk is full, or that a file has reached its size limit."""
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def reason(error: OSError) -> str:
-    """What the system says of a file; libraries that are not Python's put it into the message, with a number."""
+    """Return the system's message for a file error; libraries outside Python put it into the text, with a number."""
     return error.strerror or str(error).partition(" (os error")[0] or type(error).__name__
 
 
@@ -103,7 +103,7 @@ def unreadable(path: Path, error: OSError) -> str:
 
 
 def nearest(name: str, names: list[str] | tuple[str, ...]) -> str:
-    """What follows a name that is not known: "did you mean 'x'?" where one is much the same, or "known: a, b, c"."""
+    """Return a hint for an unknown name: "did you mean 'x'?" where one is similar, else "known: a, b, c"."""
     from difflib import get_close_matches
 
     close = get_close_matches(name, names, n=1, cutoff=0.6)

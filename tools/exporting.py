@@ -72,7 +72,7 @@ class Exported(Result):
 
 
 def _described(path: Path, out: Path, flavour: str, fmi: int) -> ExportedFmu:
-    """What is said of an FMU at a path, which will stand in the folder `out`."""
+    """Describe an FMU at a path as it will be in the folder `out`."""
     with zipfile.ZipFile(path) as archive:
         folders = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -283,7 +283,7 @@ def write_fmpy_input(
 
 @dataclass(frozen=True)
 class _Inputs:
-    """What a component takes from a record: variables (N, 3) by name, each step of one period [s]."""
+    """Inputs of a component from a record: variables (N, 3) by name, each step of one period [s]."""
 
     component: str
     period: float

@@ -110,7 +110,7 @@ def together() -> Iterator[None]:
 
 @contextmanager
 def at_once() -> Iterator[None]:
-    """Let what is written in the block appear with it, though a block around it keeps files together."""
+    """Put the files written in the block in place at its end, even inside a block that keeps files together."""
     token = _PENDING.set(None)
     try:
         yield
@@ -152,7 +152,7 @@ def _place(pending: Sequence[Placed]) -> None:
 
 
 def _places(draft: Path, path: Path) -> dict[Path, Path]:
-    """Where what is written beside its place goes, and what goes there: a file, or each file of a folder."""
+    """Return each final path with its draft: a file, or each file of a folder."""
     if not draft.is_dir():
         return {path: draft}
     return {path / file.name: file for file in sorted(draft.iterdir())}
@@ -175,7 +175,7 @@ def _take_away(path: Path) -> None:
 
 @contextmanager
 def _beside(draft: Path, path: Path, obsolete: Sequence[Path] = ()) -> Iterator[Path]:
-    """What is to be filled beside its place, where it lands when the block ends without an error, or all do."""
+    """Yield a draft to fill; it moves to its place when the block, or the block around it, ends without an error."""
     pending = _PENDING.get()
     is_pending = False
     try:
@@ -313,7 +313,7 @@ def bytes_of(
 
 
 def is_workbook(content: bytes) -> bool:
-    """Whether bytes are those of a workbook: of a new kind (.xlsx, .xlsb, .ods: ZIP archives) or the old (.xls)."""
+    """Return true if bytes are a workbook: a ZIP archive (.xlsx, .xlsb, .ods) or the old kind (.xls)."""
     archive = content.startswith(ZIP) and (b"xl/workbook" in content or OPEN_DOCUMENT in content)
     return archive or content.startswith(OLD_WORKBOOK)
 
@@ -363,7 +363,7 @@ def kind_of_file(content: bytes) -> str:
 
 
 def advice_on(path: object, content: bytes, *right: str) -> str:
-    """What follows a refusal: "; this is a scenario: did you mean ...?"; "" where nothing tells it, or it is right."""
+    """Return a hint for a refused file, "; this is a scenario: did you mean ...?"; empty if unknown or right."""
     kind = kind_of_file(content)
     if not kind or kind in right:
         return ""

@@ -1,4 +1,4 @@
-"""What is installed, for which platforms FMUs can be exported, and whether a run works: behind `trihedron doctor`."""
+"""Check the installation: packages, platforms for FMU export, and a trial run, for `trihedron doctor`."""
 
 import os
 import platform
@@ -70,7 +70,7 @@ class Installation(Result):
 
 
 def doctor() -> Installation:
-    """Look at the installation and try a run: simulate a table and a block, calibrate what was measured."""
+    """Check the installation with a trial run: simulate a table and a block, and calibrate the simulated readings."""
     findings = (
         finding("trihedron", metadata.version("trihedron")),
         finding("Python", f"{platform.python_version()}, {sys.executable}", sys.version_info >= (3, 11)),
@@ -84,7 +84,7 @@ def doctor() -> Installation:
 
 
 def finding(subject: str, state: str, good: bool | None = True) -> InstallationFinding:
-    """What was seen of a subject."""
+    """Return the state of a subject as a finding."""
     return InstallationFinding(subject=subject, state=state, good=good)
 
 

@@ -1,4 +1,4 @@
-"""What one process has to itself: a lock, which goes with the process however that ends, and a folder.
+"""Resources of one process: a lock that ends with the process, and a folder.
 
 The folder of a process that was killed is taken away by the next one that makes one.
 """

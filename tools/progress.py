@@ -1,4 +1,4 @@
-"""How far long work has come, on standard error where that is a terminal; elsewhere nothing is shown or loaded."""
+"""Progress of long work, on standard error if it is a terminal; elsewhere nothing is shown or loaded."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -20,7 +20,7 @@ def tracked(items: Iterable[Item], title: str, *, show: bool, total: int | None 
 
 @contextmanager
 def progress_bar(title: str, total: float, *, show: bool) -> Iterator[Callable[..., None]]:
-    """Give a function that is told how much more is done and, where it changes, the bar's title."""
+    """Yield a function that takes the progress made and, where it changes, the bar's title."""
     if not (show and sys.stderr.isatty()):
         yield lambda done, title=None: None
         return
@@ -33,7 +33,7 @@ def progress_bar(title: str, total: float, *, show: bool) -> Iterator[Callable[.
 
 
 def shown_status(what: str, *, show: bool) -> AbstractContextManager[object]:
-    """Say what is being done while the block runs."""
+    """Show the current activity while the block runs."""
     if not (show and sys.stderr.isatty()):
         return nullcontext()
     from rich.console import Console

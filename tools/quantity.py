@@ -1,4 +1,4 @@
-"""How a field of a result is shown: what a person calls it, its unit, and what its rounded number promises.
+"""Display of a field of a result: its name for a person, its unit, and the promise of its rounded number.
 
 A field says it in its type: ``radius: Annotated[float, Quantity("largest residual", "σ", "residual")]``. Tables for
 pages and terminals are made from these (`document.tables`).
@@ -24,7 +24,7 @@ Rounding = Literal[
 
 @dataclass(frozen=True)
 class Quantity:
-    """How a field is shown.
+    """Display of a field.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What results have in common, and files of sections (TOML): typed values, and what is wrong with each of their fields.
+"""Base of all results, and files of sections (TOML): typed values, and the errors of each of their fields.
 
 Results go to JSON, come back from it, and know nothing of what shows them.
 """
@@ -57,7 +57,7 @@ ABSENT: Any = None
 
 
 class _Published(GenerateJsonSchema):
-    """Takes what no JSON can hold: it stands in fields for the program alone."""
+    """Schema generator that skips objects without a JSON form: such fields are for the program alone."""
 
     def handle_invalid_for_json_schema(self, schema: CoreSchema, error_info: str) -> JsonSchemaValue:
         return {}
@@ -109,7 +109,7 @@ class Result(BaseModel):
         return json_text(self.to_json())
 
     def __eq__(self, other: object) -> bool:
-        """Whether all that is published is the same."""
+        """Return true if all published fields are equal."""
         return self is other or (type(self) is type(other) and self.to_json() == cast(Result, other).to_json())
 
     def __hash__(self) -> int:
@@ -175,7 +175,7 @@ class Result(BaseModel):
 
 
 class Told(Result):
-    """A part of which only what was told is written: keys that hold nothing and were not given are left out."""
+    """A part written without its empty keys, except those that were given."""
 
     @model_serializer(mode="wrap")
     def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
@@ -198,7 +198,7 @@ def object_of(text: bytes, where: str) -> dict[str, Any]:
 
 
 def parsed_result(content: Mapping[str, Any], kinds: Mapping[str, type[Kind]], where: str) -> Kind | None:
-    """The result of which this is the object, of one of some kinds by their schemas; None where it is of none.
+    """Parse an object as one of several kinds of result by its schema; None where it is of none.
 
     An InputError, which begins with `where`, where it is not as its schema says.
     """
@@ -236,7 +236,7 @@ File = TypeVar("File", bound=Section)
 
 
 def read_sections(content: bytes, path: Path, model: type[File], **origin: Any) -> File:
-    """What a TOML file of these bytes says, whose `schema` is that of the model; `origin`: fields that no file has.
+    """Read a TOML file whose `schema` is that of the model; `origin`: fields that no file has.
 
     An InputError where it is not UTF-8, not TOML (with the line), or for the first field that is missing, unknown or
     wrong.
@@ -262,7 +262,7 @@ def read_sections(content: bytes, path: Path, model: type[File], **origin: Any) 
 
 
 def not_for_files(sections: Mapping[str, Any], model: type[BaseModel]) -> dict[str, str]:
-    """Keys that only a program sets, with what is said of each."""
+    """Return keys that only a program may set, each with its error message."""
     fields = model.model_fields
     return {k: f"{k}: unknown key; it is not for files" for k in sections if k in fields and fields[k].exclude}
 
@@ -292,7 +292,7 @@ def dotted(location: Location) -> str:
 
 
 def field_problems(error: ValidationError, model: type[BaseModel]) -> list[tuple[Location, str]]:
-    """Where and what: all that is wrong, in the order of the model; a line that begins with the field's dotted name."""
+    """Return place and text of each error, in the order of the model; a text begins with the field's dotted name."""
     members = _members_of_unions(model)
 
     def is_member(part: int | str) -> bool:
@@ -316,7 +316,7 @@ def field_problems(error: ValidationError, model: type[BaseModel]) -> list[tuple
 
 
 def _deeper(location: Location, deep: Set[Location]) -> bool:
-    """Whether another member of the same union is wrong further inside."""
+    """Return true if another member of the same union has an error further inside."""
     return any(len(other) == len(location) and other[:-1] == location[:-1] for other in deep)
 
 

@@ -1,4 +1,4 @@
-"""Numbers as text: bounds up, ends of intervals outwards, estimates to nearest; what is guaranteed stays guaranteed.
+"""Numbers as text: bounds rounded up, ends of intervals outwards, estimates to nearest, so that guarantees hold.
 
 Whatever shows a number to a person - terminal, page, table, picture, message - writes it by these functions: the name
 of the function says what the number promises. JSON and tables for programs keep every digit.
@@ -85,7 +85,7 @@ def upwards(value: float | None, count: int = 2) -> Number:
 
 
 def downwards(value: float | None, count: int = 2, above: float | None = None) -> Number:
-    """What is at least so much: never more than the value; `above`: more digits, until that is seen to be exceeded."""
+    """Return a lower bound as text, rounded down; with `above`, with digits enough to show that it is exceeded."""
     text = _significant(value, count, ROUND_FLOOR)
     if value is None or above is None or not above < value < math.inf:
         return text
@@ -123,7 +123,7 @@ def residual(radius: float | None, count: int = 3) -> Number:
 def interval(
     value: float | None, low: float | None, high: float | None, bound: float | None = None
 ) -> tuple[Number, Number, Number]:
-    """An estimate and the ends of what is possible, all to the place of the second digit of half the width.
+    """Return an estimate and the ends of its interval, all to the place of the second digit of half the width.
 
     The lower end is rounded down, the upper up, the estimate to nearest; an estimate within its interval is shown
     within. A positive estimate that is far smaller than that has three digits of its own. Ends may be infinite, or None

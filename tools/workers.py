@@ -43,7 +43,7 @@ def made(
     jobs: int | None = None,
     scheduler: str | None = None,
 ) -> Generator[Returned, None, None]:
-    """Yield what a function returns for each argument, in the order in which the calls end.
+    """Yield the value of a function for each argument, in the order in which the calls end.
 
     One job of the local engine is this process. Without `jobs` there are as many processes as cores; without the
     address of a Dask scheduler "dask" is a cluster of processes of this machine.

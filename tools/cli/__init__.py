@@ -45,7 +45,7 @@ QUIET = ("--quiet", "-q")
 
 
 def shown_default(value: object) -> str | None:
-    """A default as a person would type it; none where nothing is said."""
+    """Return a default as a person would type it, or None where the option has no default."""
     if value is None or value is False or value == ():
         return None
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
@@ -143,7 +143,7 @@ def program() -> int:
 
 
 def _leave(statuses: list[int]) -> None:
-    """End the process that has done its work; where what it said cannot be written, Python's own end says so."""
+    """End the process after its work; if its output cannot be written, let Python report that."""
     with suppress(OSError, ValueError):
         for stream in (sys.stdout, sys.stderr):
             if stream is not None:

@@ -1,4 +1,4 @@
-"""What a command is given and what it has to say: options, text for a person, an object for a program, exit status.
+"""Input and output of a command: options, text for a person, JSON for a program, exit status.
 
 Options are the library's functions' with their words, and what only a command line needs.
 """
@@ -44,7 +44,7 @@ STANDARD_OUTPUT = Path("-")
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command prints, and its exit status.
+    """The output of a command, and its exit status.
 
     The text is printed with --quiet too where it is `wanted`: asked for by name. A complaint is one line for standard
     error, where the work was done and found something wrong.
@@ -65,7 +65,7 @@ def answer(
     complaint: str = "",
     status: int = 2,
 ) -> Answer:
-    """Write a command's object where `--json` asks for it ("-": standard output), and give what is to be printed.
+    """Write a command's JSON where `--json` asks for it ("-": standard output), and return the output to print.
 
     A person reads the `result`, which may be text, and the `files` that were written, a line each. The object is the
     `content`, plain values, or that of the result. The exit status is `status` where there is a complaint. An
@@ -168,7 +168,7 @@ def too_little_memory() -> str:
 
 
 def drop_output() -> None:
-    """Let what is left in the buffer of standard output go nowhere: Python would try, and complain, at its end."""
+    """Discard the buffer of standard output; otherwise Python writes it at exit and complains."""
     if sys.stdout is not None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -209,7 +209,7 @@ def distinct_files(files: dict[str, Path | None]) -> None:
 
 
 def page_file(option: str) -> Callable[[object, Path | None], None]:
-    """What checks the name of a page before anything is computed."""
+    """Return a check of the name of a page, to run before any computation."""
 
     def checked(_: object, path: Path | None) -> None:
         if path is not None:

@@ -1,4 +1,4 @@
-"""What the simulation gets wrong: falsify the model, name the cause, extend the model, measure the gain."""
+"""Find errors of the simulation: falsify the model, name the cause, extend the model, measure the gain."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What was found of records, put to use: applied to another record, or exported as FMUs that start with it."""
+"""Apply a diagnosis: correct another record, or export FMUs that include the effects found."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -48,7 +48,7 @@ def coefficients_of(cause: Cause) -> NDArray[np.float64]:
 
 
 def errors_of(cause: Cause) -> NDArray[np.float64]:
-    """What the coefficients (K,) of a cause may be wrong by at most."""
+    """Return the largest possible errors of the coefficients (K,) of a cause."""
     half = [max(high - value, value - low) for value, (low, high) in zip(cause.values, cause.intervals, strict=True)]
     errors = []
     for number, parameter in enumerate(cause.parameters):
@@ -63,7 +63,7 @@ def errors_of(cause: Cause) -> NDArray[np.float64]:
 
 
 def applied_to(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
-    """What a diagnosis names, applied to another record, whose evidence is given.
+    """Apply the effects that a diagnosis names to another record, given that record's evidence.
 
     Of several records what is the instrument's, and what is the record's own where it is one of them. An InputError for
     a diagnosis that names nothing, a record that cannot be run, or was corrected by a diagnosis before.
@@ -116,7 +116,7 @@ def _corrected(
     within: NDArray | None,
     record: PositionRecord | StrapdownRecord,
 ) -> dict[str, str]:
-    """The comment lines of a corrected record: what was taken out, by which diagnosis, and how wrong that may be."""
+    """Return the comment lines of a corrected record: effects removed, diagnosis used, bound of the error."""
     titles = " and ".join(place.title for place in places)
     lines = {CORRECTED_BY: f"{titles}, by {origin_of(diagnosis)}"}
     if within is not None:

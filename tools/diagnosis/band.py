@@ -103,7 +103,7 @@ class Possible:
         return self.spaced(self.places)
 
     def spaced(self, places: int) -> NDArray[np.float64]:
-        """The knots of one of so many functions that act together."""
+        """Return the knots of one function when `places` functions act together."""
         values = np.unique(self.pair.values % TURN if self.pair.circle else self.pair.values)
         if self.pair.quantity in (*INPUTS, *RATES) and values[0] < 0.0 < values[-1]:
             values = np.unique(np.append(values, 0.0))
@@ -119,16 +119,16 @@ class Possible:
 
     @property
     def places(self) -> int:
-        """How many functions act together."""
+        """Return the number of functions that act together."""
         return 1 + len(self.others)
 
     @property
     def sign(self) -> float:
-        """A function of a turn about an axis is what its encoder reads too much: the table turns by as much less."""
+        """Return -1 for a function of a turn about an axis: the encoder reads more, so the table turns less; else 1."""
         return -1.0 if self.pair.where in AXES and self.pair.factor not in TILTS else 1.0
 
     def hats(self, knots: NDArray) -> NDArray[np.float64]:
-        """What the value at each knot (K,) has to do with the function at each value (N, K) of the quantity."""
+        """Return the weights (N, K) of the knots' values in the function, at each value of the quantity."""
         around = self.pair.circle
         table = Table("alpha" if around else "hours", "around" if around else "at", tuple(knots.tolist()))
         return table.columns(self.pair.values)
@@ -154,7 +154,7 @@ class Possible:
 
     @cached_property
     def band(self) -> Band:
-        """The ends at so many knots as are told; a SolverError where no function is possible."""
+        """Return the ends of the band at the reported knots; raise a SolverError where no function is possible."""
         return self.every.band(spread_over(len(self.knots), MOST_TOLD // self.places))
 
     @property
@@ -168,10 +168,10 @@ class Possible:
         return every[: len(self.knots)]
 
     def drawn(self, fit: Fit) -> NDArray[np.float64]:
-        """The effects of a fit as a function (K,) at all knots, but for what the model without effects imitates."""
+        """Return the effects of a fit as a function (K,) at all knots, less the part that the bare model imitates."""
         return self.values_of(fit.jacobian[:, len(fit.point) :] @ fit.stated)
 
 
 def spread_over(count: int, most: int) -> NDArray[np.int_]:
-    """Numbers of at most so many of a count of things, spread over all of them."""
+    """Return at most `most` indices, spread evenly over `count` items."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))

@@ -40,7 +40,7 @@ AS_GOOD = 1.1
 
 
 class StatedLaw(Cause):
-    """A law with which the model stands, and what it predicts of readings that were left out.
+    """A law that makes the model fit, and its errors at readings left out of the fit.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class StatedLaw(Cause):
 
     @property
     def causes(self) -> tuple[Cause, ...]:
-        """All effects of which it is made."""
+        """Return all effects of the extension."""
         return (self, *(self.beside or ()))
 
     @property
@@ -72,7 +72,7 @@ class StatedLaw(Cause):
 
 
 class FoundKnot(TypedDict):
-    """A knot of a table, what is stated of the function there, and what the record leaves possible; None: anything."""
+    """A knot of a table, with the estimate and the interval of the function there; None: unbounded."""
 
     at: Number
     estimate: Number
@@ -81,7 +81,7 @@ class FoundKnot(TypedDict):
 
 
 class BeyondCatalogue(StatedLaw):
-    """What extends the model though it stands in no catalogue.
+    """An effect outside the catalogue that extends the model.
 
     Where what is proven is not as straight as a table between its knots, and errors are at their bounds, no table
     stands, or only one of so many knots that left-out readings say nothing of it. Then it is one with which a slightly
@@ -112,7 +112,7 @@ class BeyondCatalogue(StatedLaw):
 
 @dataclass(frozen=True, eq=False)
 class Beyond:
-    """What a record says of the functions of a pair of place and quantity.
+    """Result for the functions of one quantity at one place.
 
     `form`: the simplest functions that suffice; `listed`: fits of sets of effects of the catalogue that stand.
     """
@@ -139,7 +139,7 @@ class Beyond:
 
     @cached_property
     def _work(self) -> Work:
-        """What the laws may cost."""
+        """Return the budget of work for the laws."""
         return Work(MOST_WORK)
 
     @cached_property
@@ -165,7 +165,7 @@ class Beyond:
         return None
 
     def _tables(self) -> Iterator[tuple[EffectPlace, ...]]:
-        """The table that suffices, or, where what does is none, through ever more knots, until one does.
+        """Yield a table that suffices, or tables with more and more knots until one suffices.
 
         Of several places one of each.
         """
@@ -230,12 +230,12 @@ class Beyond:
 
     @property
     def caution(self) -> tuple[str, ...]:
-        """What else would do as well at the same place, by the same quantity; none where one law alone does."""
+        """Return the other laws at the same place and of the same quantity that fit as well; empty if none does."""
         return () if self.is_one_law else (f"{self.in_words}: {self._laws_in_words}",)
 
     @property
     def is_one_law(self) -> bool:
-        """Whether one law stands alone, and no other smooth function of its size does."""
+        """Return true if one law alone fits, and no other smooth function of its size does."""
         # Laws of several places whose shape a number gives are not tried.
         if len(self.laws) != 1 or not self.bands or self._work.is_done or self.pair.members:
             return False
@@ -301,7 +301,7 @@ class Beyond:
     # What is stated
 
     def stated(self, law: Law) -> StatedLaw:
-        """A law with its intervals and what was left out."""
+        """Return a law with its intervals and its errors at the readings left out."""
         first, *further = self._causes(self._centred(law.fit))
         return StatedLaw(**_keys_of(first, further), **self._left_out(law.fit), shape=law.shape)
 
@@ -350,7 +350,7 @@ class Beyond:
         return alike
 
     def extension(self, rerun: bool) -> BeyondCatalogue | None:
-        """What extends the model: the formula that predicts best what was left out, or a table where it does so better.
+        """Return the extension of the model: the formula or table that predicts the left-out readings best.
 
         `rerun`: simulate what was held out again. Where none that stands predicts any of it, a table that does, with a
         slightly larger noise bound. None where there is none at all.
@@ -381,7 +381,7 @@ class Beyond:
         return BeyondCatalogue(**_keys_of(first, further), **self._left_out(chosen), **keys, gain=gain, fit=fit)
 
     def _with_gain(self, fits: Sequence[Fit], rerun: bool) -> tuple[Fit, Gain | None]:
-        """The first of some fits of which what is held out can be simulated again, with its gain; else the first."""
+        """Return the first fit whose held-out readings can be simulated again, with its gain; else the first fit."""
         for fit in fits:
             if not rerun:
                 break
@@ -409,7 +409,7 @@ def _keys_of(first: Cause, further: Sequence[Cause]) -> dict[str, Any]:
 
 
 def _knots_of(law: str, parameters: Sequence[SizedParameter]) -> tuple[FoundKnot, ...]:
-    """The knots of a table with what is stated of each; none of one that jumps."""
+    """Return the knots of a table with their estimates; empty for a table that jumps."""
     table = Table.of(law)
     if table.kind == "jumps at":
         return ()
@@ -424,7 +424,7 @@ def _knots_of(law: str, parameters: Sequence[SizedParameter]) -> tuple[FoundKnot
 
 
 def keys_of(beyond: Beyond, *, extend: bool, rerun: bool) -> Mapping[str, Any]:
-    """Keys of the result of what is proven of place and quantity, whatever the law.
+    """Return the keys of the result for a proven place and quantity, for any law.
 
     `extend`: whether the model is to be extended by what is in no catalogue; `rerun` is as for `Beyond.extension`.
     """

@@ -1,4 +1,4 @@
-"""Causes: effects that explain a record, with what is stated of them and what the record leaves possible."""
+"""Causes: effects that explain a record, with estimates and intervals of their parameters."""
 
 import math
 from collections.abc import Sequence
@@ -71,12 +71,12 @@ class NamedEffect(Told):
 
     @property
     def is_of_instrument(self) -> bool:
-        """Whether the effect acts in every record; else in one alone: it is the run's."""
+        """Return true if the effect acts in every record; false if in one run only."""
         return self.record is None
 
 
 class SizedParameter(Result):
-    """A parameter with what is stated of it and what the record leaves possible; None where nothing bounds it."""
+    """A parameter with its estimate and its interval; None where nothing bounds it."""
 
     name: str
     unit: str
@@ -92,7 +92,7 @@ class SizedParameter(Result):
 
     @property
     def ends(self) -> tuple[float, float]:
-        """What the record leaves possible, infinite where nothing bounds it."""
+        """Return the ends of the interval, infinite where nothing bounds it."""
         return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
 
 
@@ -116,7 +116,7 @@ class Cause(NamedEffect):
         values: Sequence[float],
         ends: Sequence[tuple[float, float]],
     ) -> "Cause":
-        """The effect at a place with what is stated of its parameters, and ends of what is possible or infinity."""
+        """Return the effect at a place with estimates and intervals of its parameters; ends may be infinite."""
         parameters = []
         for parameter, value, possible in zip(place.definition.parameters, values, ends, strict=True):
             parameters.append(SizedParameter.of(parameter.name, parameter.unit, value, possible))
@@ -125,22 +125,22 @@ class Cause(NamedEffect):
 
     @property
     def alike(self) -> tuple[EffectPlace, ...]:
-        """What no measurement of this kind could tell from it."""
+        """Return the effects that no measurement of this kind could tell from this one."""
         return tuple(equivalent.place for equivalent in self.equivalents)
 
     @property
     def values(self) -> tuple[float, ...]:
-        """What is stated of the parameters."""
+        """Return the estimates of the parameters."""
         return tuple(parameter.estimate for parameter in self.parameters)
 
     @property
     def intervals(self) -> tuple[tuple[float, float], ...]:
-        """What the record leaves possible of the parameters."""
+        """Return the intervals of the parameters."""
         return tuple(parameter.ends for parameter in self.parameters)
 
     @property
     def acts(self) -> bool:
-        """Whether the effect cannot be nothing: one size at least cannot be zero; a phase or a time is no size."""
+        """Return true if the effect cannot be zero: one size at least excludes zero (phases and times do not count)."""
         sizes = [parameter.ends for parameter in self.parameters if not parameter.name.endswith(NO_SIZES)]
         return any(low > 0.0 or high < 0.0 for low, high in sizes or self.intervals)
 
@@ -160,11 +160,11 @@ class Finding:
 
     @property
     def sets_in(self) -> bool:
-        """Whether it is shown that no effect of the set that acts from a time on did so from the beginning."""
+        """Return true if every effect with an onset time is proven absent at the beginning of the record."""
         return all(cause.intervals[-1][0] > 0.0 for cause in self.causes if cause.place.definition.searched == ONSET)
 
     def contains(self, finding: "Finding") -> bool:
-        """Whether this set can always do what another one does: by what its effects are, or by when they set in."""
+        """Return true if this set can do everything that another can, by its effects or by their onset times."""
         return contains(self.fit.places, finding.fit.places) or (finding.sets_in and not self.sets_in)
 
     @property
@@ -174,7 +174,7 @@ class Finding:
 
     @property
     def acts(self) -> bool:
-        """Whether none of the effects may be nothing, or moves no reading noticeably."""
+        """Return true if no effect can be zero, and each moves a reading noticeably."""
         return not self.fit.faint and all(cause.acts for cause in self.causes)
 
     @property
@@ -198,12 +198,12 @@ class Finding:
 
 
 def centred(evidence: Evidence, fit: Fit) -> Fit:
-    """The fit whose parameters and coefficients are one possible point in the middle of what the record leaves."""
+    """Return the fit moved to the centre of all parameters and coefficients that fit the record."""
     return fit.centred(evidence.model.room, evidence.model.effort.most_rows)
 
 
 def parameters_of(evidence: Evidence, fit: Fit) -> tuple[SizedParameter, ...]:
-    """The model's parameters as a fit states them, with what the record leaves possible beside the fit's effects."""
+    """Return the model's parameters with estimates and intervals, in the presence of the fit's effects."""
     ends = fit.ends(evidence.model.room, evidence.model.effort.most_rows)
     parameters = []
     for (name, unit), value, possible in zip(evidence.rows.names, fit.estimate, ends, strict=False):
@@ -212,7 +212,7 @@ def parameters_of(evidence: Evidence, fit: Fit) -> tuple[SizedParameter, ...]:
 
 
 def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
-    """A set of effects as causes: what is stated of each, inside what the record leaves possible.
+    """Return a set of effects as causes, with estimates inside their intervals.
 
     What the readings show by themselves stands before them.
     """
@@ -227,7 +227,7 @@ def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
 
 
 def equivalents_of(evidence: Evidence, fit: Fit, place: EffectPlace) -> list[EffectPlace]:
-    """What no measurement could tell from an effect of a fit; a part of it only where the record stands with that."""
+    """Return the effects that no measurement could tell from one of a fit; a partial effect only if it fits, too."""
     classes, alike = evidence.model.classes, []
     for other in classes.equivalents(place):
         places = [other if effect == place else effect for effect in fit.places]

@@ -1,4 +1,4 @@
-"""Place and quantity before law: on what, and where, a misfit depends, whatever the law.
+"""Place and quantity before law: find the inputs that a misfit depends on, for any law.
 
 `dependence(evidence)` asks the evidence for its `pairs()` of a place and a quantity, and of each for the least complex
 functions with which the model stands, within the bounds of the search. Complexity counts the coefficients that such
@@ -78,7 +78,7 @@ class Standing:
 
 @dataclass(frozen=True, eq=False)
 class Dependence:
-    """What of a falsified model the functions of one quantity at one place can mend.
+    """Functions of one quantity at one place that mend a falsified model.
 
     `standing`: pairs with which the model stands, the least complex first, up to `most_of_rivals` of it;
     `freedoms`: ways in which a place may act with which the model stands where it may do so as it likes; `radius` of
@@ -97,18 +97,18 @@ class Dependence:
     listed_otherwise: bool = False
 
     def shows(self, standing: Standing) -> bool:
-        """Whether a function shows its place and quantity: within the bounds, by far fewer numbers than pieces."""
+        """Return true if a function shows its place and quantity: within bounds, with far fewer numbers than pieces."""
         radius = min(standing.radius, standing.radius_of_next)
         return radius <= self.limit and standing.complexity <= self.most_complex
 
     @property
     def is_near(self) -> bool:
-        """Whether a slightly larger noise bound would do as well."""
+        """Return true if a slightly larger noise bound would make the model fit."""
         return self.radius < NEAR
 
     @property
     def is_of_one_move(self) -> bool:
-        """Whether one move alone misfits: whatever was otherwise in it does as well as what was told apart."""
+        """Return true if only one move misfits: any change in that move explains it as well."""
         return any(standing.form.kind == "while" for standing in self.standing)
 
     @property
@@ -127,14 +127,14 @@ class Dependence:
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What the misfit may depend on at the place that is proven, the least complex first."""
+        """Return the quantities that the misfit may depend on at the proven place, the least complex first."""
         if self.place is None:
             return ()
         return tuple(dict.fromkeys(standing.pair.name for standing in self.standing))
 
     @cached_property
     def proven(self) -> Standing | None:
-        """What is proven, place and quantity; None where another place or quantity would do as well."""
+        """Return the proven place and quantity; None where another place or quantity would do as well."""
         if self.place is None or not self.standing or self.listed_otherwise or self.is_of_one_move:
             return None
         first, *further = self.standing
@@ -171,7 +171,7 @@ class Suffices(Result):
 
     @staticmethod
     def of(standing: Standing) -> "Suffices":
-        """What stands, as it is published."""
+        """Return a sufficient function in its published form."""
         pair = standing.pair
         return Suffices(
             where=pair.where,
@@ -194,7 +194,7 @@ class Suffices(Result):
 
 
 class Proven(Result):
-    """What alone suffices, whatever the law: a place, and a quantity where nothing else would do.
+    """A place, and a quantity where only one would do, that alone suffices for any law.
 
     Attributes
     ----------
@@ -223,7 +223,7 @@ class Proven(Result):
 
     @staticmethod
     def of(dependence: Dependence) -> "Proven | None":
-        """What is proven; None where nothing is."""
+        """Return the proven place and quantity; None where nothing is proven."""
         if dependence.place is None:
             return None
         first, names = dependence.proven, dependence.quantities
@@ -244,7 +244,7 @@ def most_of_rivals(least: float) -> float:
 
 
 def is_same(first: Pair, second: Pair) -> bool:
-    """Whether two pairs of a place depend on the same, as far as these rows can tell.
+    """Return true if two pairs of a place depend on the same quantity, as far as these rows can tell.
 
     That is where one quantity is a function of the other, as n3 = cos α is one of α: what stands by it stands by both.
     """
@@ -256,7 +256,7 @@ def is_same(first: Pair, second: Pair) -> bool:
 
 
 def _within(inner: Pair, outer: Pair) -> bool:
-    """Whether smooth functions of one quantity are functions of the other."""
+    """Return true if smooth functions of one quantity are functions of the other."""
     *_, smooth = inner.ladders()
     functions = inner.columns(next(form for form in smooth if form.count >= SMOOTH_ORDER))
     for ladder in outer.ladders():
@@ -269,7 +269,7 @@ def _within(inner: Pair, outer: Pair) -> bool:
 
 
 def dependence(evidence: Evidence, work: Work | None = None) -> Dependence | None:
-    """On what the misfit of evidence can depend; None of evidence without pairs, or where the model stands.
+    """Return the possible dependences of the misfit; None of evidence without pairs, or if the model fits.
 
     None, too, where the misfit is so large that the linear model may be wrong by more than a bound. What it costs is
     added to the work.
@@ -282,7 +282,7 @@ def dependence(evidence: Evidence, work: Work | None = None) -> Dependence | Non
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One form of a pair, and what it adds to the model (M, K), orthonormal; None where that waits.
+    """One form of a pair, and the orthonormal columns (M, K) that it adds to the model; None until computed.
 
     Then its coefficients but those that the model may imitate are `least` of what it adds.
     """
@@ -339,7 +339,7 @@ class Search:
 
     @property
     def dependence(self) -> Dependence:
-        """What was found."""
+        """Return the dependence found."""
         freedoms = self.freedoms
         standing = tuple(self.standing(freedoms))
         places = tuple(dict.fromkeys(pair.freedom.split()[0] for pair in self.pairs if pair.freedom in freedoms))
@@ -362,12 +362,12 @@ class Search:
         return freedoms
 
     def space_of(self, columns: NDArray) -> NDArray[np.float64]:
-        """What columns (M, K) add to the model."""
+        """Return the space that columns (M, K) add to the model."""
         self.work.add(20.0 + 2e-3 * columns.size * columns.shape[1])
         return spaces_beyond(self.problem.nominal, [columns / self.evidence.rows.bound[:, None]])[0]
 
     def stands(self, space: NDArray) -> bool:
-        """Whether the model stands with columns (M, K)."""
+        """Return true if the model fits with columns (M, K) added."""
         matrix, residual = np.ascontiguousarray(np.hstack((self.problem.nominal, space))), self.problem.residual
         if not space.shape[1]:
             return False
@@ -532,7 +532,7 @@ class Search:
 
 
 def residual_structure(channels: Sequence[Channel]) -> tuple[dict[str, Any], ...]:
-    """How much of the residual a smooth function of one quantity predicts at readings that it was not fitted to.
+    """Return the part of the residual that a smooth function of one quantity predicts at left-out readings.
 
     Of each component, by its label, and quantity ``on``: ``explained``, the part of the residual's sum of squares that
     is predicted when each reading is left out in turn; ``explainable``, the part that is more than noise within the

@@ -40,7 +40,7 @@ WRITTEN = ("formula", "lookup")
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of combinations of parameters and coefficients: |middle - weights'x| within half.
+    """Known combinations of parameters and coefficients: |middle - weights'x| within half.
 
     `weights` (L, P + K), `middle` and `half` (L,).
     """
@@ -52,7 +52,7 @@ class Known:
 
 @dataclass(frozen=True)
 class WithEffects(Linearisation):
-    """Readings linearised with effects, and rows of what is known behind them.
+    """Readings linearised with effects, followed by rows for the known combinations.
 
     `point` holds the model's parameters and the effects' coefficients, each times its `scale` (K,), so that one of
     either adds 1 g to a reading at most. `blocks` are the coefficients of each effect.
@@ -110,7 +110,7 @@ class WithEffects(Linearisation):
 
 @dataclass(frozen=True)
 class Named:
-    """Effects by what a diagnosis says of them: places as the record numbers them, with their causes.
+    """Effects that a diagnosis names: places as the record numbers them, with their causes.
 
     `known`: whether their sizes are bounded by the diagnosis; else the record itself tells them.
     """
@@ -161,7 +161,7 @@ def _refuse_corrected(record: PositionRecord) -> None:
 
 
 def is_of(diagnosis: Diagnosis, record: PositionRecord) -> bool:
-    """Whether a diagnosis is of this record."""
+    """Return true if a diagnosis was made from this record."""
     if diagnosis.made_of is record:
         return True
     source = diagnosis.calibration.provenance
@@ -234,7 +234,7 @@ def _place_in(evidence: Evidence, cause: Cause, record: PositionRecord) -> Effec
 
 @dataclass(frozen=True)
 class Solved:
-    """What a record says of targets with effects acting in one way: `effects` with their parameters."""
+    """Targets solved from a record, with effects acting in one way: `effects` with their parameters."""
 
     system: WithEffects
     targets: list[Target]
@@ -243,7 +243,7 @@ class Solved:
 
 
 def _solved(record: PositionRecord, evidence: Evidence, named: Named, request: Asked) -> list[Solved]:
-    """Return what the record says in each way in which the effects can act."""
+    """Solve for the targets in each way in which the effects can act."""
     model: Bench = evidence.model
     places, sigma = tuple(named.causes), model.calibration.noise_bound
     linear = Cast(places)
@@ -274,7 +274,7 @@ def _solved(record: PositionRecord, evidence: Evidence, named: Named, request: A
 
 
 def _system(evidence: Evidence, named: Named, cast: Cast, fit: Fit | None, request: Asked) -> WithEffects:
-    """Return readings and effects fitted together by least squares, and what is known of the effects."""
+    """Return readings and effects fitted together by least squares, with the known limits of the effects."""
     model: Bench = evidence.model
     places, here = cast.places, model.here
     if fit is None:
@@ -388,7 +388,7 @@ def _effects_of_fit(evidence: Evidence, fit: Fit) -> tuple[CalibratedEffect, ...
 
 
 def _effect(place: EffectPlace, values: Sequence[float], intervals: Sequence[Interval]) -> CalibratedEffect:
-    """Return an effect with what is known of its parameters."""
+    """Return an effect with estimates and intervals of its parameters."""
     parameters = []
     for parameter, value, (low, high) in zip(place.definition.parameters, values, intervals, strict=True):
         bounded = bool(np.isfinite(low) and np.isfinite(high))
@@ -407,7 +407,7 @@ def _effect(place: EffectPlace, values: Sequence[float], intervals: Sequence[Int
 
 
 def _calibration(record: PositionRecord, evidence: Evidence, every: Sequence[Solved], sigma: Sigma) -> Calibration:
-    """Return the calibration: of several ways in which the effects can act what is possible in any of them."""
+    """Return the calibration: the union of the intervals over all ways in which the effects can act."""
     nominal: Calibration = evidence.model.calibration
     ranked = sorted(every, key=lambda one: one.solution.radius)
     standing = [one for one in ranked if not one.solution.contradicted]
@@ -457,7 +457,7 @@ def _witness(record: PositionRecord, solved: Solved) -> list[Reading]:
 
 
 def _ends_of(first: Any, second: Any) -> dict[str, float | None]:
-    """Return the ends of what is possible by either of two; None where one has none."""
+    """Return the ends of the union of two intervals; None where one is unbounded."""
     ends: dict[str, float | None] = {"low": None, "high": None}
     if first.low is not None and second.low is not None:
         ends["low"] = min(first.low, second.low)

@@ -73,7 +73,7 @@ def _of_several(content: Mapping[str, Any]) -> dict[str, Any]:
 def _add_sets(
     present: dict[str, Any], content: Mapping[str, Any], radius: Any, calibration: Mapping[str, Any] | None
 ) -> None:
-    """Sort the causes: what is named, what remains."""
+    """Sort the causes into those that are named and those that remain."""
     causes, alternatives = content.get("causes") or [], content.get("alternatives") or []
     explained = content.get("verdict") == "explained"
     present["causes"] = causes if explained else []
@@ -124,7 +124,7 @@ def _each_by_itself(former: Any, records: Any) -> Any:
 
 
 def _entries(former: Any) -> list[Any]:
-    """The entries of a list; none of what is no list."""
+    """Return the entries of a list, or an empty list for any other object."""
     return former if isinstance(former, list) else []
 
 

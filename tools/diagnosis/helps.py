@@ -29,7 +29,7 @@ Sizes = Mapping[EffectPlace, NDArray[np.float64]]
 
 
 def of_lengths(evidence: Evidence) -> Mapping[str, Any]:
-    """Keys of what each scored part of evidence says with what is known beside it; none of evidence without lengths.
+    """Return the result keys of each scored length; empty for evidence without lengths.
 
     Where the model is falsified: its smallest sets of effects, the order in which effects help with what was left out,
     and the same as measured, with nothing taken out.
@@ -43,7 +43,7 @@ def of_lengths(evidence: Evidence) -> Mapping[str, Any]:
 
 
 def _length(evidence: Evidence, lengths: Lengths, k: int) -> Length:
-    """What one scored part says."""
+    """Return the result for one scored length."""
     part, rows = evidence.rows.parts[k], evidence.rows.select(k)
     alone = lengths.model_of(rows=rows)
     smallest: list[tuple[NamedEffect, ...]] = []
@@ -106,7 +106,7 @@ def _simplest_of_best(ranked: Sequence[tuple[float, EffectPlace]]) -> tuple[floa
 
 
 def what_helps(evidence: Evidence, lengths: Sequence[Length]) -> tuple[tuple[EffectPlace, ...], tuple[str, ...]]:
-    """What takes most off the errors that were left out, at the middle length, and is no cause: it does not mend them.
+    """Return the effects that reduce the left-out errors most at the middle length but do not make the model fit.
 
     The effects, and a sentence on them; nothing of evidence without lengths, or where nothing helps.
     """
@@ -133,7 +133,7 @@ def what_helps(evidence: Evidence, lengths: Sequence[Length]) -> tuple[tuple[Eff
 
 
 def is_stable(orders: Sequence[OrderOfEffects | None]) -> bool:
-    """Whether no two lengths put two effects that both have in opposite orders, and all begin with the same effect."""
+    """Return true if all lengths begin with the same effect, and no two lengths order shared effects differently."""
     ordered = []
     for order in orders:
         if order is not None:
@@ -173,7 +173,7 @@ def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) 
 
 
 def _needs(length: Length, place: EffectPlace) -> bool:
-    """Whether an effect is in one of the smallest sets of a length."""
+    """Return true if an effect is in one of the smallest sets of a length."""
     needed: set[EffectPlace] = set()
     for effects in length.smallest_sets:
         needed.update(effect.place for effect in effects)
@@ -202,7 +202,7 @@ def found_in(diagnosis: Diagnosis) -> Sizes:
 
 
 def cross_gains(alone: Mapping[str, Diagnosis]) -> tuple[tuple[CrossGain, ...], tuple[Helps, ...]]:
-    """The matrix of errors of records, with what was found in each; and where each of these effects helps."""
+    """Return the errors of each record with the effects found in each, and where each effect helps."""
     evidence_of: dict[str, Evidence] = {}
     sources: dict[str, Sizes] = {}
     for label, diagnosis in alone.items():
@@ -224,7 +224,7 @@ def cross_gains(alone: Mapping[str, Diagnosis]) -> tuple[tuple[CrossGain, ...], 
 
 
 def _cross_gain(label: str, rerun: Rerun, before: NDArray, sources: Mapping[str, Sizes]) -> CrossGain:
-    """Errors of a record without effects (S, d), and with what was found in each of some records."""
+    """Return the errors of a record without effects (S, d), and with the effects found in each source."""
     over, unit, scale = rerun.quoted
     applied = []
     for source, sizes in sources.items():
@@ -240,7 +240,7 @@ def figures_of(error: NDArray, scale: float) -> dict[str, float]:
 
 
 def _helps(model: Model, sizes: Sizes, place: EffectPlace) -> bool:
-    """Whether an effect takes something off a record's errors, alone or beside those found with it; to first order."""
+    """Return true if an effect reduces a record's errors, alone or with those found beside it; to first order."""
     if place not in model.rows.linear_places:
         return False
     without = {effect: size for effect, size in sizes.items() if effect != place}

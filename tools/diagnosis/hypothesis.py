@@ -1,4 +1,4 @@
-"""What a record says of a formula that a person states: is it this?"""
+"""Test a formula that a person states against a record."""
 
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -20,7 +20,7 @@ Answer = Literal["stands", "refuted", "not needed", "cannot be told"]
 
 
 class Hypothesis(Told):
-    """A formula that a person states, and what a record says of it.
+    """A formula that a person states, and the result of its test on a record.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Hypothesis(Told):
 
 
 def places_of(formulas: Sequence[str], *, at_table: bool, with_gyros: bool) -> tuple[EffectPlace, ...]:
-    """The effects of formulas, each once; an InputError for what is no formula, or not one of such a record.
+    """Return the effects of formulas, each once; an InputError for an invalid or inapplicable formula.
 
     A record is of a table, of gyros, or of both.
     """
@@ -97,7 +97,7 @@ def _foreign(formula: Formula, at_table: bool, with_gyros: bool) -> str:
 def answered(
     evidence: Evidence, place: EffectPlace, findings: Sequence[Finding] = (), *, rerun: bool = True
 ) -> Hypothesis:
-    """What a record says of a formula, beside the smallest sets of the catalogue that were found to stand."""
+    """Test a formula on a record, next to the smallest sets of the catalogue that fit."""
     before = 0.0 if evidence.reader.missing() else evidence.model.refit(()).radius
     keys: dict[str, Any] = {"formula": place.law, "where": place.where, "radius_before": before, "radius": before}
     keys |= {**dict.fromkeys(("parameters", "objections", "equivalents", "as_well"), ()), "gain": None}
@@ -141,7 +141,7 @@ def _same_in_catalogue(evidence: Evidence, place: EffectPlace) -> tuple[EffectPl
 
 
 def _adds_nothing(evidence: Evidence, place: EffectPlace) -> bool:
-    """Whether the model without effects does all that a formula does at the rows of the record."""
+    """Return true if the model without effects can do all that a formula does at the rows of the record."""
     (space,) = spaces_beyond(evidence.rows.nominal, [evidence.rows.columns_of([place])])
     return space.shape[1] == 0
 

@@ -21,7 +21,7 @@ BOUNDS = (3e-3, 1e-2)
 
 @dataclass(frozen=True)
 class DiagnosisOptions:
-    """Options of a diagnosis as a person gives them, whatever the kind of record.
+    """Options of a diagnosis as a person gives them, for any kind of record.
 
     `positions` are those of all records that are taken together.
     """

@@ -92,7 +92,7 @@ class Law:
 
     @property
     def is_listed(self) -> bool:
-        """Whether it stands in the catalogue."""
+        """Return true if the law is in the catalogue."""
         return all(place.effect != "formula" for place in self.fit.places)
 
     @property
@@ -135,7 +135,7 @@ class Laws:
         return self.each[0]
 
     def standing(self, listed: Sequence[Fit]) -> list[Law]:
-        """What of the catalogue stands (fits), then the formulas with fewest numbers of which one stands.
+        """Return the fitting laws of the catalogue, then the fitting formulas with the fewest numbers.
 
         The work may be used up before all of these are tried: `work.is_done` then.
         """
@@ -153,7 +153,7 @@ class Laws:
         return [*listed_laws, *formulas]
 
     def is_one(self, fit: Fit) -> bool:
-        """Whether the effects of a fit are functions of the quantity at the place."""
+        """Return true if the effects of a fit are functions of the quantity at the place."""
         if self.pair.anything:
             return Listed(self.evidence).is_of(fit, self.pair)
         if any(place.where != self.pair.where for place in fit.places):
@@ -171,7 +171,7 @@ class Laws:
 
     @staticmethod
     def _within(base: NDArray, functions: NDArray, columns: NDArray) -> NDArray[np.bool_]:
-        """Whether columns (M, k) are, but for little, functions (M, K) beside what the parameters (M, P) imitate."""
+        """Return true for each column (M, k) that is nearly a function (M, K) plus a change in parameters (M, P)."""
         space = column_space(np.hstack((base, functions)))
         remaining = columns - space @ (space.T @ columns)
         return np.linalg.norm(remaining, axis=0) <= LIKE * np.linalg.norm(columns, axis=0)
@@ -182,7 +182,7 @@ class Laws:
         return [Law(fit, shape) for fit in fits[:1]]
 
     def is_known(self, law: Law, laws: Sequence[Law]) -> bool:
-        """Whether a law is another one, or the part of it at one gyro, in other words."""
+        """Return true if a law equals another, or its part at one gyro, in other words."""
         fits = [law.fit]
         for known_law in laws:
             fits += [known_law.fit, *known_law.fit.also]
@@ -206,7 +206,7 @@ class Laws:
         return known if len(known) == len(places) else []
 
     def of_size(self, size: int) -> Iterator[Law]:
-        """Formulas with so many unknown numbers that stand."""
+        """Yield the formulas with `size` unknown numbers that fit."""
         for text in formulas(self.possible.pair, size):
             if places := self.places_of(text):
                 yield from self.fitted(places)
@@ -244,7 +244,7 @@ class Laws:
         return joined
 
     def stands_at(self, family: Family, s: float) -> bool:
-        """Whether one shape makes the linear model stand."""
+        """Return true if the linear model fits with one shape."""
         evidence = self.evidence
         jacobian = np.hstack((evidence.rows.nominal, self.pair.spread(family.value(self.pair.values, s)[:, None])))
         self.work.programme(*jacobian.shape)
@@ -252,17 +252,17 @@ class Laws:
 
     @property
     def bound(self) -> NDArray[np.float64]:
-        """Bounds (M,) with what the linear model may be wrong by, and what rounding adds."""
+        """Return the bounds (M,), widened by the error of the linear model and by rounding."""
         evidence = self.evidence
         return evidence.rows.bound * (1.0 + evidence.model.second_order) + evidence.model.room
 
     @cached_property
     def sizes(self) -> NDArray[np.float64]:
-        """What a unit at each value of the quantity does to the rows (M, n), as sizes."""
+        """Return the absolute change of the rows (M, n) per unit at each value of the quantity."""
         return np.abs(self.pair.spread(np.eye(len(self.pair.values))))
 
     def refused(self, family: Family, low: float, high: float) -> bool:
-        """Whether no shape between these makes the model stand."""
+        """Return true if no shape between `low` and `high` makes the model fit."""
         evidence, x = self.evidence, self.pair.values
         middle = family.value(x, 0.5 * (low + high))
         # Every family is monotonous in its shape, at each value of the quantity.
@@ -311,7 +311,7 @@ def _place_of(pair: Pair, text: str) -> EffectPlace | None:
 
 
 def words_of(place: EffectPlace) -> str:
-    """The name of an effect of the catalogue, or what a formula adds, as it is written on paper."""
+    """Return the name of an effect of the catalogue, or the term that a formula adds, as written on paper."""
     if place.effect != "formula":
         return place.effect if place.order is None else f"{place.effect} of order {place.order}"
     text = place.law.split("+=")[1].strip().replace(" ** ", "**").replace(" * ", "*")
@@ -320,7 +320,7 @@ def words_of(place: EffectPlace) -> str:
 
 
 def formulas(pair: Pair, size: int) -> Iterator[str]:
-    """Short formulas with so many unknown coefficients; x stands for the quantity of a pair."""
+    """Yield short formulas with `size` unknown coefficients; x is the quantity of a pair."""
     if pair.circle:
         yield from (f"a*cos({order}*x) + b*sin({order}*x)" for order in (ORDERS if size == 2 else ()))
     elif pair.quantity in (*INPUTS, *RATES):

@@ -1,4 +1,4 @@
-"""From a record to a verdict on the simulation: the procedure of `trihedron diagnose`, whatever the record.
+"""From a record to a verdict on the simulation: the procedure of `trihedron diagnose`, for any record.
 
 Falsify the model; search for the smallest sets of effects that mend it; judge them by what was left out; bound what is
 possible; say what would separate the sets that remain.
@@ -96,7 +96,7 @@ def diagnosed(
     progress: bool = False,
     most_work: float = MOST_WORK,
 ) -> Diagnosis:
-    """The diagnosis of evidence, whatever the record; a SolverError where errors are too large to solve.
+    """Diagnose evidence of any record; a SolverError where errors are too large to solve.
 
     `most_work` is that of the search, others as for `diagnose`.
     """
@@ -145,7 +145,7 @@ class Candidates:
 
     @property
     def are_several(self) -> bool:
-        """Whether more than one set remains."""
+        """Return true if more than one set remains."""
         return len(self.groups) > 1 + len(self.containing)
 
     def beside(self, finding: Finding) -> tuple[tuple[NamedEffect, ...], ...]:
@@ -192,17 +192,17 @@ class Procedure:
 
     @cached_property
     def head(self) -> Mapping[str, Any]:
-        """Keys of what was assumed, and of the model without effects."""
+        """Return the keys of the assumptions, and of the model without effects."""
         return self.evidence.reader.head()
 
     @cached_property
     def missing(self) -> Mapping[str, Any]:
-        """Keys of what is missing, where nothing can be fitted."""
+        """Return the keys of missing data, where nothing can be fitted."""
         return self.evidence.reader.missing()
 
     @cached_property
     def lengths(self) -> Mapping[str, Any]:
-        """Keys of what the moves or windows of each length say; none of a record without such."""
+        """Return the keys of each length of moves or windows; empty for a record without them."""
         return of_lengths(self.evidence)
 
     @cached_property
@@ -269,29 +269,29 @@ class Procedure:
 
     @cached_property
     def beside_catalogue(self) -> Dependence | None:
-        """The dependence, of which nothing is proven that sets of the catalogue do otherwise."""
+        """Return the dependence, marked where a set of the catalogue explains the misfit as simply."""
         return self.dependence and self.listed.beside(self.dependence, self.found.fits)
 
     @cached_property
     def proven(self) -> Proven | None:
-        """What is proven of place and quantity."""
+        """Return the proven place and quantity."""
         return self.beside_catalogue and Proven.of(self.beside_catalogue)
 
     @cached_property
     def proves_quantity(self) -> bool:
-        """Whether a quantity is proven."""
+        """Return true if a quantity is proven."""
         return self.proven is not None and self.proven.quantity is not None
 
     @cached_property
     def unlisted(self) -> Unlisted:
-        """What is in no catalogue beside the first set that stands."""
+        """Return the fitting functions outside the catalogue, next to the first set that fits."""
         candidates = self.candidates
         first = candidates.findings[0].fit if candidates.findings else candidates.groups[0][0]
         return Unlisted.of(self.beside_catalogue, self.listed, first)
 
     @cached_property
     def functions(self) -> Mapping[str, Any]:
-        """Keys of what is possible of a function whose place and quantity are proven, beside sets that stand."""
+        """Return the keys of the function of a proven place and quantity, next to the sets that fit."""
         fits = self.found.fits
         return self._functions_beside(fits, extend=self.extend or not fits)
 
@@ -306,7 +306,7 @@ class Procedure:
 
     @cached_property
     def caution(self) -> tuple[str, ...]:
-        """What the record cannot tell from the sets that stand."""
+        """Return sentences on explanations that the record cannot tell from the sets that fit."""
         caution = (*self.functions.get("caution", ()), *self.unlisted.caution)
         holding, fits = self.unlisted.held, self.found.fits
         several = len(fits[0].places) > self.evidence.model.effort.most_known_alone
@@ -327,7 +327,7 @@ class Procedure:
         return centred(self.evidence, self.evidence.model.baseline)
 
     def _explanations(self, sets: Sequence[Finding], functions: Mapping[str, Any]) -> tuple[Explanation, ...]:
-        """What the record stands with: sets of the catalogue, then functions that are in none and as simple."""
+        """Return all explanations that fit: sets of the catalogue, then equally simple functions outside it."""
         explanations = []
         for finding in sets:
             explanations.append(Explanation.of(finding, self.evidence.reader.calibration_of(finding.fit)))
@@ -338,7 +338,7 @@ class Procedure:
     # The results
 
     def _of_list(self) -> Diagnosis:
-        """What follows from one list of simple faults of the record, effects, and functions of a quantity."""
+        """Return the diagnosis from one list of simple record faults, effects and functions of a quantity."""
         faults = self.faults
         first, least = faults[0], faults[0].numbers
         close = [fault for fault in faults if fault.numbers <= least + 1]
@@ -390,7 +390,7 @@ class Procedure:
         return [one for one in standing if one.pair.quantity != "hours" or (one.pair.where,) not in broken]
 
     def _of_physics(self) -> Diagnosis:
-        """What follows from effects of the simulation alone."""
+        """Return the diagnosis from effects of the simulation alone."""
         return self._of_sets() if self.found.fits else self._without_a_set()
 
     def _of_model_that_stands(self) -> Diagnosis:
@@ -425,7 +425,7 @@ class Procedure:
         return self._unexplained((*self.objections, *sentences), self.functions, gain=gain)
 
     def _of_sets(self) -> Diagnosis:
-        """What follows from the sets of effects with which the record stands."""
+        """Return the diagnosis from the sets of effects that fit."""
         candidates, unlisted = self.candidates, self.unlisted
         findings, idle = candidates.findings, candidates.not_shown
         if self._formulas:
@@ -461,7 +461,7 @@ class Procedure:
 
     @cached_property
     def _formulas(self) -> Sequence[Fit]:
-        """The formulas of what is proven that need fewer numbers than any set of effects, by more than one."""
+        """Return the proven formulas that need at least two numbers fewer than any set of effects."""
         beyond = self.functions.get("beyond")
         if beyond is None or self.found.unsolved:
             # A set that was not tried may need as few numbers.
@@ -523,7 +523,7 @@ class Procedure:
         )
 
     def _level(self, best: Finding) -> str | None:
-        """How far the record carries the only set: to its law, or to the quantity; None where that was not compared."""
+        """Return the level to which the record proves the only set: law or quantity; None where not compared."""
         if not self.unlisted.compared or self.dependence is None:
             return None
         beyond = self.functions.get("beyond")
@@ -588,7 +588,7 @@ class Procedure:
         explanations: Sequence[Explanation] = (),
         **keys: Any,
     ) -> Diagnosis:
-        """The result: what is known of every record, `more` keys of its evidence, and those `keys` that hold something.
+        """Return the result: keys of every record, `more` keys of its evidence, and the `keys` that are not empty.
 
         `functions` are keys of functions of one quantity.
         """
@@ -622,7 +622,7 @@ class Procedure:
 
     @cached_property
     def _of_misfit(self) -> Mapping[str, Any]:
-        """Keys of a falsified model: on what the misfit depends, the bound that would do, what single effects leave."""
+        """Return the keys of a falsified model: dependences of the misfit, sufficient bound, gain of single effects."""
         evidence = self.evidence
         keys: dict[str, Any] = {"tried": ()}
         if evidence.model.effort.ranks_each:
@@ -636,7 +636,7 @@ class Procedure:
 
 
 def _again(fault: Simple) -> tuple[str, ...]:
-    """What to do next: with wrong rows, a wrong noise bound, or both sides of a break."""
+    """Return the next step for wrong rows, a wrong noise bound, or a break."""
     if fault.kind == "sigma":
         bound = exactly(fault.change["noise_bound"])
         return (f"find why errors reach {bound} g; if that is the noise, give --noise-bound {bound}",)

@@ -1,4 +1,4 @@
-"""The result of a diagnosis, whatever the kind and number of records: what is published, and what is kept beside it."""
+"""The result of a diagnosis, for any kind and number of records: published fields, and fields for the program."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -128,7 +128,7 @@ class Explanation(Told):
 
 
 def causes_of_simple(simple: Simple) -> tuple[Cause, ...]:
-    """The effects beside a simple fault, with what is stated of them."""
+    """Return the effects beside a simple fault, with their estimates and intervals."""
     if simple.fit is None:
         return ()
     causes = causes_of(simple.evidence, centred(simple.evidence, simple.fit))
@@ -136,7 +136,7 @@ def causes_of_simple(simple: Simple) -> tuple[Cause, ...]:
 
 
 class NextPosition(TypedDict):
-    """A table position to measure, what it separates, and by how much the predictions differ there at least [g].
+    """A table position to measure, the sets that it separates, and the least difference of their predictions [g].
 
     Where time matters also when, in hours since the first row, and which position of the record it repeats.
     """
@@ -194,7 +194,7 @@ class Unlisted(TypedDict):
 
 
 class Dependence(TypedDict):
-    """Part of a component's sum of squares that a smooth function of `on` predicts, and what is more than noise."""
+    """Part of a component's sum of squares that a smooth function of `on` predicts, and the part beyond noise."""
 
     accelerometer: NotRequired[int]
     axis: NotRequired[int]
@@ -224,14 +224,14 @@ class OrderedEffect(NamedEffect):
 
 
 class OrderOfEffects(Result):
-    """In which order effects help most with what was left out, from the error of the baseline on."""
+    """Effects in the order of their gain on the left-out errors, starting from the error of the baseline."""
 
     held_out_rms_arcmin: Number
     steps: tuple[OrderedEffect, ...]
 
 
 class Length(Result):
-    """What the moves or windows of one length say by themselves."""
+    """Result of the moves or windows of one length by themselves."""
 
     over: str
     pieces: int
@@ -245,7 +245,7 @@ class Length(Result):
 
 
 class WithFound(Result):
-    """Errors with what was found in one record."""
+    """Errors with the effects found in one record."""
 
     found_in: str
     rms: Number
@@ -253,7 +253,7 @@ class WithFound(Result):
 
 
 class CrossGain(Result):
-    """Errors of one record, simulated by FMUs: `rms` and `max` without effects, and with what was found in each record.
+    """Errors of one record, simulated by FMUs: `rms`, `max` without effects, and with the effects of each record.
 
     `over` says of what the errors are; `unit` is "arcmin" or "g". What is a record's own, its biases, is fitted to it.
     """
@@ -290,7 +290,7 @@ class OneRecord(Result):
 
 
 class Diagnosis(Told):
-    """What one record, or several of an instrument, say of the simulation.
+    """Result of a diagnosis: the errors of the simulation, from one record or several of an instrument.
 
     A position record gives readings in g, a strapdown record errors of the attitude in arcminutes, and keys of the
     lengths over which it was carried. Several records have keys of their own, from `records` on.
@@ -473,7 +473,7 @@ class Diagnosis(Told):
         return default
 
     def __contains__(self, effect: object) -> bool:
-        """Whether an effect, as "quadratic", is among the named causes."""
+        """Return true if an effect, such as "quadratic", is among the named causes."""
         return any(effect == cause.effect for cause in self.causes)
 
     def __iter__(self) -> Iterator[Cause]:  # type: ignore[override]
@@ -482,7 +482,7 @@ class Diagnosis(Told):
 
     @property
     def best(self) -> Explanation | None:
-        """What is named, or the first of the `alternatives`."""
+        """Return the named explanation, or the first of the `alternatives`."""
         if self.verdict == "explained" and not self.causes:
             return self.explanations[0]
         for explanation in self.explanations:
@@ -505,7 +505,7 @@ class Diagnosis(Told):
 
     @property
     def witness(self) -> Witness | None:
-        """What was left out says of the effects of the first set together, where that is judged so."""
+        """Return the witness for the effects of the first set together, where they are judged together."""
         return self.judgement if isinstance(self.judgement, Witness) else None
 
     @property

@@ -1,4 +1,4 @@
-"""What the catalogue lists beside what it does not: by one measure, complexity, and whether they are the same."""
+"""Compare explanations inside and outside the catalogue: by complexity, and by whether they are the same."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -54,17 +54,17 @@ def complexity_of(places: Sequence[EffectPlace]) -> int:
 
 
 def least_complexity(size: int) -> int:
-    """What a set of so many effects needs at least."""
+    """Return the least complexity of a set of `size` effects."""
     return size + FURTHER * (size - 1)
 
 
 def _instrument(place: EffectPlace) -> str:
-    """Where an effect acts; of a single reading the accelerometer that was read."""
+    """Return the place of an effect; for a single reading, the accelerometer."""
     return f"accelerometer-{place.axes[0]}" if place.effect == OUTLIER else place.where
 
 
 def _is_table_of(place: EffectPlace, pair: Pair) -> bool:
-    """Whether an effect is by its law a table of the quantity of a pair."""
+    """Return true if the law of an effect is a table of the quantity of a pair."""
     if place.effect not in TABLES or place != replace(pair.table(place.law), effect=place.effect):
         return False
     table = Table.of(place.law)
@@ -79,11 +79,11 @@ class Listed:
     _spaces: dict[int, tuple[Pair, list[NDArray[np.float64]]]] = field(default_factory=dict)
 
     def is_of(self, fit: Fit, pair: Pair) -> bool:
-        """Whether effects of a fit, as far as they are needed, are functions of a pair: they say the same and less."""
+        """Return true if the effects of a fit, or the part of them that is needed, are functions of a pair."""
         return self.is_wholly_of(fit, pair) or self.is_partly_of(fit, pair)
 
     def is_partly_of(self, fit: Fit, pair: Pair) -> bool:
-        """Whether only a function of a pair, of one gyro or one turn of the block, is needed of effects of all."""
+        """Return true if only the part that is a function of a pair is needed: one gyro, or one turn of the block."""
         home = GYRO_BLOCK if pair.where in GYROS else MOUNTING
         if pair.where not in (*GYROS, MOUNTING) or any(place.where != home for place in fit.places):
             return False
@@ -97,7 +97,7 @@ class Listed:
         return least_radius(matrix, self.evidence.rows.residual, (-free, free), squares)[0] <= self.evidence.model.limit
 
     def is_wholly_of(self, fit: Fit, pair: Pair) -> bool:
-        """Whether all effects of a fit are functions of a pair."""
+        """Return true if all effects of a fit are functions of a pair."""
         columns = fit.jacobian[:, len(fit.point) :]
         for place, block, _ in fit.ways:
             if place.definition.variants is not None:
@@ -110,7 +110,7 @@ class Listed:
         return True
 
     def beside(self, dependence: Dependence, fits: Sequence[Fit]) -> Dependence:
-        """A dependence of which nothing is proven that a set of the catalogue, as simple, does otherwise.
+        """Return the dependence, marked where a set of the catalogue explains the misfit as simply.
 
         Sets of several effects are so many that some stand by chance where one function suffices: they have to be no
         more complex than that, single effects and single readings no more complex than rivals may be.
@@ -132,19 +132,19 @@ class Listed:
         return column_space(self.evidence.rows.nominal / self.evidence.rows.bound[:, None])
 
     def _beyond_model(self, columns: NDArray) -> NDArray[np.float64]:
-        """What columns (M, K) add to the model."""
+        """Return the part of columns (M, K) that lies outside the model."""
         columns = columns / self.evidence.rows.bound[:, None]
         return columns - self.base @ (self.base.T @ columns)
 
     def _are_within(self, columns: NDArray, pair: Pair) -> bool:
-        """Whether functions of a pair hold columns (M, K), beside the model."""
+        """Return true if functions of a pair, together with the model, contain columns (M, K)."""
         added = self._beyond_model(columns)
         size = np.linalg.norm(added)
         beyond = [np.linalg.norm(added - space @ (space.T @ added)) for space in self._spaces_of(pair)]
         return bool(min(beyond, default=np.inf) <= LIKE * size)
 
     def _spaces_of(self, pair: Pair) -> list[NDArray[np.float64]]:
-        """What functions of a pair add to the model: those that have most freedom of each form, and each jump."""
+        """Return the spaces that functions of a pair add to the model: the freest of each form, and each jump."""
         if id(pair) not in self._spaces:
             forms = []
             for ladder in pair.ladders():
@@ -159,7 +159,7 @@ class Listed:
 
 @dataclass(frozen=True, eq=False)
 class Unlisted:
-    """What is in no catalogue beside the first set of the catalogue that stands.
+    """Fitting functions outside the catalogue, next to the first set of the catalogue that fits.
 
     Attributes
     ----------
@@ -228,7 +228,7 @@ class Unlisted:
 
     @property
     def caution(self) -> tuple[str, ...]:
-        """What is not excluded, in sentences."""
+        """Return sentences on the explanations that are not excluded."""
         sentences = []
         for rival in self.rivals:
             text = f"as simple, and in no catalogue: {rival.pair.in_words} would do"
@@ -271,7 +271,7 @@ def _table_fit(evidence: Evidence, rival: Standing) -> Fit | None:
 
 
 def _tables(rival: Standing) -> Iterator[str]:
-    """Laws of tables that might do what a form does, with ever more knots."""
+    """Yield laws of tables that might replace a form, with more and more knots."""
     pair, form = rival.pair, rival.form
     quantity = pair.quantity.replace(" ", "*")
     if form.kind == "jump":

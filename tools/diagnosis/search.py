@@ -40,7 +40,7 @@ class Found:
 
     @property
     def is_sample(self) -> bool:
-        """Whether work ended the search among sets of several effects: what it returned are some of many.
+        """Return true if the work limit ended the search among sets of several effects: others may fit, too.
 
         Beside a function of one quantity at one place that is as simple they are no answer.
         """
@@ -114,7 +114,7 @@ def without_faint(model: Model, fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _found(fits: Sequence[Fit], complete: bool, size: int, unsolved: Sequence[tuple[EffectPlace, ...]]) -> Found:
-    """What a search returns that ends among sets of a size; a set that was not tried leaves it incomplete."""
+    """Return the result of a search that ended among sets of one size; incomplete if a set was not tried."""
     if not unsolved:
         return Found(tuple(fits), complete, size if fits or not complete else 0)
     least = min(len(places) for places in unsolved)

@@ -1,4 +1,4 @@
-"""Several records of one instrument: what they say together, and what is the instrument's or the run's."""
+"""Joint diagnosis of several records of one instrument: effects of the instrument, and effects of one run."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ NOT_TRIED = (
 
 
 def labels_of(paths: Sequence[Path]) -> list[str]:
-    """What records are called: by the names of their files without ending, or, where two are alike, by number too."""
+    """Return labels of records: file names without ending, with a number where two are alike."""
     names = [path.name.split(".")[0] or path.name for path in paths]
     labels = []
     for k, name in enumerate(names, start=1):
@@ -91,7 +91,7 @@ def diagnosed_together(
     progress: bool = False,
     most_work: float = MOST_WORK,
 ) -> Diagnosis:
-    """What records that were diagnosed each by itself, with their evidence, say together.
+    """Diagnose several records together, each already diagnosed by itself, with its evidence.
 
     `shared`, `own` are as for `join`; `left_out` has reasons why records are not judged with the others, by label;
     `rerun`: simulate each record with what was found in others; `most_work` is that of the search.
@@ -237,7 +237,7 @@ class Together:
         }
 
     def _must_differ(self) -> tuple[str, ...]:
-        """Where one record stands by itself, and the others together: what they cannot share, if that is enough."""
+        """Return sentences on values that must differ in one record, where that suffices to make all records fit."""
         joint, members = self.joint, dict(zip(self.joint.labels, self.joint.members, strict=True))
         sentences = []
         # Of two records what the first cannot share, the second cannot.
@@ -291,7 +291,7 @@ class Together:
     def _tried_alone(
         self, k: int, findings: Sequence[Finding], size: int
     ) -> Iterator[tuple[tuple[EffectPlace, ...], Finding]]:
-        """Effects that are not sought in several records, up to so many, each with a set that mends one by itself."""
+        """Yield effects not sought in several records, at most `size`, each with a set that mends one record alone."""
         unsought: dict[tuple[EffectPlace, ...], Finding] = {}
         for finding in findings:
             # What contains a set that stands there can always stand, too.
@@ -301,7 +301,7 @@ class Together:
         yield from fitting[:MOST_TRIED]
 
     def _cautions(self, best: Finding) -> tuple[str, ...]:
-        """What a record by itself says against the only set of the catalogue: a function in no catalogue is as simple.
+        """Return cautions where one record alone has a function outside the catalogue as simple as the only set.
 
         It is no rival of what is the instrument's where another record, which that refutes, names this by itself.
         """
@@ -324,7 +324,7 @@ def _without(members: Mapping[str, Evidence], label: str) -> dict[str, Evidence]
 
 
 def _beside(joint: Evidence, most: int) -> tuple[Cause, ...] | None:
-    """Causes, so many at most, with which the records stand, empty where they need none; None where all are refuted."""
+    """Return at most `most` causes that make the records fit; empty where none is needed, None if all are refuted."""
     if not joint.model.falsified:
         return ()
     for size in range(1, most + 1):
@@ -346,7 +346,7 @@ def _in_record(cause: Cause, label: str) -> Cause:
 
 
 def _is_in_every(label: str | None, owners: Sequence[Collection[str | None]]) -> Whose:
-    """Whether every set has something of this record, None for the instrument."""
+    """Return whether every set has an effect of this record (None: of the instrument); "open" if only some have."""
     present = [label in owner for owner in owners]
     if all(present):
         return "yes"
@@ -476,7 +476,7 @@ def _where_determined(parameters: Sequence[Parameter]) -> list[Parameter]:
 
 
 def _reading_errors(joint: Evidence, calibrations: Sequence[Calibration], fit: Fit) -> list[list[ReadingError]]:
-    """Return what the accelerometers may be off by at the corners of the input, for each record."""
+    """Return the possible errors of the accelerometers at the corners of the input, for each record."""
     possible = fit.possible(joint.model.room, None, joint.model.effort.most_rows).among(np.arange(len(fit.central)))
     errors = []
     for calibration, chosen in zip(calibrations, joint.model.chosen, strict=True):

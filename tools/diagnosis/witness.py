@@ -1,4 +1,4 @@
-"""The second witness: what was left out of a fit, and shuffled, says of effects."""
+"""The second witness: test effects on readings left out of the fit, and on shuffles."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ CHANCE = 0.05
 
 
 class Score(Result):
-    """Errors of what was left out, without and with effects, in the unit of the evidence."""
+    """Errors of the left-out readings, without and with effects, in the unit of the evidence."""
 
     scored: int
     rms_before: Number
@@ -39,12 +39,12 @@ class Score(Result):
 
     @property
     def improves(self) -> bool:
-        """Whether what was left out is predicted better with the effects, on the whole."""
+        """Return true if the effects reduce the rms error of the left-out readings."""
         return self.rms_after < self.rms_before
 
 
 class Shuffles(Result):
-    """Shuffles of effects, and how many of them predicted what was left out as well."""
+    """Shuffles of effects, and the number of them that predicted the left-out readings as well."""
 
     tried: int
     as_good: int
@@ -60,7 +60,7 @@ class Shuffles(Result):
 
     @property
     def objects(self) -> bool:
-        """Whether that speaks against the effects."""
+        """Return true if the shuffles speak against the effects."""
         return self.as_good > CHANCE * self.tried
 
 
@@ -74,12 +74,12 @@ class LargestError(Result):
 
     @property
     def objects(self) -> bool:
-        """Whether that speaks against the effects."""
+        """Return true if the error speaks against the effects."""
         return self.error > self.allowed
 
 
 class EffectWitness(Result):
-    """What was left out says of one effect of a set: errors over their bounds with the others, and with it."""
+    """Left-out errors over their bounds for one effect of a set: with the other effects only, and with it."""
 
     effect: str
     where: str
@@ -120,7 +120,7 @@ class EffectWitness(Result):
 
 
 class Witness(Result):
-    """What was left out says of the effects of a set, together.
+    """Left-out errors for the effects of a set together.
 
     None of it is evidence for them: almost any effect improves some readings that were left out. But effects that
     improve none, or no more than their own signatures do where they do not belong, are not named; nor are those with
@@ -169,7 +169,7 @@ class Witness(Result):
 
     @property
     def not_judged(self) -> str | None:
-        """What could not be asked, which is no objection."""
+        """Return the reason why the effects could not be judged, or None; that is no objection."""
         if self.folds is not None:
             return None
         return "whether the effects improve positions that were left out could not be judged: too few positions"
@@ -179,7 +179,7 @@ Judgement = Witness | Sequence[EffectWitness]
 
 
 def judgement_of(evidence: Evidence, fit: Fit) -> Judgement:
-    """What was left out says of the effects of a fit: of all together, or of each."""
+    """Return the judgement of the left-out readings on the effects of a fit: on all together, or on each."""
     together: Witness | None = None
     each: list[EffectWitness] = []
     # The shuffles of a trial are made while it is judged, before the next trial begins.

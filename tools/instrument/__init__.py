@@ -1,4 +1,4 @@
-"""An instrument's folder: what was found of it, by date and temperature, and what is no constant."""
+"""An instrument's folder: its results by date and temperature, and the parameters that change."""
 
 import lazy_loader
 

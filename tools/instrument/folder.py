@@ -1,4 +1,4 @@
-"""An instrument's folder: calibrations and diagnoses as plain JSON, by date and temperature; what is no constant."""
+"""An instrument's folder: calibrations and diagnoses as plain JSON, by date and temperature; changes with time."""
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -63,7 +63,7 @@ class Entry(Told):
 
 
 class Entries(Told):
-    """What an instrument's folder holds, in order of the dates."""
+    """Entries of an instrument's folder, in order of the dates."""
 
     schema_: Literal["trihedron.instrument-list/1"] = Field(default="trihedron.instrument-list/1", alias="schema")
     serial: str | None
@@ -150,7 +150,7 @@ def add_to_instrument(
 
 
 def _said_by(paths: Sequence[Path], result: Path, digests: Sequence[str]) -> dict[str, dict[str, str]]:
-    """What records say of date, temperature and serial number, by their SHA-256; an InputError for other records."""
+    """Return date, temperature and serial number from records, by SHA-256; an InputError for other records."""
     comments: dict[str, dict[str, str]] = {}
     for path in paths:
         measured = read_record(path)
@@ -171,7 +171,7 @@ def _said_by(paths: Sequence[Path], result: Path, digests: Sequence[str]) -> dic
 
 
 def entries_of(folder: Path) -> Entries:
-    """What an instrument's folder holds, in order of the dates; an InputError for a file in it that is no entry."""
+    """Return the entries of an instrument's folder, in order of the dates; an InputError for any other file in it."""
     if not folder.is_dir():
         raise InputError(f"{folder}: is no folder")
     entries = []
@@ -216,7 +216,7 @@ def nearest_of_instrument(
 
 
 def trend_of_instrument(folder: Path) -> Calibration:
-    """Return what each date tells of each parameter, and since when no constant is possible.
+    """Return each parameter by date, and the date from which no constant is possible.
 
     A constant is falsified at the first date whose interval does not meet one before it: of intervals each two of which
     meet, all have a point in common. An InputError for a folder with fewer than two entries that tell parameters.
@@ -248,7 +248,7 @@ def digests_of(result: Held) -> dict[str, str]:
 
 
 def parameters_told(result: Held) -> Iterator[tuple[str, str, str, Any]]:
-    """What a consistent or explained result tells: label of the record, name, unit, and what has estimate and ends.
+    """Yield the parameters of a consistent or explained result: record label, name, unit, estimate with ends.
 
     What several records share stands once, with the last of them that has the shared value.
     """
@@ -264,7 +264,7 @@ def parameters_told(result: Held) -> Iterator[tuple[str, str, str, Any]]:
 
 
 def _of_diagnosis(result: Diagnosis) -> Iterator[tuple[str, str, str, Any]]:
-    """Of records that were judged together: of a shared parameter that differs in one, that tells it by itself."""
+    """Yield the parameters of records judged together; a shared one that differs in a record appears by itself."""
     judged = result.judged or ("",)
     apart = set()
     for cause in result.causes:
@@ -289,7 +289,7 @@ def _of_diagnosis(result: Diagnosis) -> Iterator[tuple[str, str, str, Any]]:
 
 
 def _dated(entry: Entry) -> list[tuple[str, OfRecord]]:
-    """Of each record of an entry its date, and what is possible of each parameter that is bounded."""
+    """Return, for each record of an entry, its date and the interval of each bounded parameter."""
     result, dates = _held(entry.result, entry.file), {on_date.record: on_date.date for on_date in entry.dates}
     nominal = result.calibration if isinstance(result, Diagnosis) else result
     values: dict[str, dict[str, Parameter]] = {label: {} for label in digests_of(result)}
@@ -354,7 +354,7 @@ def _degrees(text: str | None) -> float | None:
 
 
 def _held(content: Mapping[str, Any], where: str) -> Held:
-    """The result of which this is the object; an InputError, which begins with `where`, for any other."""
+    """Parse a stored result; an InputError, beginning with `where`, for any other object."""
     result = parsed_result(in_present_schema(content), KINDS, where)
     if result is None:
         raise InputError(f"{where}: schema {content.get('schema')!r}: a calibration or a diagnosis is needed")

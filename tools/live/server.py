@@ -47,7 +47,7 @@ PLOT = (720.0, 220.0, 44.0, 26.0)
 
 
 class PageServer:
-    """Serves what was shown last; hears the operator. A port of 0 is any that is free."""
+    """Server of the current page that also receives the operator's input. Port 0: any free port."""
 
     def __init__(self, port: int) -> None:
         self._page = b""
@@ -71,7 +71,7 @@ class PageServer:
             self._page = page
 
     def words(self) -> Sequence[Mapping[str, Any]]:
-        """What was pressed since."""
+        """Return the buttons pressed since the last call."""
         words = []
         while not self._words.empty():
             words.append(self._words.get_nowait())
@@ -79,7 +79,7 @@ class PageServer:
 
     @property
     def page(self) -> bytes:
-        """What was shown last."""
+        """Return the current page."""
         with self._lock:
             return self._page
 
@@ -145,7 +145,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self._answer(204 if self.server.of.hear(word) else 503, b"")
 
     def _trusted(self, names: Sequence[str]) -> bool:
-        """Whether a request names this machine and the token; else it is refused."""
+        """Return true if a request names this machine and the token; refuse it otherwise."""
         port, token = self.server.of.port, self.server.of.token
         if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
             self._answer(403, b"another host")
@@ -192,7 +192,7 @@ def _template() -> "Template":
 
 
 def moment_page(moment: Moment) -> str:
-    """What changes on the page, as HTML; whatever texts hold is shown and never run."""
+    """Return the changing part of the page as HTML, with all texts escaped."""
     session, present, settings = moment.session, moment.present, moment.session.programme.settings
     last = None
     if session.visits:
@@ -247,7 +247,7 @@ def _row(session: Session, setting: TableSetting) -> tuple[str, str, str, int | 
 
 
 def _picture(session: Session) -> dict[str, Any]:
-    """Lines of the 18 errors over what is promised against the positions that count, in a logarithmic scale."""
+    """Return the curves of the 18 errors over their limits against the number of valid positions, on a log scale."""
     width, height, margin, below = PLOT
     count = max(len(session.programme.settings), len(session.history), 2)
 

@@ -42,7 +42,7 @@ class Terminal:
                 self._words.put(line)
 
     def words(self) -> Sequence[Mapping[str, Any]]:
-        """What was typed since; what is no word is answered."""
+        """Return the words typed since the last call; answer unknown ones."""
         words = []
         while not self._words.empty():
             text = self._words.get_nowait().split()
@@ -59,7 +59,7 @@ class Terminal:
         return words
 
     def show(self, moment: Moment) -> None:
-        """Print what is new, then how the table stands."""
+        """Print the news, then the state of the table."""
         session = moment.session
         if not moment.rows and not self._tty:
             return
@@ -89,7 +89,7 @@ class Terminal:
         self._stand(status, moment)
 
     def _stand(self, status: str, moment: Moment) -> None:
-        """The last line, written over where that is possible; else only what is wrong is said, once."""
+        """Overwrite the status line where the terminal allows it; do nothing elsewhere."""
         if moment.trouble and not moment.rows and moment.trouble not in self._status:
             status = f"{status}: {moment.trouble}"
         if not self._tty or status == self._status:

@@ -1,4 +1,4 @@
-"""What gyros and accelerometers say in motion: sampling, rests, calibration by gravity's norm, attitudes carried on."""
+"""Gyros and accelerometers in motion: sampling, rests, calibration by gravity's norm, attitudes carried on."""
 
 import lazy_loader
 

@@ -48,7 +48,7 @@ STRONG = 0.1
 
 
 class AttitudeRun(Result):
-    """What the attitude computer made of a record, and how far that is from the truth.
+    """Attitude computed from a record, and its error against the true attitude.
 
     Arrays hold the moments of the algorithm's updates, the start first; NaN where the truth is not known.
 
@@ -173,7 +173,7 @@ def judged_updates(error_angle: np.ndarray) -> np.ndarray:
 
 
 def rate_at_rest(record: StrapdownRecord) -> np.ndarray | None:
-    """Mean rate over the rest with which a record begins: what a user takes for the gyros' bias.
+    """Return the mean rate over the rest at the start of a record: the usual estimate of the gyros' bias.
 
     It holds Earth's rotation too, in the components of that rest. Shape (3,) [rad/s]; None where the record does not
     begin with a rest of at least one block (1 s). An InputError for a record that is not uniform.
@@ -342,7 +342,7 @@ def algorithm_named(name: str) -> Algorithm:
 
 
 def _third_axis_is_vertical(record: StrapdownRecord) -> bool:
-    """Whether the specific force, on average, points along the third axis of the true attitude's reference."""
+    """Return true if the mean specific force points along the third axis of the true attitude's reference."""
     if record.attitude is None:
         return False
     finite = np.isfinite(record.attitude).all(axis=1)

@@ -75,11 +75,11 @@ class Moves:
         return angles_of(self.carried(matrix), self.after)
 
     def allowed(self, size: float = 1.0) -> NDArray[np.float64]:
-        """What gyros of usual errors may miss (M,), where they turn so many times as far as they read [rad]."""
+        """Return the errors (M,) allowed to usual gyros whose true turns are `size` times the readings [rad]."""
         return ALLOWED + ALLOWED_PART * size * self.turns.way + self.drift
 
     def missing(self, scale: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Moves (M,) over which gyros of these scales (3,) miss gravity by more than they may, where that is told."""
+        """Return the moves (M,) over which gyros of these scales (3,) miss gravity by more than allowed."""
         allowed = self.allowed(float(scale.max()))
         return (allowed <= TELLING) & (self.missed(np.diag(scale)) > allowed)
 
@@ -113,7 +113,7 @@ def moves_between(record: StrapdownRecord, sampling: RecordSampling, rests: Rest
 
 
 def ways_beside_gravity(moves: Moves, before: Channels | None) -> tuple[str, str] | None:
-    """What is wrong with order, signs or unit of gyros that miss gravity over most moves, as of `said_of_ways`."""
+    """Describe wrong order, signs or unit of gyros that miss gravity over most moves, as `said_of_ways` does."""
     telling = moves.those(moves.turned > LEAST_TURN)
     unknown = not (telling.allowed() <= TELLING).any()
     if before == Channels() or not (unknown or 2 * telling.missing(np.ones(3)).sum() > len(telling)):
@@ -156,7 +156,7 @@ def ways_that_fit(moves: Moves, before: Channels | None) -> list[tuple[int, int]
 
 
 def scales_by_rests(moves: Moves) -> NDArray[np.float64] | None:
-    """How many times as far as they read the gyros turn (3,), by gravity at the rests; None where moves do not tell it.
+    """Return the ratio of true to measured turn of each gyro (3,), by gravity at the rests; None if undetermined.
 
     They differ where that misses far less.
     """
@@ -165,7 +165,7 @@ def scales_by_rests(moves: Moves) -> NDArray[np.float64] | None:
         return None
 
     def misses(logs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What is missed by gyros of scales whose logarithms are given, one or three."""
+        """Return the misses of gyros of scales whose logarithms are given, one or three."""
         scale = np.exp(logs) * np.ones(3)
         missed = telling.carried(np.diag(scale)) - telling.after
         return np.append(missed, ALIKE * (logs - logs.mean()))

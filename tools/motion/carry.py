@@ -1,4 +1,4 @@
-"""What the gyros say over each interval between rows, and the attitude that they carry through a record.
+"""Angle increments of the gyros between rows, and the attitude that they carry through a record.
 
 Gyro block and attitude computer, as FMUs, carry it; the orchestrator runs them.
 """
@@ -237,7 +237,7 @@ def carried_scenario(motion: Motion, effects: Iterable[EffectPlace], fmus: Mappi
 
 
 def reads(effects: Iterable[EffectPlace], quantity: str) -> bool:
-    """Whether the kernel of some effect reads a place of the context."""
+    """Return true if the kernel of some effect reads a quantity of the context."""
     kernels = (place.definition.kernel for place in effects)
     return any(quantity in kernel.__code__.co_names for kernel in kernels if kernel is not None)
 

@@ -89,7 +89,7 @@ class ComparedAlgorithm(Result):
 
 
 class AttitudeComparison(Result):
-    """A strapdown record through several attitude algorithms, side by side; what is said of the record as of a run."""
+    """Comparison of several attitude algorithms on a strapdown record, with the record's warnings as of a run."""
 
     schema_: Literal["trihedron.attitude-comparison/1"] = Field(
         default="trihedron.attitude-comparison/1", alias="schema"
@@ -319,7 +319,7 @@ def read_increments(
     noise_bound: float,
     seed: int,
 ) -> np.ndarray:
-    """What gyros with errors make of exact increments, by the kernels of `trihedron.models.gyro`: (N, 3) [rad].
+    """Return exact increments as gyros with errors read them, by the kernels of `trihedron.models.gyro`: (N, 3) [rad].
 
     Γ (9,) stands row by row; bias (3,) and bound of the errors are in rad/s, the quantum is in rad, 0: exact.
     """
@@ -395,7 +395,7 @@ def run_single(high: np.ndarray, low: np.ndarray, arithmetic: str) -> np.ndarray
 
 @cache
 def _feedback() -> Callable[..., Any]:
-    """What writes 32-bit increments (N, 3): the rounding error of each is added to the next."""
+    """Return the function that writes 32-bit increments (N, 3): each rounding error is added to the next."""
 
     @loop_compiled
     def round_all(increments, rounded):

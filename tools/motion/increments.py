@@ -1,4 +1,4 @@
-"""What the attitude computer takes of a record: uniform angle increments, gaps bridged, how far they can be trusted.
+"""Input of the attitude computer from a record: uniform angle increments, bridged gaps, limits of trust.
 
 Lost rows are put in on a line, with a bound of the attitude error that may cause. Of motion whose second difference
 from row to row, the vector's size, is at most c near the gap, the n rows on the line miss by at most
@@ -143,7 +143,7 @@ def _check_increment(record: StrapdownRecord, before: int, count: int) -> None:
 
 
 def _row_behind(record: StrapdownRecord, before: int) -> str:
-    """Where a message points to: the row behind a gap."""
+    """Return the place that a message names: the row behind a gap."""
     return f"{record.path}, row {int(record.row[before + 1])}, column 'time_s'"
 
 
@@ -183,12 +183,12 @@ def sampling_period(record: StrapdownRecord) -> float:
 
 
 def off_the_grid(time: np.ndarray) -> np.ndarray:
-    """By how much times (N,) are off the uniform grid from the first to the last, in periods."""
+    """Return the departure of times (N,) from the uniform grid between first and last, in periods."""
     return (time - time[0]) / (time[-1] - time[0]) * (len(time) - 1) - np.arange(len(time))
 
 
 def jitter_line(record: StrapdownRecord) -> list[str]:
-    """What a person should know of stamps that jitter."""
+    """Return a warning about stamps that jitter, if any."""
     worst = float(np.abs(off_the_grid(record.time_s)).max())
     if record.rate is None or worst <= JITTER:
         return []
@@ -258,7 +258,7 @@ def coarser(increments: Increments, divisor: int) -> Increments:
 
 @dataclass(frozen=True)
 class GyroInput:
-    """What is taken of a record to carry its attitude from the first row on whose true attitude is known.
+    """Input to carry the attitude of a record, from the first row with a known true attitude.
 
     Attributes
     ----------
@@ -286,12 +286,12 @@ class GyroInput:
 
     @property
     def bridged_bound(self) -> float:
-        """Of the attitude error that all bridges may cause [rad]."""
+        """Bound of the attitude error from all bridges [rad]."""
         return float(sum(bridge.bound for bridge in self.bridges))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a person should know of the record, its stamps and the gyros' limits."""
+        """Return the warnings on the record, its stamps and the gyros' limits."""
         limits = (line for line in self.limits.lines if line.startswith(("w", "dv")))
         return (*self.record.warnings, *jitter_line(self.record), *limits)
 
@@ -309,7 +309,7 @@ def gyro_input(
     bridge_gaps: int = 0,
     gyro_bias: Sequence[float] | np.ndarray | None = None,
 ) -> GyroInput:
-    """What is taken of a record to carry its attitude; options and errors as of `run_attitude`."""
+    """Return the input to carry a record's attitude; options and errors as of `run_attitude`."""
     limits, measured = channel_limits(record), record.time_s
     record, bridges = without_gaps(record, bridge_gaps)
     first, start = starting_attitude(record)

@@ -1,4 +1,4 @@
-"""What a strapdown record supports: sampling, rests, moves, excitation, and what its rests say of the instruments."""
+"""Inspection of a strapdown record: sampling, rests, moves, excitation, and instrument errors from its rests."""
 
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -91,7 +91,7 @@ class GyrosAtRest(Result):
 
     @property
     def standing(self) -> tuple[RestModel, ...]:
-        """Of the smallest size that stands."""
+        """Return the fitting models of the smallest size."""
         standing = []
         for model in self.tried:
             if model.stands:
@@ -115,7 +115,7 @@ class RecordSeen(Result):
 
 
 class AtTable(Result):
-    """What the rests of a bench record say of its accelerometers against the table's angles, as `calibrate` judges.
+    """Accelerometers of a bench record at rest against the table's angles, judged as `calibrate` does.
 
     `noise_bound` is a fraction of g; `lacks` says why they are not judged, where they are not.
     """
@@ -129,7 +129,7 @@ class AtTable(Result):
 
 
 class Inspection(Result):
-    """What a record supports.
+    """Result of the inspection of a record.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class Inspection(Result):
 
 
 def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY, trust: bool = False) -> Inspection:
-    """Say what a strapdown record supports, and what its rests say of gyros and accelerometers.
+    """Inspect a strapdown record: its sampling, rests and moves, and its gyros and accelerometers at rest.
 
     Nothing is resampled or repaired: gaps, jitter, saturated samples and wrong units are stated.
 

@@ -183,7 +183,7 @@ def candidate_poses() -> dict[str, NDArray]:
 
 
 def missing_poses(slopes: NDArray) -> tuple[str, ...]:
-    """Poses, chosen one after the other for what they add, that make norm equations (K, 9) determine all parameters."""
+    """Return poses, added one by one by their gain, that make norm equations (K, 9) determine all parameters."""
     missing: list[str] = []
     while len(slopes) < 9 or np.linalg.svd(slopes, compute_uv=False)[8] < LEAST_SINGULAR:
         name, slopes = _best_pose(slopes)

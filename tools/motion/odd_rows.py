@@ -144,7 +144,7 @@ def _beside(rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _counted(record: RawRecord | StrapdownRecord, rows: NDArray[np.bool_]) -> str:
-    """How many rows, and the first of them with its time."""
+    """Return the number of rows, and the first of them with its time."""
     first = int(np.argmax(rows))
     where = f"row {int(record.row[first])} ({digits(float(record.time_s[first]), 9)} s)"
     count = int(rows.sum())

@@ -1,4 +1,4 @@
-"""What gyros and accelerometers do at rest when nothing else acts: white noise, flicker noise, and whether that is all.
+"""Noise of gyros and accelerometers at rest: white noise, flicker noise, and a test for anything more.
 
 The noise comes from within the rests, over the times at which it is least: what a bias does from one rest to the next,
 or slowly within one, is no noise, and is refused as such where the rests show more of it than flicker noise makes.
@@ -72,7 +72,7 @@ class RestNoise:
         return self.rate_square(seconds).max(axis=1) * np.asarray(seconds, dtype=float) ** 2
 
     def judged(self, scatter: NDArray, free: int, seconds: NDArray) -> "RestNoise":
-        """The noise, given the mean squares (3,) by which means over times (K,) differ, of so many degrees of freedom.
+        """Return the noise, judged by mean squares (3,) of the differences between means over times (K,).
 
         Such means of white noise and flicker noise differ by no more than the least Allan deviation and the length of
         the record say, and Earth's rate in poses of unknown heading, but for chance (an F test). What is more is no
@@ -98,7 +98,7 @@ class RestNoise:
 
     @property
     def said(self) -> str | None:
-        """That the gyros are not constant at rest; None where they are but for noise."""
+        """Return a message if the gyros are not constant at rest beyond noise, or None."""
         if not self.unsteady:
             return None
         sentences = []
@@ -119,7 +119,7 @@ class RestNoise:
 
 
 def factor_for(rows: int) -> float:
-    """A bound over its standard deviation such that hardly one of so many errors exceeds it; at least three."""
+    """Return a ratio of bound to standard deviation that none of `rows` errors is likely to exceed; at least three."""
     return max(SCATTER_FACTOR, -float(scipy.special.ndtri(0.5 * ANY_BEYOND / max(rows, 1))))
 
 

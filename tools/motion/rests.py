@@ -1,4 +1,4 @@
-"""How the record of a block that is moved by hand is sampled, and where it rests.
+"""Sampling and rests of the record of a block moved by hand.
 
 Nothing is resampled: period, jitter, gaps and saturated samples are stated. At rest gyros and accelerometers show
 nothing but their noise.
@@ -65,14 +65,14 @@ MOST_DIVISIONS = 60
 
 
 class Gap(Result):
-    """Where rows are missing: beginning and length [s]."""
+    """A gap of missing rows: beginning and length [s]."""
 
     time_s: float
     length_s: float
 
 
 class RecordSampling(Result):
-    """How a record is sampled.
+    """Sampling of a record.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class RecordSampling(Result):
 
     @property
     def lines(self) -> list[str]:
-        """What a person should know of turns that cannot be told, and of channels at their limit."""
+        """Return warnings on ambiguous turns, and on channels at their limit."""
         if self.wrapped_from is None:
             return self.limits.lines
         where = "in the row at"
@@ -150,7 +150,7 @@ def check_meaning(rates: str) -> None:
 
 
 def check_turns(record: StrapdownRecord, turns: NDArray[np.float64]) -> None:
-    """Refuse turns between the record's last rows (n, 3) [rad] of which one is by more than half a turn, by its row."""
+    """Refuse, by its row, a turn of more than half a revolution between the record's last rows (n, 3) [rad]."""
     size = np.linalg.norm(turns, axis=1)
     long = np.flatnonzero(~(size <= MAX_INCREMENT))
     if long.size:
@@ -163,7 +163,7 @@ def check_turns(record: StrapdownRecord, turns: NDArray[np.float64]) -> None:
 
 
 def sampling_of(record: StrapdownRecord) -> RecordSampling:
-    """How a record is sampled; InputError where it has fewer than 16 rows."""
+    """Return the sampling of a record; InputError where it has fewer than 16 rows."""
     if len(record) < FEWEST_ROWS:
         raise InputError(f"{record.path}: has {len(record)} rows; at least {FEWEST_ROWS} are needed")
     between = np.diff(record.time_s)
@@ -397,13 +397,13 @@ def _jumps(channels: list[NDArray], quiet: NDArray[np.bool_], noise: NDArray, si
 
 
 def _walks(values: NDArray, noise: NDArray) -> bool:
-    """Whether the first and the last third of a stretch (n, 6) differ as no noise makes them."""
+    """Return true if the first and last third of a stretch (n, 6) differ by more than noise."""
     third = max(1, len(values) // 3)
     return bool((np.abs(values[-third:].mean(axis=0) - values[:third].mean(axis=0)) > SLOW * noise).any())
 
 
 def _steady_turns(rate: NDArray, force: NDArray, rests: list[slice], noise: NDArray) -> NDArray[np.bool_]:
-    """Rests (K,) whose mean rate is far from what the others', and their dependence on gravity and time, make expect.
+    """Return the rests (K,) whose mean rate is far from the value expected from the others, gravity and time.
 
     Gyros that depend on gravity read something else in every pose. The least sum of sizes (least squares, reweighted)
     is not drawn to a few turns.
@@ -441,7 +441,7 @@ def _averaged(
         return np.array([values[r].mean(axis=0) for r in rows]).reshape(len(rows), *values.shape[1:])
 
     def bounds(values: NDArray) -> NDArray | None:
-        """Of the means' errors (K, 3): shorter rests than the median one have larger ones, as white noise has."""
+        """Return bounds of the means' errors (K, 3); larger for rests shorter than the median, as for white noise."""
         deviation = deviation_at_dwell([values[r] for r in rows])
         if deviation is None:
             return None
@@ -478,7 +478,7 @@ def _averaged(
 
 
 def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tuple[NDArray, NDArray]:
-    """Steps (3,) of the readings (N, 3) of each channel, and by how much (3,) they may put a mean at rest off.
+    """Return steps (3,) of the readings (N, 3), and the error (3,) that they may cause in a mean at rest.
 
     Both are in the readings' unit; the step is 0 where the readings hide none in their noise. At least one rest.
     """
@@ -497,7 +497,7 @@ def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tupl
 
 
 def common_divisor(values: NDArray[np.float64]) -> float:
-    """The largest number of which all values (n,), positive, are whole multiples to a thousandth of it, as Euclid does.
+    """Return the largest number that divides all values (n,), positive, to a thousandth of it (Euclid's algorithm).
 
     Of readings without a step it is as small as their last digit, or smaller.
     """
@@ -512,7 +512,7 @@ def common_divisor(values: NDArray[np.float64]) -> float:
 
 
 def rest_warnings(rests: Rests, gravity: float) -> list[str]:
-    """What a person should know of the accelerometers at rest: limits and steps."""
+    """Return warnings on the accelerometers at rest: limits and steps."""
     lines = []
     if rests.clipped:
         lines = [f"rests with an accelerometer at its limit: {rests.clipped}, left out"]

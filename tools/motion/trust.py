@@ -1,4 +1,4 @@
-"""Whether a record with gyros can be what it says: the one check that every command asks before it uses such a record.
+"""Plausibility of a record with gyros: the check that every command runs before it uses such a record.
 
 Units, order and signs of axes, the size of gyros and accelerometers, the meaning of the true attitude, and rows that no
 motion makes. A fault makes results wrong, a warning does not. What cannot be told from a record is not held against it.
@@ -49,7 +49,7 @@ Measured = TypeVar("Measured", bound=PositionRecord | RawRecord | StrapdownRecor
 
 
 class TrustCheck(Result):
-    """What speaks against a record.
+    """Evidence against a record: faults and warnings.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The gyros of a record beside its true attitude: units, order and signs of axes, and what the quaternions mean."""
+"""Compare gyros with the true attitude: units, order and signs of axes, and the meaning of the quaternions."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -47,7 +47,7 @@ class TruthCheck(Result):
 
 
 def truth_check(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> TruthCheck | None:
-    """What is wrong with the gyros beside the true attitude: units, order, signs of axes; None where it tells nothing.
+    """Return faults of the gyros against the true attitude: units, order, signs of axes; None if undecidable.
 
     Rotations are compared, over windows in which the block turns little and over longer ones, in which gyros that lag
     follow better.
@@ -93,7 +93,7 @@ def truth_check(record: StrapdownRecord, sampling: RecordSampling, rests: Rests)
 
 
 def scales_of(carried_turns: Rotation, true: Rotation) -> NDArray[np.float64]:
-    """How many times as far as carried turns (S) the true ones turn about each axis (3,).
+    """Return the ratio of true turns to carried turns (S) about each axis (3,).
 
     An axis about which they do not turn alike is as the others are; 1 where none does.
     """
@@ -109,7 +109,7 @@ def scales_of(carried_turns: Rotation, true: Rotation) -> NDArray[np.float64]:
 
 
 def _meaning(attitude: NDArray, increments: NDArray, ends: NDArray, missed: float) -> str:
-    """What a true attitude (N, 4) means where the gyros miss less of it then; empty where nothing known does.
+    """Return the meaning of a true attitude (N, 4) under which the gyros miss less; empty if no known one helps.
 
     Windows are rows (S, 2); missed is a part of the turns, squared.
     """
@@ -131,7 +131,7 @@ def turns_between(attitude: NDArray, ends: NDArray) -> Rotation:
 
 
 def downward_warning(record: StrapdownRecord) -> tuple[str, ...]:
-    """Where the specific force points along −z of the reference: its z points down, or all accelerometers are reversed.
+    """Warn where the specific force points along −z of the reference: z is down, or all accelerometers are reversed.
 
     Nothing else in a record can show that all are reversed, and nothing in this one which of the two it is; no line
     where a person has said how the channels are read.

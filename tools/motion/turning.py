@@ -1,4 +1,4 @@
-"""Whether gyros turn as gravity, or a true attitude, does: order and signs of their axes, and their unit.
+"""Compare the gyros' turns with gravity or a true attitude: order and signs of their axes, and their unit.
 
 All 48 signed permutations are tried, in rad/s and in degrees per second; what fits far better is said with the option
 that reads the record so.
@@ -41,7 +41,7 @@ ALIKE = 0.05
 
 
 class TurningCheck(Result):
-    """Whether the gyros turn as the accelerometers say: units, signs and order of axes, from moves alone.
+    """Test of the gyros' turns against the accelerometers: units, signs and order of axes, from moves alone.
 
     A block that turns at ω sees gravity turn by df = −ω × f dt. The matrix K that fits df = −(K ω dt) × f best over
     short windows of moves is the identity for rates in rad/s along the accelerometers' axes, (π/180)·I for degrees per
@@ -184,7 +184,7 @@ def _costs(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> NDAr
 
 
 def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> TurningCheck:
-    """What K (3, 3), with its covariance (9, 9), says of units, order and signs of the gyros, where it is surely so."""
+    """Return faults of units, order and signs of the gyros that K (3, 3), with its covariance (9, 9), proves."""
     told = said_of_ways(
         [divmod(int(way), len(PERMUTATIONS)) for way in far_better(_costs(matrix, uncertain, before))], before
     )
@@ -194,7 +194,7 @@ def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None)
 
 
 def said_of_ways(ways: Sequence[tuple[int, int]], before: Channels | None) -> tuple[str, str] | None:
-    """What is wrong where these ways of reading, the best first, fit far better; None where there are none.
+    """Describe the fault where these ways of reading, the best first, fit far better; None where there are none.
 
     A way is the number of a unit and of a signed permutation. The second text mends the accelerometers alone.
     """
@@ -219,7 +219,7 @@ def said_of_ways(ways: Sequence[tuple[int, int]], before: Channels | None) -> tu
 def beside_truth(
     increments: NDArray, true: "Rotation", windows: NDArray, before: Channels | None, time_s: NDArray
 ) -> tuple[tuple[str, ...], float]:
-    """What true turns (S) over windows say of the gyros; and the part of them, squared, that the best way misses.
+    """Return faults of the gyros by true turns (S) over windows, and the squared part that the best way misses.
 
     Increments (N, 3) are up to each row [rad], at times (N,); windows (S, 2) are the rows at their ends. Of gyros of
     which a person says that they stand as they are, `before` is `Channels()`, only that way is looked at.
@@ -268,7 +268,7 @@ def carried(increments: NDArray, windows: NDArray) -> "Rotation":
 
 
 def _words(channels: Channels, reference: str, before: Channels | None) -> str:
-    """What is wrong with gyros that are to be read so, beside how they were read."""
+    """Describe the fault of gyros that should be read in another way than before."""
     now = "degrees per second"
     if before is not None and before.degrees:
         now = "rad/s, not degrees per second"

@@ -115,7 +115,7 @@ class OwnEffects:
         return _LOADED[self]
 
     def _given(self) -> list[Effect]:
-        """What the file gives as EFFECT or EFFECTS."""
+        """Return the effects of the file, from EFFECT or EFFECTS."""
         module = self._run()
         single, several = getattr(module, "EFFECT", None), getattr(module, "EFFECTS", None)
         if single is None and several is None:
@@ -192,7 +192,7 @@ FORMER_FIELDS = ("signature", "turns", "from_coefficients", "needs", "in_motion"
 
 
 def written_for_signatures(error: BaseException) -> bool:
-    """Return whether a file fails because it gives an effect what its kernel says since."""
+    """Return true if a file fails because it uses the former interface, where an effect gave its signature."""
     message = str(error)
     if isinstance(error, ImportError):
         return any(f"cannot import name {name!r}" in message for name in FORMER_NAMES)
@@ -348,7 +348,7 @@ def _check_at(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
 
 
 def _check_arguments(effect: Effect, refuse: Refusal) -> None:
-    """Check that the kernel is a function of as many arguments as its stage and its parameters ask for."""
+    """Check that the kernel takes the number of arguments that its stage and its parameters require."""
     kernel = effect.kernel
     if not inspect.isfunction(kernel):
         raise refuse("kernel", f"is {kernel!r}; it is a function in restricted Python, by which it is exported")
@@ -437,7 +437,7 @@ def rows_for(effect: Effect) -> Rows | MotionRows:
 def kernel_additions(
     place: EffectPlace, effect: Effect, values: Sequence[float], rows: Rows | MotionRows
 ) -> NDArray[np.float64]:
-    """Return what the kernel adds (N, ports) to the ports of its stage, row by row."""
+    """Return the terms (N, ports) that the kernel adds to the ports of its stage, row by row."""
     assert effect.kernel is not None
     added = np.zeros((COUNT, PORTS[str(effect.stage)]))
     contexts, inputs = rows.seen_by(effect.component)

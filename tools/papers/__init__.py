@@ -1,4 +1,4 @@
-"""Published tables beside what is computed here: calibration, attitude algorithms, word length."""
+"""Published tables next to computed ones: calibration, attitude algorithms, word length."""
 
 import lazy_loader
 

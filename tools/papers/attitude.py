@@ -1,4 +1,4 @@
-"""A paper on attitude algorithms: its published errors again, and what its simulation did otherwise than it says.
+"""Reproduction of a paper on attitude algorithms: its published errors, and how its simulation departed from its text.
 
 Source: Chelnokov, Perelyaev, Chelnokova 2016 (Izv. Saratov Univ., Ser. Math. Mech. Inform. 16(1)), Tables 1 to 3 and
 section 3.1.1. With every switch of `Conditions` on, the published errors come out; with every switch off, the true
@@ -106,7 +106,7 @@ class PublishedRow(Result):
 
     @property
     def title(self) -> str:
-        """The row as it is named in what people read."""
+        """Return the title of the row in reports."""
         return f"{TABLES[self.table]}, {self.algorithm}, h = {self.h_s:g} s, M = {self.nodes}, motion {self.motion}"
 
 
@@ -127,7 +127,7 @@ def published_rows() -> tuple[PublishedRow, ...]:
 
 @dataclass(frozen=True)
 class Conditions:
-    """Under which conditions a row is run: what each switch is, on, stands in `CAUSES`; off, it is what the text says.
+    """Conditions of the run of a row: a switch that is on follows `CAUSES`; off, it follows the paper's text.
 
     With `short_pi`, `trapezoid` and `not_normalised` off π, increments and the angles' quaternions are exact.
     """
@@ -178,7 +178,7 @@ EXACT = PAPER.without("short_pi", "trapezoid", "not_normalised")
 
 @dataclass(frozen=True)
 class WrongCondition:
-    """A switch of `Conditions`: what was done, with what effect on the published numbers, and rows that show it."""
+    """A switch of `Conditions`: the departure, its effect on the published numbers, and rows that show it."""
 
     switch: str
     sentence: str

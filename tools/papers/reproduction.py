@@ -1,4 +1,4 @@
-"""The published tables of two papers beside what is computed here, and what limited word length costs.
+"""Published tables of two papers next to computed ones, and the cost of limited word length.
 
 Sources: Golovan, Matasov, Tarygin 2022, Tables 1 and 2, case A1, Q = I; Chelnokov, Perelyaev, Chelnokova 2016, Tables 1
 to 3, section 3.1.1 and the update (22), in 32-bit arithmetic and with 32-bit increments against 64-bit ones.
@@ -108,7 +108,7 @@ class ReproducedRow(PublishedRow):
 
 
 class ConditionEffect(Result):
-    """What a row becomes when one of the causes is left out.
+    """Result of a row with one of the causes left out.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class ConditionEffect(Result):
 
 
 class TableScore(Result):
-    """How many numbers of some tables are reproduced within a fraction, and how many there are."""
+    """Count of the numbers of some tables that are reproduced within a fraction, and the total."""
 
     tables: tuple[str, ...]
     within: float

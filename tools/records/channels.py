@@ -52,7 +52,7 @@ SENSES = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 
 @dataclass(frozen=True)
 class Channels:
-    """How channels of a file are read.
+    """Assignment and signs of the channels of a file.
 
     `accelerometers`, `gyros`: of each axis the channel of the file, 1 to 3, with its sign; `alpha`, `beta`: -1 where an
     encoder turns the other way; `radians`: the angles of the table are in radians; `degrees`: the gyros give degrees.
@@ -67,7 +67,7 @@ class Channels:
 
     @staticmethod
     def given(texts: Sequence[str]) -> "Channels":
-        """As options `--channels` say, several in one with blanks between; an InputError for what is none."""
+        """Parse options `--channels`, several in one with blanks between; an InputError for any other text."""
         fields: dict[str, object] = {}
         for text in " ".join(texts).split():
             name, _, value = (part.strip() for part in (text if "=" in text else f"f={text}").partition("="))
@@ -119,7 +119,7 @@ class Channels:
         return options and f"--channels {quote}{options}{quote}"
 
     def after(self, before: "Channels") -> "Channels":
-        """How a file is read whose channels, read as `before` says, are read so."""
+        """Return the channels of a file that result from these after those of `before`."""
         return Channels(
             tuple(_times(self.accelerometers, before.accelerometers)),  # type: ignore[arg-type]
             tuple(_times(self.gyros, before.gyros)),  # type: ignore[arg-type]
@@ -132,7 +132,7 @@ class Channels:
 
 
 def reading_of(matrix: NDArray) -> Axes:
-    """Of each axis the channel that shows it, where the channels show a signed permutation (3, 3) of the axes."""
+    """Return the channel of each axis, where the channels show a signed permutation (3, 3) of the axes."""
     channels = np.argmax(np.abs(matrix), axis=0)
     axes = []
     for axis, k in enumerate(channels):

@@ -73,7 +73,7 @@ _LINE = re.compile(r"#+\s*([^:#][^:]{0,79}?)\s*:\s+(\S.*?)\s*")
 
 @dataclass(frozen=True)
 class Comments:
-    """Key -> value of the comment lines, and what the record's own keys say [m/s², deg, K], 0 or empty without."""
+    """Key -> value of the comment lines, and the values of the record's own keys [m/s², deg, K], 0 or empty without."""
 
     about: Mapping[str, str] = field(default_factory=dict)
     resolution: float = 0.0
@@ -83,7 +83,7 @@ class Comments:
 
 
 def comments_of(lines: Iterable[tuple[int, str]]) -> tuple[Comments, tuple[int, str, str] | None]:
-    """Read comment lines, given with their rows; beside it row, key and what is wrong of the first own key that is."""
+    """Read comment lines, given with their rows; also return row, key and error of the first own key that is wrong."""
     about: dict[str, str] = {}
     values: dict[str, float] = {}
     scatter: tuple[float, ...] = ()
@@ -178,7 +178,7 @@ class RecordError(InputError):
 
 @dataclass(frozen=True)
 class Layout:
-    """What is to be read from a file: the kind, its columns that are there, and the others."""
+    """Columns to read from a file: the record's kind, its columns that are present, and the others."""
 
     kind: RecordKind
     present: tuple[str, ...]
@@ -213,7 +213,7 @@ class FileColumns:
         return np.stack([self.numbers[name] for name in names], axis=1)
 
     def fault(self, index: int | np.integer, name: str, what: str) -> RecordError:
-        """What is wrong with a column in one of the rows read."""
+        """Return the fault of a column in one of the rows read."""
         return RecordError(self.path, int(self.row[index]), name, what)
 
 
@@ -287,7 +287,7 @@ def absent(names: Iterable[str], present: Container[str]) -> list[str]:
 
 
 def _distance(names: Sequence[str], kind: RecordKind) -> tuple[int, int]:
-    """How far columns are from those of a kind: how many are missing, how few of its own are there."""
+    """Return the distance of columns from those of a kind: the number missing, and minus the number present."""
     columns = (set(kind.known) - {"time_s", *FORCE}) & set(names)
     return len(set(kind.required) - set(names)), -len(columns)
 
@@ -326,7 +326,7 @@ def extra_warning(columns: FileColumns) -> tuple[str, ...]:
 
 
 def warnings(columns: FileColumns) -> tuple[str, ...]:
-    """What a person should be told of numbers that have no faults."""
+    """Return warnings about numbers that have no faults."""
     lines = []
     if ANGLES[0] in columns.numbers and 0.0 < float(np.abs(columns.group(ANGLES)).max()) <= 2.0 * math.pi:
         lines.append(f"{columns.path}: columns {_all(ANGLES)}: all angles are within ±2π degrees; are they radians?")
@@ -350,7 +350,7 @@ def warnings(columns: FileColumns) -> tuple[str, ...]:
 
 
 def _rows_from(columns: FileColumns, index: np.ndarray) -> str:
-    """How many rows, and the first of them."""
+    """Return the rows as text: their number, and the first of them."""
     first = int(columns.row[index[0]])
     if len(index) == 1:
         return f"row {first}"
@@ -364,7 +364,7 @@ def least_step(values: np.ndarray) -> float:
 
 
 def fault_of_resolution(columns: FileColumns) -> RecordError | None:
-    """What is wrong with a resolution that a comment line gives: the readings of all columns are written more finely.
+    """Return the fault of a resolution in a comment line when all columns have readings that are written more finely.
 
     It is that of the column with the fewest digits.
     """
@@ -421,7 +421,7 @@ def faults(columns: FileColumns, *, any_times: bool = False) -> Iterator[RecordE
 
 
 def _increasing(columns: FileColumns, name: str, least: float = 0.0) -> Iterator[RecordError]:
-    """Where a column does not grow, or by less than `least`."""
+    """Yield faults where a column does not grow, or grows by less than `least`."""
     values = columns.numbers[name]
     for k in np.flatnonzero((values[1:] <= values[:-1]) | (values[1:] - values[:-1] < least)):
         before, value = float(values[k]), float(values[k + 1])

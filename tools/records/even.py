@@ -91,7 +91,7 @@ def with_stamps(record: Measured, stamps: str | None = None) -> Measured:
 
 
 def times_unused(stamps: str | None) -> bool:
-    """Whether the stamps may repeat and run back: only the rows are counted."""
+    """Return true if stamps may repeat and run back, because only the rows are counted."""
     return stamps is not None and stamps != LOGGED
 
 
@@ -140,7 +140,7 @@ def _better(record: Measured, grid: Grid) -> Measured:
 
 @dataclass(frozen=True)
 class Missed:
-    """By how much gyros miss gravity or the true attitude, rms [rad], with either kind of stamps; over how many."""
+    """Misses of gravity or the true attitude, rms [rad], with either kind of stamps; and their number."""
 
     even: float
     logged: float
@@ -149,7 +149,7 @@ class Missed:
 
 
 def missed_angles(record: StrapdownRecord, grid: Grid) -> Missed | None:
-    """By how much the gyros miss gravity over moves, or the true attitude; None where the record does not tell."""
+    """Return the angles by which the gyros miss gravity over moves, or the true attitude; None if undetermined."""
     ends, words = _with_truth(record, grid), "stretches with a true attitude"
     directions = None
     if len(ends) < FEWEST:
@@ -211,11 +211,11 @@ def _moves(record: StrapdownRecord, grid: Grid) -> tuple[NDArray[np.int_], NDArr
 
 
 def _least_missed(record: StrapdownRecord, time: NDArray, ends: NDArray[np.int_], directions: NDArray | None) -> float:
-    """What the gyros miss [rad], rms over stretches (S, 2), with the best small errors of the instruments."""
+    """Return the gyros' miss [rad], rms over stretches (S, 2), with the best small errors of the instruments."""
     stretches = Stretches.of(record, time, ends)
 
     def missed(errors: NDArray) -> NDArray:
-        """What is missed (S, 3) [rad] with errors (24,) in their sizes: of gyros, then of accelerometers."""
+        """Return misses (S, 3) [rad] with errors (24,) in units of their sizes: of gyros, then of accelerometers."""
         gyros, bias = np.eye(3) + GYRO * errors[:9].reshape(3, 3), RATE * errors[9:12]
         turn = stretches.less(np.tile(-bias, (len(ends), 1))).total(gyros)
         if directions is None:

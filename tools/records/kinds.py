@@ -86,7 +86,7 @@ def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class _Origin:
-    """Where a record comes from and how it was read.
+    """Source of a record, and the way it was read.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class _Origin:
 
 
 class _Record(_Origin):
-    """What the kinds have in common: arrays of one length, columns of a file, a line for a person."""
+    """Common base of the kinds: arrays of one length, columns of a file, a line for a person."""
 
     word: ClassVar[str]
     groups: ClassVar[dict[str, tuple[str, ...]]]
@@ -295,7 +295,7 @@ class BenchRecord(RawRecord):
 
     @property
     def gyros(self) -> "StrapdownRecord":
-        """What gyros and accelerometers read, without the angles."""
+        """Return the readings of gyros and accelerometers, without the angles."""
         shared = {of.name: getattr(self, of.name) for of in fields(StrapdownRecord) if hasattr(self, of.name)}
         return StrapdownRecord(**shared)
 
@@ -372,7 +372,7 @@ class PositionRecord(_Record):
             raise ValueError(f"{len(self.mounting)} names of mountings for {len(self)} rows")
 
     def bounds_with(self, noise_bound: float, gravity: float) -> np.ndarray:
-        """The bound of each reading's error (3 N,), fractions of `gravity`: σ and what a correction may leave."""
+        """Return the bound of each reading's error (3 N,), fractions of `gravity`: σ plus the limit of a correction."""
         text = self.about.get(CORRECTED_WITHIN, "0 0 0")
         within = np.array([float(number) for number in text.split()])
         if self.channels is not None:
@@ -380,7 +380,7 @@ class PositionRecord(_Record):
         return np.tile(noise_bound + within / gravity, len(self))
 
     def written_to(self, gravity: float) -> float:
-        """By how much rounding on paper may move a reading and the input of its two angles, fractions of `gravity`."""
+        """Return the largest effect of rounding on paper on a reading and its two angles, fractions of `gravity`."""
         return self.resolution / gravity + 2.0 * self.angle_resolution
 
     def selected(self, index: np.ndarray) -> Self:
@@ -448,7 +448,7 @@ class StrapdownRecord(_Record):
 
 
 def write_record(record: PositionRecord | RawRecord | StrapdownRecord, path: Path, decimals: int | None = None) -> None:
-    """Write a record as CSV, what is known about it as comment lines; an attitude that is not known is an empty field.
+    """Write a record as CSV with its metadata as comment lines; unknown attitudes are empty fields.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class Limits:
 
     @property
     def lines(self) -> list[str]:
-        """What a person should know, a line for each channel."""
+        """Return warnings, a line for each channel."""
         lines = []
         for name, mask in self.rows.items():
             levels = np.unique(self.channels[name][mask])
@@ -159,7 +159,7 @@ def resolution_of(distinct: NDArray[np.float64]) -> float:
 
 
 def is_noisy(values: NDArray[np.float64], resolution: float) -> bool:
-    """Whether readings (n,) scatter from row to row, beyond what their resolution makes them."""
+    """Return true if readings (n,) scatter from row to row by more than their resolution."""
     second = np.diff(values, 2)
     resolved = np.abs(second) > RESOLVED * resolution
     pairs = resolved[1:] & resolved[:-1]
@@ -168,14 +168,14 @@ def is_noisy(values: NDArray[np.float64], resolution: float) -> bool:
 
 
 def is_longer(rows: int, usual: int) -> bool:
-    """Whether a run is longer than chance, or steps, make runs elsewhere, of which the longest has `usual` rows."""
+    """Return true if a run is longer than chance, or steps, make runs elsewhere, where the longest has `usual` rows."""
     if usual <= SHORT:
         return rows >= max(FEWEST, usual + BEYOND_CHANCE)
     return rows > LONGER * usual
 
 
 def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: float, repeats: int = 1) -> bool:
-    """Whether a curve, smooth outside, runs into its largest value or out of it with a corner, bent as motion is.
+    """Return true if a curve, smooth outside, has a corner at its largest value and is bent as motion is.
 
     A smooth extreme has no corner; the straight ramps of a table are not bent towards their end. Every reading is
     repeated `held` times.
@@ -198,7 +198,7 @@ def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: fl
 
 
 def is_rest(channels: Sequence[NDArray[np.float64]], run: tuple[int, int]) -> bool:
-    """Whether other channels stand still over a run of rows, and not around it."""
+    """Return true if other channels are constant over a run of rows, but not around it."""
     begin, end = run
     length = end - begin
     around = (slice(max(begin - length, 0), begin), slice(end, end + length))
@@ -211,7 +211,7 @@ def is_rest(channels: Sequence[NDArray[np.float64]], run: tuple[int, int]) -> bo
 
 
 def stands_still(values: NDArray[np.float64]) -> bool:
-    """Whether readings (n,) change by no more than their steps and noise."""
+    """Return true if readings (n,) change by no more than their steps and noise."""
     if len(values) < 2 or np.ptp(values) == 0.0:
         return True
     means = np.array([piece.mean() for piece in np.array_split(values, min(PIECES, len(values)))])
@@ -220,7 +220,7 @@ def stands_still(values: NDArray[np.float64]) -> bool:
 
 
 def stuck_rows(values: NDArray[np.float64], repeated: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Rows (N,) where a channel that hardly ever repeats a value stays at one, far from what it usually reads."""
+    """Return rows (N,) where a channel that rarely repeats a value stays at one, far from its usual readings."""
     middle = float(np.median(values))
     far = np.abs(values - middle) > FAR * float(np.median(np.abs(values - middle)))
     begins, ends = runs_of(repeated & far)

@@ -1,4 +1,4 @@
-"""What the scatter of readings says: the bound σ on their error, and of a rest whether it has settled or drifts.
+"""Noise from the scatter of readings: the bound σ of their error, and whether a rest has settled or drifts.
 
 The bound comes from repeated positions, or from the Allan deviation within rests.
 """
@@ -38,7 +38,7 @@ FALSE_ALARM = 1e-4
 
 @dataclass(frozen=True)
 class NoiseBound:
-    """σ as a fraction of g, and a sentence on what it rests.
+    """σ as a fraction of g, and a sentence on its basis.
 
     `complete` says whether errors that hold over a rest show in it: only repeats of a position show them.
     """
@@ -84,7 +84,7 @@ def noise_bound_of(deviation: float, positions: int) -> NoiseBound:
 
 
 def tells_noise(record: PositionRecord) -> bool:
-    """Whether the record bounds the noise so that errors that hold over a rest show in the bound."""
+    """Return true if the record bounds the noise, including errors that are constant over a rest."""
     bound = noise_bound_from(record)
     return bound is not None and bound.complete
 
@@ -171,7 +171,7 @@ def _angle_labels(angle: np.ndarray) -> np.ndarray:
 
 
 def _without_angle_differences(record: PositionRecord) -> tuple[np.ndarray, float]:
-    """Readings in g less what a block fitted to the record reads at the same angles, and a slack.
+    """Return readings in g less a fitted block's readings at the same angles, and a slack [g/rad].
 
     Repeats are not set to the same angle exactly: an arcminute is 3e-4 g. The fit (three readings affine in
     the vertical of the ideal table) takes that away to a part in a thousand. Where the positions do not
@@ -280,7 +280,7 @@ def settled_from(values: np.ndarray, floor: np.ndarray, *, drifts: bool = False)
 
 
 def still_settling(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> bool:
-    """Whether a column's change over these rows slows down or speeds up: a transient, where a drift is linear."""
+    """Return true if a column's change over these rows slows down or speeds up: a transient, not a linear drift."""
     place = (time - time[0]) / (time[-1] - time[0])
     basis = np.linalg.qr(np.stack([np.ones(len(time)), place, place**2], axis=1))[0]
     deviation = values - mean_of(values)
@@ -292,7 +292,7 @@ def still_settling(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> b
 
 
 def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
-    """How many rows at the start have not settled by one test; at most half of them."""
+    """Return the number of rows at the start that have not settled by one test; at most half of them."""
     size = max(1, len(values) // BLOCKS)
     # counted from the end, so that rows that fill no block are at the start
     count = len(values) // size
@@ -384,7 +384,7 @@ def scatter_about_line(time: np.ndarray, values: np.ndarray) -> float:
 
 @cache
 def student_quantile(freedom: int, chance: float) -> float:
-    """How many standard errors a quantity with so many degrees of freedom may lie from its mean, on either side.
+    """Return the quantile of Student's t: the largest deviation from the mean, either side, in standard errors.
 
     The quantile of Student's t: the incomplete beta function by its continued fraction (Lentz), solved by Newton's
     method in the logarithms. scipy has it too, but loading `scipy.special` takes longer than a simulation of a table.

@@ -74,10 +74,10 @@ _DIGITS = re.compile(r"\s*[+-]?(\d*)\.?(\d*)(?:[eE][+-]?\d+)?\s*")
 
 @runtime_checkable
 class Recorded(Protocol):
-    """What holds a position record, a simulation say."""
+    """An object with a position record, such as a simulation."""
 
     def position_record(self) -> PositionRecord:
-        """That record; raises InputError where there is none."""
+        """The position record; raises InputError where there is none."""
         ...
 
 
@@ -161,7 +161,7 @@ def read_written(path: Path) -> Record:
 
 
 def table_in_memory(source: object) -> pl.DataFrame:
-    """A table in memory, of whatever library; an InputError for what is none."""
+    """Return a table in memory of any library; an InputError for any other object."""
     if isinstance(source, pl.DataFrame):
         return source
     named = getattr(getattr(source, "dtype", None), "names", None) or getattr(source, "columns", None)
@@ -209,7 +209,7 @@ def all_faults(
     trusted: bool = False,
     any_times: bool = False,
 ) -> Faults:
-    """Everything that is wrong with the columns and numbers of a record's file, of which `data` are the bytes.
+    """Find all faults in the columns and numbers of a record's file, given its bytes.
 
     First the faults of the table and of its fields come, in the order of the rows; then those of the numbers. Returned
     are the columns of the rows whose fields have no fault; None where there are none, or no table at all. Bytes of a
@@ -235,7 +235,7 @@ def all_faults(
 
 
 def _with_import(error: RecordError, path: Path, content: bytes) -> RecordError:
-    """What is wrong with a file that is no record, and the command that makes one of what a laboratory wrote."""
+    """Return the error for a file that is no record, with the command that imports a laboratory's file."""
     advice = advice_on(path, content, "record", "workbook")
     if advice:
         return RecordError(path, None, None, f"is no record{advice}")
@@ -356,7 +356,7 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
 
 
 def significant_digits(text: str) -> int:
-    """How many digits of a number are written, leading zeros not counted: 4 for "-0.01230"."""
+    """Return the number of significant digits of a number as written, without leading zeros: 4 for "-0.01230"."""
     match = _DIGITS.fullmatch(text)
     if match:
         return len((match[1] + match[2]).lstrip("0"))
@@ -364,7 +364,7 @@ def significant_digits(text: str) -> int:
 
 
 def written_resolution(largest: float, digits: int) -> float:
-    """Half a last digit of the largest number in a column that is written with so many significant digits.
+    """Return half a last digit of the largest number in a column written with `digits` significant digits.
 
     It is half a unit of the last decimal where the number of decimals is fixed, and the largest rounding
     error where the number of significant digits is; nothing is said of a number that no double can hold.

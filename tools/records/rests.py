@@ -148,7 +148,7 @@ def position_record_of(raw: RawRecord) -> PositionRecord:
 
 
 def tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int, last: int) -> Rest:
-    """Drop what has not settled, then test what is left for length and for trends."""
+    """Drop the unsettled rows, then test the others for length and for trends."""
     # a row beside a move may hold a reading taken while the table still moved
     start, end = first, last
     if first > 0:
@@ -218,7 +218,7 @@ def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
 
 
 def _dropped(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> int:
-    """How many rows have not settled: beside a linear drift where there is one, else against a level.
+    """Return the number of unsettled rows, measured from a linear drift where there is one, else from a level.
 
     A drift is one when it does not bend and outlasts what was dropped before it; else it is taken for the tail of
     what settles.

@@ -24,7 +24,7 @@ FALSE_ALARM = 0.01
 
 @dataclass(frozen=True)
 class Fitted:
-    """How many positions of three readings a model is fitted to, and its number of parameters."""
+    """Number of positions of three readings to which a model is fitted, and its number of parameters."""
 
     positions: int
     parameters: int = 18
@@ -44,7 +44,7 @@ class Fitted:
         return upper_quantile(0.5 / readings)
 
     def factor(self, freedom: int) -> float:
-        """σ over a standard deviation that was estimated with so many degrees of freedom."""
+        """Return σ over a standard deviation that was estimated with `freedom` degrees of freedom."""
         of_noise = math.log(self.largest / self.usual)
         of_deviation = math.log(deviation_widening(freedom, FALSE_ALARM))
         return self.usual * math.exp(math.hypot(of_noise, of_deviation))
@@ -68,12 +68,12 @@ def pooled_deviation(squares: NDArray, freedom: int) -> tuple[float, int]:
 
 
 def upper_quantile(chance: float) -> float:
-    """What a normal variable exceeds with a chance."""
+    """Return the value that a normal variable exceeds with this chance."""
     return -NormalDist().inv_cdf(chance)
 
 
 def deviation_widening(freedom: int, chance: float) -> float:
-    """Return the factor by which a standard deviation with so many degrees of freedom may be too small, but by chance.
+    """Return the factor by which a standard deviation may be too small, except by chance.
 
     It is √(ν/χ²), with the lower quantile of χ².
     """

@@ -44,7 +44,7 @@ IRREGULAR = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """How the stamps of a record lie on even times.
+    """Even times of a record beside its stamps.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Grid:
 
     @property
     def uneven(self) -> bool:
-        """Whether the stamps depart from even times by more than a hundredth of the period."""
+        """Return true if the stamps depart from even times by more than a hundredth of the period."""
         return self.regular and self.departure > UNEVEN * self.period
 
 
@@ -121,7 +121,7 @@ def _grid(stamps: bytes) -> Grid:
 
 
 def _stretch(time: NDArray, period: float) -> int:
-    """How many rows hold at least one stamp that is hardly late."""
+    """Return the number of rows that contain at least one stamp that is hardly late."""
     longest = float(np.quantile(np.diff(time), USUAL)) / period
     return int(min(max(NEAR, RETURN * longest), max(NEAR, len(time) // 16)))
 
@@ -138,7 +138,7 @@ def _steadied(time: NDArray, period: float, stretch: int, lag: int) -> float:
 
 
 def _lasting_jumps(departure: NDArray, period: float, stretch: int) -> tuple[NDArray[np.int_], NDArray]:
-    """Rows before a gap, and by how much (N,) the gaps before each row move its stamp [s]."""
+    """Return the rows before a gap, and the shift (N,) of each row's stamp by the gaps before it [s]."""
     count = len(departure)
     step = np.diff(departure)
     candidates = np.flatnonzero(step > (LATE - 1.0) * period)
@@ -165,7 +165,7 @@ def _lasting_jumps(departure: NDArray, period: float, stretch: int) -> tuple[NDA
 
 
 def _jump(before: NDArray, behind: NDArray) -> tuple[float, float]:
-    """By how much departures behind a row exceed those before it for good, and how unsure few rows leave that."""
+    """Return the lasting jump of the departures at a row, and its uncertainty from the few rows."""
     jump = min(
         float(behind.min() - before.min()),
         float(behind.max() - before.max()),
@@ -193,7 +193,7 @@ def _wander(departure: NDArray, stretch: int) -> float:
 
 
 def _lies_on_steps(time: NDArray, period: float) -> bool:
-    """Whether nearly all times between stamps are whole periods."""
+    """Return true if nearly all times between stamps are whole periods."""
     steps = np.diff(time) / period
     off = np.abs(steps - np.round(steps))
     return bool(np.mean(off <= ON_STEP) >= NEARLY_ALL and steps.min() >= 1.0 - ON_STEP)

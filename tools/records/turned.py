@@ -65,7 +65,7 @@ class Stretches:
 
 
 def thinned(chosen: NDArray[np.int_], most: int) -> NDArray[np.int_]:
-    """At most so many rows of an array, spread over it: they say much the same."""
+    """Return at most `most` rows of an array, spread over it: they carry much the same information."""
     if len(chosen) <= most:
         return chosen
     return chosen[np.linspace(0, len(chosen) - 1, most).round().astype(int)]

@@ -1,4 +1,4 @@
-"""What is wrong with a record rather than with the physics: rows, a stretch, a break, a noise bound that is too small.
+"""Faults of a record, not of the physics: rows, a stretch, a break, a noise bound that is too small.
 
 Each kind is found by a function of the evidence, which returns the simplest faults of its kind with which the model
 stands.

@@ -42,7 +42,7 @@ def rows_beside_effects(evidence: Evidence) -> tuple[Simple, ...]:
 
 
 def _rows_beside(table: Table, columns: NDArray) -> list[int]:
-    """The rows (from 0) without any of which the model stands beside an effect of these columns (3 N, K)."""
+    """Return the rows (from 0) whose removal makes the model fit, next to an effect of these columns (3 N, K)."""
     matrix = np.hstack((table.matrix, columns / table.linear.bound[:, None]))
     part = np.repeat(np.arange(len(table)), 3)
     removal = Removal(matrix, table.target, part, table.excess, table.limit + SECOND_ORDER)
@@ -89,7 +89,7 @@ def _fault(evidence: Evidence, table: Table, place: EffectPlace, columns: NDArra
 
 
 def _change(table: Table, added: NDArray, row: int) -> Change:
-    """What makes the row fit, once what the effect adds to the readings (3 N,) is taken out."""
+    """Return the change that makes the row fit, after removal of the effect's part of the readings (3 N,)."""
     linear, wrong = table.linear, np.array([row])
     copied = next(Mending(table, row, wrong).copied(), None)
     if copied is not None and "readings_of_row" in copied.keys:

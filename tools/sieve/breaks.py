@@ -40,7 +40,7 @@ ROW, SPARE = 4, 5
 
 @dataclass(frozen=True)
 class Part:
-    """One number of bench or block that may change: a function that jumps, by its place and what it is multiplied by.
+    """One number of bench or block that may change: a function that jumps, with its place and its factor.
 
     `key` is its name in results.
     """
@@ -68,7 +68,7 @@ LOST_COUNTS = "An encoder that lost counts, or slipped."
 
 @dataclass(frozen=True)
 class Group:
-    """What changes together at a break.
+    """Parts that change together at a break.
 
     `words` begin the sentence, `supposed` ends it; `catalogued` is the effect of the catalogue that is the same, `same`
     are other parts that no record tells from these.
@@ -91,7 +91,7 @@ class Group:
         return tuple(dict.fromkeys(part.where for part in self.parts))
 
     def is_part_of(self, group: "Group") -> bool:
-        """Whether another group can always change so."""
+        """Return true if another group can always make the same change."""
         parts = set(group.parts)
         return set(self.parts) <= parts or bool(self.same and set(self.same) <= parts)
 
@@ -154,7 +154,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Beside:
-    """What is wrong beside breaks: effects of the simulation, or a row that is wrong."""
+    """Causes beside breaks: effects of the simulation, or a wrong row."""
 
     effects: tuple[EffectPlace, ...] = ()
     rows: tuple[int, ...] = ()
@@ -173,7 +173,7 @@ class Beside:
         return (*(place.where for place in self.effects), *(f"row-{row}" for row in self.rows))
 
     def sentences(self, values: Sequence[Sequence[float]], ends: Sequence[Sequence[Interval]]) -> Iterator[str]:
-        """What they are, in words, with the sizes of the effects and what is possible of these."""
+        """Describe the causes in words, with the sizes of the effects and their intervals."""
         for place, sizes, intervals in zip(self.effects, values, ends, strict=False):
             stated = {}
             for parameter, size, (low, high) in zip(place.definition.parameters, sizes, intervals, strict=True):
@@ -195,13 +195,13 @@ class Search:
 
     @cached_property
     def model(self) -> Bench:
-        """The model of the rests without a break; what it cannot say of turns the exact fit does."""
+        """The model of the rests without a break; the exact fit adds the rows that need turns."""
         model = self.evidence.model
         return model.rests if isinstance(model, BenchInMotion) else model
 
     @cached_property
     def rows(self) -> Rows:
-        """What signatures see at that fit."""
+        """The rows for signatures at that fit."""
         return self.model.readings.rows(self.point)
 
     @cached_property
@@ -211,12 +211,12 @@ class Search:
 
     @property
     def every_group(self) -> tuple[Group, ...]:
-        """What may change together."""
+        """All groups of parts that may change together."""
         return groups_of(self.rows)
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """The same but for what the catalogue has as effects: they are sought there."""
+        """The groups that are not in the catalogue; the search for effects covers the others."""
         groups = [group for group in self.every_group if group.catalogued not in self.listed]
         if isinstance(self.evidence.model, BenchInMotion):
             # What turns the block its gyros see, too, at the moment of the turn: a slip of the catalogue.
@@ -262,12 +262,12 @@ class Search:
 
     @cached_property
     def slack(self) -> float:
-        """What the linear model may be wrong by, in bounds."""
+        """Largest error of the linear model, in bounds."""
         largest = float(np.abs(self.problem.residual).max())
         return self.model.limit - 1.0 + min(MOST_SLACK, self.model.curvature * largest**2)
 
     def columns(self, group: Group) -> list[NDArray[np.float64]]:
-        """What a change at each gap adds to the rows (M, k), in units of their bounds."""
+        """Return the columns that a change at each gap adds to the rows (M, k), in units of their bounds."""
         places = group.jumping(FROM_THE_FIRST)
         columns = signature_columns(places, self.rows) / self.model.rows.bound[:, None]
         return [columns * np.repeat(self.hours > gap.hours, 3)[:, None] for gap in self.gaps]
@@ -303,7 +303,7 @@ class Search:
         return fits[0] if fits else None
 
     def simple(self, groups: Sequence[Group], standing: Sequence[Standing], beside: Beside = ALONE) -> Simple:
-        """Breaks of some groups, with what is beside them, as a fault of the record; the best of some gaps first."""
+        """Return breaks of some groups, with the causes beside them, as a fault of the record; best gaps first."""
         (best, *others), room = standing, self.evidence.model.room
         fit = replace(best.fit, also=tuple(one.fit for one in others)).centred(room)
         values, intervals = list(fit.values()), list(fit.intervals(room))
@@ -340,7 +340,7 @@ class Search:
         )
 
     def numbers_of(self, group: Group, gap: Gap) -> int:
-        """Numbers of a break; at an end of the record as many as those of the rows there, where these do as well."""
+        """Return the numbers of a break; near an end of the record at least those of the rows beyond it."""
         beyond = min(gap.after, len(self.hours) - gap.after)
         if 3 * beyond - len(group.parts) < SPARE:
             return max(group.numbers, ROW * beyond)
@@ -352,13 +352,13 @@ class Search:
 
     @cached_property
     def of_rests(self) -> bool:
-        """Whether the rows are the rests of a series, not rows of a file."""
+        """Return true if the rows are the rests of a series, not rows of a file."""
         source = self.evidence.source
         return source is not None and source.record.raw is not None
 
     @property
     def unit_of_rows(self) -> str:
-        """What a row is, in words."""
+        """Return the word for a row: "rest" or "row"."""
         return "rest" if self.of_rests else "row"
 
     def between(self, first: int, last: int) -> str:

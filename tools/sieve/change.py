@@ -74,12 +74,12 @@ class Mending:
 
     @property
     def bound(self) -> NDArray[np.float64]:
-        """Of the row's readings (3,)."""
+        """Bounds of the row's readings (3,)."""
         return self.table.linear.bound.reshape(-1, 3)[self.row]
 
     @property
     def reading(self) -> NDArray[np.float64]:
-        """Of the row (3,) [g]."""
+        """Readings of the row (3,) [g]."""
         return self.table.linear.reading[self.row]
 
     @property
@@ -99,7 +99,7 @@ class Mending:
         return predicted_reading(linear.parametrisation, linear.point, self.at(angles))
 
     def fits(self, angles: NDArray, reading: NDArray) -> bool:
-        """Whether the row fits with angles (2,) and readings (3,)."""
+        """Return true if the row fits with angles (2,) and readings (3,)."""
         error = reading - self.predicted(angles[None])[0]
         if np.abs(error).max() > NEAR:
             return False
@@ -119,7 +119,7 @@ class Mending:
     # Changes
 
     def discrete(self) -> Iterator[Change]:
-        """Changes of which nothing is free."""
+        """Yield changes without a free number."""
         yield from self.copied()
         alpha, beta = self.written
         for words, angles in (
@@ -183,7 +183,7 @@ class Mending:
                 yield Change(ANGLE, f"It fits with {_in_words(_wrapped(shifts))}.", _keys(_wrapped(shifts)))
 
     def _angle(self, axis: int) -> float | None:
-        """By how much [rad] an angle differs with which the row fits; None where it does not."""
+        """Return the error of an angle [rad] whose correction makes the row fit; None where none does."""
         unit = np.eye(2)[axis]
         missed = np.linalg.norm(self.predicted(self.written + SCAN[:, None] * unit) - self.reading, axis=1)
         is_least = (missed <= np.roll(missed, 1)) & (missed <= np.roll(missed, -1))

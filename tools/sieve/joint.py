@@ -39,7 +39,7 @@ Kind = tuple[tuple[Group, ...], Beside]
 
 
 def _is_part_of(smaller: Kind, larger: Kind) -> bool:
-    """Whether a pair, not the same, can always do what a smaller one does."""
+    """Return true if a larger, different pair can always do everything that a smaller one does."""
     (groups, beside), (wider, beside_wider) = smaller, larger
     if smaller == larger or beside != beside_wider or len(groups) != len(wider):
         return False
@@ -48,7 +48,7 @@ def _is_part_of(smaller: Kind, larger: Kind) -> bool:
 
 @dataclass(frozen=True)
 class Option:
-    """One of two things: a break of a group at a gap, or what is beside one."""
+    """One of two things: a break of a group at a gap, or a cause beside one."""
 
     groups: tuple[Group, ...] = ()
     gaps: tuple[Gap, ...] = ()
@@ -57,7 +57,7 @@ class Option:
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two things with which the linear model stands: breaks in the order of time, what is beside them, the radius."""
+    """Two things with which the linear model fits: breaks in the order of time, the cause beside them, the radius."""
 
     groups: tuple[Group, ...]
     gaps: tuple[Gap, ...]
@@ -67,7 +67,7 @@ class Pair:
 
 
 def tells_two_things(evidence: Evidence) -> bool:
-    """Whether pairs are sought: in position records that are long enough to tell, and misfit clearly."""
+    """Return true if pairs are sought: in position records that are long enough and misfit clearly."""
     model = evidence.model
     return isinstance(model, Bench) and model.radius >= NEAR and FEWEST_ROWS <= len(model.readings) <= MOST_ROWS
 

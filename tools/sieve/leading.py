@@ -1,4 +1,4 @@
-"""The leading part of a residual: what the best of all functions, breaks and single readings explains of its squares.
+"""The leading part of a residual: the share of its squares that the best of all simple causes explains.
 
 Of M candidates the best explains about 2 ln M of the squares of pure noise, in units of its variance; a cause that has
 anything to do with the misfit explains more.
@@ -31,7 +31,7 @@ WITHIN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What the least squares of some columns (M, P) leave of errors (M,), both over their bounds."""
+    """Residual of errors (M,) after least squares on some columns (M, P), both over their bounds."""
 
     errors: NDArray[np.float64]
     columns: NDArray[np.float64]
@@ -57,7 +57,7 @@ class Residual:
         return len(self.errors) - self.base.shape[1]
 
     def beside(self, columns: NDArray) -> "Residual":
-        """What further columns (M, k) leave, too."""
+        """Return the residual after least squares on further columns (M, k), too."""
         return Residual(self.errors, np.hstack([self.columns, columns]))
 
     def of_blocks(self, blocks: Sequence[NDArray]) -> NDArray[np.float64]:
@@ -88,7 +88,7 @@ class Candidates:
 
     @cached_property
     def residual(self) -> Residual:
-        """What the model without effects leaves."""
+        """The residual of the model without effects."""
         rows = self.evidence.rows
         return Residual(rows.residual / rows.bound, rows.nominal / rows.bound[:, None])
 
@@ -119,7 +119,7 @@ class Candidates:
             yield column[:, None] * is_after
 
     def is_noise(self, residual: Residual) -> bool:
-        """Whether the best candidate explains no more of a residual than it would of noise."""
+        """Return true if the best candidate explains no more of a residual than it would of noise."""
         explained = [residual.of_blocks([*self.effects.values(), *self.functions]), residual.of_readings()]
         explained += [residual.of_columns(columns) for columns in self.breaks()]
         every = np.concatenate(explained)

@@ -44,7 +44,7 @@ class Removal:
     conflicts: list[Parts] = field(default_factory=list)
 
     def smallest(self, most: int) -> list[Parts]:
-        """All smallest sets of at most so many parts whose removal lets the model stand; none where it cannot."""
+        """Return all smallest sets of at most `most` parts whose removal makes the model fit; else an empty list."""
         try:
             for size in range(1, most + 1):
                 standing = self.of_size(size)
@@ -55,7 +55,7 @@ class Removal:
         return []
 
     def of_size(self, size: int) -> list[Parts]:
-        """All sets of so many parts; a TooMany where they take too many programmes."""
+        """Return all sets of `size` parts; a TooMany where they take too many programmes."""
         standing: list[Parts] = []
         visited: set[Parts] = set()
 
@@ -83,7 +83,7 @@ class Removal:
         return standing
 
     def conflict(self, removed: Parts) -> Parts | None:
-        """Parts of which one more must go; None where the model stands without those that are removed."""
+        """Return parts that include one more to remove; None where the model fits without those already removed."""
         self.programmes += 1
         if self.programmes > MOST_PROGRAMMES:
             raise TooMany
@@ -106,7 +106,7 @@ def held_by(matrix: NDArray, target: NDArray) -> tuple[float, NDArray[np.int_]]:
 
 
 def _disjoint(conflicts: Sequence[Parts]) -> int:
-    """A number of conflicts that share no part: at least as many parts must go."""
+    """Return a number of conflicts that share no part: at least that number of parts must go."""
     met: set[int] = set()
     count = 0
     for conflict in sorted(conflicts, key=len):

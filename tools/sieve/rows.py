@@ -41,7 +41,7 @@ def wrong_rows(evidence: Evidence) -> tuple[Simple, ...]:
 
 
 def most_rows(table: Table) -> int:
-    """How many rows may be removed so that the others still prove something."""
+    """Return the number of rows that may be removed so that the others still prove something."""
     spare = len(table.target) - table.matrix.shape[1]
     return min(MOST_ROWS, spare // (3 * FREED))
 
@@ -114,7 +114,7 @@ def _of_readings(evidence: Evidence, wrong: NDArray, channels: Sequence[int]) ->
 
 
 def _near_inputs(fault: Simple, channels: Sequence[int]) -> list[Simple]:
-    """Several wrong readings of one accelerometer may as well be what it does near these inputs."""
+    """Return wrong readings of one accelerometer as an equally possible error of it near these inputs."""
     faults = []
     for channel, count in sorted(Counter(channels).items()):
         if count > 1:
@@ -127,7 +127,7 @@ def _near_inputs(fault: Simple, channels: Sequence[int]) -> list[Simple]:
 
 
 def _sentence(numbers: Sequence[int], changes: Sequence[Change]) -> str:
-    """What is wrong with these rows, and with what each of them fits."""
+    """Describe the wrong rows, and the changes with which each of them fits."""
     if len(numbers) == 1:
         return f"Row {numbers[0]} is wrong; all others fit. {changes[0].words}"
     labels = [str(number) for number in numbers]

@@ -103,7 +103,7 @@ def _fit_of(evidence: Evidence, place: EffectPlace) -> Fit | None:
 
 
 def _rounded_up(evidence: Evidence, times: float) -> float:
-    """So many times the noise bound, to two digits."""
+    """Return a multiple of the noise bound, rounded up to two digits."""
     return float(upwards(times * evidence.model.calibration.noise_bound, 2))
 
 

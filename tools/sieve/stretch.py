@@ -130,7 +130,7 @@ class Common:
                 yield Mended(f"In them {words}.", keys)
 
     def fits(self, angles: NDArray, reading: NDArray) -> bool:
-        """Whether the stretch fits with angles (L, 2) and readings (L, 3)."""
+        """Return true if the stretch fits with angles (L, 2) and readings (L, 3)."""
         linear = self.table.linear
         at = Positions(angles[:, 0], angles[:, 1], linear.positions.mounting[self.window])
         error = reading - predicted_reading(linear.parametrisation, linear.point, at)

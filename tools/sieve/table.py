@@ -55,7 +55,7 @@ class Table:
 
     @cached_property
     def matrix(self) -> NDArray[np.float64]:
-        """Derivatives (3 N, P) over the bounds, by what the readings determine."""
+        """Derivatives (3 N, P) over the bounds, by the combinations that the readings determine."""
         return (self.linear.jacobian @ self.linear.span) / self.linear.bound[:, None]
 
     @cached_property
@@ -65,7 +65,7 @@ class Table:
 
     @property
     def excess(self) -> NDArray[np.float64]:
-        """By how much each row (N,) misses, in bounds."""
+        """Largest error of each row (N,), in bounds."""
         return np.abs(self.target.reshape(-1, 3)).max(axis=1)
 
     def removal(self, slack: float = SECOND_ORDER) -> Removal:
@@ -99,7 +99,7 @@ class Table:
         return held_by(self.matrix[kept], self.target[kept])[0]
 
     def keeps_rank(self, rows: NDArray) -> bool:
-        """Whether the others determine all that all rows determine."""
+        """Return true if the other rows determine everything that all rows determine."""
         kept = self.matrix[self.readings_without(rows)] * self.linear.bound.min()
         values = np.linalg.svd(kept, compute_uv=False)
         least = np.sqrt(float(self.linear.bound.min()))

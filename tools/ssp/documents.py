@@ -180,7 +180,7 @@ def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str
 
 
 def _document(element: Element, folder: Path, label: str, root: str, inside: str = "") -> Element | None:
-    """What a binding or mapping is: in a file of the archive, or inside; None where it is neither."""
+    """Return the document of a binding or mapping, from a file of the archive or inline; None if neither exists."""
     if element.get("sourceBase", "SSD") != "SSD":
         raise InputError(f"{label}: a source inside an FMU ('{element.get('source')}') is not supported")
     source = element.get("source")
@@ -210,7 +210,7 @@ def _parameter_set(binding: Element, folder: Path, label: str, units: Mapping[st
 
 
 def _mapped(values: Sequence[BoundValue], entries: Sequence[Element], label: str) -> list[BoundValue]:
-    """The values under the names that a mapping gives them; what it does not name keeps its name."""
+    """Return the values under the names that a mapping gives them; names without an entry stay."""
     mapped = []
     for binding in values:
         renamings = []

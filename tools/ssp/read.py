@@ -70,7 +70,7 @@ class SystemPart:
     edges: list[tuple[Node, Node]] = field(default_factory=list)
 
     def walk(self) -> Iterator["SystemPart"]:
-        """What it holds, from inside out, and itself last."""
+        """Yield all parts, from inside out, and this one last."""
         for part in self.parts.values():
             yield from part.walk()
         yield self
@@ -207,7 +207,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
 
 
 def _run(root: Element, system: Element, label: str) -> dict[str, float]:
-    """The times of the experiment, and the step of OMSimulator's annotation, as far as they are said."""
+    """Return the times of the experiment, and the step of OMSimulator's annotation, where given."""
     run: dict[str, float] = {}
     experiment = child(root, "ssd:DefaultExperiment")
     for key, attribute in (("start_s", "startTime"), ("stop_s", "stopTime")):
@@ -354,7 +354,7 @@ def _interfaces(
 
 
 def _own(folder: Path, label: str, name: str) -> Any:
-    """What Trihedron's own export says beside the system, None where it says nothing."""
+    """Return the data that Trihedron's own export adds to the system, or None."""
     file = folder / name
     if not file.is_file():
         return None
@@ -365,7 +365,7 @@ def _own(folder: Path, label: str, name: str) -> Any:
 
 
 def _coupling(folder: Path, label: str, choice: str | None) -> dict[str, Any]:
-    """How cycles are taken, as asked for, else as the scenario that was exported says, and its different steps."""
+    """Return the coupling of cycles, from the option or else from the exported scenario, and its different steps."""
     exported = _own(folder, label, COUPLING) or {}
     keys = COUPLING_SETTINGS + RATES
     if not isinstance(exported, dict) or not set(exported) <= set(keys):

@@ -183,7 +183,7 @@ def _rows(drive: Drive, interface: Interface, step: float) -> Iterator[tuple[Com
 
 
 def _set(fmus: dict[str, Any], interface: Interface, values: Mapping[str, Value]) -> None:
-    """Give parameters or inputs, element by element, over what the scenario says of them."""
+    """Set parameters or inputs, element by element, over the values of the scenario."""
     setting = dict(fmus[interface.name])
     elements: dict[str, Value] = {}
     for name, value in setting.get("parameters", {}).items():
@@ -195,7 +195,7 @@ def _set(fmus: dict[str, Any], interface: Interface, values: Mapping[str, Value]
 def _parameters(
     commands: Drive, positions: NumberTable, stimulus: Stimulus, table: Loaded, step: float
 ) -> dict[str, Any]:
-    """The parameters of the component that commands what the programme does."""
+    """Return the parameters of the component that commands the motion of the programme."""
     count = len(commands.values)
     if count > POSITIONS:
         raise InputError(f"{positions.label}: has {count} positions; the component {PROGRAMME} takes {POSITIONS}")
@@ -262,7 +262,7 @@ def _members(
 
 
 def _parameter_set(name: str, scenario: Scenario, entry: Loaded, version: str) -> bytes:
-    """The .ssv of an FMU: what the scenario and its calibration give it; nothing where they give it nothing."""
+    """Return the .ssv of an FMU with the values of scenario and calibration; empty where they set none."""
     setting, interface = scenario.fmus[name], entry.interface
     values = dict(entry.values)
     if interface.model in LEADING:
