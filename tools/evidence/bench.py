@@ -135,7 +135,7 @@ class Bench:
 
     @property
     def limit(self) -> float:
-        """Radius up to which a model stands."""
+        """Largest radius of a consistent model."""
         return bench_limit(self.calibration.noise_bound, self.readings.resolution)
 
     @property
@@ -201,9 +201,10 @@ class Bench:
         return untried_in(self.search, size)
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """Effects fitted in each of the ways in which they can act: the best, and with it all others that stand, too.
+        """Return the best fit of effects over all variants in which they can act, with the other consistent ones.
 
-        One fit for each choice of signs of what an effect adds in its way: sizes on both sides of zero are no interval.
+        There is one fit for each choice of signs of a variant's coefficients: sizes on both sides of zero are no
+        interval.
         """
         found: dict[tuple[float, ...], list[Fit]] = {}
         for _, fit in self.standing(places, work):
@@ -212,7 +213,7 @@ class Bench:
         return [replace(best, also=tuple(others)) for best, *others in ranked]
 
     def standing(self, places: Sequence[EffectPlace], work: Work) -> Iterator[tuple[Cast, Fit]]:
-        """Each way in which effects can act and with which the record stands, with its fit."""
+        """Yield each consistent variant in which the effects can act, with its fit."""
         bent, start = self.search.acting(places), self.search.centre.point
         for ways in product(*bent.values()):
             cast = Cast(tuple(places), dict(zip(bent, ways, strict=True)))
@@ -448,7 +449,7 @@ class BenchRerun:
         return readings.reading[rows] - simulate_rows(readings, fit, rows, model.calibration.gravity)
 
     def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
-        """Readings less what effects of the accelerometers add to them, at the record's own fit beside all effects."""
+        """Return the readings without the effects of the accelerometers, at the record's own fit beside all effects."""
         places, columns = self._columns(effects)
         added = (columns @ stacked_sizes(effects, places)).reshape(-1, 3)
         return places, {"specific_force": self.model.calibration.gravity * (self.model.readings.reading - added)}
@@ -460,7 +461,7 @@ class BenchRerun:
         return self.model.calibration.gravity * added.max(axis=0)
 
     def _columns(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[list[EffectPlace], NDArray]:
-        """The effects of the accelerometers among some, and what their coefficients (M, K) add to the readings."""
+        """Return the effects of the accelerometers among the given ones, and their coefficients' columns (M, K)."""
         model, linear = self.model, self.model.rows.linear_places
         *_, point = own_with(model, effects)
         places = [p for p in effects if p in linear and p.definition.stage == "reading_effects"]
@@ -469,7 +470,7 @@ class BenchRerun:
 
 
 def bench_limit(sigma: float, resolution: float) -> float:
-    """Radius up to which a bench stands, of readings with a noise bound that are written to half a last digit."""
+    """Return the largest radius of a consistent bench, for a noise bound and half a last digit of the readings."""
     return radius_limit(sigma, resolution) + FIT_TOLERANCE
 
 
@@ -484,7 +485,7 @@ def untried_in(search: BenchSearch, size: int) -> str | None:
 
 
 def extended_calibration(nominal: Calibration, keys: Mapping[str, Any]) -> Calibration:
-    """A calibration with other parameters; what rests on those of the nominal model is left out."""
+    """Return a calibration with other parameters, without the results that need those of the nominal model."""
     of_nominal = ("gyros", "reading_errors", "open", "next_positions", "stands_with_sigma", "no_estimate", "warnings")
     beside_result = ("linearised", "feasible", "made_of", "schema_")
     extended = {"estimator": "analytic centre", **keys}

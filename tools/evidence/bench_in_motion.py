@@ -1,8 +1,8 @@
 """The evidence of a whole bench: accelerometers at rest on a table, and gyros as it turns, as one system of rows.
 
-Readings stand first, at positions and in motion in the order of time, then what the gyros integrate over turns and
-rests. Bench, accelerometers and gyros have one set of parameters, with a lag of accelerometers and of gyros behind the
-encoders; an effect on the table is seen by both, each of them a witness.
+Readings come first, at positions and in motion in the order of time; the gyros' integrals over turns and rests follow.
+Bench, accelerometers and gyros have one set of parameters, with a lag of accelerometers and of gyros behind the
+encoders. Both see an effect on the table, each as a witness.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -59,11 +59,11 @@ LARGEST_FLUCTUATION = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class BenchInMotion(TurnsInTime):
-    """The exact model of bench, accelerometers and gyros: what rests on a table and turns between them say.
+    """The exact model of bench, accelerometers and gyros, for rests on a table and the turns between them.
 
     Rows are in units of their bounds: three readings of each position and of each moment in motion, then three
-    integrals of each turn. `rests` is the model of the positions by themselves, `moving` all readings, `whole` the
-    model fitted to readings and turns, `travel` the table's way. The last parameter is the accelerometers' lag.
+    integrals of each turn. `rests` is the model of the positions alone, `moving` has all readings, `whole` is the model
+    fitted to readings and turns, `travel` the path of the table. The last parameter is the accelerometers' lag.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -142,7 +142,7 @@ class BenchInMotion(TurnsInTime):
 
     @property
     def limit(self) -> float:
-        """Radius up to which a model stands."""
+        """Largest radius of a consistent model."""
         return bench_limit(self.calibration.noise_bound, self.rests.readings.resolution) + self.loose
 
     @property
@@ -198,9 +198,9 @@ class BenchInMotion(TurnsInTime):
     def at(
         self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Errors (M,), derivatives (M, P + K) and growth of the bounds (M, P + K), exact, in units of the bounds.
+        """Return errors (M,), derivatives (M, P + K), growth of the bounds (M, P + K); exact, in units of the bounds.
 
-        What effects do to the turns is linear.
+        The effects act linearly on the turns.
         """
         blocks, bench_count = blocks_of(places), self.whole.own
         at_rest, numbers = [], [np.zeros(0, int)]
@@ -270,10 +270,10 @@ class BenchInMotion(TurnsInTime):
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of linear effects and outliers that no bound refuses; then those with effects that are not linear.
+        """Yield sets of linear effects and outliers that no bound refuses, then those with effects that are not linear.
 
-        These, and what they do at rests where the record does not tell it, change no turn: the rests by themselves
-        allow them, and the turns by themselves what is beside them.
+        Nonlinear effects, and undetermined effects at rests, change no turn. A set is yielded if the rests alone allow
+        these effects and the turns alone allow the others.
         """
         places = self.classes.places if among is None else among
         problem = Problem.of(self.rows.residual, self.rows.nominal, [self.columns_of([place]) for place in places])
@@ -340,7 +340,7 @@ class BenchInMotion(TurnsInTime):
         return fits
 
     def _standing(self, fit: Fit, gyros: Sequence[EffectPlace]) -> Fit | None:
-        """A fit of the readings with the turns beside it, and effects of the gyros; None where it does not stand."""
+        """Return a fit of the readings with the turns and effects of the gyros; None where it is not consistent."""
         count, count_of_fit = self.of_readings, len(fit.coefficients)
         places = fit.places + tuple(gyros)
         blocks = fit.blocks
@@ -397,7 +397,7 @@ class WholeReader(BenchReader):
         """Return None: rests and turns together are not linearised anew."""
 
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
-        """As of the rests; the nominal one is falsified where turns or readings in motion are what falsifies it."""
+        """Return the calibration of the rests; the nominal one is falsified too by turns or readings in motion."""
         calibration = super().calibration_of(fit)
         if (fit is not None and fit.places) or not calibration.stands or not self.model.falsified:
             return calibration
@@ -601,7 +601,7 @@ class WholeRerun:
 
 
 def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evidence:
-    """The evidence of a bench record whose place is known; options as for `bench_evidence`, errors as of the gyros."""
+    """Return the evidence of a bench record with a known place; options as in `bench_evidence`, errors as for gyros."""
     raw = record.raw
     if not isinstance(raw, BenchRecord):
         raise InputError(f"--latitude-deg: {record.path} has no gyros; a bench record (w1_radps, ...) is needed")

@@ -1,8 +1,8 @@
 """A whole bench: its readings at rest and in motion as one, and effects with an unknown number beside its turns.
 
-Gyros see a slip of the block itself. Behind it the block stands otherwise, for accelerometers and gyros alike; the turn
-over the gap holds the slip, which no encoder sees. It is linear at half a slip: what a whole one does is missed by the
-third order of its size.
+Gyros see a slip of the block itself. After it the block has another attitude, for accelerometers and gyros alike; the
+turn over the gap includes the slip, which no encoder sees. The slip is linearised at half its size: the error of a
+whole slip is of third order in its size.
 """
 
 from collections.abc import Mapping, Sequence
@@ -146,9 +146,9 @@ class Moving:
 
 
 def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> NDArray[np.float64]:
-    """Senses (N, 3) in which the inputs changed last before rests, 0 where moves (2, T) of both axes do not tell.
+    """Return senses (N, 3) of the inputs' last changes before rests; 0 where moves (2, T) of both axes leave it open.
 
-    Where both axes came to a rest together both must say so; else it is the one that came later.
+    Where both axes stopped together both must agree; otherwise the axis that stopped later decides.
     """
     circumstances, at = rests.readings.circumstances, rests.readings.at
     arrived = np.searchsorted(raw.time_s, circumstances.began + 3600.0 * circumstances.hours)
@@ -262,9 +262,9 @@ def cells_of_turns(
 class TurnsInTime(SettingIn):
     """Evidence of a whole bench beside which effects of its gyros set in.
 
-    `around` are rows without effects, linear about a fit in place of the nominal model, `narrowed` what `left_open`
-    says beside it; `loose` what its model may be wrong by, in bounds. `slipping` is a fit with a slip, about half of
-    which slips are linear.
+    `around` are rows without effects, linear about a fit instead of the nominal model; `narrowed` is the `left_open` of
+    that fit; `loose` is the error of its model, in bounds. `slipping` is a fit with a slip; slips are linear about half
+    of it.
     """
 
     raw: BenchRecord
@@ -301,7 +301,7 @@ class TurnsInTime(SettingIn):
 
     @cached_property
     def says(self) -> NDArray[np.bool_]:
-        """Which rows (M,) say something beside what sets in at its time."""
+        """Mask (M,) of the rows that the effects that set in leave determined."""
         if SLIP not in self.set_in:
             return np.ones(len(self.whole.bound), dtype=bool)
         return np.asarray(np.isfinite(self.columns_set_in(SLIP)).all(axis=1))
@@ -313,9 +313,9 @@ class TurnsInTime(SettingIn):
         return np.vstack([above, stacked]) / self.whole.bound[:, None]
 
     def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """Fits of a set with one effect that sets in; rows are linear about the best that the nominal point shows.
+        """Return fits of a set with one effect that sets in; rows are linear about the best fit from the nominal point.
 
-        Of a slip that is found again twice: what it does is bent.
+        A slip is searched twice more, because its effect is not linear.
         """
         if self.around is None:
             (place, rest), loose = self._apart(places), SLACK

@@ -100,11 +100,11 @@ class LeftOut:
         return LeftOut(self.readings, self.without / bounds, self.with_effects / bounds, self.leverage)
 
     def worst(self, fit: Fit, numbers: NDArray) -> Worst:
-        """The error with the effects that is farthest beyond what noise within the bounds makes of it.
+        """Return the error with the effects that is farthest beyond the noise within the bounds.
 
-        `numbers` (N,) are the record's own of its rows. A reading is off by its bound at most; its prediction by as
-        many standard deviations of the others' noise as no sum of independent errors has. How large these are, what the
-        fit leaves says: as uniform noise, up to the bound.
+        `numbers` (N,) are the record's own numbers of its rows. A reading errs by its bound at most. Its prediction
+        errs by at most as many standard deviations of the others' noise as a sum of independent errors can reach. The
+        residuals of the fit give these deviations, as uniform noise, up to the bound.
         """
         free = max(1, len(fit.left) - len(fit.at))
         usual = float(np.sqrt(np.sum((fit.left / fit.allowed) ** 2) / free))
@@ -120,8 +120,8 @@ def trials(
 ) -> Iterator[Trial]:
     """Yield the trials of a set on left-out positions and blocks in time, then those of each effect beside the others.
 
-    Every model is the one linearised at the fit to the whole record. `name_in_record` and `numbers` (N,) say how the
-    record names effects and rows.
+    Every model is the one linearised at the fit to the whole record. `name_in_record` and `numbers` (N,) give the
+    record's own names of effects and rows.
     """
     count, bench, places = len(numbers), len(fit.point), tuple(map(name_in_record, fit.places))
     turns = [readings_at(np.arange(first, count, FOLDS)) for first in range(FOLDS)]

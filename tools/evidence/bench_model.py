@@ -68,9 +68,9 @@ Settled = Callable[[NDArray, NDArray, NDArray, NDArray], NDArray]
 
 @dataclass(frozen=True)
 class Paid:
-    """Coefficients of one effect that have one sign, and for whose size bounds may grow.
+    """Coefficients of one effect that have one sign, and with whose size bounds may grow.
 
-    `columns` are their numbers, `low` and `high` the ends of what is possible of each.
+    `columns` are their numbers, `low` and `high` the ends of the possible values of each.
     """
 
     columns: slice
@@ -341,9 +341,8 @@ def fitted(
 ) -> Fit | None:
     """Fit the bench together with effects: least squares, then the Chebyshev programme, both relinearised.
 
-    It begins at parameters (P,) of the bench; None where it leaves the way in which an effect acts, or runs away, or
-    where its radius is surely above the limit: then what the last steps would change is not worth their work, which is
-    counted.
+    The fit begins at parameters (P,) of the bench. It returns None if it leaves the variant of an effect, if it
+    diverges, or if its radius is surely above the limit, so that the last steps need no work. The work is counted.
     """
     reading, count, work = readings.reading.ravel(), len(start), work or Work()
     begun = cast.variants(readings, readings.rows(start))
@@ -527,11 +526,11 @@ def leverages(jacobian: NDArray, fitted_rows: NDArray, rows_out: NDArray) -> NDA
 def predicted_errors(
     unit: NDArray, rank: int, residual: NDArray, bound: NDArray, fitted_rows: NDArray, rows_out: NDArray
 ) -> tuple[NDArray, NDArray] | None:
-    """Errors (H,) of readings that were left out, and their leverages (H,); None where rank is lost.
+    """Return the errors (H,) of left-out readings and their leverages (H,); None where rank is lost.
 
-    They are predicted by least squares over those that are kept, each in units of its bound, as are the derivatives
-    (M, n), `unit`, of a rank; a leverage is by how many bounds the prediction is uncertain where each error is one
-    bound (rms).
+    Least squares over the kept readings predict the others. Readings are in units of their bounds, as are the
+    derivatives (M, n), `unit`, of a rank. A leverage is the uncertainty of a prediction in bounds, where each error is
+    one bound (rms).
     """
     solved = _inverse(unit, rank, fitted_rows)
     if solved is None:
@@ -553,9 +552,9 @@ def _sizes(matrix: NDArray) -> NDArray[np.float64]:
 
 
 def _inverse(matrix: NDArray, rank: int, fitted_rows: NDArray) -> tuple[NDArray, NDArray] | None:
-    """The pseudoinverse (n, K) of the rows that are kept; None where they lose the rank of all, or are too few.
+    """Return the pseudoinverse (n, K) of the kept rows; None where they lose the rank of all, or are too few.
 
-    And a matrix (n, r) of which each row is as long as that of the pseudoinverse, in every direction.
+    Also returns a matrix (n, r) whose rows have the length of the pseudoinverse's rows in every direction.
     """
     scale = _sizes(matrix)
     u, sizes, directions = np.linalg.svd(matrix[fitted_rows] / scale, full_matrices=False)

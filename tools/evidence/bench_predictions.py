@@ -79,9 +79,9 @@ def later_part(fit: Fit) -> list[tuple[EffectPlace, slice, Callable[[Rows], NDAr
 class Rival:
     """Predictions of a candidate at positions that might be measured, over all parameters that the record allows.
 
-    `centre` (N, 3): readings over g at the centre of what is possible; `slopes` (N, 3, rank): derivatives in the
-    coordinates of the set of possible parameters; `known` (N, 3): which readings have a bounded prediction; `bent`:
-    whether there are effects that have their sizes there, not a set of them.
+    `centre` (N, 3): readings over g at the centre of the possible parameters; `slopes` (N, 3, rank): derivatives in the
+    coordinates of the set of possible parameters; `known` (N, 3): mask of the readings with a bounded prediction;
+    `bent`: true if some effects are not linear, so that their sizes are fixed there.
     """
 
     fit: Fit
@@ -93,7 +93,7 @@ class Rival:
 
 
 def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
-    """A candidate as a rival of others at some visits; `room` is what rounding adds to the bounds."""
+    """Return a candidate as a rival of others at some visits; `room` is the addition to the bounds for rounding."""
     count, bench = len(visits), len(fit.point)
     places, numbers = lasting_part(fit)
     central = fit.central
@@ -126,22 +126,23 @@ def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
 def separating_positions(
     readings: Readings, point: NDArray, fits: Sequence[Fit], bounds: tuple[float, float], room: float
 ) -> list[dict[str, Any]]:
-    """Positions to measure after a record whose readings, together, decide between candidates, the best one first.
+    """Return positions to measure next whose readings together decide between candidates, the best one first.
 
-    Where candidates depend on time, positions of the record are among them, to be measured again: at once, or at times
-    up to twice the record's length; then the order is that of time.
+    If candidates depend on time, the list includes positions of the record, to be measured again at once or at times up
+    to twice the record's length; the order is then that of time.
 
-    For two candidates the parameters that the record leaves them are sought with which their predictions at the
-    positions chosen so far are nearest; the position where they are then farthest apart is added, until they differ
-    somewhere by more than 2 σ whatever the parameters: then no readings can be within σ of both.
+    For two candidates, the search finds the possible parameters with the nearest predictions at the positions chosen so
+    far. It adds the position where the two then differ most, until they differ somewhere by more than 2 σ for any
+    parameters: then no readings can be within σ of both.
 
-    `point` (P,) is the nominal fit; of the `bounds`, u^max and v^0max, only readings whose sign is certain count;
-    `room` is what the readings' rounding adds to their bounds, as a fraction of g.
+    `point` (P,) is the nominal fit. With the `bounds`, u^max and v^0max, only readings whose sign is certain count.
+    `room` is the addition to the bounds for the rounding of the readings, as a fraction of g.
 
-    Of each: alpha_deg, beta_deg, mounting where there are several, where time matters hours since the first row and,
-    ``repeats``, which row it is again, the senses of the approach where they matter, what is separated, and
-    ``apart_g``: by so much the predictions of the pair for which the position was chosen differ at one of the positions
-    at least, over all parameters; more than 2 σ decides. What contains another candidate is never told from it.
+    Each position has alpha_deg, beta_deg, and its mounting if there are several. Where time matters it has the hours
+    since the first row and, in ``repeats``, the row that it repeats. Where the senses of the approach matter it has
+    these. It also has the candidates that it separates and ``apart_g``: the guaranteed difference, at one position at
+    least, of the predictions of the pair for which it was chosen, over all parameters; more than 2 σ decides. A
+    candidate that contains another one can never be separated from it.
     """
     chosen = list(fits[:MOST_CANDIDATES])
     every: set[EffectPlace] = set()
@@ -230,8 +231,8 @@ def nearest(
 class Programme:
     """Positions that might be measured after a record, N visits.
 
-    `sided`: whether senses of the approach matter, `timed`: whether the time does; `again` (N,): the row of the record
-    whose position it is, -1 for another one.
+    `sided`: true if senses of the approach matter; `timed`: true if the time does; `again` (N,): the row of the record
+    with the same position, -1 for a new one.
     """
 
     visits: Visits
@@ -368,11 +369,11 @@ def second_mounting(
     titles: Sequence[str],
     known: dict[str, DenseVisits] | None = None,
 ) -> dict[str, Any] | None:
-    """The preset that tells two sets of linear effects apart best; None where none does it better than the record's.
+    """Return the preset that best separates two sets of linear effects; None where none is better than the record's.
 
-    Sets with their titles in words. ``correlation_before`` and ``correlation_after``: the largest correlation of what
-    the sets add to the model, over all positions, now and with both mountings. `known` keeps the positions with each
-    mounting for the next pair of sets.
+    Sets have their titles in words. ``correlation_before`` and ``correlation_after`` are the largest correlation of the
+    sets' columns over all positions, now and with both mountings. `known` keeps the positions with each mounting for
+    the next pair of sets.
     """
     if not first or not second:
         return None
@@ -419,10 +420,10 @@ def helpful_mounting(
 
 
 def held_out_rows(fit: Fit) -> tuple[NDArray, NDArray] | None:
-    """Positions to hold out and which of their readings (H, 3) can be scored; None where the others would not do.
+    """Return positions to hold out, with a mask (H, 3) of the scored readings; None where the others are too few.
 
-    Of the ways to hold out every fourth position the one with most scored readings is taken: the others must keep the
-    rank of the extended model.
+    Of the ways to hold out every fourth position the function takes the one with most scored readings; the others must
+    keep the rank of the extended model.
     """
     count = len(fit.residual) // 3
     best: tuple[NDArray, NDArray] | None = None

@@ -1,7 +1,7 @@
 """The search for sets of effects that explain a bench's readings, about a centre that few readings cannot draw.
 
-Neither gross readings, nor exchanged channels, nor a common limit draw the centre. Where the misfit is so large that
-the linear model may be wrong by much, effects that stand out are fitted first and the others are sought beside them.
+Gross readings, exchanged channels and a common limit do not draw the centre. Where a large misfit makes the linear
+model inaccurate, the search first fits the effects that stand out, and looks for others beside them.
 """
 
 from collections.abc import Iterator, Sequence

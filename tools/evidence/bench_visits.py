@@ -1,4 +1,4 @@
-"""Visits of a bench's positions: their circumstances, where the table stands there, what signatures see of it."""
+"""Visits of a bench's positions: their circumstances, the true position of the table, the signatures' arguments."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -171,12 +171,12 @@ class Visits:
         return self.rows(fit.point, self.disturbed(fit.point, fit.sized))
 
     def _input_senses(self, point: NDArray, at: Positions, n: NDArray) -> tuple[NDArray, NDArray]:
-        """Senses (N, 3) of the last change of each input, 0 where not told, and whether (N, 3) the record tells them.
+        """Return senses (N, 3) of each input's last change, 0 where unknown, and a mask (N, 3) of those in the record.
 
-        Without approach columns the sense is that of the change from the row before; the first row comes from no
-        input. With them it is told where both axes, or the only one that moved, change the input in the same way when
-        they come to the position: else it depends on which of them came last, which only a series says. Nor does that
-        say from where the table came to its first position.
+        Without approach columns the sense is that of the change from the row before; the first row comes from no input.
+        With them the record gives the sense if both axes, or the only one that moved, change the input in the same way
+        on the way to the position. Otherwise it depends on the order of the axes, which only a series shows. A series
+        does not show from which position the table came to the first one.
         """
         p, circumstances = self.parametrisation, self.circumstances
         if circumstances.input_senses is not None:
@@ -225,7 +225,7 @@ class Visits:
         return turns
 
     def true_angles(self, point: NDArray, sized: Sized) -> Positions:
-        """Encoder readings [rad] freed from what effects add to them: the readings of faultless encoders."""
+        """Return encoder readings [rad] without the effects on them: the readings of faultless encoders."""
         of_encoders = [entry for entry in sized if entry[0].definition.stage == "encoder_effects"]
         positions = self.at
         if not of_encoders:

@@ -1,9 +1,9 @@
-"""A bias that wanders with time: proven only where as a function of time the errors vary least.
+"""A bias that wanders with time: proven only where the errors vary least as a function of time.
 
-A function of time with enough knots explains whatever happens to one accelerometer. That it is time on which the errors
-depend shows in their variation: the least sum of changes, from row to row in the order of a quantity, with which the
-model stands. Time is proven where in its order that is far less than in the order of any other quantity, and in orders
-drawn at random; whether other sets of effects do as well is for the search to say.
+A function of time with enough knots explains any fault of one accelerometer. The variation shows that the errors depend
+on time: it is the least sum of changes, from row to row in the order of a quantity, that makes the model consistent.
+Time is proven where its order gives far less variation than the order of any other quantity, and than random orders.
+The search decides whether other sets of effects do as well.
 """
 
 from collections.abc import Iterator
@@ -31,10 +31,10 @@ TURN = 2.0 * np.pi
 
 
 def wanders(centre: Fit, rows: Rows, limit: float, work: Work, *, proven: bool) -> Iterator[EffectPlace]:
-    """The wanders, each with the fewest knots, that mend the model linear at a centre.
+    """Yield the wanders that mend the model linear at a centre, each with the fewest knots.
 
-    Radii up to the limit stand; those of which it is `proven` that it is time on which the errors depend, or all. What
-    that costs is added to the work.
+    A wander mends it with a radius up to the limit. With `proven`, the errors must also be proven to depend on time.
+    The cost is added to the work.
     """
 
     every = np.arange(len(centre.residual))
@@ -90,7 +90,7 @@ def _is_time(centre: Fit, rows: Rows, p: int, work: Work) -> bool:
 def least_variation(centre: Fit, p: int, order: NDArray[np.int_], work: Work) -> float:
     """Return the least total variation of an addition (n,) to an accelerometer that makes the model consistent.
 
-    In units of the bounds, by the model linear at a centre; infinite where it cannot stand.
+    The value is in units of the bounds, by the model linear at a centre; infinite where no addition does.
     """
     jacobian, residual = centre.jacobian / centre.bound[:, None], centre.residual / centre.bound
     scale = np.abs(jacobian).max(axis=0, initial=0.0)

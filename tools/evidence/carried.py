@@ -1,7 +1,7 @@
 """Evidence of a block that is carried by hand, or beside the true attitude.
 
-The simulation, FMUs of gyro block and attitude computer, carries the attitude through the record; what it misses at the
-ends of moves or windows is the evidence.
+The simulation, FMUs of gyro block and attitude computer, carries the attitude through the record. Its errors at the
+ends of moves or windows are the evidence.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -78,11 +78,10 @@ OF_ACCELEROMETERS = "rests with each axis up, down and between, some of them rep
 
 @dataclass(frozen=True, eq=False)
 class RecordReader(Reader):
-    """The reader of a record of a block that is carried, as far as it is known before the simulation is run.
+    """The reader of a record of a carried block, before the simulation is run.
 
-    `block` is "calibrated" or "nominal": whether the gyros' scale factors and misalignments are parameters; `rates`,
-    "instantaneous" or "averaged", is what a rate in the record was taken for; `lacks` is what to add where nothing can
-    be run.
+    `block` is "calibrated" if the gyros' scale factors and misalignments are parameters, else "nominal"; `rates` is the
+    assumed meaning of a rate, "instantaneous" or "averaged"; `lacks` is advice on data to add where nothing can be run.
     """
 
     found: Inspection
@@ -118,8 +117,8 @@ class RecordReader(Reader):
 class CarriedReader(RecordReader):
     """The reader of a run of a block that is carried.
 
-    `bounds_from` says in words what the bounds come from; `least_radius` is what all effects together leave, where that
-    is more than one bound; `limits` are those that the accelerometers show in rests.
+    `bounds_from` names the source of the bounds in words; `least_radius` is the radius with all effects together, where
+    that is above one bound; `limits` are those that the accelerometers show in rests.
     """
 
     model: Carried
@@ -425,7 +424,7 @@ class CarriedRerun:
         return simulated[rows.scored.index(model.quoted)]
 
     def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
-        """Increments less what effects of the gyros add to them, by the inverse of a block with them."""
+        """Return the increments without the effects of the gyros, by the inverse of a block with them."""
         model, rows = self.model, self.model.rows
         places = []
         for place in effects:

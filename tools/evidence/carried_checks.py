@@ -31,9 +31,9 @@ def check_record(inspection: Inspection) -> None:
 
 
 def check_reference_bound(bound: float, inspection: Inspection) -> None:
-    """Refuse a stated bound [arcmin] of the true attitude's error that is none, or for a record without true attitude.
+    """Refuse an impossible bound [arcmin] of the true attitude's error, or one for a record without true attitude.
 
-    One line says why.
+    The error has one line.
     """
     if not (math.isfinite(bound) and bound >= 0.0):
         raise InputError(f"--reference-bound {bound:g}: must be finite and not below 0, in arcminutes")

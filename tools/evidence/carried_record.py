@@ -75,17 +75,17 @@ def carried_evidence(
 ) -> Evidence:
     """Return the evidence of a strapdown record; where nothing can be run, the list of missing data.
 
-    With true attitude in the record the carried attitude is compared with it over windows of several lengths; without,
+    In a record with true attitude the carried attitude is compared with it over windows of several lengths; otherwise
     the direction of gravity is carried from rest to rest.
 
-    `gravity` is the model's [m/s²]; `baseline`, "calibrated" or "nominal", says whether the gyros' bias, scale factors
-    and misalignments are free. None: calibrated where gravity is the reference, nominal where the truth is known: the
-    block as delivered, its mean at rest taken out. `rates`, "instantaneous" or "averaged", is what a rate in the record
-    means. `reference_bound`: what the true attitude errs by at most at any row, as a person says [arcmin]; without it
-    it is taken to err as at rest. `further` are effects to be tried beside those of the catalogue.
+    `gravity` is the model's [m/s²]. `baseline` "calibrated" frees the gyros' bias, scale factors and misalignments;
+    "nominal" is the block as delivered, its mean at rest removed. None: calibrated where gravity is the reference,
+    nominal where the truth is known. `rates`, "instantaneous" or "averaged", is the meaning of a rate in the record.
+    `reference_bound` is the stated largest error of the true attitude at any row [arcmin]; by default it is taken from
+    the rests. `further` are effects to be tried beside those of the catalogue.
 
-    An InputError for a record whose gyros and accelerometers, or truth, cannot belong together: units, order or signs
-    of axes; for a reference bound that is none, or without true attitude.
+    Raises an InputError if gyros and accelerometers, or truth, cannot belong together: units, order or signs of axes.
+    It also raises one for an impossible reference bound, or one without true attitude.
     """
     if baseline not in (None, *BASELINES):
         raise InputError(f"baseline '{baseline}' is not one of a strapdown record: calibrated or nominal")
@@ -105,7 +105,7 @@ def carried_evidence(
 
 
 def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace]:
-    """Places of those effects that are linear and whose circumstances the record tells."""
+    """Return the linear effects whose action the record determines."""
     places: list[EffectPlace] = []
     for effect in effects:
         has_temperature = "temperature" not in effect.needs or motion.temperature is not None
@@ -217,11 +217,11 @@ def rest_mean(inspection: Inspection) -> NDArray[np.float64]:
 
 
 def about_main_effect(run: Carried) -> Carried:
-    """The evidence about the effect that makes most of its errors; as it is where none does.
+    """Return the evidence about the effect that makes most of its errors; unchanged where none does.
 
-    Signatures are of first order. Where one effect makes nearly all of errors that are many times their bounds, its
-    second order may be above them too: it tells effects apart that are alike to first order. Of these one that does
-    not stand about itself is no candidate, where another one does.
+    Signatures are of first order. Where one effect makes nearly all of large errors, its second order may exceed the
+    bounds too. It then separates effects that are alike to first order: an effect that is not consistent about itself
+    is no candidate, if another one is.
     """
     runs, errors = [], []
     for place in main_effects(run):
@@ -301,19 +301,19 @@ def main_effects(run: Carried) -> list[EffectPlace]:
 
 
 def _rms_left(run: Carried, places: Sequence[EffectPlace]) -> float:
-    """Root mean square of what least squares leaves, in bounds."""
+    """Return the root mean square of the least-squares residual, in bounds."""
     matrix = run.rows.matrix(places)
     errors = run.rows.residual - matrix @ run.rows.estimate(places) if matrix.shape[1] else run.rows.residual
     return float(np.sqrt(np.mean(errors**2)))
 
 
 def about_effects(run: Carried, places: Sequence[EffectPlace], solution: NDArray) -> Carried:
-    """The evidence about effects of the gyros of such sizes: the second order of their run is in the errors.
+    """Return the evidence about effects of the gyros of given sizes: its errors include the second order of their run.
 
-    The errors are those of a run with the effects, and what these do to first order is added again: as if they acted
-    linearly. A solution (P + k,) are steps of the model's parameters and the effects' coefficients. Gyros that lag by
-    several rows have their attitude read so many rows later: a compensation, which knows only the past, carries their
-    rates on, and the longer the less well.
+    The errors are those of a run with the effects, plus the first order of the effects, as if they acted linearly. A
+    solution (P + k,) is a step of the model's parameters and the effects' coefficients. Gyros that lag by several rows
+    have their attitude read the same number of rows later: a compensation knows only the past and extrapolates their
+    rates, with an error that grows with the lag.
     """
     count, gyros, lag = len(run.rows.names), run.gyros_with(places, solution), 0
     if LATENCY in gyros.effects:
@@ -426,12 +426,12 @@ def of_windows(run: Carried, masks: Sequence[NDArray]) -> Carried:
 
 
 def with_limits(reader: CarriedReader) -> CarriedReader:
-    """The reader with the limits of its accelerometers that the model cannot do without.
+    """Return the reader with the limits of its accelerometers that the model needs.
 
-    A reading at a limit tells nothing of gravity but that it is beyond; such rests are left out of everything that is
-    fitted. Held against the model all the same they say whether it can do without the limit.
+    A reading at a limit shows only that gravity is beyond it. Such rests are left out of everything that is fitted;
+    held against the model they decide whether it needs the limit.
 
-    One on one side alone, which the catalogue's saturation is not, has an objection.
+    A limit on one side alone, unlike the catalogue's saturation, has an objection.
     """
     run, limits = reader.model, []
     if not isinstance(run.reference, Gravity):
@@ -459,9 +459,9 @@ def rests_at_limit(inspection: Inspection, axis: int) -> list[slice]:
 
 
 def level_of(inspection: Inspection, axis: int) -> tuple[float, float, bool]:
-    """The limit of an accelerometer and half a step of its readings [g], and whether it is none on the other side.
+    """Return the limit of an accelerometer and half a step of its readings [g], and true if the other side has none.
 
-    A limit whose one side was never reached counts as two-sided.
+    A limit counts as two-sided if the readings never reached the other side.
     """
     limits, name = inspection.sampling.limits, f"f{axis + 1}"
     values = limits.channels[name] / inspection.gravity

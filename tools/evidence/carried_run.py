@@ -50,10 +50,10 @@ class UnitTurns(Run):
 class Carried(SettingIn):
     """A run of the gyros through a record: the model that carries the attitude, beside which effects may set in.
 
-    `own` is the gyros' part of the model's parameters; about `gyros` the rows are linear, and `attitude` (N, 4) was
-    carried with them. `at_rest` (3, K) is what each coefficient adds to the mean at rest that is taken out [rad/s],
-    None where the bias is free. `starting` are effects that set in at a time, which can be tried too; of those among
-    the rows' `set_in` has the time, or the time constant [h].
+    `own` is the gyros' part of the model's parameters; the rows are linear about `gyros`, which also carried `attitude`
+    (N, 4). `at_rest` (3, K) is the part of each coefficient in the mean at rest that is removed [rad/s]; None where the
+    bias is free. `starting` are effects that set in at a time, which can be tried too; `set_in` has the time, or the
+    time constant [h], of those among the rows.
     """
 
     rows: Rows
@@ -162,7 +162,7 @@ class Carried(SettingIn):
         return columns, np.zeros((3, forces.shape[2]))
 
     def _beside(self, place: EffectPlace, columns: Sequence[NDArray], mean: NDArray) -> Self:
-        """The model with one more effect, of such columns (S, d, K) and part (3, K) of the mean at rest."""
+        """Return the model with one more effect, by its columns (S, d, K) and its part (3, K) of the mean at rest."""
         at_rest = None if self.at_rest is None else np.hstack([self.at_rest, mean])
         return replace(self, rows=self.rows.with_effect(place, columns), at_rest=at_rest)
 
