@@ -88,7 +88,7 @@ def _plain(hint: Any) -> bool:
 
 
 def _without_text(hint: Any) -> Any:
-    """A type of plain ones whose numbers are not written as texts: "1e-5" is no number."""
+    """Return a plain type that rejects numbers written as text: "1e-5" is not a number."""
     if hint in NUMBERS:
         return Annotated[hint, BeforeValidator(_no_text)]
     origin, parts = get_origin(hint), get_args(hint)
@@ -153,7 +153,7 @@ _THREADS_RUN, _THREADS_LOST = Event(), Event()
 
 
 def _note_threads() -> None:
-    """Note before a fork whether polars' threads run; where the system does not list them, whether it is loaded."""
+    """Note before a fork whether polars' threads run, or whether it is loaded if the system lists no threads."""
     names = []
     for path in Path("/proc/self/task").glob("*/comm"):
         with suppress(OSError):
@@ -181,7 +181,7 @@ PREFIXES, SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Give OpenBLAS one thread, as NumPy and SciPy bring it with them; what else there may be stays as it is.
+    """Limit the OpenBLAS libraries of NumPy and SciPy to one thread; other libraries keep their settings.
 
     Of calls side by side the last one gives back the numbers that the first one found.
     """

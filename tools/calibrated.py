@@ -43,7 +43,7 @@ UNITS = {
 
 
 class Part(Result):
-    """A part of a calibration, whose numbers are numbers already."""
+    """A part of a calibration, validated strictly: text is not accepted as a number."""
 
     model_config = ConfigDict(strict=True)
 
@@ -152,7 +152,7 @@ class Parameter(Part):
 
     @property
     def place(self) -> float | None:
-        """The error to whose place other estimates are rounded: half of the interval, else the guaranteed error."""
+        """The error that sets the last digit of an estimate: half of the interval, else the guaranteed error."""
         if self.low is None or self.high is None or self.high == self.low:
             return self.guaranteed_error
         return 0.5 * (self.high - self.low)
@@ -182,7 +182,7 @@ class ReadingError(Part):
 
 
 class Open(Part):
-    """A direction that the records leave undetermined: its parameters, and what would close it."""
+    """A direction that the records leave undetermined: its parameters, and the readings that would determine it."""
 
     parameters: list[str]
     close_by: str = ""

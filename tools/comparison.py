@@ -96,7 +96,7 @@ class Compared(Result):
 
 
 def compare(first: Any, second: Any, within: Sequence[str]) -> Compared:
-    """Hold two runs or records against each other; `trihedron.compare` says more."""
+    """Compare two runs or records column by column; see `trihedron.compare`."""
     first_name, left = table_of_run(first)
     second_name, right = table_of_run(second)
     numbers, not_compared = _columns_of_both(left, right)
@@ -137,7 +137,7 @@ def compare(first: Any, second: Any, within: Sequence[str]) -> Compared:
 
 
 def _columns_of_both(left: pl.DataFrame, right: pl.DataFrame) -> tuple[list[str], list[str]]:
-    """Columns of both tables but times and positions: those of numbers, and the others."""
+    """Return the columns of both tables except times and positions: numeric ones, and the others."""
     numbers, words = [], []
     for column in left.columns:
         if column in right.columns and column not in (TIME, POSITION):
@@ -210,7 +210,7 @@ def _steady(quaternions: NDArray) -> NDArray:
 
 
 def _turn_to(names: Sequence[str], first: Mapping[str, NDArray], second: dict[str, NDArray]) -> None:
-    """Give quaternions of the second the sign of those of the first: q and -q are one attitude."""
+    """Give quaternions of the second the sign of the first: q and -q are one attitude."""
     agree = sum(first[name] * second[name] for name in names)
     sign = np.where(agree < 0.0, -1.0, 1.0)
     for name in names:

@@ -53,7 +53,7 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """A message in one line of bearable length, whatever names and values an archive from elsewhere has."""
+    """Return a message as one line of limited length, for any names and values."""
     line = printable(text)
     if len(line) > LONGEST_MESSAGE:
         line = f"{line[: LONGEST_MESSAGE - 200]} ... {line[-190:]}"
@@ -97,7 +97,7 @@ def reason(error: OSError) -> str:
 
 
 def unreadable(path: Path, error: OSError) -> str:
-    """Why a file cannot be read, and which file may be meant."""
+    """Return the reason why a file cannot be read, and a file with a similar name."""
     meant = nearest_file(path) if isinstance(error, FileNotFoundError) else ""
     return f"cannot be read ({error.strerror}){meant}"
 

@@ -1,4 +1,4 @@
-"""Components written as FMUs, and what importers have of them: reference results, records as tables of inputs."""
+"""Export components as FMUs, with reference results and records as input tables for importers."""
 
 import hashlib
 import math
@@ -109,7 +109,7 @@ def export_components(
     platform: str | None = None,
     effects: Sequence[str] = (),
 ) -> Exported:
-    """Write components as FMUs into a folder, as `trihedron.export` says; native ones with reference results.
+    """Write components as FMUs into a folder; see `trihedron.export`; native ones with reference results.
 
     All of them where none is named, or those that the effects extend.
     """
@@ -148,7 +148,7 @@ def export_components(
 
 
 def write_reference(component: Component, folder: Path, fmi: int) -> list[Path]:
-    """Write the reference results of a component beside its FMU; the files are returned."""
+    """Write the reference results of a component next to its FMU; return the files."""
     paths = []
     for ending, text in sorted(reference_texts(component, fmi).items()):
         path = folder / f"{component.name}{ending}"

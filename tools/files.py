@@ -1,4 +1,4 @@
-"""Files read, with what may be meant by one that is not there, and written: whole or not at all, beside their place."""
+"""Files: reading with hints for missing ones, and writing that leaves each file complete or untouched."""
 
 import json
 import os
@@ -49,7 +49,7 @@ _TOUCHED: ContextVar[Touched | None] = ContextVar("_TOUCHED", default=None)
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """Let nothing that is read in the block be replaced in it; within another such block that one counts."""
+    """Protect all files read in the block from replacement; inside another such block, that one applies."""
     if _TOUCHED.get() is not None:
         yield
         return
@@ -68,7 +68,7 @@ def note_read(path: Path, status: os.stat_result) -> None:
 
 
 def refuse_input(path: Path) -> None:
-    """Refuse to replace or remove a file that the command has read, by whatever path or link it was reached."""
+    """Refuse to replace or remove a file that the command has read, through any path or link."""
     touched = _TOUCHED.get()
     if touched is None or not path.exists():
         return
@@ -82,7 +82,7 @@ def refuse_input(path: Path) -> None:
 
 
 def note_own(path: Path) -> None:
-    """Keep in mind that a file is the command's own: it may be read, and then be written anew."""
+    """Record that a file is the command's own: it may be read, and then written again."""
     touched = _TOUCHED.get()
     if touched is not None:
         touched.written.add(os.path.realpath(path))
@@ -119,7 +119,7 @@ def at_once() -> Iterator[None]:
 
 
 def _place(pending: Sequence[Placed]) -> None:
-    """Move all that was written beside its place into it, the files of a folder into that one; or none of it.
+    """Move all drafts into place, the files of a folder into that folder; or none of them.
 
     Where one cannot be moved, what stood in the places of the others comes back.
     """
@@ -202,7 +202,7 @@ def make_folders(folder: Path) -> None:
 
 @contextmanager
 def said_writable(path: object, also: type[Exception] = OSError) -> Iterator[None]:
-    """Say of a file or folder that it cannot be written, where the block meets an OSError (or `also` another one)."""
+    """Report that a file or folder cannot be written when the block raises an OSError (or `also` another)."""
     try:
         yield
     except OSError as error:
@@ -213,7 +213,7 @@ def said_writable(path: object, also: type[Exception] = OSError) -> Iterator[Non
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Give a path beside `path` to write to; rename it to `path` when the block ends without an error.
+    """Yield a path next to `path` to write to; rename it to `path` when the block ends without an error.
 
     Missing folders are made; an InputError where the folder cannot be written.
     """
@@ -236,7 +236,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path, obsolete: Sequence[str] = ()) -> Iterator[Path]:
-    """Give a folder beside `path` to fill; its files are moved into `path` when the block ends without an error.
+    """Yield a folder next to `path` to fill; its files move into `path` when the block ends without an error.
 
     Files of the same name in an existing `path` are replaced, others are left alone but for those `gone`, files or
     folders in `path` that are taken away then where the block has not made them; an InputError where the folder cannot
@@ -254,7 +254,7 @@ def whole_folder(path: Path, obsolete: Sequence[str] = ()) -> Iterator[Path]:
 
 
 def made_folder(folder: Path, out: Path) -> None:
-    """Make a folder for what goes to `--out`."""
+    """Make the folder of `--out`."""
     try:
         make_folders(folder)
         folder.mkdir(exist_ok=True)
@@ -344,7 +344,7 @@ KINDS_OF_FILES = {
 
 
 def kind_of_file(content: bytes) -> str:
-    """Which of `KINDS_OF_FILES` the bytes of a file are; "" where they tell none."""
+    """Return the kind of a file in `KINDS_OF_FILES` from its bytes, or ""."""
     if is_workbook(content):
         return "workbook"
     if content.startswith(ZIP):
@@ -388,7 +388,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def ordinary_file(_: object, path: Path | None) -> None:
-    """Refuse the name of a device or a pipe: a file that appears whole takes the place of what stands there."""
+    """Refuse the name of a device or a pipe, because a complete file would replace it."""
     if path is None:
         return
     if path.is_dir():
@@ -399,7 +399,7 @@ def ordinary_file(_: object, path: Path | None) -> None:
 
 
 def ordinary_folder(_: object, path: Path | None) -> None:
-    """Refuse the name of a folder where a file stands, before anything is computed for it."""
+    """Refuse the name of a folder if a file has it, before any computation."""
     if path is None:
         return
     if path.exists() and not path.is_dir():

@@ -41,7 +41,7 @@ POSITIONS, DWELL_S = 12, 2.0
 
 
 class InstallationFinding(Result):
-    """One thing that was looked at: what, how it is, and whether that is as it should be (None: a matter of choice)."""
+    """Finding about the installation: subject, state, and whether it is right (None: a matter of choice)."""
 
     subject: str
     state: str

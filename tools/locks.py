@@ -79,7 +79,7 @@ def own_folder() -> Iterator[Path]:
 
 
 def _take_away_left(base: Path) -> None:
-    """Take away folders whose processes are gone; those of other users are left alone."""
+    """Remove folders whose processes are gone, except those of other users."""
     for folder in base.glob(f"{PREFIX}*"):
         with suppress(OSError, Taken):
             if hasattr(os, "geteuid") and folder.lstat().st_uid != os.geteuid():

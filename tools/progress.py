@@ -9,7 +9,7 @@ Item = TypeVar("Item")
 
 
 def tracked(items: Iterable[Item], title: str, *, show: bool, total: int | None = None) -> Iterable[Item]:
-    """The same items, with a bar of this title where one is wanted; `total`: their number, where they do not say it."""
+    """Yield the same items, with a bar of this title if wanted; `total`: their number, if unknown to them."""
     if not (show and sys.stderr.isatty()):
         return items
     from rich.console import Console

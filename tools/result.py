@@ -143,7 +143,7 @@ class Result(BaseModel):
         return self._shown("figures", record)
 
     def figure(self, name: str, record: Any = None) -> "Figure":
-        """One of `figures`, by its name or a part that no other has; an InputError where there is none."""
+        """Return one of `figures`, by its name or a unique part of it; an InputError if there is none."""
         figures = self.figures(record)
         if name in figures:
             return figures[name]
@@ -187,7 +187,7 @@ Kind = TypeVar("Kind", bound=Result)
 
 
 def object_of(text: bytes, where: str) -> dict[str, Any]:
-    """The object of JSON that bytes hold; an InputError, which begins with `where`, for anything else."""
+    """Parse bytes as a JSON object; an InputError, beginning with `where`, for anything else."""
     try:
         content = json.loads(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:
@@ -219,7 +219,7 @@ def finite_or_none(value: float) -> float | None:
 
 
 class Section(BaseModel):
-    """A table of a file: no key beside its fields. Those with ``exclude=True`` are the program's: no file has them."""
+    """A table of a file without other keys. Fields with ``exclude=True`` are the program's: no file has them."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
 
@@ -268,7 +268,7 @@ def not_for_files(sections: Mapping[str, Any], model: type[BaseModel]) -> dict[s
 
 
 def checked_sections(sections: Mapping[str, Any], model: type[File], label: str = "") -> File:
-    """The same from what would stand in a file, which messages call by its label."""
+    """Check sections as those of a file; messages call it by its label."""
     try:
         return model.model_validate(dict(sections))
     except ValidationError as error:
@@ -322,7 +322,7 @@ def _deeper(location: Location, deep: Set[Location]) -> bool:
 
 @cache
 def _members_of_unions(model: type[BaseModel]) -> frozenset[str]:
-    """Names of the members of unions, which stand in pydantic's locations and are no keys of a file."""
+    """Return names of members of unions, which pydantic puts into locations although no file has such keys."""
     models: set[type[BaseModel]] = set()
     names: set[str] = set()
 
@@ -365,7 +365,7 @@ def _problem(
 
 
 def _keys_beside(location: Location, model: type[BaseModel]) -> list[str]:
-    """The keys that are known where the last part of a location stands."""
+    """Return the known keys at the last part of a location."""
     at: type[BaseModel] | None = model
     for part in location[:-1]:
         if at is None:

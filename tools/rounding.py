@@ -23,7 +23,7 @@ _EXACT = Context(prec=800)
 
 
 class Number(str):
-    """A number that is rounded, as ASCII text; empty where there is none. A page sets it as a number."""
+    """A rounded number as ASCII text; empty for None. A page sets it as a number."""
 
     __slots__ = ()
 
@@ -95,7 +95,7 @@ def downwards(value: float | None, count: int = 2, above: float | None = None) -
 
 
 def digits(value: float | None, count: int = 3) -> Number:
-    """A figure that promises nothing, as a root mean square; whatever its size it has its digits."""
+    """Return a figure without a guarantee, such as a root mean square, with a fixed number of digits."""
     return _significant(value, count, ROUND_HALF_EVEN)
 
 

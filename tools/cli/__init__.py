@@ -1,4 +1,4 @@
-"""The command line: its commands, what all of them share, how it is run."""
+"""The command line: commands, common options, start."""
 
 import atexit
 import os

@@ -83,7 +83,7 @@ def answer(
 
 
 def say(command: Callable[[], object], *, quiet: bool) -> int:
-    """Run a command, print its answer, which may be no `Answer` where it has printed itself, and give its exit status.
+    """Run a command, print its answer unless it has printed itself, and return its exit status.
 
     Its files appear together when it is done, or none of them.
 
@@ -174,13 +174,13 @@ def drop_output() -> None:
 
 
 def refuse(message: str) -> int:
-    """Say in one line on standard error why the input cannot be used."""
+    """Print a line on standard error with the reason why the input cannot be used."""
     print(f"trihedron: {one_line(message)}", file=sys.stderr)
     return 2
 
 
 def fault(error: Exception) -> int:
-    """Say in one line on standard error what went wrong in the program itself."""
+    """Print a line on standard error for an error of the program itself."""
     if os.environ.get("TRIHEDRON_TRACEBACK"):
         raise error
     if advice := shortage(error):
@@ -191,7 +191,7 @@ def fault(error: Exception) -> int:
 
 
 def json_file(_: object, path: Path | None) -> None:
-    """Refuse an option where the name of a file for JSON should stand; "-" is standard output."""
+    """Refuse an option in place of the name of a JSON file; "-" is standard output."""
     if path is not None and str(path).startswith("-") and str(path) != "-":
         raise InputError(f"--json {path}: is an option; give the name of a file, or - for standard output")
     if str(path) != "-":

@@ -1,4 +1,4 @@
-"""The commands: each is a thin layer over one function of the library, whose options and words it takes."""
+"""The commands: each is a thin layer over one function of the library, with its options and descriptions."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -200,14 +200,14 @@ def calibrate_command(
 
 
 def _files_of(record: Path, others: Sequence[Path]) -> dict[str, Path | None]:
-    """The records of a command by what messages call them."""
+    """The records of a command by their names in messages."""
     if not others:
         return {"the record": record}
     return {f"record {number}": path for number, path in enumerate((record, *others), start=1)}
 
 
 def _taken(options: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Take those of the options that have these names."""
+    """Take the options that have these names."""
     return {name: options.pop(name) for name in names if name in options}
 
 

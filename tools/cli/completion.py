@@ -1,4 +1,4 @@
-"""Completion of commands and options by the shell; PowerShell's is written here, those of others by cyclopts."""
+"""Shell completion of commands and options: for PowerShell written here, for other shells by cyclopts."""
 
 from json import dumps
 from typing import Annotated, Literal

@@ -170,7 +170,7 @@ def former(*words: Annotated[str, Parameter(show=False, allow_leading_hyphen=Tru
 
 
 def present_spelling(words: Sequence[str]) -> list[str]:
-    """The words of the command that does what `plan` with these options alone did before."""
+    """Return the present command for these former options of `plan`."""
     options = [word.partition("=")[0] for word in words]
     if "--imu" in options:
         return ["imu", *(word for word in words if word != "--imu")]

@@ -220,7 +220,7 @@ def campaign_report_command(
     report: ReportFile = None,
     json: JsonFile = None,
 ) -> Answer:
-    """Write the page of a campaign; say what got better or worse than in another one, beyond chance.
+    """Write the page of a campaign, with gains and losses beyond chance against another one.
 
     Example: trihedron campaign-report attitude-60s
 
@@ -311,7 +311,7 @@ reproduce = App(name="reproduce", help="Compute published tables again, and say 
 
 @reproduce.command
 def calibration(*, json: JsonFile = None) -> Answer:
-    """Compute the published calibration tables again, and say where they are wrong.
+    """Recompute the published calibration tables, and name their errors.
 
     Example: trihedron reproduce calibration
     """
@@ -337,7 +337,7 @@ def published_attitude(*, out: Folder = None, json: JsonFile = None) -> Answer:
 
 @reproduce.command
 def word_length(*, json: JsonFile = None) -> Answer:
-    """Show what 32-bit arithmetic and 32-bit increments cost the update (22), and what mends it.
+    """Compute the cost of 32-bit arithmetic and 32-bit increments for the update (22), and a remedy.
 
     Example: trihedron reproduce word-length
     """
@@ -362,7 +362,7 @@ def add(
     serial: str | None = None,
     json: JsonFile = None,
 ) -> Answer:
-    """Put a calibration or diagnosis into an instrument's folder, which is made where there is none.
+    """Put a calibration or diagnosis into an instrument's folder; the folder is made if missing.
 
     Example: trihedron instrument add unit-17 calibration.json --record monday.csv
 
@@ -394,7 +394,7 @@ def add(
 
 @instrument.command(name="list")
 def list_(folder: Path, /, *, json: JsonFile = None) -> Answer:
-    """Say what an instrument's folder holds, in order of the dates.
+    """List the entries of an instrument's folder, in order of the dates.
 
     Example: trihedron instrument list unit-17
 
@@ -417,7 +417,7 @@ def show(
     out: File = None,
     json: JsonFile = None,
 ) -> Answer:
-    """Say which calibration or diagnosis is nearest in date or temperature; the last one by default.
+    """Show the calibration or diagnosis nearest in date or temperature; the last one by default.
 
     Example: trihedron instrument show unit-17 --temperature 35 --kind calibration --out nearest.json
 

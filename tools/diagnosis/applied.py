@@ -36,7 +36,7 @@ def read_diagnosis(path: Path) -> Diagnosis | None:
 
 
 def coefficients_of(cause: Cause) -> NDArray[np.float64]:
-    """Linear coefficients (K,) of a cause: of an amplitude and its phase those of cosine and sine."""
+    """Return the linear coefficients (K,) of a cause; an amplitude with phase gives a cosine and a sine."""
     values, coefficients = list(cause.values), []
     for number, (parameter, value) in enumerate(zip(cause.parameters, values, strict=True)):
         if parameter.name.endswith("amplitude"):
@@ -135,7 +135,7 @@ def origin_of(diagnosis: Diagnosis) -> str:
 
 
 def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:
-    """Write what explains a record, or extends its model, into a folder; the files, none where nothing does.
+    """Export the effects or extension of a diagnosis into a folder; return the files, if any.
 
     FMUs of a flavour, "python" or "native", that start with the parameters and sizes that are stated; beside each a
     parameter set (.ssv) with these and their intervals; and scenarios that run them as the record was measured. An
@@ -161,7 +161,7 @@ def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python")
 
 
 def _standing(diagnosis: Diagnosis) -> Finding | None:
-    """The model to export: a hypothesis that stands, what extends the model, or what explains the record."""
+    """Return the model to export: a fitting hypothesis, the extension of the model, or the explanation."""
     for hypothesis in diagnosis.hypotheses or ():
         if hypothesis.answer == "stands":
             return hypothesis.finding

@@ -1,4 +1,4 @@
-"""The band: what of a function of one quantity, at one place, a record leaves possible, whatever its law."""
+"""The band: all functions of one quantity at one place that fit a record, for any law."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -89,7 +89,7 @@ class Possible:
 
     @staticmethod
     def each(evidence: Evidence, pair: Pair, steps: bool) -> "tuple[Possible, ...]":
-        """The functions of each of the places that a pair is made of, beside those of the others."""
+        """Return the functions of each place of a pair, with those of the others next to it."""
         alone = [Possible(evidence, function, steps) for function in pair.members or (pair,)]
         beside = []
         for function in alone:
@@ -140,7 +140,7 @@ class Possible:
         return Unknown(knots, columns, TURN if self.pair.circle else None, self.steps, missed)
 
     def functions(self, knots: NDArray) -> Functions:
-        """The functions, by their values at knots (K,), those of other places behind them."""
+        """Return the functions by their values at knots (K,), followed by those of other places."""
         evidence = self.evidence
         beside_it = [function.unknown(function.spaced(self.places)) for function in self.others]
         unknown = Unknown.together([self.unknown(knots), *beside_it])
@@ -163,7 +163,7 @@ class Possible:
         return self.band.least[: len(self.knots)]
 
     def values_of(self, columns: NDArray) -> NDArray[np.float64]:
-        """The function (K,) at all knots that adds about these columns (M,), beside those of other places."""
+        """Return the function (K,) at all knots that adds about these columns (M,), next to those of other places."""
         every = self.every.told(np.linalg.lstsq(self.every.unknown.columns, columns, rcond=None)[0])
         return every[: len(self.knots)]
 

@@ -1,4 +1,4 @@
-"""Beyond the catalogue: the functions that a record leaves possible, laws among them, and what extends the model."""
+"""Beyond the catalogue: the functions and laws that fit a record, and the extension of the model."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -67,7 +67,7 @@ class StatedLaw(Cause):
 
     @property
     def words(self) -> str:
-        """The name of an effect of the catalogue, or what formulas add."""
+        """Return the name of an effect of the catalogue, or the term that formulas add."""
         return " with ".join(words_of(cause.place) for cause in self.causes)
 
 
@@ -124,17 +124,17 @@ class Beyond:
 
     @cached_property
     def each(self) -> tuple[Possible, ...]:
-        """The functions that are possible of each place of the pair, beside those of its others."""
+        """Return the possible functions of each place of the pair, next to those of the others."""
         return Possible.each(self.evidence, self.pair, self.form.kind in ("jump", "sawtooth"))
 
     @property
     def possible(self) -> Possible:
-        """The functions that are possible of the first place."""
+        """Return the possible functions of the first place."""
         return self.each[0]
 
     @cached_property
     def laws(self) -> list[Law]:
-        """Laws that stand, those of the catalogue first."""
+        """Return the laws that fit, those of the catalogue first."""
         return Laws(self.evidence, self.pair, self.each, self._work).standing(self.listed)[:MOST_LAWS]
 
     @cached_property
@@ -246,7 +246,7 @@ class Beyond:
 
     @cached_property
     def readings(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Values (n,) of the quantity, and what readings say of the function there (n,).
+        """Return values (n,) of the quantity, and the readings of the function there (n,).
 
         That is the function that is drawn first and by how much a reading misses it, over by how much it changes with
         it; readings that hardly do are left out. None of a block that is carried: its errors are integrals.
@@ -263,7 +263,7 @@ class Beyond:
         return _on_circle(pair)[tells], says[tells]
 
     def lines_of(self, possible: Possible) -> list[tuple[str, NDArray[np.float64]]]:
-        """Functions (K,) of a place to be drawn, with names: laws; where none stands, a table, or what bends least."""
+        """Return functions (K,) of a place to draw, by name: laws; if none fits, a table or the smoothest function."""
         if self.laws:
             return [(law.words, possible.drawn(law.fit)) for law in self.laws]
         if self.table is not None:
@@ -335,7 +335,7 @@ class Beyond:
         return {"radius": fit.radius, "left_out_rms": _rms(errors), "left_out_max": float(errors.max())}
 
     def _errors_alike(self, fits: Sequence[Fit]) -> list[float]:
-        """Errors, root mean square over their bounds, of the left-out readings that all of some fits predict."""
+        """Return rms errors, over their bounds, of the left-out readings that all the fits predict."""
         folds = [self._folds(fit) for fit in fits]
         rows: set[int] | None = None
         for errors in folds:

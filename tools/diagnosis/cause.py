@@ -179,7 +179,7 @@ class Finding:
 
     @property
     def not_shown(self) -> str:
-        """Why a set that stands though an effect of it may be nothing is not named."""
+        """Return the reason for not naming a set that fits: one of its effects may be zero."""
         if self.fit.faint:
             faint = " and ".join(place.title for place in self.fit.faint)
             return f"{self.title} would do, but {faint} moves no reading by {FAINT} σ"
@@ -192,7 +192,7 @@ class Finding:
         return tuple(cause.place for cause in self.causes)
 
     def in_order(self, places: Sequence[EffectPlace]) -> "Finding":
-        """The same with its causes in another order, those of no place in it last."""
+        """Return the set with its causes in the given order; causes at other places come last."""
         order = list(dict.fromkeys((*places, *self.places)))
         return Finding(tuple(sorted(self.causes, key=lambda cause: order.index(cause.place))), self.fit)
 
@@ -237,7 +237,7 @@ def equivalents_of(evidence: Evidence, fit: Fit, place: EffectPlace) -> list[Eff
 
 
 def finding_of(evidence: Evidence, group: Sequence[Fit]) -> Finding:
-    """The first of a group of sets whose effects cannot be nothing; where each can, the first."""
+    """Return the first set of a group whose effects cannot be zero; else the first set."""
     first: Finding | None = None
     for fit in group:
         middle = centred(evidence, fit)

@@ -64,7 +64,7 @@ NONE = np.full(5, -1)
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """A pair with the least complex functions of it with which the model stands, and the radius that they leave.
+    """A pair with the least complex functions of it that make the model fit, and their radius.
 
     `radius_of_next`: where that is more than the bounds, the least radius of functions that need a number or two more.
     """
@@ -113,7 +113,7 @@ class Dependence:
 
     @property
     def least(self) -> int | None:
-        """The least complexity with which the model stands."""
+        """Return the least complexity that makes the model fit."""
         return self.standing[0].complexity if self.standing else None
 
     @property
@@ -144,7 +144,7 @@ class Dependence:
 
 
 class Suffices(Result):
-    """A function of one quantity at one place, times a known factor, with which the model stands by itself.
+    """A function of one quantity at one place, times a known factor, that alone makes the model fit.
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ class Proven(Result):
 
 
 def most_of_rivals(least: float) -> float:
-    """The complexity up to which what stands is a rival of what stands at the least."""
+    """Return the largest complexity of a rival of a function with the given complexity."""
     return max(RIVAL * least, least + 1.0)
 
 
@@ -294,7 +294,7 @@ class Trial:
 
     @property
     def complexity(self) -> int:
-        """The coefficients that it adds beside the model, and the numbers that are searched for; or the least of it."""
+        """Return the number of coefficients beyond the model plus searched numbers, or a lower bound of it."""
         return (self.least if self.space is None else self.space.shape[1]) + self.form.searched
 
 
@@ -322,12 +322,12 @@ class Search:
 
     @cached_property
     def limit(self) -> float:
-        """Radius up to which the linear model stands, and the exact one may."""
+        """Return the radius up to which the linear model counts as a fit, because the exact one may fit."""
         return self.evidence.model.limit + max(self.evidence.model.second_order, FAINT)
 
     @cached_property
     def told(self) -> float:
-        """Radius up to which a form tells a function.
+        """Return the radius up to which a form identifies a function.
 
         A function that differs from the form by no more than `FAINT` of a bound, which is never shown, leaves no more
         than the bounds. Of a model that is not linearised anew the bounds alone count.
@@ -349,7 +349,7 @@ class Search:
 
     @cached_property
     def freedoms(self) -> list[str]:
-        """Ways in which a place may act with which the model stands where it may do so as it likes every time."""
+        """Ways in which a place may act that make the model fit when each reading has its own value."""
         first: dict[str, Pair] = {}
         for pair in self.pairs:
             if pair.factor in ("", "tilt", *TURNS):
@@ -419,7 +419,7 @@ class Search:
         return radius, step[: nominal.shape[1]]
 
     def standing(self, freedoms: Sequence[str]) -> Iterator[Standing]:
-        """The least complex functions of each pair, as complex as a rival of the least complex of all may be."""
+        """Return the least complex functions of each pair, up to the complexity of a rival of the least complex."""
         every = (trial for pair in self.pairs if pair.freedom in freedoms for trial in self.trials(pair))
         # What waits comes before what is as complex, then what came first.
         queue = [(trial.complexity, trial.space is not None, k, trial) for k, trial in enumerate(every)]
@@ -460,7 +460,7 @@ class Search:
         return least
 
     def trials(self, pair: Pair) -> Iterator[Trial]:
-        """All forms of a pair that might stand."""
+        """Return all forms of a pair that may fit."""
         for ladder in pair.ladders():
             forms = [form for form in ladder if form.count <= LARGEST_PART * len(pair.values)]
             # Functions of many pieces hold those of a half or a third as many.
@@ -479,7 +479,7 @@ class Search:
             yield from self.open_trials(pair, forms)
 
     def waves_between(self, pair: Pair) -> list[Form]:
-        """Waves between those of the grid, ever nearer to those that the weights refuse least.
+        """Yield waves between those of the grid, closer and closer to the least refuted ones.
 
         A wave that is a little off in its frequency is far off at the ends of a record.
         """
@@ -496,7 +496,7 @@ class Search:
             waves = sorted(between - set(bounds))
 
     def open_trials(self, pair: Pair, forms: Sequence[Form]) -> Iterator[Trial]:
-        """Those of many forms that the weights do not refuse."""
+        """Return the forms that the weights do not refute."""
         every = pair.columns_of(forms)
         for form, columns, bound in zip(forms, every, self.bounds(every), strict=True):
             if bound > self.limit:
@@ -514,7 +514,7 @@ class Search:
         return root, basis, residual - basis @ (basis.T @ residual)
 
     def bounds(self, blocks: Sequence[NDArray]) -> NDArray[np.float64]:
-        """Lower bounds (n,) of the radii that n blocks of a few columns (M, k) leave, each by itself."""
+        """Return lower bounds (n,) of the radii for n blocks of a few columns (M, k), each alone."""
         root, basis, residual = self.weighted
         columns, explained = np.vstack([block.T for block in blocks]), np.zeros(len(blocks))
         self.work.add(2.0 * len(blocks) + 1e-4 * columns.size * basis.shape[1])

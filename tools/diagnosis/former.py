@@ -85,7 +85,7 @@ def _add_sets(
 
 
 def _calibration(content: Mapping[str, Any], radius: Any, sigma: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
-    """The calibration of a diagnosis with this verdict; of a model that stands without one."""
+    """Return the calibration of a diagnosis with this verdict; of a model that fits without one."""
     verdict = {"insufficient": "insufficient", "consistent": "consistent"}.get(str(content.get("verdict")), "falsified")
     return {
         "schema": "trihedron.calibration/3",
@@ -98,7 +98,7 @@ def _calibration(content: Mapping[str, Any], radius: Any, sigma: Mapping[str, An
 
 
 def _each_by_itself(former: Any, records: Any) -> Any:
-    """Repeatability as the calibration of each record by itself, with what changes."""
+    """Return repeatability as a calibration: each record alone, and the changes."""
     if not isinstance(former, list) or not isinstance(records, list):
         return former
     of_record = {}
@@ -141,7 +141,7 @@ def _parameters(former: Any) -> list[Any]:
 
 
 def _targets(former: Any) -> list[Any]:
-    """Targets beside the effects, as a calibration has them."""
+    """Return targets next to the effects in the form of a calibration."""
     parameters = []
     for entry in _entries(former):
         if isinstance(entry, Mapping):

@@ -97,7 +97,7 @@ def order_of_effects(rows: Rows, places: Sequence[EffectPlace]) -> OrderOfEffect
 
 
 def _simplest_of_best(ranked: Sequence[tuple[float, EffectPlace]]) -> tuple[float, EffectPlace]:
-    """The effect that leaves least, or one that it contains and that helps about as much, with what that leaves."""
+    """Return the effect with the least remaining error, or a simpler, almost equal part of it, with that error."""
     least, first = ranked[0]
     for rms, place in ranked:
         if (1.0 - HELPS) * rms <= least and contains([first], [place]):

@@ -79,7 +79,7 @@ def places_of(formulas: Sequence[str], *, at_table: bool, with_gyros: bool) -> t
 
 
 def _foreign(formula: Formula, at_table: bool, with_gyros: bool) -> str:
-    """Why a formula is none of a record of a table, or of gyros; empty where it is."""
+    """Return the reason why a formula does not apply to a record of a table, or of gyros; empty if it does."""
     component = formula.target.component
     if component == "GyroBlock" and not with_gyros:
         return (

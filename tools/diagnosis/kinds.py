@@ -65,7 +65,7 @@ class Kind:
     runs_formulas: bool
 
     def shared_options(self, options: DiagnosisOptions) -> DiagnosisOptions:
-        """The options of a record of this kind among records of several kinds: those of the others are left out."""
+        """Return the options that concern this kind of record; those of other kinds take their defaults."""
         default = DiagnosisOptions()
         changed: dict[str, Any] = {}
         for kind in KINDS.values():
@@ -88,7 +88,7 @@ def evidence_of(record: PositionRecord | StrapdownRecord | KnownDirections, **op
 
 
 def evidence_options(record: Any, *, among: Mapping[str, Any] | None = None, **options: Any) -> dict[str, Any]:
-    """Options of a record's evidence by those of `diagnose`, the fields of `DiagnosisOptions`.
+    """Return the evidence options of a record from those of `diagnose`, the fields of `DiagnosisOptions`.
 
     `among` are the records with which it is diagnosed: of two kinds each has the options that are its own. An
     InputError for an option that the record's kind does not have.

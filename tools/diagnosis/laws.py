@@ -1,4 +1,4 @@
-"""Laws of a function whose place and quantity are known: the catalogue's, then short formulas, the smallest first.
+"""Laws of a function with known place and quantity: those of the catalogue, then short formulas by size.
 
 A law is linear in its unknown coefficients and may have one number that gives its shape: a time constant, where it
 steps or bends. Of a family of shapes intervals are refused as a whole, by a programme in which the bounds grow with the
@@ -77,7 +77,7 @@ LEFT = {
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A law with which the model stands: its fit, and ends of the number that gives its shape, if any.
+    """A law that makes the model fit: its fit, and the ends of its shape number, if any.
 
     Of the catalogue it may be several effects that add up to one function.
     """
@@ -103,7 +103,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Family:
-    """Laws that differ by one number s between `low` and `high`: `text` has {s} where it stands.
+    """Laws that differ by one number s between `low` and `high`; `text` has {s} in its place.
 
     `value` (x (N,), s) -> (N,) is what the one coefficient is multiplied by.
     """
@@ -118,7 +118,7 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """The laws of the functions of a pair, `each` of a place of it."""
+    """The laws of the functions of a pair; `each` lists its places."""
 
     evidence: Evidence
     pair: Pair
@@ -177,7 +177,7 @@ class Laws:
         return np.linalg.norm(remaining, axis=0) <= LIKE * np.linalg.norm(columns, axis=0)
 
     def fitted(self, places: Sequence[EffectPlace], shape: tuple[float, float] | None = None) -> list[Law]:
-        """Effects, where the model stands with them."""
+        """Return the effects' fit, if the model fits with them."""
         fits = self.evidence.including(places).model.mended(places, self.work)
         return [Law(fit, shape) for fit in fits[:1]]
 

@@ -105,7 +105,7 @@ def diagnosed(
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Sets of effects with which a falsified record stands.
+    """Sets of effects that make a falsified record fit.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class Candidates:
 
     @property
     def not_shown(self) -> tuple[str, ...]:
-        """Why sets whose effects may be nothing are not named."""
+        """Return the reason for not naming sets whose effects may be zero."""
         return tuple(dict.fromkeys(finding.not_shown for finding in self.idle))
 
     @property
@@ -149,7 +149,7 @@ class Candidates:
         return len(self.groups) > 1 + len(self.containing)
 
     def beside(self, finding: Finding) -> tuple[tuple[NamedEffect, ...], ...]:
-        """Other sets that no measurement can tell from that of a finding."""
+        """Return other sets that no measurement can tell from that of a finding."""
         effects = set(finding.fit.places)
         for group in self.groups:
             if any(set(fit.places) == effects for fit in group):
@@ -181,7 +181,7 @@ class Procedure:
         return []
 
     def _tried(self, what: str, stage: Callable[[], Any], otherwise: Any) -> Any:
-        """The result of a stage; where the solver fails in it, another one, and the result says so."""
+        """Return the result of a stage; if the solver fails, a substitute result that reports it."""
         try:
             return stage()
         except SolverError:
@@ -212,14 +212,14 @@ class Procedure:
 
     @cached_property
     def dependence(self) -> Dependence | None:
-        """On what, and where, the misfit depends."""
+        """Return the dependence of the misfit on place and quantity."""
         return self._tried("functions of one quantity", lambda: dependence(self.evidence), None)
 
     # Search
 
     @cached_property
     def simple(self) -> tuple[Simple, ...]:
-        """The simple faults of the record with which the model stands."""
+        """Return the simple faults of the record that make the model fit."""
         if self.objections:
             return ()
         kinds = too_small_bounds if self.evidence.model.radius < NOTHING_PROVEN else simple_faults
@@ -245,7 +245,7 @@ class Procedure:
 
     @cached_property
     def found(self) -> Found:
-        """The smallest sets of effects with which the record stands."""
+        """Return the smallest sets of effects that make the record fit."""
         if self.objections:
             return Found(())
         largest = MAX_SET
@@ -264,7 +264,7 @@ class Procedure:
 
     @cached_property
     def listed(self) -> Listed:
-        """The catalogue beside functions of one quantity."""
+        """Return the catalogue in comparison with functions of one quantity."""
         return Listed(self.evidence)
 
     @cached_property
@@ -321,7 +321,7 @@ class Procedure:
 
     @cached_property
     def nominal(self) -> Fit | None:
-        """The model without effects, centred, where it stands; else None."""
+        """Return the nominal model, centred, if it fits; else None."""
         if self.missing or self.evidence.model.falsified:
             return None
         return centred(self.evidence, self.evidence.model.baseline)
@@ -378,13 +378,13 @@ class Procedure:
 
     @cached_property
     def _of_effects(self) -> Sequence[Finding]:
-        """Sets with which the record stands that are more than single readings: those are rows."""
+        """Return the fitting sets other than single readings: those are rows."""
         findings = self.candidates.findings if self.found.fits else ()
         return [f for f in findings if any(place.effect != OUTLIER for place in f.fit.places)]
 
     @cached_property
     def _of_functions(self) -> Sequence[Standing]:
-        """Functions of one quantity with which the record stands, the least complex first; of time no break is one."""
+        """Return fitting functions of one quantity, the least complex first; of time no break is one."""
         standing = () if self.dependence is None else self.dependence.standing
         broken = {fault.where for fault in self.faults if fault.kind == "break"}
         return [one for one in standing if one.pair.quantity != "hours" or (one.pair.where,) not in broken]
@@ -536,7 +536,7 @@ class Procedure:
         return "quantity" if other_laws else "law"
 
     def _ambiguous(self, findings: Sequence[Finding], fits: Sequence[Fit], **keys: Any) -> Diagnosis:
-        """Several models, of these fits, remain: what would separate them."""
+        """Return the ambiguous result: several models fit, and a measurement would separate them."""
         functions = dict(self.functions)
         if "beyond" in functions and "extension" not in functions:
             extension = functions["beyond"].extension(self.rerun)
@@ -555,7 +555,7 @@ class Procedure:
         )
 
     def _not_named(self, objections: Sequence[str], **keys: Any) -> Diagnosis:
-        """Unexplained, though sets of effects stand: something speaks against each of them."""
+        """Return the unexplained result: sets of effects fit, but each has an objection."""
         extended = self._functions_beside((), extend=True)
         caution = extended.get("caution", self.caution)
         return self._unexplained(objections, {**self.functions, **extended}, caution=caution, **keys)

@@ -31,7 +31,7 @@ OF_EFFECTS: dict[str, KindOfExplanation] = {"outlier": "rows", "formula": "formu
 
 
 class Explanation(Told):
-    """A model with which the record stands, or with which all records of an instrument stand together.
+    """A model that fits the record, or all records of an instrument together.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Explanation(Told):
 
     @staticmethod
     def of(finding: Finding, calibration: Calibration | None = None) -> "Explanation":
-        """A set of effects with which the model stands."""
+        """Return a set of effects that makes the model fit."""
         return Explanation.of_causes(finding.causes, radius=finding.fit.radius, calibration=calibration)
 
     @staticmethod
@@ -96,7 +96,7 @@ class Explanation(Told):
 
     @staticmethod
     def of_simple(simple: Simple) -> "Explanation":
-        """A simple fault of the record, with the effects beside it."""
+        """Return a simple fault of the record, with its accompanying effects."""
         keys = {name: getattr(simple, name) for name in ("rows", "change", "within", "before_row", "time_s")}
         return Explanation(
             kind=simple.kind,
@@ -153,7 +153,7 @@ class NextPosition(TypedDict):
 
 
 class SecondMounting(Result):
-    """A mounting to measure in besides: the causes it tells apart, and their largest correlation now and with both."""
+    """A second mounting to measure in: the causes it separates, their largest correlation now and with both."""
 
     mounting: str
     separates: tuple[str, ...]
@@ -278,7 +278,7 @@ class Helps(Result):
 
 
 class OneRecord(Result):
-    """One of several records by itself: its label, its file's SHA-256, its diagnosis.
+    """One of several records: its label, its file's SHA-256, its own diagnosis.
 
     `left_out`: why it is not judged with the others.
     """
@@ -441,7 +441,7 @@ class Diagnosis(Told):
 
     @property
     def sources(self) -> Any:
-        """The reader of the record, which has what pages draw of it; None of a diagnosis that comes from a file."""
+        """Return the reader of the record for drawing pages; None if the diagnosis comes from a file."""
         return None if self.evidence is None else self.evidence.reader
 
     @property
@@ -497,7 +497,7 @@ class Diagnosis(Told):
 
     @property
     def stated(self) -> Calibration:
-        """The calibration beside the effects that are named; without effects where none are."""
+        """Return the calibration with the named effects, or without effects if none is named."""
         named = self.best if self.verdict == "explained" else None
         if named is not None and named.calibration is not None:
             return named.calibration

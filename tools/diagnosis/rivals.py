@@ -73,7 +73,7 @@ def _is_table_of(place: EffectPlace, pair: Pair) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Listed:
-    """Effects of the catalogue beside functions of pairs: which of them say the same."""
+    """Compare effects of the catalogue with functions of pairs: which are equivalent."""
 
     evidence: Evidence
     _spaces: dict[int, tuple[Pair, list[NDArray[np.float64]]]] = field(default_factory=dict)
@@ -190,7 +190,7 @@ class Unlisted:
 
     @staticmethod
     def of(dependence: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
-        """Beside the fit of a set that stands."""
+        """Return the functions outside the catalogue next to the fit of a set."""
         if dependence is None:
             # A record without pairs is not compared by its kind, which is no caution of its own.
             return Unlisted((), None, None, compared=not listed.evidence.reader.pairs)
@@ -248,7 +248,7 @@ class Unlisted:
         return tuple(sentences)
 
     def fits(self, evidence: Evidence) -> list[Fit]:
-        """The rivals as tables of few knots, fitted: of each the one with fewest knots that stands."""
+        """Return the rivals as fitted tables: of each, the one with fewest knots that fits."""
         fits = []
         for rival in self.rivals[:MOST_RIVALS]:
             fit = _table_fit(evidence, rival)
@@ -258,7 +258,7 @@ class Unlisted:
 
 
 def _table_fit(evidence: Evidence, rival: Standing) -> Fit | None:
-    """The fit of the table with fewest knots that stands; None where none does, or no component knows such a table."""
+    """Return the fit of the table with fewest knots that fits; None if none fits or no component has such a table."""
     for law in _tables(rival):
         try:
             place = rival.pair.table(law)

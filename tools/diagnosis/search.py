@@ -27,7 +27,7 @@ MOST_TITLES = 3
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The smallest sets that explain a record, the least radius first; the model without effects where it stands.
+    """The smallest sets that explain a record, the least radius first; the nominal model if it fits.
 
     `complete`: whether they are all; else sets of `size` effects were not all tried, all smaller ones being tried.
     `unsolved`: sets that were not tried because no linear programme of them was solved.
@@ -70,7 +70,7 @@ def search(
     most_work: float = MOST_WORK,
     largest: int = MAX_SET,
 ) -> Found:
-    """All sets of effects of the smallest size, up to `largest`, with which the model stands; the least radius first.
+    """Find all sets of effects of the smallest size, up to `largest`, that make the model fit; least radius first.
 
     `among` are by default the effects that can be told apart. A set that does not mend the record is tried with other
     members of its effects' classes, too: these differ in the second order of their sizes, for which noise at its bound
@@ -124,7 +124,7 @@ def _found(fits: Sequence[Fit], complete: bool, size: int, unsolved: Sequence[tu
 def _mended(
     model: Model, candidate: Sequence[EffectPlace], work: Work, unsolved: list[tuple[EffectPlace, ...]]
 ) -> Sequence[Fit]:
-    """Fits with which the model stands, of the first members of the effects' classes that mend it.
+    """Return the fits of the first members of effects' classes that make the model fit.
 
     Where none does, members on which the solver fails are added to the unsolved.
     """
@@ -153,7 +153,7 @@ def single_radii(model: Model) -> tuple[tuple[str, float], ...]:
 
 
 def equivalence_groups(model: Model, fits: Sequence[Fit]) -> list[list[Fit]]:
-    """Sets that cannot be told apart, together; the least radius first."""
+    """Group sets that cannot be told apart; the least radius first."""
     classes = model.classes
     groups: list[list[Fit]] = []
     spaces: list[tuple[object, NDArray]] = []
@@ -185,7 +185,7 @@ def compared_places(
 
 
 def likeness(rows: Rows, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
-    """Cosines (K, K) of the least angles between what linear effects add to the model on a record's rows.
+    """Return cosines (K, K) of the least angles between the columns of linear effects on a record's rows.
 
     1 where one can be sized to look just like the other, 0 where nothing of it can; a row of zeros for an effect that
     adds nothing here.

@@ -141,7 +141,7 @@ def _not_sought(title: str) -> str:
 def _joined(
     alone: Mapping[str, Diagnosis], reasons: dict[str, str | None], shared: Sequence[str], own: Sequence[str]
 ) -> Evidence | None:
-    """The records that can be judged together, two at least; to the reasons are added those of others."""
+    """Return the records to judge together, at least two; add the reasons for excluding the others."""
     while True:
         members = {label: diagnosis.evidence for label, diagnosis in alone.items() if reasons[label] is None}
         if len(members) < 2:
@@ -166,7 +166,7 @@ def _unsought(fit: Fit, joint: Joint, k: int) -> tuple[EffectPlace, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Together:
-    """Records that can be judged together: their joint evidence, each by itself, and the diagnosis of the evidence."""
+    """Records judged together: joint evidence, separate diagnoses, and the joint diagnosis."""
 
     evidence: Evidence
     alone: Mapping[str, Diagnosis]
@@ -210,7 +210,7 @@ class Together:
         return None
 
     def _of_sets(self, best: Finding) -> dict[str, Any]:
-        """Keys of the sets with which the records stand."""
+        """Return the keys of the sets that fit the records."""
         rivals, untried = self._with_unsought(len(best.fit.places))
         explanations = []
         by_causes = {explanation.causes: explanation for explanation in self.found.explanations}
@@ -260,14 +260,14 @@ class Together:
         return tuple(sentences)
 
     def _ends_of(self, members: Mapping[str, Evidence]) -> dict[str, tuple[float, float]]:
-        """Ends of each parameter of some of the records together; none where they do not stand."""
+        """Return the ends of each parameter of several records together; empty if they do not fit."""
         part = join(members, *self.joint.asked)
         if part.model.falsified:
             return {}
         return {sized.name.partition(" in ")[0]: sized.ends for sized in parameters_of(part, part.model.baseline)}
 
     def _with_unsought(self, size: int) -> tuple[list[tuple[Cause, ...]], dict[str, str]]:
-        """Sets, no larger, with what mends a record by itself and is not sought in several; where it was not tried.
+        """Return sets, no larger, with effects that mend one record but are not sought in several.
 
         What is not sought acts as it does there, beside what is. It was tried in a record in sets as large as mend that
         by itself: where more is needed together, anything might do there, if the others stand with one effect less.
@@ -359,7 +359,7 @@ def _is_in_every(label: str | None, owners: Sequence[Collection[str | None]]) ->
 def repeated(
     alone: Mapping[str, Diagnosis], joint: Joint | None, places: Sequence[EffectPlace], *asked: Sequence[str]
 ) -> Calibration:
-    """Parameters of the model and of shared effects as each record by itself tells them, and what changes.
+    """Return the parameters of model and shared effects from each record alone, with their changes.
 
     With the effects of `places` that act in it where it is judged with the others and stands with them, else with what
     explains it by itself, or with none. `asked` are names of what is shared, and of what is each record's own.
@@ -394,7 +394,7 @@ def parameter_of(sized: SizedParameter, place: EffectPlace | None = None) -> Par
 
 
 def _standing(label: str, diagnosis: Diagnosis, joint: Joint | None, places: Sequence[EffectPlace]) -> Fit | None:
-    """The model with which a record stands by itself; None where none does, or several."""
+    """Return the model that fits one record alone; None if none or several fit."""
     evidence = diagnosis.evidence
     if joint is not None and label in joint.labels:
         fit = joint.alone_with(joint.labels.index(label), places)

@@ -51,7 +51,7 @@ class Shuffles(Result):
 
     @staticmethod
     def of(trial: Trial, reached: float) -> "Shuffles":
-        """Those of a trial that came to an error with the effects where they belong."""
+        """Return the number of shuffles, and of those with an error as small as that of the effects in place."""
         count = as_good = 0
         for errors in trial.shuffled:
             count += 1
@@ -65,7 +65,7 @@ class Shuffles(Result):
 
 
 class LargestError(Result):
-    """The error of a reading that was left out that noise explains least, over its bound, and what noise can make."""
+    """Largest error of a left-out reading, over its bound, and the largest error that noise can cause."""
 
     position: int
     accelerometer: int

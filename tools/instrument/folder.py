@@ -41,7 +41,7 @@ class OnDate(Result):
 
 
 class Entry(Told):
-    """A calibration or diagnosis of an instrument, with when and how warm it was measured.
+    """A calibration or diagnosis of an instrument, with date and temperature of the measurement.
 
     `date` is ISO 8601; `sha256` is that of the result's file, `record_sha256` of the record's; `result` is the result
     as it was published; `file` is the name of the entry's own file. Of several records together date and temperature
@@ -79,7 +79,7 @@ def add_to_instrument(
     temperature: float | None = None,
     serial: str | None = None,
 ) -> Entry:
-    """Put the file of a calibration or diagnosis into an instrument's folder, which is made where there is none.
+    """Put the file of a calibration or diagnosis into an instrument's folder; the folder is made if missing.
 
     What `date`, `temperature` [°C] and `serial` do not say the comment lines and temperatures of the records do; of
     several records together the last that says it. An InputError for a file that is no such result, for no

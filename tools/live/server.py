@@ -84,7 +84,7 @@ class PageServer:
             return self._page
 
     def hear(self, word: dict[str, Any]) -> bool:
-        """Take a word; whether there is room for it."""
+        """Accept a word; return whether there was room for it."""
         try:
             self._words.put_nowait(word)
         except queue.Full:
@@ -102,7 +102,7 @@ class _Server(ThreadingHTTPServer):
     of: PageServer
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Say nothing of a client that goes away or is too slow: the terminal is the operator's."""
+        """Ignore errors of a client that goes away or is too slow: the terminal is the operator's."""
         error = sys.exc_info()[1]
         if error is None or not (isinstance(error, OSError) or shortage(error)):
             super().handle_error(request, client_address)  # pyright: ignore[reportArgumentType]
@@ -225,7 +225,7 @@ def moment_page(moment: Moment) -> str:
 
 
 def _target(session: Session, symbol: str, promised: float) -> tuple[str, str, str, int, bool]:
-    """Symbol, guaranteed error and promise [σ], their ratio as a part of a bar in percent, whether it is kept."""
+    """Symbol, guaranteed error and promise [σ], their ratio as percent of a bar, and whether the promise is kept."""
     error, share = session.standing.errors.get(symbol), session.share(symbol)
     if error is None or share is None:
         return symbol, "open", upwards(promised, 4), 100, False

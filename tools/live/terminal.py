@@ -1,4 +1,4 @@
-"""A measurement in a terminal: a line for whatever happens, and below them one that says how the table stands."""
+"""A measurement in a terminal: a line for each event, above a status line of the table."""
 
 import contextlib
 import queue
@@ -25,7 +25,7 @@ LONGEST_LINE = 10_000
 
 
 class Terminal:
-    """Prints to `out`, and reads the operator's words from `typed`, which is None where readings come from there."""
+    """Prints to `out`, and reads the operator's words from `typed`; None if readings come from there."""
 
     def __init__(self, out: TextIO, typed: TextIO | None) -> None:
         self._out, self._tty = out, out.isatty()

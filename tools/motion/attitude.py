@@ -133,7 +133,7 @@ class AttitudeRun(Result):
 
     @property
     def judged(self) -> np.ndarray:
-        """Mask (N,) of the updates after the start whose true attitude is known."""
+        """Mask (N,) of updates after the start whose true attitude is known."""
         return judged_updates(self.error_angle)
 
     @property
@@ -166,7 +166,7 @@ class AttitudeRun(Result):
 
 
 def judged_updates(error_angle: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the updates after the start whose error (N,) is known."""
+    """Return the mask (N,) of updates after the start whose error (N,) is known."""
     finite = np.isfinite(error_angle)
     finite[:1] = False
     return finite
@@ -334,7 +334,7 @@ def run_attitude(
 
 
 def algorithm_named(name: str) -> Algorithm:
-    """The algorithm of a name; InputError where there is none."""
+    """Return the algorithm of a name; InputError for an unknown name."""
     by_name = {a.name: a for a in ALGORITHMS}
     if name not in by_name:
         raise InputError(f"algorithm '{name}' is not known; {nearest(name, tuple(by_name))}")
@@ -379,7 +379,7 @@ def attitudes_of_angles(angles: np.ndarray) -> np.ndarray:
 
 
 def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Angles (N,) between the attitudes of quaternions (N, 4), whatever their norms [rad]; right for small angles."""
+    """Return angles (N,) between the attitudes of quaternions (N, 4) of any norm [rad]; accurate for small angles."""
     scalar = (p * q).sum(axis=1)
     vector = p[:, :1] * q[:, 1:] - q[:, :1] * p[:, 1:] - np.cross(p[:, 1:], q[:, 1:])
     return 2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar))
@@ -439,7 +439,7 @@ def split_error(time_s: np.ndarray, error: np.ndarray, period: float | None = No
 
 
 def found_period(time_s: np.ndarray, error: np.ndarray) -> float:
-    """Longest strong period in an error (N, K) whose best line is taken out [s].
+    """Return the longest strong period in an error (N, K) without its best line [s].
 
     At most a quarter of the run; the quarter itself where nothing is periodic.
     """
@@ -460,7 +460,7 @@ def found_period(time_s: np.ndarray, error: np.ndarray) -> float:
 
 
 def _refined_period(time: np.ndarray, rest: np.ndarray, period: float, span: float) -> float:
-    """The period near a line of the spectrum whose sine and cosine take most out of the error."""
+    """Return the period, near a line of the spectrum, whose sine and cosine reduce the error most."""
     window = np.hanning(len(time))[:, None] * rest
 
     def left(frequency: float) -> float:

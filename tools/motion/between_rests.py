@@ -1,4 +1,4 @@
-"""The gyros of a record beside gravity at its rests: the attitude that is carried from rest to rest must meet it.
+"""Compare the gyros of a record with gravity at its rests: the attitude carried between rests must meet it.
 
 Between two rests the gyros, less their mean at both, turn gravity's direction at the first into that at the second.
 """
@@ -171,7 +171,7 @@ def scales_by_rests(moves: Moves) -> NDArray[np.float64] | None:
         return np.append(missed, ALIKE * (logs - logs.mean()))
 
     def fitted(starts: NDArray[np.float64]) -> OptimizeResult:
-        """The best fit from the best of some starts, logarithms (S, 1) or (S, 3)."""
+        """Return the best fit from the best of some starts, logarithms (S, 1) or (S, 3)."""
         costs = [float(np.square(misses(start)).sum()) for start in starts]
         return least_squares(misses, starts[int(np.argmin(costs))])
 

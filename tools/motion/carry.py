@@ -30,7 +30,7 @@ FALLBACK = "mean-rate"
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Means over the interval that ends at each row; row 0 has none, and stands for the first of them.
+    """Means over the interval that ends at each row; row 0 has the means of the first interval.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ def mean_motion(
 
 @dataclass(frozen=True, eq=False)
 class GyroModel:
-    """The gyros as the compensation takes them: readings = (I + Γ) ω + b + what effects add.
+    """The gyros as the compensation assumes them: readings = (I + Γ) ω + b + terms of effects.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ def carrying(
     period: float,
     connections: Sequence[Connection] = (),
 ) -> Scenario:
-    """A scenario whose FMU `computer` carries an attitude over the intervals between times (N + 1,), a period apart."""
+    """Return a scenario whose FMU `computer` carries an attitude over equal intervals between times (N + 1,)."""
     attitude = {name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION, start=1)}
     table = pl.DataFrame({"time_s": time_s[1:], **dict(driven.values())})
     columns = {}
@@ -201,7 +201,7 @@ def carried_attitude(
 def compensated_increments(
     motion: Motion, effects: Mapping[EffectPlace, tuple[float, ...]], gravity: float
 ) -> NDArray[np.float64]:
-    """A record's increments (N, 3) [rad] less what effects of the gyros add; at the first row, which has none, zero."""
+    """Return a record's increments (N, 3) [rad] without the effects of the gyros; zero in the first row."""
     settings = {
         "compensation": _setting("GyroCompensation", {}, {"gravity": gravity}, _effect_entries(effects, "GyroBlock")),
         "computer": _setting("AttitudeComputer", {}, {}, []),
@@ -245,7 +245,7 @@ def reads(effects: Iterable[EffectPlace], quantity: str) -> bool:
 def _setting(
     component: str, fmus: Mapping[str, Path], parameters: dict[str, object], effects: list[dict[str, object]]
 ) -> FmuSetting:
-    """A component built here with its effects, or an FMU that has them, whose parameters they are."""
+    """Return the settings of a component built with its effects, or of an FMU that includes them."""
     if component not in fmus:
         return FmuSetting(component=component, parameters=parameters, effects=effects)
     for entry in effects:

@@ -54,7 +54,7 @@ of two 32-bit numbers."""
 
 
 class ComparedAlgorithm(Result):
-    """One row of a comparison; None where it cannot be told.
+    """One row of a comparison; None where undetermined.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class AttitudeComparison(Result):
     algorithms: tuple[ComparedAlgorithm, ...]
 
     def to_polars(self) -> pl.DataFrame:
-        """A row for each algorithm, angles in degrees; null where a number cannot be told, or all can be trusted."""
+        """Return a row for each algorithm, angles in degrees; null where undetermined, or where all can be trusted."""
         table = pl.DataFrame(
             [row.model_dump() | {"samples": row.samples} for row in self.algorithms], infer_schema_length=None
         )
@@ -279,7 +279,7 @@ def _runner(kernel: Callable[..., Any], keeps_previous: bool, makers: Makers) ->
 
 
 def _turn(step: Callable[..., Any], previous: bool, kernel_made: Callable[..., Any]) -> Callable[..., None]:
-    """The kernel with one signature for all: samples, whether a step is before, increments of both, work, result."""
+    """Kernel with one signature for all: samples, whether a step precedes, increments of both, work, result."""
     kernel = kernel_made(step)
     if step in (by_products, by_products_and_series, by_products_cut_off):
 

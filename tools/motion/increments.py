@@ -127,7 +127,7 @@ def _bound(record: StrapdownRecord, before: int, count: int, period: float) -> f
 
 
 def _check_increment(record: StrapdownRecord, before: int, count: int) -> None:
-    """Refuse a gap whose rows are not lost: the increment behind it holds the turn over the whole of it."""
+    """Refuse a gap whose turn is not lost: the increment behind it covers the whole gap."""
     turns = np.asarray(record.increment)
     behind = turns[before + 1]
     around = turns[max(before - AROUND, 0) : before + 2 + AROUND]
@@ -296,7 +296,7 @@ class GyroInput:
         return (*self.record.warnings, *jitter_line(self.record), *limits)
 
     def trusted_until(self, time: np.ndarray) -> float | None:
-        """The last of some times (N,), the start first, whose attitude is to be trusted [s]; None: all are."""
+        """Return the last of some times (N,), the start first, with an attitude to trust [s]; None: all."""
         if self.worthless_from == np.inf:
             return None
         return float(time[time < self.worthless_from][-1])

@@ -42,7 +42,7 @@ WORDS = {
 
 
 class RestModel(Result):
-    """A model of the gyros' means at rest and whether bounded errors refuse it.
+    """A model of the gyros' means at rest, and whether bounded errors refute it.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class RestModel(Result):
 
 
 class GyrosAtRest(Result):
-    """The smallest models that stand; none where all that could be tried are refused.
+    """Models of the gyros' means at rest, and the verdict on them.
 
     Attributes
     ----------
@@ -306,7 +306,7 @@ def gyros_at_rest(rests: Rests, noise: RestNoise, seconds: NDArray, up: NDArray)
 
 
 def _rest_model(terms: tuple[str, ...], design: NDArray, rate: NDArray, bound: NDArray, *, steady: bool) -> RestModel:
-    """A model (K, n) of the means at rest: it stands where it keeps to the bounds, and shuffles of the rests do not."""
+    """Return a model (K, n) of the means at rest; it fits if within the bounds where shuffled rests are not."""
     radius, coefficients, chance = 0.0, [], None
     for p in range(3):
         least, x, _ = chebyshev_radius(design, rate[:, p], bound[:, p])

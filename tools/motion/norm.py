@@ -78,7 +78,7 @@ def inputs_of(x: NDArray, reading: NDArray) -> NDArray:
 
 
 def norm_equations(x: NDArray, reading: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """|n| − 1 (K,), its slopes (K, 9) by the parameters and how it takes errors of the readings (K, 3)."""
+    """Return |n| − 1 (K,), its slopes (K, 9) by the parameters, and its sensitivity to reading errors (K, 3)."""
     n = inputs_of(x, reading)
     norm = np.linalg.norm(n, axis=1)
     back = np.linalg.solve(norm_block(x)[0].T, (n / norm[:, None]).T).T
@@ -86,7 +86,7 @@ def norm_equations(x: NDArray, reading: NDArray) -> tuple[NDArray, NDArray, NDAr
 
 
 def calibrate_by_norm(reading: NDArray, bound: NDArray) -> Calibration:
-    """Calibrate the accelerometers from rests whose directions are not known.
+    """Calibrate the accelerometers from rests of unknown direction.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ SPIKE = "unlike their neighbours, as no motion is (a spike)"
 
 
 def odd_rows_of_gyros(record: StrapdownRecord) -> tuple[str, ...]:
-    """Say in lines which rows of the gyros no motion makes.
+    """Describe the rows of the gyros that no motion can cause.
 
     Rows with a knock of the accelerometers are motion: gyros feel it too.
     """
@@ -50,7 +50,7 @@ def odd_rows_of_gyros(record: StrapdownRecord) -> tuple[str, ...]:
 
 
 def odd_rows_of_forces(record: RawRecord | StrapdownRecord) -> tuple[str, ...]:
-    """Say in lines which rows of the accelerometers no motion makes.
+    """Describe the rows of the accelerometers that no motion can cause.
 
     A knock is motion: more than one accelerometer feels it.
     """

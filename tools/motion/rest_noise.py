@@ -114,7 +114,7 @@ class RestNoise:
         )
 
     def _octaves(self, seconds: NDArray) -> NDArray[np.float64]:
-        """Mean square of means over times within the record, of flicker noise whose Allan deviation is one."""
+        """Return the mean square of means over times within the record, for flicker noise of unit Allan deviation."""
         return np.maximum(1.0, np.log(np.maximum(self.span / seconds, 1.0)) / FLICKER_TO_ALLAN)
 
 
@@ -126,7 +126,7 @@ def factor_for(rows: int) -> float:
 def gyro_noise(
     record: StrapdownRecord, rests: Rests, period: float, up: NDArray[np.float64] | None = None
 ) -> RestNoise | None:
-    """Noise of the gyros from the rests; None where these are too few or too short to tell.
+    """Return the noise of the gyros from the rests; None if these are too few or too short.
 
     What differs between the rests' means, and no drift, no dependence on gravity or on temperature explains, counts as
     noise too, as far as flicker noise makes it; `up` (K, 3) are the directions of gravity at the rests, where known.
@@ -160,7 +160,7 @@ def gyro_noise(
 
 
 def rest_noise(readings: NDArray, time_s: NDArray, rests: Rests, period: float) -> RestNoise | None:
-    """Noise of readings (N, 3) at rest but for what wanders from one rest to the next; None where it cannot be told.
+    """Return the noise of readings (N, 3) within rests, without changes between rests; None if undetermined.
 
     White noise falls with the averaging time and flicker noise does not: two Allan deviations an octave apart tell them
     apart, the least one and that before it. Slow errors, which grow with the time, are behind these.
@@ -219,7 +219,7 @@ def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
 def rest_scatter(
     rests: Rests, up: NDArray | None, change: NDArray | None = None
 ) -> tuple[NDArray[np.float64], int] | None:
-    """Mean square (3,) of the means at rest [rad²/s²], and its degrees of freedom; None if it cannot be told.
+    """Return the mean square (3,) of the means at rest [rad²/s²], and its degrees of freedom; None if undetermined.
 
     Everything that an effect could do at rest is fitted and taken away: what grows with time, with temperature, with
     gravity and, where there are enough rests, with its products; and a column `change` (K,), where given.

@@ -204,7 +204,7 @@ def sampling_of(record: StrapdownRecord) -> RecordSampling:
 
 
 def wrapped_rows(record: StrapdownRecord, step: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Rows (N,) at which a turn of more than half a turn ends, over intervals (N,) [s]: it cannot be told.
+    """Return rows (N,) that end an ambiguous turn, over half a revolution, in intervals (N,) [s].
 
     So they are whether a rate is that of its row or the mean over the interval before.
     """
@@ -363,7 +363,7 @@ def _window_sums(values: NDArray, size: int) -> NDArray:
 
 
 def _stretches(resting: NDArray, breaks: NDArray[np.int_]) -> list[tuple[int, int]]:
-    """Beginnings and ends of the stretches of quiet rows between moves, gaps and jumps, whose next rows are given."""
+    """Return starts and ends of quiet stretches between moves, gaps and jumps, given by their next rows."""
     edges = np.concatenate([[0], breaks, [len(resting)]])
     stretches = []
     for low, high in pairwise(edges):
@@ -381,7 +381,7 @@ def _parting_gaps(time: NDArray) -> NDArray[np.int_]:
 
 
 def _jumps(channels: list[NDArray], quiet: NDArray[np.bool_], noise: NDArray, size: int) -> NDArray[np.int_]:
-    """First rows behind a jump: no quiet window holds the row before it too, and the means beside it differ."""
+    """Return the first rows behind a jump: no quiet window spans it, and the means on its sides differ."""
     begun = np.concatenate([[0], np.cumsum(quiet)])
     at = np.arange(size, len(quiet))
     apart = begun[at] == begun[at - size + 1]

@@ -110,7 +110,7 @@ def trust_of(record: PositionRecord | RawRecord | StrapdownRecord, gravity: floa
 
 
 def turning_of(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> TurningCheck:
-    """The gyros beside the accelerometers over moves."""
+    """Compare the gyros with the accelerometers over moves."""
     level, noise = np.zeros(3), np.zeros(3)
     if len(rests):
         level, noise = np.median(rests.rate, axis=0), rests.noise[:3]
@@ -188,7 +188,7 @@ def _say_gyros(faults: list[str], warnings: list[str], scale: NDArray, words: st
 
 
 def _say_force(faults: list[str], warnings: list[str], force: NDArray, gravity: float) -> None:
-    """Add what readings (R, 3) at rest [m/s²] say of the size of the accelerometers, together or each."""
+    """Add faults of the size of the accelerometers from readings (R, 3) at rest [m/s²], together or each."""
     squares = np.square(force / gravity)
     sizes = np.sqrt(squares.sum(axis=1))
     if sizes.max() > LARGEST_SCALE * sizes.min() and len(force) >= FEWEST_RESTS:

@@ -37,7 +37,7 @@ Usable: TypeAlias = Callable[[NDArray, NDArray], NDArray[np.bool_]]
 
 
 class TruthCheck(Result):
-    """The gyros beside the true attitude, where it tells anything.
+    """Comparison of the gyros with the true attitude, where possible.
 
     `faults`: what is wrong, in lines; `scale`: how many times as far as each gyro the true attitude turns.
     """
@@ -149,7 +149,7 @@ def downward_warning(record: StrapdownRecord) -> tuple[str, ...]:
 
 
 def usable_in(record: StrapdownRecord, sampling: RecordSampling, *, whole: bool = True) -> Usable:
-    """Which stretches of a record hold no gap and no saturated gyro; `whole`: no knock or turn that cannot be told."""
+    """Return stretches of a record without gap or saturated gyro; `whole`: without knock or ambiguous turn, too."""
     bad = np.zeros(len(record), dtype=bool)
     bad[1:] = grid_of(record.time_s).is_gap
     # Of rates both turns beside a row hold it.
@@ -161,14 +161,14 @@ def usable_in(record: StrapdownRecord, sampling: RecordSampling, *, whole: bool 
 
 
 def known_rows(record: StrapdownRecord) -> NDArray[np.int_]:
-    """Rows whose true attitude is known."""
+    """Return the rows whose true attitude is known."""
     if record.attitude is None:
         return np.zeros(0, dtype=int)
     return np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
 
 
 def windows_between(known: NDArray, usable: Usable, period: float, seconds: float) -> NDArray[np.int_]:
-    """Windows of one length, side by side, as rows (S, 2) of the rows (K,) whose true attitude is known."""
+    """Return windows of one length, side by side, as rows (S, 2) of the rows (K,) with known true attitude."""
     rows = max(1, round(seconds / period))
     room = max(1, int(LENGTH_ROOM * rows))
     first, last = [], []

@@ -169,7 +169,7 @@ def _change(missed: NDArray, none: NDArray, at: NDArray) -> tuple[str, float] | 
 
 
 def units_tried(before: Channels | None) -> tuple[float, float]:
-    """Units of the rates that are tried, beside that in which they were read: as they are, and the other one."""
+    """Return the units of rates to try, next to the present one: unchanged, and the other one."""
     return (1.0, 1.0 / RADIANS if before is not None and before.degrees else RADIANS)
 
 

@@ -1,4 +1,4 @@
-"""Effects that stand in a file of the user's own: read, checked, and tried like the catalogue's."""
+"""Effects from a user's own file: read, checked, and tried like those of the catalogue."""
 
 import lazy_loader
 

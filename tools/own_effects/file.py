@@ -1,4 +1,4 @@
-"""Effects that stand in a file of the user's own: run because it was named, checked, and tried like the catalogue's.
+"""Effects from a user's own file: run because the user names it, checked, and tried like those of the catalogue.
 
 Nothing but an option names such a file; a scenario or a record never does.
 """
@@ -102,7 +102,7 @@ class OwnEffects:
             ) from error
 
     def effects(self) -> tuple[Effect, ...]:
-        """The effects of the file, checked; an InputError says in one line which line or field is wrong, and why."""
+        """Return the checked effects of the file; an InputError names the wrong line or field and the reason."""
         if self not in _LOADED:
             effects_given = self._given()
             # An effect is looked up by its name, in its check too.
@@ -239,7 +239,7 @@ def _known(effects: Sequence[Effect]) -> Iterator[None]:
 
 @contextmanager
 def with_effects_of(file: "str | Path | OwnEffects | None") -> Iterator[OwnEffects | None]:
-    """Try the effects of a file beside those of the catalogue within the block; they stay known by their names.
+    """Add the effects of a file to the catalogue within the block; their names stay known.
 
     An InputError where it cannot be used.
     """
@@ -300,7 +300,7 @@ def check_effect(path: str, effect: Effect) -> Effect:
 
 @contextmanager
 def errors_of_field(refuse: Refusal, field: str) -> Iterator[None]:
-    """Report whatever a function of a user's raises as an error of the field that it is."""
+    """Report any error of a user's function as an error of its field."""
     try:
         yield
     except InputError:

@@ -84,7 +84,7 @@ Angles: TypeAlias = Annotated[
 
 
 class ReproducedRow(PublishedRow):
-    """A published row and what comes out: largest errors of ψ, ϑ, γ.
+    """A published row and its reproduction: largest errors of ψ, ϑ, γ.
 
     Attributes
     ----------
@@ -269,7 +269,7 @@ def angle_errors(attitudes: np.ndarray, angles: np.ndarray, normalised: bool) ->
 
 
 def _cost(stream: Stream) -> float:
-    """About how long a stream takes, in no unit."""
+    """Return a rough relative cost of a stream."""
     _, period, intervals = stream
     return (10.0 + max(intervals, 6)) / period
 
@@ -345,7 +345,7 @@ def check_published_calibration() -> PublishedCalibration:
 def _checked(
     target: str, readings: Sequence[Mapping[str, float]], with_bias: Optimum, as_printed: Optimum
 ) -> PublishedEstimator:
-    """A published estimator beside the optima with the bias rows and by (1.7) as printed."""
+    """Compare a published estimator with the optima with the bias rows and by (1.7) as printed."""
     p = parametrise({"identity": np.eye(3)})
     a = expression_weights(target, p)
     weights = np.array([reading["weight"] for reading in readings])

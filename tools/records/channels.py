@@ -94,7 +94,7 @@ class Channels:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """The values of `--channels` that say it."""
+        """Return the values of `--channels` that give these channels."""
         usual = Channels()
         options = {
             "angles=rad": self.radians,
@@ -170,7 +170,7 @@ def _order(value: str) -> Axes | None:
 
 
 def far_better(costs: NDArray[np.float64]) -> NDArray[np.int_]:
-    """Ways of reading (n,) that fit far better than the first, which changes nothing, and that cannot be told apart.
+    """Return the equally good ways of reading (n,) that fit far better than the first, the unchanged one.
 
     They are numbers of costs (W,), the best first (see `FAR_BETTER`); none where the best is not far better.
     """

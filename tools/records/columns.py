@@ -1,4 +1,4 @@
-"""Which columns each kind of record has, how it is recognised by them, and what their numbers must fulfil.
+"""Columns of each kind of record, recognition of the kind by them, and conditions on their numbers.
 
 Comment lines of a record, `# key: value`, are read and written here and nowhere else. Some keys are the record's own:
 what its numbers cannot say, as once they are averaged or in other units.
@@ -119,7 +119,7 @@ def _number(text: str) -> float:
 
 
 def comment_lines(about: Mapping[str, str]) -> str:
-    """Keys and values as the lines that begin a file; what could not be read again as such is written as a remark."""
+    """Return keys and values as the first lines of a file; text that could not be read back becomes a remark."""
     lines = []
     for key, text in about.items():
         words = []
@@ -132,7 +132,7 @@ def comment_lines(about: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class RecordKind:
-    """A kind of record: its name, the columns that it must and may have, and the most rows that are read of it."""
+    """A kind of record: its name, required and optional columns, and the largest number of rows read."""
 
     name: str
     required: tuple[str, ...]
@@ -165,7 +165,7 @@ KINDS = (POSITION, *BENCH, STRAPDOWN_VELOCITIES, STRAPDOWN_RATES, STRAPDOWN_INCR
 
 
 class RecordError(InputError):
-    """A record cannot be used; `row` and `column` say where, as far as that is known, `what` the rest."""
+    """Error of an unusable record; `row` and `column` give the place, where known, `what` the reason."""
 
     def __init__(self, path: Path, row: int | None, column: str | None, what: str) -> None:
         place = []
@@ -192,7 +192,7 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class FileColumns:
-    """The columns of a file as they were read; NaN stands where an empty field is allowed (`q0..q3`).
+    """The columns of a file as read; NaN where an empty field is allowed (`q0..q3`).
 
     `resolution` is half a last digit of the specific forces [m/s²], `angle_resolution` of the angles [deg],
     `temperature_resolution` of the temperature [K].
@@ -239,7 +239,7 @@ def with_force(columns: FileColumns) -> FileColumns:
 
 
 def quoted(text: str) -> str:
-    """A field or a name as it can stand in a one-line message: quoted, escaped, cut."""
+    """Return a field or name for a one-line message: quoted, escaped, cut."""
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
@@ -477,7 +477,7 @@ def _forces(columns: FileColumns) -> Iterator[RecordError]:
 
 
 def spoilt_attitudes(columns: FileColumns) -> np.ndarray:
-    """Rows (N,) in which a true attitude is given that is none: empty in part, or of a norm that is not 1."""
+    """Return rows (N,) with an invalid true attitude: empty in part, or of a norm that is not 1."""
     if QUATERNION[0] not in columns.numbers:
         return np.zeros(len(columns.row), dtype=bool)
     quaternion = columns.group(QUATERNION)

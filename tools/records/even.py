@@ -163,7 +163,7 @@ def missed_angles(record: StrapdownRecord, grid: Grid) -> Missed | None:
 
 
 def _usable(record: StrapdownRecord, grid: Grid, ends: NDArray[np.int_]) -> NDArray[np.int_]:
-    """Which of some stretches (S, 2) of rows hold no gap, and in which the block turns; spread over the record."""
+    """Return stretches (S, 2) of rows without a gap, in which the block turns; spread over the record."""
     gaps = np.append(0, np.cumsum(grid.is_gap))
     whole = np.flatnonzero(gaps[ends[:, 0]] == gaps[ends[:, 1]])
     turned = Stretches.of(record, grid.even, ends[whole]).way > TURNED

@@ -67,7 +67,7 @@ def _no_rows() -> np.ndarray:
 
 
 def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
-    """Degrees with as few decimals as possible whose conversion to radians gives the same doubles.
+    """Return degrees with the fewest decimals whose conversion to radians gives the same doubles.
 
     Not every double in radians has such a degree (the spacing of doubles is wider in degrees for one in ten);
     there it is the nearest.
@@ -147,7 +147,7 @@ class _Record(_Origin):
 
     @cached_property
     def knocks(self) -> np.ndarray:
-        """Rows (N,) whose readings are beyond 10 times gravity: no rest or move with them is used."""
+        """Rows (N,) with readings beyond 10 times gravity; no rest or move that contains them is used."""
         return knocks_of(self.specific_force)
 
     def read_with(self, channels: Channels) -> Self:
@@ -272,7 +272,7 @@ class RawRecord(_Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BenchRecord(RawRecord):
-    """A raw record with the gyros beside; exactly one of `rate` and `increment` is given.
+    """A raw record with gyros; exactly one of `rate` and `increment` is given.
 
     Attributes
     ----------

@@ -153,7 +153,7 @@ def rows_at_limit(values: NDArray[np.float64], channels: Sequence[NDArray[np.flo
 
 
 def resolution_of(distinct: NDArray[np.float64]) -> float:
-    """The least step between the different values (n,) of a channel, in order; rounding of doubles is none."""
+    """Return the least step between the different values (n,) of a channel, sorted; ignore rounding of doubles."""
     steps = np.diff(distinct)
     return float(steps[steps > 1e-12 * np.abs(distinct).max()].min(initial=np.ptp(distinct)))
 

@@ -238,7 +238,7 @@ def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
 
 
 def dwell_noise(raw: RawRecord, rests: Sequence[slice]) -> DwellNoise | None:
-    """The noise of a record's averages, from the rows kept of each rest; None when these are too short to tell."""
+    """Return the noise of a record's averages, from the rows kept of each rest; None when these are too short."""
     deviation = deviation_at_dwell([raw.specific_force[rows] for rows in rests])
     if deviation is None:
         return None
@@ -249,7 +249,7 @@ def dwell_noise(raw: RawRecord, rests: Sequence[slice]) -> DwellNoise | None:
 
 @dataclass(frozen=True, eq=False)
 class LinearTrend:
-    """Linear trends: change (m,) from the first to the last row, and whether (m,) the scatter cannot explain it."""
+    """Linear trends: change (m,) from first to last row, and whether (m,) it exceeds the scatter."""
 
     change: np.ndarray
     significant: np.ndarray
@@ -418,7 +418,7 @@ def student_quantile(freedom: int, chance: float) -> float:
 
 
 def _block_means(values: np.ndarray, count: int) -> np.ndarray:
-    """Means of `count` blocks of equal size, shape (count, m); rows at the end may be left over."""
+    """Return the means of `count` blocks of equal size, shape (count, m); rows at the end may remain unused."""
     size = len(values) // count
     blocks = values[: count * size].reshape(count, size, -1)
     return blocks[:, 0] + np.mean(blocks - blocks[:, :1], axis=1)

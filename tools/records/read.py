@@ -82,7 +82,7 @@ class Recorded(Protocol):
 
 
 class Tabular(Protocol):
-    """A table of another library, of pandas say: columns by their names."""
+    """A table of another library, for example pandas: columns by their names."""
 
     columns: Any
 
@@ -110,7 +110,7 @@ def read_record(
     stamps: str | None = None,
 ) -> Wanted | Other: ...
 def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamps: str | None = None) -> Any:
-    """Read a record from a CSV or a Parquet file, a table in memory, or whatever else holds one.
+    """Read a record from a CSV or Parquet file, a table in memory, or an object that holds a record.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
 
 
 def read_written(path: Path) -> Record:
-    """The record of a file that this process has just written: none needs to look first whether it is corrupt."""
+    """Read a record from a file that this process has just written, without the check for corruption."""
     return _parsed(path, KINDS, trusted=True)
 
 
@@ -333,7 +333,7 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
     values = {name: np.concatenate(part) for name, part in parts.items()}
 
     def resolution(*columns: str) -> float:
-        """Half a last digit; 0 where there are no such columns."""
+        """Return half a last digit; 0 where there are no such columns."""
         if columns[0] not in values:
             return 0.0
         largest = max(float(np.abs(values[name]).max()) for name in columns)
@@ -451,7 +451,7 @@ def faults_of_line(path: Path, row: int, line: str, width: int, place: dict[str,
 
 
 def _numbers(texts: Sequence[str], may_be_empty: bool) -> np.ndarray | None:
-    """The texts as finite numbers, or NaN where they may be empty; None when one of them is neither."""
+    """Return the texts as finite numbers, or NaN if they may be empty; None when one is neither."""
     joined = "".join(texts)
     # float() takes 1_000 and the digits of every script
     if "_" in joined or not joined.isascii():

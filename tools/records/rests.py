@@ -250,7 +250,7 @@ def _lasts(raw: RawRecord, rows: slice) -> str:
 
 
 def _median_by_rows(duration: np.ndarray, rows: np.ndarray) -> float:
-    """The duration such that half the rows of all stops belong to stops at least that long.
+    """Return the duration for which half the rows of all stops belong to stops at least that long.
 
     Many short pieces of a slow motion do not pull it down as they would a plain median.
     """

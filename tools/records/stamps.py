@@ -226,7 +226,7 @@ def _common_slope(time: NDArray, gaps: NDArray[np.int_], period: float, stretch:
 
 
 def _fitted(time: NDArray, gaps: NDArray[np.int_], period: float, stretch: int) -> Grid:
-    """The even times of stamps whose gaps are known."""
+    """Return the even times of stamps with known gaps."""
     between = np.delete(np.diff(time), gaps)
     rows = np.arange(len(time))
     mean = float(np.mean(between)) if len(between) else period

@@ -14,7 +14,7 @@ STEP = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Stretches of rows as turns (S, C, 3) [rad] one after the other, and the times (S, C) that they take [s].
+    """Stretches of rows as sequences of turns (S, C, 3) [rad], and their durations (S, C) [s].
 
     `way` (S,): how far the block turns, to and fro [rad].
     """

@@ -1,4 +1,4 @@
-"""A wrong row beside an effect: sought together, since neither of them lets the model stand alone."""
+"""A wrong row beside an effect: sought together, because neither alone makes the model fit."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ MOST_PAIRS = 8
 
 
 def rows_beside_effects(evidence: Evidence) -> tuple[Simple, ...]:
-    """Pairs of a wrong row and an effect with which the model stands; none where too many do."""
+    """Return pairs of a wrong row and an effect that make the model fit; empty if there are too many."""
     table = Table.of(evidence)
     if table is None or len(table) < FEWEST_ROWS or not isinstance(evidence.model, Bench):
         return ()
@@ -54,7 +54,7 @@ def _rows_beside(table: Table, columns: NDArray) -> list[int]:
 
 
 def _fault(evidence: Evidence, table: Table, place: EffectPlace, columns: NDArray, row: int) -> Simple | None:
-    """The pair with which the exact model stands; None where it does not, or where one reading alone is wrong."""
+    """Return the pair if the exact model fits; None if it does not, or if one reading alone is wrong."""
     assert evidence.source is not None
     record = evidence.source.record
     kept = np.delete(np.arange(len(record)), row)

@@ -101,7 +101,7 @@ class Group:
 
 
 def groups_of(rows: Rows) -> tuple[Group, ...]:
-    """The groups, those of fewest numbers first."""
+    """Return the groups, those with the fewest numbers first."""
     groups = [Group(f"the bias of accelerometer {p}", (BIASES[p - 1],), SWITCHED, "bias-step") for p in (1, 2, 3)]
     groups += [Group(f"the scale factor of accelerometer {p}", (SCALES[p - 1],), "", "scale-step") for p in (1, 2, 3)]
     inner, same = "the zero of the inner axis", []
@@ -121,7 +121,7 @@ def groups_of(rows: Rows) -> tuple[Group, ...]:
 
 
 def breaks(evidence: Evidence) -> tuple[Simple, ...]:
-    """The smallest breaks with which the model stands."""
+    """Return the smallest breaks that make the model fit."""
     if not isinstance(evidence.model, Bench | BenchInMotion) or evidence.model.radius < NEAR:
         return ()
     search, found = Search(evidence, Work()), []
@@ -146,7 +146,7 @@ class Gap:
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """Gaps, one of each break, and the fit with which the exact model stands."""
+    """Gaps, one for each break, and the fit of the exact model."""
 
     gaps: tuple[Gap, ...]
     fit: Fit
@@ -283,7 +283,7 @@ class Search:
         return [self.gaps[number] for number in sorted(radii, key=lambda number: radii[number])]
 
     def standing(self, group: Group) -> list[Standing]:
-        """Gaps at which the exact model stands with a change, with its fits, the least radius first."""
+        """Return the gaps at which a change makes the exact model fit, with its fits, the least radius first."""
         standing, failed = [], 0
         for gap in self.promising(group):
             fit = self.fitted(group.jumping(gap.hours))
@@ -295,7 +295,7 @@ class Search:
         return sorted(standing, key=lambda one: one.fit.radius)
 
     def fitted(self, places: Sequence[EffectPlace]) -> Fit | None:
-        """The exact model with a change; None where it does not stand."""
+        """Return the exact model with a change; None if it does not fit."""
         try:
             fits = self.evidence.model.mended(places, self.work)
         except (ValueError, SolverError):

@@ -143,7 +143,7 @@ class Mending:
                 yield Change(DISCRETE, f"It fits with f{i + 1} and f{j + 1} exchanged.", {"exchanged": pair})
 
     def copied(self) -> Iterator[Change]:
-        """The readings are those of another row, or belong to the angles of another row."""
+        """Yield the change to another row whose readings or angles this row may hold."""
         linear = self.table.linear
         apart = np.abs(linear.reading - self.reading).max(axis=1)
         apart[self.row] = np.inf
@@ -201,7 +201,7 @@ class Mending:
 
     @cached_property
     def both_angles(self) -> Change | None:
-        """Other angles with which the row fits: the readings are those of some attitude, though not of this one."""
+        """Return other angles that fit the row: the readings belong to some attitude, though not to this one."""
         grid = np.radians(np.arange(0.0, 360.0, 5.0))
         every = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
         missed = np.linalg.norm(self.predicted(every) - self.reading, axis=1)

@@ -1,4 +1,4 @@
-"""All simple faults with which the model of a record stands."""
+"""All simple faults that make the model of a record fit."""
 
 from ..evidence.evidence import Evidence
 from .breaks import breaks
@@ -9,6 +9,6 @@ from .stretch import wrong_stretches
 
 
 def simple_faults(evidence: Evidence) -> tuple[Simple, ...]:
-    """The simple faults of a record whose model is falsified: rows, stretches, breaks, a noise bound too small."""
+    """Return the simple faults of a falsified record: rows, stretches, breaks, a noise bound too small."""
     rows = wrong_rows(evidence) or wrong_stretches(evidence)
     return (*rows, *breaks(evidence), *too_small_bounds(evidence))

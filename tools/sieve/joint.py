@@ -73,7 +73,7 @@ def tells_two_things(evidence: Evidence) -> bool:
 
 
 def joint_faults(evidence: Evidence) -> tuple[Simple, ...]:
-    """Pairs of a break and something else with which the model stands, the fewest numbers first."""
+    """Return pairs of a break and another cause that make the model fit, the fewest numbers first."""
     if not tells_two_things(evidence):
         return ()
     try:
@@ -116,7 +116,7 @@ class Joint:
         return options, columns
 
     def standing(self) -> Iterator[Pair]:
-        """Pairs with which the linear model stands."""
+        """Return the pairs that make the linear model fit."""
         options, columns = self.breaks
         others, columns_of_others = self.others
         yield from self._of([*others, *options], [*columns_of_others, *columns], alike=len(options))
@@ -142,7 +142,7 @@ class Joint:
 
     @property
     def faults(self) -> tuple[Simple, ...]:
-        """The simplest pairs with which the exact model stands; none where too many do."""
+        """Return the simplest pairs that make the exact model fit; empty if there are too many."""
         pairs = []
         for pair in self.standing():
             pairs.append(pair)

@@ -61,14 +61,14 @@ class Residual:
         return Residual(self.errors, np.hstack([self.columns, columns]))
 
     def of_blocks(self, blocks: Sequence[NDArray]) -> NDArray[np.float64]:
-        """The squares (K,) that each of some blocks of columns (M, k) explains."""
+        """Return the squares (K,) that each block of columns (M, k) explains."""
         explained = []
         for space in spaces_beyond(self.columns, blocks):
             explained.append(float(np.square(space.T @ self.left).sum()))
         return np.array(explained)
 
     def of_columns(self, columns: NDArray) -> NDArray[np.float64]:
-        """The squares (K,) that each of some columns (M, K) explains."""
+        """Return the squares (K,) that each column (M, K) explains."""
         beyond = columns - self.base @ (self.base.T @ columns)
         size = np.square(beyond).sum(axis=0)
         is_beyond = size > WITHIN * np.square(columns).sum(axis=0)

@@ -1,4 +1,4 @@
-"""The fewest parts of a record whose removal lets a linear model stand: all smallest sets, and the proof of none.
+"""The fewest parts of a record whose removal makes a linear model fit: all smallest sets, or proof of none.
 
 The Chebyshev programme of what remains names the readings that prove that no parameters fit, by its duals: one of their
 parts must go. Such conflicts are pooled; sets that meet all of them are sought depth first.

@@ -1,4 +1,4 @@
-"""Wrong rows: the fewest whose removal lets the model stand, and what makes each of them fit."""
+"""Wrong rows: the fewest whose removal makes the model fit, and the change that makes each of them fit."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ AGAIN = 2
 
 
 def wrong_rows(evidence: Evidence) -> tuple[Simple, ...]:
-    """The smallest sets of rows without which the model stands."""
+    """Return the smallest sets of rows without which the model fits."""
     table = Table.of(evidence)
     if table is None:
         return ()
@@ -47,7 +47,7 @@ def most_rows(table: Table) -> int:
 
 
 def standing_sets(table: Table, most: int) -> list[NDArray[np.int_]]:
-    """The smallest sets of rows (from 0) whose removal lets the exact model stand."""
+    """Return the smallest sets of rows (from 0) whose removal makes the exact model fit."""
     for _ in range(AGAIN):
         standing = []
         for parts in table.removal().smallest(most):
@@ -64,7 +64,7 @@ def standing_sets(table: Table, most: int) -> list[NDArray[np.int_]]:
 
 
 def _faults(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> list[Simple]:
-    """The fault of these rows; beside it that an accelerometer of several wrong readings does something there."""
+    """Return the fault of these rows, and, for several of one accelerometer, an error of it near these inputs."""
     assert evidence.source is not None
     channels = [change.reading for change in changes if change.reading is not None]
     if len(channels) == len(changes):
@@ -139,7 +139,7 @@ def _sentence(numbers: Sequence[int], changes: Sequence[Change]) -> str:
 
 
 def _changes(numbers: Sequence[int], changes: Sequence[Change]) -> Mapping[str, Any]:
-    """The change of the only row, or those of each by its number."""
+    """Return the change of the only row, or the changes of each row by its number."""
     if len(numbers) == 1:
         return changes[0].keys
     return {str(row): dict(change.keys) for row, change in zip(numbers, changes, strict=True) if change.keys}

@@ -1,4 +1,4 @@
-"""A noise bound that is too small: with a larger one the model stands, by itself or with one effect beside it."""
+"""A noise bound that is too small: a larger one makes the model fit, alone or with one effect."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ MOST_RIVALS = 4
 
 
 def too_small_bounds(evidence: Evidence) -> tuple[Simple, ...]:
-    """The least noise bound with which the model stands, where the misfit looks like noise.
+    """Return the least noise bound that makes the model fit, if the misfit looks like noise.
 
     That is so where no function of one quantity, break or single reading explains more of its squares than of noise;
     where one effect does, the same is asked of what it leaves.
@@ -54,7 +54,7 @@ def _alone(evidence: Evidence) -> tuple[Simple, ...]:
 
 
 def _with_effect(evidence: Evidence, candidates: Candidates, residual: Residual) -> tuple[Simple, ...]:
-    """A larger noise bound and the effect that explains most, with those that can hardly be told from it."""
+    """Return a larger noise bound with the effect that explains most, and its near equivalents."""
     places = list(candidates.effects)
     if not places:
         return ()

@@ -1,4 +1,4 @@
-"""A simple fault of a record, with which the model stands."""
+"""A simple fault of a record that makes the model fit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ KindOfFault = Literal["sigma", "rows", "stretch", "break", "function"]
 
 @dataclass(frozen=True, eq=False)
 class Simple:
-    """A fault of a record: with it, and with some effects if any, the model stands.
+    """A fault of a record: with it, and some effects if any, the model fits.
 
     Attributes
     ----------
@@ -59,5 +59,5 @@ class Simple:
 
 
 def calibration_of(simple: Simple) -> Calibration:
-    """The calibration of the model that stands."""
+    """Return the calibration of the model that fits."""
     return simple.evidence.reader.calibration_of(simple.fit)

@@ -1,4 +1,4 @@
-"""A stretch of rows that does not belong to the rest: the shortest one without which the model stands."""
+"""A stretch of rows that does not belong to the rest: the shortest one without which the model fits."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ MENDED = 4
 
 
 def wrong_stretches(evidence: Evidence) -> tuple[Simple, ...]:
-    """The shortest stretch without which the model stands, longer than single rows that may be wrong."""
+    """Return the shortest stretch without which the model fits, longer than single wrong rows."""
     table = Table.of(evidence)
     if table is None:
         return ()
@@ -43,7 +43,7 @@ def wrong_stretches(evidence: Evidence) -> tuple[Simple, ...]:
 
 
 def shortest_stretch(removal: Removal, count: int, least: int, most: int) -> NDArray[np.int_] | None:
-    """The rows (from 0) of the shortest stretch without which the model stands; None where there is none."""
+    """Return the rows (from 0) of the shortest stretch without which the model fits; None if there is none."""
     conflicts: list[Parts] = []
     try:
         for length in range(least, most + 1):
@@ -60,7 +60,7 @@ def shortest_stretch(removal: Removal, count: int, least: int, most: int) -> NDA
 
 
 def _fault(evidence: Evidence, window: NDArray, mended: "Mended | None") -> tuple[Simple, ...]:
-    """The stretch as a fault, with what mends it."""
+    """Return the stretch as a fault, with its remedy."""
     assert evidence.source is not None
     record, sigma = evidence.source.record, evidence.model.calibration.noise_bound
     kept = np.setdiff1d(np.arange(len(record)), window)

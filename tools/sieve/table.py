@@ -1,4 +1,4 @@
-"""Rests on a table about a point that wrong rows cannot draw, and how a row would fit with a change."""
+"""Rests on a table, linearised about a point robust to wrong rows, and changes that make a row fit."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,7 +27,7 @@ SECOND_ORDER = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Readings at table positions, linear about a point; `limit` is the radius up to which a model stands."""
+    """Readings at table positions, linear about a point; `limit` is the largest radius of a model that fits."""
 
     linear: Linearisation
     limit: float

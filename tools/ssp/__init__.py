@@ -1,4 +1,4 @@
-"""System Structure and Parameterization 1.0: scenarios as .ssp for other tools, and those of other tools simulated."""
+"""System Structure and Parameterization 1.0: export scenarios as .ssp, and simulate those of other tools."""
 
 import lazy_loader
 

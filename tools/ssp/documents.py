@@ -68,7 +68,7 @@ def read_document(folder: Path, source: str, label: str, root: str) -> Element:
 
 
 def member(folder: Path, source: str, label: str) -> str:
-    """The file of the archive that a URI names; what lies elsewhere is refused."""
+    """Return the file of the archive that a URI names; refuse files outside it."""
     try:
         parts = urlsplit(source)
     except ValueError as error:
@@ -83,7 +83,7 @@ def member(folder: Path, source: str, label: str) -> str:
 
 
 def number_of(element: Element, attribute: str, label: str, default: float | None = None) -> float:
-    """A number of an attribute; refused where it is missing without a default, or is none."""
+    """Return the number of an attribute; refuse it if invalid, or missing without a default."""
     text = element.get(attribute)
     if text is None and default is not None:
         return default
@@ -97,7 +97,7 @@ def number_of(element: Element, attribute: str, label: str, default: float | Non
 
 
 def document_units(root: Element, path: str, label: str) -> dict[str, Unit]:
-    """The units that a document defines; an InputError for one that is none."""
+    """Return the units that a document defines; an InputError for an invalid one."""
     units: dict[str, Unit] = {}
     for unit in children(root, f"{path}/ssc:Unit"):
         base = child(unit, "ssc:BaseUnit")

@@ -57,7 +57,7 @@ Node = tuple[Path_, str]
 
 @dataclass
 class SystemPart:
-    """An FMU, whose `source` is its file in the archive, or a system with its elements by name and its connections.
+    """An FMU, with its file in the archive as `source`, or a system with named elements and connections.
 
     Connectors are name to kind; an edge is (from, to).
     """
@@ -80,7 +80,7 @@ class SystemPart:
 def opened(
     scenario: str | Path | Mapping[str, Any] | Scenario, options: RunOptions
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
-    """The scenario of a file (TOML, .ssp or .fmu), or of what would stand in it, as long as its files are there.
+    """Return the scenario of a file (TOML, .ssp or .fmu) or of its content, as long as its files exist.
 
     With it come the names of an .ssp's parameters that no variable of its system has: SSP has them ignored. A step of
     an .ssp that is not asked for is that of OMSimulator's annotation, or the smallest that an FMU asks for; how its
@@ -122,7 +122,7 @@ def opened(
 def scenario_of_ssp(
     path: Path, *, step: float | None = None, coupling: str | None = None
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
-    """Unpack an .ssp and read it as a scenario; `opened` says more.
+    """Unpack an .ssp and read it as a scenario; see `opened`.
 
     An InputError for an archive that is damaged or unsafe, or what is not supported, by its name.
     """
@@ -309,7 +309,7 @@ def _reached(system: SystemPart) -> dict[Node, list[Node]]:
 
 
 def _names(fmus: list[SystemPart]) -> dict[Path_, str]:
-    """Names in the scenario: the element's own; those of nested systems before it where there are any."""
+    """Return names in the scenario: the element's own, preceded by those of nested systems."""
     names: dict[Path_, str] = {}
     for part in fmus:
         name = re.sub(r"[^A-Za-z0-9_-]", "_", "_".join(part.path))
@@ -383,7 +383,7 @@ def _coupling(folder: Path, label: str, choice: str | None) -> dict[str, Any]:
 def _parameters(
     system: SystemPart, interfaces: Mapping[Path_, Interface]
 ) -> tuple[dict[Path_, dict[str, Value]], list[str]]:
-    """The values of all bindings by FMU, those of outer systems over those of inner ones; names that mean nothing."""
+    """Return the values of all bindings by FMU, where outer systems override inner ones, and the unknown names."""
     feeds = _reached(system)
     values: dict[Path_, dict[str, Value]] = {at: {} for at in interfaces}
     ignored: list[str] = []

@@ -60,7 +60,7 @@ def write_ssp(
     platform: str | None = None,
     ssp: Literal["1.0", "2.0"] = "1.0",
 ) -> Path:
-    """Write the system of a scenario as an .ssp, whose path is returned; the same scenario, the same bytes.
+    """Write the system of a scenario as an .ssp and return its path; the same scenario gives the same bytes.
 
     Position programmes become components PositionProgramme, timed rows TimedRows, constants become parameters.
 
@@ -167,7 +167,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
 
 
 def _rows(drive: Drive, interface: Interface, step: float) -> Iterator[tuple[Component, list[FmuVariable]]]:
-    """Components that give what timed rows give, one for each unit, with the inputs that their values feed."""
+    """Yield components that produce timed rows, one for each unit, with the inputs that their values feed."""
     groups: dict[tuple[str, Type], list[int]] = {}
     for k, variable in enumerate(drive.variables):
         unit = variable.unit or "1"
