@@ -182,7 +182,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
             f"{residual(solution.radius)} falsifies nothing"
         )
     if linearised.deficient and noise.complete:
-        # what the readings leave open hides it from the radius
+        # undetermined directions hide it from the radius
         limit = 2.0 * (sigma + reading_uncertainty(resolution)) * (1.0 + RELATIVE_TOLERANCE)
         warnings += _contradiction(linearised, record.position, limit)
     verdict: Verdict = "consistent"
@@ -293,9 +293,9 @@ def radius_limit(noise_bound: float, resolution: float) -> float:
 
 
 def fit_record(record: PositionRecord, noise_bound: float, request: Asked = Asked()) -> Linearisation:
-    """The exact model fitted to a record and linearised at the fit, σ as a fraction of g; errors as of `calibrate`.
+    """Return the exact model fitted to a record, linear at the fit, and σ as a fraction of g; errors as of `calibrate`.
 
-    What an earlier correction of the record may be wrong by is added to σ.
+    The possible error of an earlier correction of the record is added to σ.
     """
     gravity, bounds = request.gravity, request.bounds
     if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
@@ -380,7 +380,7 @@ def _check_scale_factors(record: PositionRecord, estimates: Sequence[Parameter])
 
 
 def _refuse_dead(record: PositionRecord, reading: NDArray, inputs: NDArray) -> None:
-    """Refuse readings (N, 3) that stand still where inputs (N, 3) do not, both over g: their fit would lead nowhere."""
+    """Refuse constant readings (N, 3) at changing inputs (N, 3), both over g: their fit would lead nowhere."""
     for axis in np.flatnonzero(np.ptp(reading, axis=0) < DEAD * np.ptp(inputs, axis=0)):
         raise InputError(_no_scale_factor(record, int(axis) + 1, 0.0))
 
@@ -417,7 +417,7 @@ def _of_resolution(record: PositionRecord, sigma: float, gravity: float) -> list
 
 
 def _of_pasted_rows(record: PositionRecord) -> list[str]:
-    """Say which rows stand in the record twice, with all digits."""
+    """Return a sentence on rows that the record holds twice, with all digits."""
     if not record.resolution:
         return []
     before: dict[tuple[float, ...], int] = {}
@@ -438,7 +438,7 @@ def _of_pasted_rows(record: PositionRecord) -> list[str]:
 
 
 def _of_correction(record: PositionRecord) -> list[str]:
-    """Say what an earlier correction of the record may be wrong by, where there was one."""
+    """Return a sentence on the possible error of an earlier correction of the record, if it had one."""
     if CORRECTED_WITHIN not in record.about:
         return []
     bounds = record.bounds_with(0.0, STANDARD_GRAVITY)
@@ -490,10 +490,10 @@ def _contradiction(linearised: Linearisation, number: NDArray, limit: float) -> 
 
 
 def next_positions(linearised: Linearisation, weights: NDArray, bounds: tuple[float, float]) -> list[TablePosition]:
-    """A few positions that, added to those measured, determine every target with weights (T, P).
+    """Return a few positions that, added to those measured, determine every target with weights (T, P).
 
-    Chosen one by one from a coarse grid, the one that adds most information (the determinant) first; only readings
-    whose sign is certain by (1.7), with its bounds u^max and v^0max, count.
+    They are chosen one by one from a coarse grid, the one that adds most information (the determinant) first. Only
+    readings whose sign is certain by (1.7), with its bounds u^max and v^0max, count.
     """
     p = linearised.parametrisation
     grid = every_position(p, np.radians(np.arange(0, 360, GRID_STEP_DEG)))
@@ -573,9 +573,9 @@ def _changes(gains: NDArray[np.float64]) -> bool:
 
 
 def costs_of(reading: NDArray, inputs: Sequence[NDArray]) -> tuple[NDArray[np.float64], float]:
-    """Costs of every signed permutation with each of some inputs (N, 3), one after the other; the usual misfit [g].
+    """Return costs of every signed permutation with each of some inputs (N, 3) in turn, and the usual misfit [g].
 
-    That is what the best of the inputs leaves with any linear map to readings (N, 3), and not less than `LEAST_MISFIT`.
+    The misfit is that of the best of the inputs with any linear map to readings (N, 3), at least `LEAST_MISFIT`.
     """
     designs = [np.hstack([n, np.ones((len(n), 1))]) for n in inputs]
     scale = max(LEAST_MISFIT, min(_left(design, reading) for design in designs))
@@ -584,7 +584,7 @@ def costs_of(reading: NDArray, inputs: Sequence[NDArray]) -> tuple[NDArray[np.fl
 
 
 def _left(design: NDArray, reading: NDArray) -> float:
-    """Root mean square of what any linear map leaves, by the readings that are more than its parameters [g]."""
+    """Return the root mean square of the residual of any linear map, by readings beyond its parameters [g]."""
     solution, _, rank, _ = np.linalg.lstsq(design, reading, rcond=1e-6)
     if rank >= len(reading):
         return LEAST_MISFIT

@@ -1,4 +1,4 @@
-"""Readings corrected by a calibration, and how well: the inverse of the calibrated block with its guaranteed bound."""
+"""Correction of readings by a calibration: the inverse of the calibrated block, with its guaranteed bound."""
 
 import json
 import math
@@ -89,13 +89,14 @@ class Correction:
     """The inverse of a calibrated block, Γ lower triangular, in units of `gravity`, the calibration's g [m/s²].
 
     `plus`, `minus` (3,) are 1 + Γ⁺ and 1 + Γ⁻ of each accelerometer, `gamma` (3, 3) is Γ below the diagonal and 0
-    elsewhere, `bias` (3,) is in g. `low`, `high` (3, 3, 3, 3): what accelerometer p reads beyond its input at the input
-    (i, j, k) − 1, at least and at most [g]. `mounting` (3, 3) is that of the calibration's record, None of several.
-    `of_record`: of several records that were calibrated the one whose own biases these are, where it is another one.
+    elsewhere, `bias` (3,) is in g. `low`, `high` (3, 3, 3, 3) are the least and the greatest error of the reading of
+    accelerometer p at the input (i, j, k) − 1 [g]. `mounting` (3, 3) is that of the calibration's record, None of
+    several. `of_record` names, among several records calibrated together, the one that these biases belong to, where it
+    is another one.
 
-    `noise_bound` [g] is σ of the calibration and `sigma_kind` what it is; `source`, `sha256`, `temperature` [°C] (least
-    and most) and `comments` are those of its record; `effects` of
-    accelerometers were calibrated beside it and are not corrected.
+    `noise_bound` [g] is σ of the calibration and `sigma_kind` its kind; `source`, `sha256`, `temperature` [°C] (least
+    and most) and `comments` are those of its record; `effects` of accelerometers were calibrated beside it and are not
+    corrected.
     """
 
     gravity: float
@@ -141,9 +142,9 @@ def read_correction(path: Path, sha256: str = "") -> Correction:
 
 
 def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") -> Correction:
-    """The correction of a calibration's object; an InputError, which begins with `where`, for what gives none.
+    """Return the correction of a calibration's object; raise an InputError, which begins with `where`, if it has none.
 
-    Of several records' calibration that of the record with this SHA-256, else of the last one.
+    For a calibration of several records the correction is that of the record with this SHA-256, else of the last one.
     """
     record = ""
     try:
@@ -266,7 +267,7 @@ def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
 def remaining_error(correction: Correction, n: NDArray, noise_bound: float | NDArray = 0.0) -> tuple[NDArray, NDArray]:
     """Return the least and the greatest difference (N, 3) [g], true less corrected, for corrected inputs n (N, 3) [g].
 
-    `noise_bound` [g] is that of the readings' own errors; 0 leaves what the calibration alone is responsible for.
+    `noise_bound` [g] is that of the readings' own errors; 0 gives the error by the calibration alone.
     """
     lows, highs = error_bounds(correction, n)
     n = np.asarray(n)
@@ -338,9 +339,9 @@ class LevellingError(Result):
 
 
 class AppliedEffect(Result):
-    """An effect that a diagnosis names, and what became of it in another record.
+    """An effect that a diagnosis names, and its treatment in another record.
 
-    "corrected": what it adds was taken out of the readings; "simulated": the extended FMUs have it, but no inverse;
+    "corrected": it was subtracted from the readings; "simulated": the extended FMUs have it, but no inverse exists;
     "left": it does not show in a record of this kind, or is not linear in its sizes.
     """
 
@@ -420,7 +421,7 @@ def apply_calibration(
 ) -> Applied:
     """Correct the readings of a record by a calibration or its file; arguments and errors as of `trihedron.apply`.
 
-    The noise bound is that of the averaged readings' own errors [g], for what remains after the correction.
+    The noise bound is that of the averaged readings' own errors [g], for the error that remains after the correction.
     """
     if not (math.isfinite(noise_bound) and 0.0 <= noise_bound <= 1e-2):
         raise InputError(f"--noise-bound {exactly(noise_bound)}: must be a fraction of g from 0 to 0.01, as 1e-5")
@@ -496,8 +497,9 @@ def _corrected_gyros(
 def write_parameter_set(result: Result, path: Path) -> None:
     """Write the calibrated block as an .ssv file, values with their intervals; both components have these parameters.
 
-    Calibrated gyros go into a file of their own, NAME-gyros.ssv. Of a calibration of several records with the biases of
-    the last. An InputError when the calibration is not consistent, or a value is beyond what the components take.
+    Calibrated gyros go into a file of their own, NAME-gyros.ssv. A calibration of several records is written with the
+    biases of the last. Raises an InputError if the calibration is not consistent, or the components do not accept a
+    value.
     """
     try:
         content = of_one_record(result.to_json())

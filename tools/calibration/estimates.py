@@ -83,13 +83,13 @@ def fit(
 ) -> Linearisation:
     """Fit the exact model to readings (N, 3) over g by least squares, relinearising to convergence; linear at the fit.
 
-    The first estimate is from measurements whose sign is certain by (1.7), with its `bounds` u^max and v^0max; then all
+    The first estimate uses measurements whose sign is certain by (1.7), with its `bounds` u^max and v^0max; then all
     are used, with the signs of the inputs from the estimate. Where the estimate leaves a sign open the bound (3 N,), σ
-    as a fraction of g, is widened by |Γ⁺ − Γ⁻| |n|. Directions of the parameters that the measurements leave open stay
-    at zero, and the bounds are widened by what they may do, each at most of its `extent` (P,).
+    as a fraction of g, is widened by |Γ⁺ − Γ⁻| |n|. Undetermined directions of the parameters stay at zero, and the
+    bounds are widened by their possible effect, each direction at most of its `extent` (P,).
 
-    Where all readings together lead nowhere, those decide that no aligned bench reads so wrong: channels may be
-    exchanged. An InputError when the fit does not converge.
+    Where the fit to all readings does not settle, it leaves out those whose error exceeds any of an aligned bench
+    (`GROSS`): channels may be exchanged. Raises an InputError if the fit does not converge.
     """
     bound = noise_bound
     matrices = parametrisation.matrices[positions.mounting]
@@ -130,7 +130,7 @@ def fit(
 
 @dataclass(frozen=True)
 class _Problem:
-    """Weighted least squares of the exact model within the span of what measurements determine."""
+    """Weighted least squares of the exact model, within the span of the determined directions."""
 
     parametrisation: Parametrisation
     positions: Positions
@@ -185,14 +185,14 @@ class _Problem:
 def widening(
     linearised: Linearisation, certain: NDArray, noise_bound: float | NDArray, bounds: tuple[float, float]
 ) -> NDArray:
-    """|Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
+    """Return |Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
 
-    What to add to the bound of each measurement (3 N,), as a fraction of g; `certain` (N, 3) is where the sign was
-    certain before anything was known, by the `bounds` u^max and v^0max of (1.7).
+    The result is the addition to the bound of each measurement (3 N,), as a fraction of g. `certain` (N, 3) marks the
+    signs that are certain before any data, by the `bounds` u^max and v^0max of (1.7).
 
-    At first (1.7) says how far an input may be from its estimate. With the bounds that follow, all measurements
-    together say it better, by any weights that are unbiased (those of least squares are at hand), and so on until
-    nothing is gained: truth is within the bounds of the readings at every step, the fit within its residuals.
+    At first (1.7) limits the distance of an input from its estimate. With the bounds that follow, all measurements
+    together limit it further, by any unbiased weights (those of least squares are at hand); this is repeated until
+    nothing is gained. At every step truth is within the bounds of the readings, and the fit within its residuals.
     """
     extra = np.zeros(linearised.input.shape)
     if certain.all():
@@ -361,10 +361,10 @@ LARGEST_STEP = 1e3
 
 
 def chebyshev_centre(system: Linearisation) -> tuple[float, NDArray, NDArray]:
-    """The least max |z − f(X)| / bound of the exact model, where it is attained (P,), and the duals (M,) that prove it.
+    """Return the least max |z − f(X)| / bound of the exact model, its point (P,), and the duals (M,) that prove it.
 
-    The programme is solved again about its own centre with exact residuals until it stays there: near the fit
-    one more time is enough. Where the measurements leave parameters open, the programme at the fit stands.
+    The programme is solved again about its own centre with exact residuals until it stays there: near the fit one more
+    time is enough. Where the measurements leave parameters open, the programme at the fit is kept.
     """
     radius, step, duals = chebyshev_radius(system.jacobian, system.residual, system.bound)
     if system.deficient:
@@ -406,10 +406,11 @@ def a_priori_values(system: Linearisation, targets: Sequence[Target]) -> NDArray
 
 
 def least_squares_values(system: Linearisation, weights: NDArray) -> NDArray:
-    """Least squares as practitioners do it: weights'X (K,) at the fit and its standard error, together (K, 2).
+    """Return usual least squares: weights'X (K,) at the fit and its standard error, together (K, 2).
 
-    The standard error is from the scatter of the residuals with M − rank degrees of freedom. NaN where the measurements
-    do not determine it, and a standard error where they leave no freedom. Readings whose sign is open weigh less.
+    The standard error is from the scatter of the residuals with M − rank degrees of freedom. Both are NaN where the
+    measurements do not determine the combination; the error also where they leave no freedom. Readings whose sign is
+    open weigh less.
     """
     values = np.full((len(weights), 2), np.nan)
     weight = system.bound.min() / system.bound
@@ -467,10 +468,10 @@ def possible_values(feasible: FeasibleSet, weights: NDArray) -> tuple[NDArray, E
 
 
 def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
-    """The least and the greatest weights'X that the measurements leave possible.
+    """Return the least and the greatest weights'X that the measurements leave possible.
 
-    The ends are those of the linear programmes about the Chebyshev centre, moved outwards by what the remainder of the
-    linearisation can do: the greatest that it is at any of the vertices, weighted by each programme's duals.
+    The ends are those of the linear programmes about the Chebyshev centre, moved outwards by the largest remainder of
+    the linearisation at any of the vertices, weighted by each programme's duals.
 
     Shape (K, 2) for weights (K, P), NaN where the measurements do not determine it.
     """

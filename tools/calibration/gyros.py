@@ -1,7 +1,7 @@
-"""From a bench record to the whole IMU: gyros in the accelerometers' axes, and a bench that both have seen.
+"""Calibration of a whole IMU by a bench record: gyros in the accelerometers' axes, and a bench that both have seen.
 
-The accelerometers at rest are calibrated first, by themselves; then their readings and the gyros' integrals over turns
-make one system, whose linear programmes give every target again. What both determine is never known worse.
+The accelerometers at rest are calibrated first, by themselves. Their readings and the gyros' integrals over turns then
+make one system, whose linear programmes give every target again. The joint result is never wider than the first.
 """
 
 import math
@@ -126,10 +126,10 @@ def said_of_place(raw: RawRecord | PositionRecord | StrapdownRecord) -> dict[str
 
 
 def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **options: Any) -> Calibration:
-    """Calibrate bench and accelerometers from a record's rests, and the gyros of a bench record whose place is known.
+    """Calibrate bench and accelerometers from a record's rests, and the gyros of a bench record with a known place.
 
-    The options are the fields of `Asked`. An InputError as of `calibrate`; where a place is given, for another record,
-    for priors, for gyros that do not follow the table, or whose noise is not known.
+    The options are the fields of `Asked`. Raises an InputError as `calibrate` does; where a place is given, also for
+    another record, for priors, for gyros that do not follow the table, and for unknown noise of the gyros.
     """
     is_of_bench = isinstance(record.raw, BenchRecord)
     if bench is None:
@@ -285,7 +285,10 @@ def widened(target: Target, count: int) -> Target:
 
 
 def _no_wider(together: Parameter, alone: Parameter) -> Parameter:
-    """The narrower of what both together and the accelerometers alone guarantee; rounding may favour either."""
+    """Return the narrower of the guaranteed intervals by both together and by the accelerometers alone.
+
+    Rounding may favour either.
+    """
     if (
         together.estimate is None
         or together.low is None
@@ -346,9 +349,9 @@ def attitudes(
 
 
 def strapdown_by_table(calibration: Calibration, record: PositionRecord, bench: Bench | None) -> StrapdownRecord:
-    """The strapdown record of a bench record, with the true attitude by the table as it was calibrated.
+    """Return the strapdown record of a bench record, with the true attitude by the calibrated table.
 
-    Its comments say that the attitude is inertial, and by how much it may err at a row. An InputError for a calibration
+    Its comments give the attitude as inertial, and its largest error at a row. Raises an InputError for a calibration
     that is not consistent, or not of the gyros too.
     """
     raw = record.raw

@@ -1,12 +1,12 @@
-"""Readings in motion: what accelerometers read as the table turns, at angles that its encoders tell within a bound.
+"""Readings in motion: the accelerometers' readings as the table turns, at angles that its encoders give within a bound.
 
-Over a few rows over which both axes speed up steadily, or not at all, a parabola is fitted to each reading; its value
-in the middle is that of one more position, at which the block turns. Beside σ it errs by the rows' own scatter, by what
-the encoder and the time stamp of the middle row are off, and by what a parabola cannot follow of a wave of gravity.
+Over a few rows over which both axes speed up steadily, or not at all, a parabola is fitted to each reading. Its value
+in the middle is that of one more position, at which the block turns. Its error is σ plus the scatter of the rows, the
+error of the encoder and the time stamp of the middle row, and the difference between a wave of gravity and a parabola.
 
-Beside rests and turns these readings make one system. In it all accelerometers lag by one time behind the encoders, and
-the place of each in the block follows from how its reading depends on rate and acceleration. The interval of the lag is
-guaranteed; the intervals of all other parameters stay those of rests and turns.
+Together with rests and turns these readings make one system. In it all accelerometers lag by one time behind the
+encoders, and the place of each in the block follows from the dependence of its reading on rate and acceleration. The
+interval of the lag is guaranteed; the intervals of all other parameters remain those of rests and turns.
 """
 
 from dataclasses import dataclass, replace
@@ -55,9 +55,9 @@ QUARTIC = 3.0 / 35.0 / 24.0 * 1.5
 class InMotion:
     """Readings (W, 3) over g at rows (W,) of a bench record at which the table turns, and their bounds (W, 3).
 
-    `span` (W, 2): a reading is of what is behind the first of these rows, up to the last.
-    `angles`, `rate`, `acceleration` (W, 2) are those of both axes [rad], [rad/s], [rad/s²]; `senses` (W, 3) those in
-    which the inputs change over all of the rows that a reading is of, 0 where it is not one that is sure.
+    `span` (W, 2): a reading covers the rows after the first of these, up to the last. `angles`, `rate`, `acceleration`
+    (W, 2) are those of both axes [rad], [rad/s], [rad/s²]. `senses` (W, 3) are the senses of change of the inputs over
+    all rows of a reading, 0 where the sense is not certain.
     """
 
     rows: NDArray[np.int_]

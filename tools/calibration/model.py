@@ -305,8 +305,8 @@ class Linearisation:
     less prediction, `jacobian` (M, P) has the exact derivatives of the prediction; `bound` (M,) is σ, or more where the
     sign of the input is open, as fractions of g; `sign` (N, 3) of the inputs, +1 or -1, chose each scale factor.
 
-    `span` (P, rank) is an orthonormal basis of what the measurements determine, for an aligned bench or, when that is
-    everything, at the point; the identity when they determine everything.
+    `span` (P, rank) is an orthonormal basis of the determined directions, for an aligned bench or, where that
+    determines everything, at the point; the identity when the measurements determine everything.
     """
 
     parametrisation: Parametrisation
@@ -340,7 +340,7 @@ class Linearisation:
         return self.parametrisation.symbols
 
     def rows_of(self, positions: NDArray) -> NDArray[np.int_]:
-        """The rows of some positions (n,), and all that stand behind those of the readings."""
+        """Return the rows of some positions (n,), and all rows after those of the readings."""
         count = self.reading.size
         of_readings = 3 * positions[3 * positions < count, None] + np.arange(3)
         return np.append(of_readings.ravel(), np.arange(count, len(self.bound)))
@@ -395,11 +395,11 @@ def least_singular(noise_bound: float) -> float:
 
 
 def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
-    """Orthonormal basis (P, rank) of the directions that measurements determine; the identity when they are all.
+    """Return an orthonormal basis (P, rank) of the determined directions; the identity when they are all.
 
     A direction counts when its singular value in the jacobian (M, P) exceeds √σ [g]: then noise moves the estimate
-    along it by so little that the second-order remainder of the move stays below the noise. Less than 1e-4 is what
-    encoder errors alone give.
+    along it so little that the second-order remainder of the move stays below the noise. Encoder errors alone give less
+    than 1e-4.
     """
     rows, missing = shortened(jacobian), max(0, jacobian.shape[1] - len(jacobian))
     _, values, directions = np.linalg.svd(np.pad(rows, ((0, missing), (0, 0))), full_matrices=False)

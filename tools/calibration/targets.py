@@ -107,9 +107,9 @@ def convention_targets(p: Parametrisation, convention: str) -> list[Target]:
 
 
 def asked_targets(expressions: Sequence[str], p: Parametrisation) -> list[Target]:
-    """Targets as a person writes them: "X4-X5", "2*X4 + X6/3 - 0.5*X12", "X8@north".
+    """Return targets written as a person writes them: "X4-X5", "2*X4 + X6/3 - 0.5*X12", "X8@north".
 
-    An InputError for what is not a linear combination of X1..X18.
+    Raises an InputError for anything but a linear combination of X1..X18.
     """
     combinations = []
     for symbol, (name, unit) in NAMES.items():
@@ -132,10 +132,10 @@ def _common_unit(weights: NDArray, p: Parametrisation) -> str:
 
 
 def expression_weights(expression: str, p: Parametrisation, option: str = "--target") -> NDArray:
-    """Weights (P,) of a linear combination of X1..X18 written with + - * / and parentheses, as given to an option.
+    """Return weights (P,) of a linear combination of X1..X18 written with + - * / and parentheses, as in an option.
 
     With several mountings, X6, X7, X8, X11, X12, X13 differ by mounting and are written X8@name, unless the mounting
-    drops out of the combination (X6+X8). An InputError says what is wrong with another expression.
+    drops out of the combination (X6+X8). An InputError names the fault of any other expression.
     """
     where = f"{option} {expression[:60]!r}"
     if len(expression) > MAX_EXPRESSION:

@@ -56,10 +56,11 @@ Model = TypeVar("Model", bound=Linearisation)
 class Turns:
     """Pieces of a bench record.
 
-    `first`, `last` (S,) are rows of the raw record; `integral` (S, 3) [rad] what the gyros integrate from one to the
-    other; `moments` (S, 13), `growth` (2, S, 13) as of `models.bench`; `noise` (S,) [rad] bounds what gyros add;
-    `swept` (S, 3) [rad] what encoders and stamps do to the turn about each axis of the inner frame; `coning` (S, 3)
-    sums of γ' × γ over the gyros' increments γ of the rows, γ' being the one before; `period` [s] from row to row.
+    `first`, `last` (S,) are rows of the raw record; `integral` (S, 3) [rad] are the gyros' integrals from one to the
+    other; `moments` (S, 13), `growth` (2, S, 13) are as in `models.bench`; `noise` (S,) [rad] bounds the gyros' errors;
+    `swept` (S, 3) [rad] bounds the errors by encoders and stamps of the turn about each axis of the inner frame;
+    `coning` (S, 3) are sums of γ' × γ over the gyros' increments γ of the rows, γ' being the one before; `period` [s]
+    is the time from row to row.
     """
 
     first: NDArray[np.int_]
@@ -225,7 +226,7 @@ def _noise(gyros: StrapdownRecord, sampling: RecordSampling, seconds: NDArray) -
 
 
 def _within(rest: Rest) -> tuple[int, int]:
-    """First and last row of a rest about which the table stands, as long as what lags may lag."""
+    """Return the first and last row of a rest within which the table is still, without the longest possible lag."""
     margin = min(2 * BESIDE, (rest.kept_last - rest.kept_first) // 6)
     return rest.kept_first + margin, rest.kept_last - margin
 
@@ -356,9 +357,9 @@ def with_turns(linearised: Linearisation, turns: Turns, where: str) -> WithTurns
 
 
 def fitted_step(model: Model, point: NDArray, bound: NDArray, sizes: NDArray) -> tuple[Model, NDArray]:
-    """A model linearised at a point (P,) with bounds (M,), and the step (P,) from there to the least squares.
+    """Return a model linearised at a point (P,) with bounds (M,), and the step (P,) from there to the least squares.
 
-    What moves no reading by its bound at parameters of these sizes (P,) stays where it is.
+    A direction that moves no reading by its bound, at parameters of these sizes (P,), is left unchanged.
     """
     residual, jacobian = model.residual_at(point), model.jacobian_at(point)
     rows = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]) / bound[:, None], mode="r"))
@@ -368,7 +369,7 @@ def fitted_step(model: Model, point: NDArray, bound: NDArray, sizes: NDArray) ->
 
 
 def _determined(rows: NDArray, sizes: NDArray) -> NDArray:
-    """Basis (n, rank) of what rows (M, n) over their bounds determine of parameters of these sizes (n,).
+    """Return a basis (n, rank) of the directions that rows (M, n) over their bounds determine, for sizes (n,).
 
     The identity where they determine everything.
     """

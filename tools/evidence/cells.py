@@ -1,16 +1,16 @@
-"""An effect with one unknown number, a time or a time constant, as cells of it that miss none.
+"""An effect with one unknown number, a time or a time constant, as cells that cover every value of it.
 
-Between two rests a step acts on the same readings whenever it comes: a cell is a gap. Within a cell of time constants
-a response is a mean of those at its two ends, with weights of one sign, but for an error that the second
-derivative by the constant's logarithm bounds: the bounds of the readings grow by it, times the size of the effect.
+Between two rests a step acts on the same readings at any time: a cell is a gap. Within a cell of time constants a
+response is a mean of those at its two ends, with weights of one sign, except for an error. The second derivative by the
+logarithm of the constant limits this error: the bounds of the readings grow by it, times the size of the effect.
 
-No number is missed: the cells cover all of them, and a cell is left away only where weights prove that the linear model
-with its columns leaves a radius above the limit and what that model may be wrong by (`bounded.sets`). With each other
-cell the exact model is fitted; intervals hold what is possible in any cell in which it stands.
+The cells cover all numbers. A cell is dropped only where weights prove that the linear model with its columns leaves a
+radius above the limit and the error of that model (`bounded.sets`). The exact model is fitted with every other cell;
+intervals hold the values that are possible in any consistent cell.
 
-Where the lag of a temperature is at the first row follows from temperatures before it, which no record has. It is taken
-to lie within the range of the record's temperatures, widened by `BEFORE` of that range on both sides: its response is a
-mean, again with weights of one sign, of those from these two ends.
+The lag of a temperature at the first row depends on earlier temperatures, which no record has. It is assumed to lie
+within the range of the record's temperatures, widened by `BEFORE` of that range on both sides: its response is a mean,
+again with weights of one sign, of those from these two ends.
 """
 
 from collections.abc import Callable, Sequence
@@ -142,7 +142,7 @@ class CellsAtRest(Sequence[Cell]):
             after = columns * (self.rows.hours > low)[:, None, None]
             middles = np.full(columns.shape[2], 0.5 * (low + high))
             return Cell(self.place, (low, high), after, middles, elsewhere=self.from_first)
-        # What the record shows at an end of all that is sought it does not tell from what is beyond.
+        # A record cannot distinguish the end of the searched range from the values beyond it.
         if k == 0:
             low = 0.0
         if k == len(self) - 1:
@@ -216,7 +216,7 @@ class CellsAtRest(Sequence[Cell]):
         place, rows, ends = self.place, self.rows, self.ends[k : k + 2]
         faded = fading_error(rows.hours, ends)[:, 0]
         if place.definition.memory is None:
-            # What fades is the difference of what does not, and of what has faded at once.
+            # The fading part is the difference between a response that never fades and one that fades at once.
             fading = ports(place.definition, place, rows, np.inf) - ports(place.definition, place, rows, AT_ONCE)
             error = np.abs(fading) * faded[:, None, None]
             return np.abs(rows.by_ports(place.definition.stage)) @ error
@@ -268,7 +268,7 @@ def lagged(
     for k, end in enumerate(ends):
         x = ages / end
         faded = np.exp(-x)
-        # Of a slope that began so long ago: how far the lag is behind, and its second derivative by log τ.
+        # For a slope that began at each age: the delay of the lag, and its second derivative by log τ.
         behind = end * (1.0 - faded)
         bent = end * (1.0 - faded * (1.0 + x + x * x))
         values[:, k] = temperature - (behind[:, :-1] - behind[:, 1:]) @ slopes

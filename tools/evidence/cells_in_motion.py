@@ -1,12 +1,12 @@
 """An effect with one unknown number on pieces of a record in motion: each value of the number, and ranges of values.
 
-A time counts from a row of the record on. What the effect then does to a piece depends on the time only where the piece
-holds it. Of a range of times pieces that begin or end within it are left out, those that hold all of it gain a turn of
-any size, the same one for all of them, and the others are the same for each time: what is refused then is refused for
-each time. In the least ranges no piece begins or ends.
+A time counts from a row of the record on. The effect on a piece depends on the time only where the piece holds that
+time. For a range of times, pieces that begin or end within it are left out. Those that hold all of it gain a turn of
+any size, the same for all of them; the others are the same for each time. A range refused in this way is therefore
+refused for each time. In the smallest ranges no piece begins or ends.
 
-Columns of a few time constants in and about a range hold, by polynomials of the logarithm, those of each within it but
-for an error that derivatives bound.
+Columns of a few time constants in and about a range represent, by polynomials of the logarithm, those of each time
+constant within it, except for an error that derivatives bound.
 """
 
 import math
@@ -70,9 +70,10 @@ SEARCHED = searched_places()
 class InMotion:
     """Additions of an effect to groups of pieces from the first row on; the cells of its number follow from them.
 
-    `hours` (N,) of each row since the first; `resting` (N,) whether a row belongs to a rest; `integral` (N, 3, K) what
-    it turns up to each row, and `counted` (N, 3, K) each row's part of the mean over all rests; zeros where no mean is
-    taken out. `over_bounds`: columns (S, d, K) of each group -> rows (M, K) over the bounds of their errors.
+    `hours` (N,) is the time of each row since the first; `resting` (N,) marks the rows of rests. `integral` (N, 3, K)
+    is the effect's turn up to each row, and `counted` (N, 3, K) each row's part of the mean over all rests; zeros where
+    no mean is removed. `over_bounds` maps columns (S, d, K) of each group to rows (M, K) over the bounds of their
+    errors.
     """
 
     hours: NDArray[np.float64]
@@ -126,15 +127,15 @@ class Onsets(InMotion):
         return float(self.hours[int(begin)]), float(self.hours[int(end) + self.at_once])
 
     def columns(self, number: float) -> tuple[Columns, NDArray[np.float64]]:
-        """Return columns of what acts after a row."""
+        """Return the columns of an effect that acts after a row."""
         row = int(number)
         mean = self.at_rest[-1] - self.at_rest[row]
         return [group.since(self.integral, mean, row) for group in self.groups], mean
 
     def moving(self, begin: int, end: int, *, rested: bool) -> Columns:
-        """Return what an effect that sets in from one row to another may do otherwise than at the last (S, d, 3 or 6).
+        """Return the possible changes (S, d, 3 or 6) by an effect with an onset between two rows, against the last.
 
-        A turn within pieces that hold both rows, and where it `rested` between them the mean at rest.
+        They are a turn within pieces that hold both rows and, where it `rested` between them, the mean at rest.
         """
         moving = []
         for k, group in enumerate(self.groups):
@@ -176,11 +177,11 @@ class Onsets(InMotion):
 
 @dataclass(frozen=True, eq=False)
 class Slips(Onsets):
-    """A slip of the block after a moment: columns of readings, then of what gyros integrate.
+    """A slip of the block after a moment: columns of readings, then of the gyros' integrals.
 
-    `hours` are of one or several moments a row, since the record's first rest; `whole` (S, 3, 3) of each group what the
-    slip adds where it is within a piece, or before a reading: nothing is told of a reading that is of both sides of it.
-    `missed`: what so few moments miss, in bounds.
+    `hours` are those of one or several moments a row, since the record's first rest. `whole` (S, 3, 3) of each group is
+    the slip's addition to a piece that holds it, or to a later reading; a reading on both sides of it is undetermined.
+    `missed` is the error of taking so few moments, in bounds.
     """
 
     whole: tuple[NDArray[np.float64], ...]
@@ -253,14 +254,14 @@ class TimeConstants(InMotion):
         return low, high
 
     def columns(self, number: float) -> tuple[Columns, NDArray[np.float64]]:
-        """Return columns of what fades."""
+        """Return the columns of a fading effect."""
         part = np.exp(-self.hours[1:] / self.value(number))
         sums = _up_to(self.turning * part[:, None, None], self.boundaries)
         mean = np.einsum("nik,n->ik", self.counted[1:], part)
         return errors_between(self.groups, self.boundaries, sums, mean), mean
 
     def range(self, begin: int, end: int, largest: NDArray) -> Range:
-        """Return few columns that hold those of a few time constants; they miss what polynomials through these do."""
+        """Return few columns that represent those of a few time constants, with the error of their polynomials."""
         missed = self._at_most(np.full(len(self.turning), MISSED))
         size = WEIGHED * np.linalg.norm(largest)
         few, left_away = held(np.hstack(self._samples(self._nodes(begin, end))), LEFT_AWAY / float(size))
@@ -275,7 +276,7 @@ class TimeConstants(InMotion):
         nodes = self._nodes(numbers[0], numbers[-1])
         samples = np.stack(self._samples(nodes), axis=1)
         rows, count, per_row = samples.shape
-        # What is left away is judged in the units of the errors.
+        # The dropped part is judged in the units of the errors.
         units = self.over_bounds([np.ones((*group.gain.shape[:2], 1)) for group in self.groups])
         errors = samples.reshape(rows, -1) / np.where(units > 0.0, units, 1.0)
         basis, sizes, parts = np.linalg.svd(errors, full_matrices=False)
@@ -336,7 +337,7 @@ def cells_of(
 
 
 def _up_to(additions: NDArray, rows: NDArray) -> NDArray[np.float64]:
-    """Return the sums (R, 3, K) of what (N - 1, 3, K) comes before some rows (R,), in order."""
+    """Return the sums (R, 3, K) of additions (N - 1, 3, K) before some rows (R,), in order."""
     starts = np.append(0, rows[:-1])
     some, sums = rows > starts, np.zeros((len(rows), *additions.shape[1:]))
     sums[some] = np.add.reduceat(additions[: rows[-1]], starts[some], axis=0)
@@ -354,7 +355,10 @@ def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
 
 
 def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
-    """As few columns (M, L) as hold columns (M, n) but for rows of such a length at most; and the longest left away."""
+    """Return the fewest columns (M, L) that span columns (M, n), except for short rows; and the longest of these.
+
+    `most` is the largest length of a row that is dropped.
+    """
     basis, sizes, _ = np.linalg.svd(matrix, full_matrices=False)
     basis = basis * sizes
     left_away = np.sqrt(np.cumsum((basis**2)[:, ::-1], axis=1)).max(axis=0, initial=0.0)

@@ -51,12 +51,12 @@ def inputs_and_products(n: NDArray) -> tuple[dict[str, NDArray[np.float64]], dic
 
 
 def through(slope: NDArray[np.float64]) -> Spread:
-    """Return what functions (N, K) do to readings (3 N, K) that change by a slope (N, 3) with them."""
+    """Return the changes of readings (3 N, K) by functions (N, K), through a slope (N, 3)."""
     return lambda functions: (slope[:, :, None] * functions[:, None, :]).reshape(slope.size, -1)
 
 
 def through_matrix(matrix: NDArray[np.float64]) -> Spread:
-    """Return what functions (N, K) do to rows (M, K) by a matrix (M, N)."""
+    """Return the changes of rows (M, K) by functions (N, K), through a matrix (M, N)."""
     return lambda functions: matrix @ functions
 
 
@@ -93,7 +93,7 @@ def pairs_of_accelerometer(p: int, rows: Rows) -> Iterator[Pair]:
         yield replace(pair("sense", rows.input_sense[:, p]), told=True)
     for name, values in slow.items():
         yield pair(name, values, own_input, inputs[own_input])
-        # A factor counts from where it is zero: what it does there is nothing.
+        # A factor counts from its zero, where it has no effect.
         factor = values - FROM.get(name, 0.0)
         yield pair(own_input, inputs[own_input], name, factor / np.abs(factor).max())
 
@@ -159,7 +159,7 @@ class Way:
         return Pair(self.where, self.quantity, values, spread, self.freedom, self.factor, self.circle, told)
 
 
-# A whole bench: what its gyros integrate stands behind the readings.
+# A whole bench: the rows of its gyros' integrals follow those of the readings.
 
 
 def pairs_of_whole(readings_rows: Rows, travel: Travel, bound: NDArray, nominal: NDArray) -> Iterator[Pair]:
@@ -223,7 +223,7 @@ def _of_both(way: Way, readings_rows: Rows, travel: Travel, bound: NDArray) -> P
 def imitated(pair: Pair, base: NDArray) -> Pair:
     """Return a pair whose constant, straight line or wave is within the model's space (M, P) where it nearly is.
 
-    On nodes, and between rows that are looked at, functions are not exact: what is left of these is no function.
+    On nodes, and between the rows used, functions are not exact: their remainders are not functions of the pair.
     """
     if pair.told:
         return pair
@@ -320,7 +320,7 @@ class GyroPairs:
         else:
             nodes = np.linspace(values.min(), values.max(), NODES)
             if nodes[0] < 0.0 < nodes[-1]:
-                # At rest it is zero: what is taken there is exact.
+                # The function is zero at rest: a node there is exact.
                 nodes[np.abs(nodes).argmin()] = 0.0
         spread = OnNodes(self, p, nodes, values, times)
         return Pair(GYROS[p], name, nodes, spread, GYROS[p], factor, anything=True, missed=spread.missed, **fields)

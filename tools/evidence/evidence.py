@@ -35,7 +35,7 @@ Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Worst:
-    """The error of a reading that was left out, over its bound, and how large noise can make it.
+    """The error of a left-out reading over its bound, and the largest that noise can cause.
 
     `position` is the record's own number, `accelerometer` counts from 1.
     """
@@ -107,8 +107,8 @@ class Effort:
 class Model(Protocol):
     """A model of a record, linear about its rows, to which sets of effects can be fitted.
 
-    `curvature`: the linear model is wrong by so much, in bounds, times the square of a radius; `room`: what the digits
-    of the record add to the bounds.
+    `curvature` times the square of a radius is the error of the linear model, in bounds. `room` is the addition to the
+    bounds for the digits of the record.
     """
 
     curvature: float
@@ -126,7 +126,7 @@ class Model(Protocol):
 
     @property
     def limit(self) -> float:
-        """Radius up to which the model stands."""
+        """Largest radius of a consistent model."""
         ...
 
     @property
@@ -176,7 +176,7 @@ class Model(Protocol):
         ...
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """Fits of a set of effects with possible sizes, each in ways of its own, with which the model stands."""
+        """Return consistent fits of a set of effects with possible sizes, each in another variant."""
         ...
 
     def untried(self, size: int) -> str | None:
@@ -267,7 +267,7 @@ class Linear:
             yield tuple(places[i] for i in chosen.effects)
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """The fit of a set of effects, where the model stands with it."""
+        """Return the fit of a set of effects, if it is consistent."""
         work.programme(len(self.rows.residual), self.rows.nominal.shape[1] + width_of(places))
         fit = self.refit(places)
         return [fit] if fit.radius <= self.limit else []
@@ -317,7 +317,7 @@ def limits_of(places: Sequence[EffectPlace]) -> tuple[NDArray[np.float64], NDArr
 class Rerun(Protocol):
     """Result of the extended components, FMUs, for a record.
 
-    `quoted`: of what the errors are, in words, the unit in which they are quoted, and what it is in theirs.
+    `quoted` is the name of the errors in words, the unit in which they are quoted, and its size in theirs.
     """
 
     @property
@@ -334,9 +334,9 @@ class Rerun(Protocol):
         ...
 
     def extension(self, fit: Fit, effects: Sized) -> Extension:
-        """Components that start with a fit's parameters and with effects as they are stated; scenarios of the record.
+        """Return components with a fit's parameters and its stated effects, and scenarios of the record.
 
-        A ValueError where a value is beyond what a component takes.
+        Raises a ValueError if a component does not accept a value.
         """
         ...
 
@@ -437,9 +437,9 @@ class Reader:
         return tuple(ends)
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-        """Keys of the result for a model that stands; `missing` where it is too little to falsify anything.
+        """Return the keys of the result for a consistent model; `missing` where it has too little to falsify anything.
 
-        `calibration` is that beside the effects of the fit, `excluded` are sizes of others that are excluded.
+        `calibration` is that beside the effects of the fit, `excluded` are the excluded sizes of other effects.
         """
         return {}
 
@@ -452,7 +452,7 @@ class Reader:
         return ()
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
-        """Keys of the result that say what to measure so that sets can be told apart."""
+        """Return the keys of the result with the measurements that would separate the sets."""
         return {}
 
 
@@ -465,7 +465,7 @@ class Source:
     options: Mapping[str, Any]
 
     def again(self, record: Any = None, **changed: Any) -> "Evidence":
-        """The evidence of another record, or with changed options; errors as of what makes it."""
+        """Return the evidence of another record, or with changed options; errors as of its `make`."""
         return self.make(self.record if record is None else record, **{**self.options, **changed})
 
 
@@ -572,7 +572,7 @@ def undetermined(basis: str) -> Calibration:
 
 
 def words_of(name: str) -> str:
-    """A parameter in words, where it has such."""
+    """Return a parameter in words, if it has words."""
     target, at, mounting = name.partition("@")
     return NAMES[target][0] + at + mounting if target in NAMES else name
 

@@ -72,9 +72,9 @@ class Start:
     def of(
         component: str, values: Parameters, ends: Mapping[str, Interval], effects: Sized, ending: str = ""
     ) -> "Start":
-        """A component, by its name, with values of its own and with those of the effects that it can have.
+        """Return a component, by its name, with values of its own and of those effects that it can have.
 
-        A ValueError for a value beyond what it takes. `ending` is that of its files' name.
+        Raises a ValueError if the component does not accept a value. `ending` is the end of its files' name.
         """
         nominal = COMPONENTS[component]
         acting = {place: sizes_and_ends for place, sizes_and_ends in effects.items() if can_extend(nominal, place)}
@@ -108,9 +108,9 @@ class Extension:
     scenarios: Mapping[str, Scenario]
 
     def write(self, folder: Path, said: str, flavour: str) -> list[Path]:
-        """Write FMUs of a flavour, beside each its values and intervals (.ssv), and the scenarios; all files.
+        """Write FMUs of a flavour, each with its values and intervals (.ssv), and the scenarios; return all files.
 
-        `said` is what the parameter sets are described by.
+        `said` is the description of the parameter sets.
         """
         files = [build(s.component, folder, flavour=flavour) for s in self.starts if s.name == s.component.name]
         for start in self.starts:
@@ -180,7 +180,7 @@ class Visited:
         Between rests the table swings about the position before, so that no stop there is taken for one.
         """
         seconds, longest, half = self.seconds, SHORT_STOP * self.step, HALF_REST * self.step
-        # A command is where the table stands at the end of the step that it is given for.
+        # The table reaches a command at the end of the step with that command.
         arrive, leave = np.maximum(seconds - half - self.step, 0.0), seconds + half - self.step
         temperature = self.circumstances.temperature
         degrees = np.full(len(seconds), 20.0) if temperature is None else temperature
@@ -195,7 +195,7 @@ class Visited:
             if stops and self.circumstances.approached:
                 places[-1] = command - away
             times = begin + (arrive[k] - begin) * np.arange(stops) / max(stops, 1)
-            # What follows the temperature with a lag needs it on the way, too.
+            # An effect that follows the temperature with a lag also needs the temperature between rests.
             warmth = np.append(np.interp(times + 0.5 * longest, seconds, degrees), degrees[k])
             times = np.append(times, arrive[k])
             places.append(command)
@@ -225,10 +225,10 @@ class Visited:
 
 
 def extension_of_bench(readings: Readings, fit: Fit, ends: NDArray, effects: Sized, gravity: float) -> Extension:
-    """Table and block that start with a fit's parameters, ends (P, 2), and with effects; a run for each mounting.
+    """Return table and block with a fit's parameters, ends (P, 2) and effects, and a run for each mounting.
 
-    `gravity` is the model's g [m/s²]. The FMUs start with the first mounting; what another one changes stands in its
-    scenario.
+    `gravity` is the model's g [m/s²]. The FMUs start with the first mounting; the scenario of another one holds its
+    changes.
     """
     p, point = readings.parametrisation, fit.estimate[: len(fit.point)]
     at = readings.true_angles(point, [(place, fit.stated[block]) for place, block, _ in fit.ways])

@@ -51,19 +51,19 @@ Way = Variant | Cell
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model with a set of effects `places`, fitted to evidence, and linear where it was fitted.
+    """A model with a set of effects `places`, fitted to evidence and linear about the fit.
 
-    `at` (P + K,) are the parameters of the model and the coefficients of the effects, of each a block, about which it
-    is linear; `step` (P + K,) leads from there to where the radius is attained, a Chebyshev centre. `residual`, `bound`
-    (M,) are the errors there and how large they may be, `jacobian` (M, P + K) the derivatives by parameters and
-    coefficients. `growths`: where the record leaves open what an effect does to a reading its bound grows with the
-    effect's size; one branch for each way of the coefficients' signs, the fit's own first.
+    `at` (P + K,) are the parameters of the model and the coefficients of the effects, a block for each, at which it is
+    linearised. `step` (P + K,) leads from there to a Chebyshev centre, the point of least radius. `residual` (M,) are
+    the errors there, `bound` (M,) their largest possible sizes, `jacobian` (M, P + K) the derivatives by parameters and
+    coefficients. `growths`: the bound of a reading grows with the size of an effect whose action on it the record
+    leaves open; one branch for each combination of the coefficients' signs, the fit's own first.
 
-    `radius` is the least possible largest error over its bound, with coefficients of possible size; `estimate` (P + K,)
-    are parameters and coefficients of least squares, `stated` (K,) the coefficients that are said to be found, both
-    those of one possible point where the fit is `centred`; `variants` the ways in which effects act that are not
-    linear; `also` are fits of the same effects in their other ways with which the record stands: what is possible is
-    what is possible with any of them. Where an effect has a way for each value of a number, `swept` are all of these.
+    `radius` is the least possible largest error over its bound, with coefficients of possible size. `estimate` (P + K,)
+    are parameters and coefficients of least squares, `stated` (K,) the coefficients that are reported; both are those
+    of one possible point where the fit is `centred`. `variants` are the ways in which effects act that are not linear;
+    `also` are consistent fits of the same effects in their other variants: a value is possible if it is possible with
+    any of them. Where an effect has a variant for each value of a number, `swept` are all of these.
     """
 
     places: tuple[EffectPlace, ...]
@@ -132,9 +132,9 @@ class Fit:
 
     @property
     def signs(self) -> tuple[float, ...]:
-        """Signs of the sizes of effects that are not linear, where the radius is attained.
+        """Signs of the sizes of effects that are not linear, at the least radius.
 
-        Coefficients for whose size bounds grow have one sign, whatever else they add up to.
+        Coefficients with whose size bounds grow have one sign, whatever their sum.
         """
         coefficients = self.central[len(self.point) :]
         signs: list[float] = []
@@ -248,9 +248,9 @@ class Fit:
         return np.concatenate(low), np.concatenate(high)
 
     def ends(self, room: float = 0.0, most_rows: int | None = None, count: int | None = None) -> NDArray[np.float64]:
-        """Ends (P, 2) of the values that each parameter of the model can have; infinite where nothing bounds it.
+        """Return the ends (P, 2) of the possible values of each parameter of the model; infinite where it has no bound.
 
-        Of so many of the first parameters, by default of all.
+        By default all parameters are returned, else the given number of the first ones.
         """
         possible = self._steps(room, most_rows)
         ends = [np.add(possible.ends(k), self.central[k]) for k in range(len(self.point))[:count]]
@@ -441,10 +441,10 @@ class Classes:
 class Gain(Told):
     """Errors of data that no estimate used, without the effects and with them.
 
-    `over` is the kind of moves or windows, in words, `pieces` how many, `unit` that of the figures where it is another
-    than the result's; figures are over the sizes of the errors:
-    fractions of g, or arcminutes of turns; `others` is the same of every other kind. `before`, `after` (S, d) are the
-    errors themselves, in g or rad, NaN where they do not count; `rows` (S,) of the record that they are of.
+    `over` is the kind of moves or windows, in words, `pieces` their number, `unit` the unit of the figures where it
+    differs from the result's. Figures are over the sizes of the errors: fractions of g, or arcminutes of turns.
+    `others` is the same of every other kind. `before`, `after` (S, d) are the errors themselves, in g or rad, NaN where
+    they do not count; `rows` (S,) are their rows in the record.
     """
 
     over: str | None = None
@@ -502,7 +502,7 @@ def width_of(places: Sequence[EffectPlace]) -> int:
 
 
 def gain_of(before: NDArray, after: NDArray, unit: float = 1.0, **more: Any) -> Gain:
-    """The gain by errors (S, d) without and with the effects, whose sizes are quoted in a unit."""
+    """Return the gain by errors (S, d) without and with the effects, in the quoted unit."""
     figures = {}
     for name, errors in (("before", before), ("after", after)):
         sizes = np.linalg.norm(errors, axis=1) / unit
@@ -569,9 +569,9 @@ def estimated(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
 def least_radius(
     matrix: NDArray, residual: NDArray, ends: tuple[NDArray, NDArray], squares: NDArray
 ) -> tuple[float, NDArray[np.float64]]:
-    """Least radius of rows (M, P) in units of their bounds, with limits (P,) of the coefficients, and these (P,) there.
+    """Return the least radius of rows (M, P) over their bounds, with limits (P,) of the coefficients, and its point.
 
-    Of many rows few matter: those that least squares `squares` (P,) fit worst, and what a fit to them violates.
+    Of many rows few matter: those that least squares `squares` (P,) fit worst, and those that a fit to them violates.
     """
     rows = np.argsort(-np.abs(residual - matrix @ squares), kind="stable")[:FIRST_ROWS]
     step, radius, bound = np.zeros(matrix.shape[1]), float(np.abs(residual).max(initial=0.0)), np.ones(len(residual))

@@ -35,10 +35,10 @@ LEAST_PART = 1e-3
 
 
 def join(records: Mapping[str, Evidence], shared: Sequence[str] = (), own: Sequence[str] = ()) -> Evidence:
-    """The evidence of several records of one instrument, by their labels.
+    """Return the evidence of several records of one instrument, by their labels.
 
-    `shared` and `own` are names of parameters to be shared, or each record's own, other than by default; a star stands
-    for anything. The rows are linear about the fit of the model without effects to all records.
+    `shared` and `own` are names of parameters to be shared, or each record's own, against the default; a star matches
+    anything. The rows are linear about the fit of the model without effects to all records.
     """
     names: dict[str, tuple[str, str]] = {}
     columns: list[list[str]] = []
@@ -79,11 +79,11 @@ def join(records: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
 
 @dataclass(frozen=True, eq=False)
 class Joint(Linear):
-    """The model of several records of one instrument, whose rows stand one below the other, over their bounds.
+    """The model of several records of one instrument, with their rows one below the other, over their bounds.
 
-    `names` are those of all parameters, linear about `point`; `members` are the evidences of the records, `labels` what
-    these are called; `shared` are the names of the parameters that have one value; `chosen` (P_k, P) picks those of
-    each record out of all P; `asked` is what is shared or own other than by default.
+    `names` are those of all parameters, linear about `point`; `members` are the evidences of the records, `labels`
+    their names. `shared` are the names of the parameters that have one value; `chosen` (P_k, P) picks those of each
+    record out of all P; `asked` names the parameters that are shared or own against the default.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -146,7 +146,7 @@ class Joint(Linear):
             components.append({place.definition.component for place in member.rows.linear_places})
         for searched in self.searched:
             for place in searched:
-                # What a record has no readings of, as a table has none of gyros, acts in the others all the same.
+                # An effect on a sensor that one record lacks, as a table lacks gyros, still acts in the other records.
                 showing = [k for k, shown in enumerate(components) if place.definition.component in shown]
                 if len(showing) > 1 and all(place in self.searched[k] for k in showing):
                     places[place] = None
@@ -231,7 +231,7 @@ class Joint(Linear):
 
     @property
     def limit(self) -> float:
-        """Radius up to which the model stands."""
+        """Largest radius of a consistent model."""
         return max(member.model.limit for member in self.members)
 
     @property
@@ -291,7 +291,7 @@ class Joint(Linear):
         return in_record(reading_at(int(row - self.starts[k])), self.labels[k])
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """The fit of a set of effects with possible sizes, where the model stands with it."""
+        """Return the fit of a set of effects with possible sizes, if it is consistent."""
         work.programme(len(self.rows.residual), len(self.point) + width_of(places))
         fit = self.refit(places)
         if fit.radius > self.limit:
@@ -381,7 +381,7 @@ class JointReader(Reader):
         return in_record(member.reader.named(plain(place)), place.record)
 
     def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
-        """Intervals widened by what readings cannot tell."""
+        """Return intervals widened for the values that readings cannot determine."""
         if isinstance(place, Differs):
             return tuple(ends)
         of_members = []

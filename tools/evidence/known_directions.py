@@ -31,7 +31,7 @@ UNIT = 1e-6
 class KnownDirections:
     """Readings (N, 3) of three accelerometers [g], at unit vectors (N, 3) of the specific force in the block's axes.
 
-    `noise_bound` [g] is how far a reading may be off.
+    `noise_bound` [g] is the largest error of a reading.
     """
 
     direction: NDArray[np.float64]
@@ -71,7 +71,7 @@ class DirectionsReader(Reader):
         return {"missing": ("at least five rests whose directions do not lie in one plane",)}
 
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
-        """Biases, scale factors and misalignments of a model that stands; of a falsified one none."""
+        """Return biases, scale factors and misalignments of a consistent model; none of a falsified one."""
         names, stands = self.rows.names, fit is not None
         return Calibration(
             verdict="falsified" if self.model.falsified and not (fit and fit.places) else "consistent",
@@ -92,7 +92,7 @@ class DirectionsReader(Reader):
         inputs, products = inputs_and_products(self.record.direction)
         pairs = []
         for place, of_reading in zip(ACCELEROMETERS, np.eye(3), strict=True):
-            # What a function at each rest does to the readings, over their bounds.
+            # The changes of the readings by a function at each rest, over their bounds.
             matrix = np.kron(np.eye(len(self.record.reading)), of_reading[:, None]) / self.record.noise_bound
             for name, values in (inputs | products).items():
                 pairs.append(Pair(place, name, values, matrix.__matmul__, place))

@@ -1,7 +1,7 @@
 """An observation: errors of pieces of a record as a linear functional of additions at ports over its rows.
 
-Rests on a table, turns of a table and a block that is carried make one each. Columns of effects, of effects that set in
-or fade, and of unknown functions of a quantity are what it makes of different additions.
+Rests on a table, turns of a table and a carried block make one each. Different additions give the columns of effects,
+of effects that set in or fade, and of unknown functions of a quantity.
 
 An effect on the table turns the frame of its inner axis by small ψ(t) at given encoder readings. Between two moments
 the block then turns by ψ₂ − ψ₁ + ∫ ω × ψ dt more, in axes of that frame: a frame that is turned by ψ itself turns with
@@ -39,9 +39,9 @@ Weights = Sequence[tuple[NDArray[np.int_], NDArray[np.float64]]]
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Pieces of one kind, whose errors (S, d) are `gain` (S, d, 3) times what adds up between their first and last row.
+    """Pieces of one kind; their errors (S, d) are `gain` (S, d, 3) times the sum between their first and last row.
 
-    `mean` (S, d, 3) is what the mean over the rows at rest takes out of every row, None where none is taken out.
+    `mean` (S, d, 3) is the gain of the mean at rest that is removed from every row, None where none is removed.
     """
 
     pieces: Pieces
@@ -56,7 +56,7 @@ class Group:
         return errors if self.mean is None else errors - self.mean @ mean
 
     def since(self, sums: NDArray[np.float64], mean: NDArray[np.float64], row: int) -> NDArray[np.float64]:
-        """Return errors (S, d, K) by sums up to each row of what acts after one of them."""
+        """Return errors (S, d, K) by an addition that acts after a row, from its sums up to each row."""
         return self.columns(sums, mean, np.maximum(self.pieces.first, row), np.maximum(self.pieces.last, row))
 
     @property
@@ -69,9 +69,9 @@ class Group:
 class Observation:
     """Linear map from additions at P ports over R steps between rows to errors of pieces of a record.
 
-    `adds` (R, 3, P): what a unit at each port adds to the sums of a step. `resting` (R,): steps of which the mean is
-    taken. `ends` (R + 1, 3, P): what a unit adds at a row itself, to where the block stands; None where nothing does.
-    Without groups each step is a piece by itself, whose errors are what is added there.
+    `adds` (R, 3, P) is the addition of a unit at each port to the sums of a step. `resting` (R,) marks the steps whose
+    mean is taken. `ends` (R + 1, 3, P) is the addition of a unit at a row itself to the attitude of the block; None
+    where there is none. Without groups each step is a piece by itself, with the additions there as its errors.
     """
 
     groups: tuple[Group, ...]
@@ -173,7 +173,7 @@ class OnKnots:
 
 
 def integrated(weights: Weights, count: int, adds: NDArray, boundaries: NDArray) -> NDArray[np.float64]:
-    """Return the sums (B, 3, count), up to each boundary, of additions (R, 3) times what weights add to columns."""
+    """Return the sums (B, 3, count), up to each boundary, of additions (R, 3) times weights, by column."""
     until = np.searchsorted(boundaries, np.arange(1, len(adds) + 1))
     ends = len(boundaries) + 1
     total = np.zeros((3, ends * count))
@@ -185,7 +185,7 @@ def integrated(weights: Weights, count: int, adds: NDArray, boundaries: NDArray)
 
 
 def observation_of_rests(rows: Rows, stage: str | None) -> Observation:
-    """Return what readings at rest, each by itself, say of additions at the ports of a stage."""
+    """Return the observation, by readings at single rests, of additions at the ports of a stage."""
     return Observation((), rows.by_ports(stage))
 
 
@@ -211,7 +211,7 @@ def acts_at_rest(place: EffectPlace) -> bool:
 
 
 def effects_of_gyros() -> tuple[EffectPlace, ...]:
-    """Linear effects that gyros on a table can show beside what their calibration has in it."""
+    """Return the linear effects that gyros on a table can show beyond their calibration."""
     places: list[EffectPlace] = []
     for name, effect in STRAPDOWN_EFFECTS.items():
         if name in (*IN_THE_MODEL, *CONTAINING) or effect.component not in OF_GYROS:
@@ -254,7 +254,8 @@ class Travel:
     `hours` (R,); `alpha`, `beta` (R,) [rad]; `turning` (R - 1, 3) [rad] turns of the inner frame between them, in its
     axes; `step` (R - 1,) [s]; `up` (R, 3) the vertical in block axes; `senses` (R, 2) of each axis' last move;
     `axis_rates` (R, 2) [rad/s]; `temperature` (R,) [degC]; `first`, `last` (S,) pieces by these rows; `coning` (S, 3)
-    as of `Turns`; `to_gyros` (3, 3) what gyros read of turns of the inner frame, `to_block` (3, 3) these in block axes.
+    as of `Turns`; `to_gyros` (3, 3) maps turns of the inner frame to the gyros' readings, `to_block` (3, 3) to block
+    axes.
     """
 
     hours: NDArray[np.float64]
@@ -281,7 +282,7 @@ class Travel:
         turns, x = fitted.turns, fitted.point[: fitted.own]
         angles = np.stack([without_turns(raw.alpha), without_turns(raw.beta)])
         moved = np.stack([motion_of(values, encoder_bound) for values in angles])
-        # Rows at which pieces begin or end, and of each move as many as its turn asks for.
+        # Rows at which pieces begin or end, and for each move a number of rows that grows with its turn.
         turned = np.floor(np.cumsum(moved.sum(axis=0)) / FINE)
         rows_kept = np.unique(
             np.concatenate([[0, turned.size - 1], turns.first, turns.last, np.flatnonzero(np.diff(turned))])
@@ -319,7 +320,7 @@ class Travel:
         if place.definition.component == "GyroBlock":
             return self.gyros.of(place.definition.signature(place, self.motion))
         if place.definition.component == "AttitudeComputer":
-            # It adds up the record's own rows, whatever the table does between them.
+            # The attitude computer sums the record's own rows, independent of the table's motion between them.
             return -self.coning.reshape(-1, 1)
         if not place.definition.turns_table:
             return np.zeros((3 * len(self.first), len(place.definition.linear_parameters)))

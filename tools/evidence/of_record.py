@@ -1,4 +1,4 @@
-"""Effects and parameters of one record among several of an instrument, and a record about what mends it by itself."""
+"""Effects and parameters of one record among several of an instrument, and a record about the effects that mend it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -86,10 +86,10 @@ def in_record(place: EffectPlace, record: str) -> InRecord:
 
 
 class Mended(Linear):
-    """A record with effects that mend it by itself as parameters of its own, linear about the fit with them.
+    """A record with the effects that mend it as parameters of its own, linear about the fit with them.
 
-    It tells whether the others stand beside these: an effect that is not linear acts as it does there. `free` are
-    columns (M, K) of the fit's others, which it has not.
+    It decides whether other effects are consistent beside these: an effect that is not linear acts as in this fit.
+    `free` are columns (M, K) of the fit's other effects.
     """
 
     def __init__(self, rows: Rows, before: Model, free: Mapping[EffectPlace, NDArray[np.float64]]) -> None:

@@ -1,7 +1,7 @@
-"""A place and a quantity: what an unknown function of the one does at the other to the rows of evidence.
+"""A place and a quantity: the effect of an unknown function of the quantity, acting at the place, on the rows.
 
-A function is written in one of several forms with few coefficients. What a form adds beside the model counts: its
-coefficients, and one more for each number that is searched for, the time of a jump or the order of a harmonic.
+A function is written in one of several forms with few coefficients. Beside the model a form costs its coefficients, and
+one more for each searched number, the time of a jump or the order of a harmonic.
 """
 
 import math
@@ -119,15 +119,14 @@ class Form:
 class Pair:
     """An unknown function of one quantity at one place, times a known factor.
 
-    `values` (n,) are those of the quantity where the function is taken; `spread` says what functions (n, K) of it add
-    to the rows (M, K) of the evidence. `freedom` names in which way a place acts: pairs of one freedom are all within
-    what the place could do if it acted as it liked every time. `circle`: the quantity is an angle; `told`: it has few
-    values, of which the function is a multiple; `waves`: it has so many values that a wave is sought among its
-    functions. `moves`: from when to when the block was moved once, each by itself. `anything`: a place that acted as it
-    liked could do anything to the rows. `members` are pairs of several places each of which has a function of its own;
-    then the values and what they do are those of the first. `missed`: knots (k,) -> by how much rows (M,) differ at
-    most of a function that is not straight between them, and whose slope changes by one in all; None where the values
-    are all that act.
+    `values` (n,) are those of the quantity where the function is taken; `spread` maps functions (n, K) of it to the
+    rows (M, K) of the evidence. `freedom` names the way in which a place acts: all pairs of one freedom are special
+    cases of a place that acts freely every time. `circle`: the quantity is an angle. `told`: it has few values, of
+    which the function is a multiple. `waves`: it has enough values to search for a wave. `moves`: intervals in which
+    the block was moved once, each by itself. `anything`: a place that acted freely could do anything to the rows.
+    `members` are pairs of several places each of which has a function of its own; then the values and the spread are
+    those of the first. `missed`: knots (k,) -> the largest differences of rows (M,) for a function that is not straight
+    between them, and whose slope changes by one in all; None where only the values act.
     """
 
     where: str
@@ -213,7 +212,7 @@ class Pair:
             return
         values = np.unique(self.values)
         gaps = 0.5 * (values[1:] + values[:-1])
-        # What jumps between the last two values is one reading.
+        # A jump between the last two values affects one reading only.
         for gap in gaps[1:-1]:
             yield Form("jump", at=float(gap))
         if self.waves:

@@ -1,14 +1,14 @@
-"""From which size on a fault that no catalogue lists would have shown: the power of a record of rests.
+"""The power of a record of rests: the size from which a fault that no catalogue lists would have shown.
 
-A fault at a place is an unknown function of one quantity, perhaps times a known factor. The class that is judged: all
+A fault at a place is an unknown function of one quantity, perhaps times a known factor. The judged class holds all
 functions that are straight between knots, of `PIECES` equal pieces over the range of the quantity, of `SECTORS` round a
-circle. The model imitates some of them (a constant is a bias, a wave of α is a tilt); what is left beyond these counts:
-the size of a function with values v at the knots is max |P v|, where P takes off the least-squares fit to v of what the
-model imitates anywhere on the bench.
+circle. The model imitates some of them (a constant is a bias, a wave of α is a tilt); only the rest counts: the size of
+a function with values v at the knots is max |P v|, where P subtracts the least-squares fit to v of all functions that
+the model imitates anywhere on the bench.
 
-Some noise and some parameters x hide a fault v as long as |J x + S v| is nowhere beyond what errors and residuals may
-be together. From the greatest size on that this allows every fault of the class falsifies the model, whatever the
-noise. One linear programme for each knot finds it exactly: of any smaller size some fault can hide.
+Some noise and some parameters x hide a fault v as long as |J x + S v| nowhere exceeds the largest possible sum of
+errors and residuals. Every fault of the class larger than the largest hidden one falsifies the model, for any noise.
+One linear programme for each knot finds that size exactly: of any smaller size some fault can hide.
 """
 
 from collections.abc import Iterator, Sequence
@@ -82,7 +82,7 @@ class Power:
 
 
 def largest_hidden(columns: NDArray, counted: NDArray, room: NDArray) -> float:
-    """The greatest size that some fault of a class can have and be hidden; columns and what counts as of `class_of`."""
+    """Return the largest size of a hidden fault of a class; columns and counted values as of `class_of`."""
     possible = Possible(columns, np.zeros(len(room)), room)
     # Weights that give a value bound it; those of least squares are at hand.
     weights = counted / possible.scale @ possible.span @ np.linalg.pinv(possible.matrix / room[:, None])
@@ -96,10 +96,10 @@ def largest_hidden(columns: NDArray, counted: NDArray, room: NDArray) -> float:
 
 
 def powers_of_record(pairs: Sequence[Pair], nominal: NDArray, room: NDArray) -> Iterator[Power]:
-    """The power against each pair of one place, of rows with the derivatives (M, P) of the model.
+    """Return the power against each pair of one place, for rows with the derivatives (M, P) of the model.
 
-    The class is over the range that the record has of the quantity, and the model imitates what it imitates in this
-    record. `room` (M,): how far errors and residuals of a model that stands may be from each other.
+    The class is over the record's range of the quantity, and the model imitates the same functions as in this record.
+    `room` (M,) is the largest distance of errors and residuals in a consistent model.
     """
     base, form = column_space(nominal), Form("pieces", PIECES)
     for pair in pairs:
@@ -116,20 +116,20 @@ def powers_of_record(pairs: Sequence[Pair], nominal: NDArray, room: NDArray) -> 
 
 
 def judged_pairs(rows: Rows) -> Iterator[Pair]:
-    """The pairs of rows that are judged: those whose quantity has a range, but for turns of the block."""
+    """Return the judged pairs of rows: those whose quantity has a range, except turns of the block."""
     return (pair for pair in pairs_of_bench(rows) if not pair.told and pair.where != MOUNTING)
 
 
 def powers(rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> tuple[Power, ...]:
-    """The power against each pair, of readings at rows with the derivatives (M, P) of the model.
+    """Return the power against each pair, for readings at rows with the derivatives (M, P) of the model.
 
-    `room` (M,): how far errors and residuals of a model that stands may be from each other [g].
+    `room` (M,) is the largest distance of errors and residuals in a consistent model [g].
     """
     return tuple(Power(pair, largest_hidden(*class_of(pair, p, jacobian), room)) for pair in judged_pairs(rows))
 
 
 def class_of(pair: Pair, p: Parametrisation, jacobian: NDArray) -> tuple[NDArray, NDArray]:
-    """Derivatives (M, P + K) by the parameters and the values at the knots, and of these (k, P + K) what counts."""
+    """Return derivatives (M, P + K) by the parameters and the values at the knots, and the counted part (k, P + K)."""
     key = pair.where, pair.quantity, pair.factor
     beyond = _beyond_the_model(key, np.ascontiguousarray(p.matrices).tobytes(), p.symmetric)
     beyond = beyond[np.abs(beyond).max(axis=1) > LEAST]
@@ -184,11 +184,11 @@ def _scattered(matrices: bytes, symmetric: bool) -> tuple[dict[Named, Pair], NDA
 
 @lru_cache(maxsize=512)
 def _beyond_the_model(name: Named, matrices: bytes, symmetric: bool) -> NDArray[np.float64]:
-    """The matrix P (K, K) that takes off values at the knots what fits them of functions that the model imitates."""
+    """Return the matrix P (K, K) that subtracts from values at the knots their fit by imitated functions."""
     pairs, space = _scattered(matrices, symmetric)
     pair = pairs[name]
     knots, fine = _knots(pair, 1), _knots(pair, FINER)
-    # What the class itself holds is taken off exactly, a wave by its values at the knots.
+    # Functions within the class are subtracted exactly, a wave by its values at the knots.
     base = column_space(_imitated(pair, space, 1, LEAST))
     near = _imitated(pair, space, FINER, IMITATED)
     if pair.circle:

@@ -47,7 +47,7 @@ def force_deviation(inspection: Inspection) -> NDArray[np.float64]:
     rests, record, period = inspection.rests, inspection.record, inspection.sampling.period
     assert rests.force_scatter is not None
     deviation = rests.force_scatter / SCATTER_FACTOR
-    # What wanders from rest to rest may be an effect: only the rests themselves tell.
+    # A value that wanders from rest to rest may be an effect: only the rests themselves can decide.
     noise, lengths = rest_noise(record.specific_force, record.time_s, rests, period), rest_lengths(rests, period)
     return deviation if noise is None else np.maximum(deviation, np.sqrt(noise.rate_square(lengths)))
 
@@ -214,7 +214,7 @@ class Gravity(Reference):
         return all_rows([self.still, *self.scored])
 
     def directions(self, x: NDArray, effects: Sized | None = None) -> NDArray[np.float64]:
-        """Directions (K, 3) at the rests, with accelerometers of nine parameters and effects of such sizes."""
+        """Return the directions (K, 3) at the rests, for nine parameters of the accelerometers and sizes of effects."""
         n = inputs_of(x, self.reading)
         for _ in range(2 if effects else 0):
             added = sum(force_columns(p, n, self.rests) @ np.array(v) for p, v in (effects or {}).items())
@@ -330,9 +330,9 @@ def gravity_pieces(inspection: Inspection) -> tuple[Pieces, tuple[Pieces, ...], 
 class Truth(Reference):
     """The true attitude (N, 4) is the reference, NaN where it is not known, over windows of several lengths.
 
-    `scatter` (L,): for each length, the largest turn of the true attitude between rows so far apart at rest [rad];
-    `stated`: what a person says that it errs by at most, at any row [rad]; None where it is taken to err as at rest;
-    `inertial`: whether it is against inertial space, so that Earth's rotation is in it.
+    `scatter` (L,) is, for each length, the largest turn of the true attitude between rows at that distance at rest
+    [rad]. `stated` is the stated largest error at any row [rad]; None where it is taken from the rests. `inertial`:
+    true if the attitude is against inertial space, so that Earth's rotation is in it.
     """
 
     attitude: NDArray[np.float64]
@@ -423,5 +423,5 @@ def _ends_of(rests: Rests) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
 
 
 def _square(rows: NDArray, deviation: NDArray) -> NDArray:
-    """Mean square (S, d) of rows (S, d, 3) of errors with such deviations (S, 3)."""
+    """Return the mean square (S, d) of rows (S, d, 3) of errors with deviations (S, 3)."""
     return np.einsum("sdp,sp->sd", rows**2, deviation**2)

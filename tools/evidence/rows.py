@@ -1,4 +1,4 @@
-"""Rows of evidence: errors with their bounds, and what parameters and effects do to them to first order."""
+"""Rows of evidence: errors with their bounds, and their derivatives by parameters and effects."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -48,8 +48,8 @@ class Part:
     """Errors of S pieces of one kind, with d components each.
 
     `error`, `bound` (S, d) are in the part's unit: [rad] of turns and directions, [g] of norms; `nominal` (S, d, P) are
-    by the parameters of the model, `columns` (S, d, K) by the coefficients of the effects. By the errors that are
-    `scored` the model is judged; what is known beside them stands in the other parts.
+    by the parameters of the model, `columns` (S, d, K) by the coefficients of the effects. The `scored` errors judge
+    the model; the other parts hold further known errors.
     """
 
     pieces: Pieces
@@ -98,7 +98,8 @@ class Channel:
 class About:
     """Rows about parameters and coefficients: errors (M,), derivatives (M, P + K), bounds (M,) of the errors.
 
-    By `rate` (M, P + K) the bounds grow per unit of a coefficient's size, where the record leaves open what it does.
+    `rate` (M, P + K) is the growth of the bounds per unit of a coefficient's size, where the record leaves its action
+    open.
     """
 
     residual: NDArray[np.float64]
@@ -246,7 +247,7 @@ class Rows:
         return Rows.of(parts, self.names, self.point, remaining)
 
     def with_effect(self, place: EffectPlace, columns: Sequence[NDArray]) -> "Rows":
-        """The rows with one more effect, of such columns (S, d, K) in each part."""
+        """Return the rows with one more effect, by its columns (S, d, K) in each part."""
         parts = []
         for part, added in zip(self.parts, columns, strict=True):
             parts.append(replace(part, columns=np.concatenate([part.columns, added], axis=2)))

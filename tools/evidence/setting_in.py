@@ -37,7 +37,7 @@ not all are refused, by the second. Then they are so many times nearer, at least
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """Numbers from `begin` to `end` with which an effect stands: fits at some of them, and all that is possible."""
+    """Numbers from `begin` to `end` with which an effect is consistent: fits at some of them, and possible values."""
 
     begin: float
     end: float
@@ -121,7 +121,7 @@ class SettingIn(Linear):
             columns.append(self.rows.columns_of([candidate]))
 
         def standing_in(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
-            """Candidates that no bound refuses in a range, but for those that stand in another one."""
+            """Yield candidates that no bound refuses in a range, except those that are consistent in another one."""
             among = [number for number in among if number not in standing]
             columns_held, missed = self._range(place, begin, end)
             finite = np.isfinite(columns_held).all(axis=1)
@@ -137,9 +137,9 @@ class SettingIn(Linear):
         return [every[k] for k in sorted(standing)]
 
     def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """Fits of a set of effects with possible sizes, at the times at which the one that sets in can do so.
+        """Return fits of a set of effects with possible sizes, at the possible times of the effect that sets in.
 
-        These begin at zero where one that acts from the first row on would do as well.
+        The times begin at zero where an effect that acts from the first row on would fit as well.
         """
         place, linear = self._apart(places)
         cells = self.cells[place]
@@ -197,7 +197,7 @@ class SettingIn(Linear):
                 within |= (numbers >= low - gap) & (numbers <= high + gap)
             swept.proven[~within] = np.inf
             fit = self._searched(swept, [*linear, place], numbers, work) or fit
-            # The first and the last that are not refused stand with the bounds as they have grown.
+            # The first and last numbers that are not refused are consistent with the grown bounds.
             for side in (0, -1):
                 while not swept.refused.all() and swept.tried(_standing(swept)[side]) > self.limit:
                     work.programme(*swept.rows.fixed.shape)
@@ -247,7 +247,7 @@ class SettingIn(Linear):
         fixed, moving, ways = cells.swept(*ends)
         matrix, residual = np.hstack([self.rows.matrix(linear), fixed]), self.rows.residual.copy()
         numbers_moving = np.arange(matrix.shape[1] - fixed.shape[1], matrix.shape[1])
-        # What is not told there says nothing.
+        # Rows that the effect leaves open there carry no information.
         untold = ~np.isfinite(fixed).all(axis=1)
         matrix[untold], moving[untold], residual[untold] = 0.0, 0.0, 0.0
         rows = Rows(matrix, moving, ways, numbers_moving, residual, self.rows.bound)
@@ -316,7 +316,7 @@ def _standing(swept: Swept) -> tuple[int, int]:
 
 
 def setting_in_at(fit: Fit, place: EffectPlace, start: float, ends: tuple[float, float]) -> Fit:
-    """A fit whose last effect sets in at a time [h], of times within ends that are possible."""
+    """Return a fit whose last effect sets in at a time [h], with times within the possible ends."""
     count = coefficient_count(place)
     way = Cell(place, ends, np.zeros((0, 3, count)), np.full(count, start))
     return replace(fit, variants=(*[None] * (len(fit.places) - 1), way))
