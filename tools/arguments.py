@@ -193,7 +193,7 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         with _LOCK:
-            # What stands first was found when no call was inside, whichever ends last.
+            # The first entry comes from a time without a call, whichever call ends last.
             counts = _BEFORE.pop()
             if not _BEFORE:
                 for (_, set_to), count in zip(_libraries(), counts, strict=True):

@@ -61,7 +61,7 @@ class Sigma(Part):
     basis : str
         on what it rests; `from` in the JSON
     find : str
-        how to find a bound, where it is unknown
+        way to find a bound, where it is unknown
     """
 
     omitted: ClassVar[frozenset[str]] = frozenset({"find"})
@@ -90,13 +90,13 @@ class Parameter(Part):
     symbol, name, unit : str
         as the paper writes it, in words, and its unit
     determined : bool
-        whether the records determine it
+        true if the records determine it
     estimate : float or None
         a possible value, as the calibration's `estimator` says; of a falsified model that of least squares
     standard_error : float or None
         of least squares, from the scatter of the residuals; None where these leave no freedom
     low, high : float or None
-        exact ends of what the records leave possible; None where they falsify the model or leave an end open
+        exact ends of the possible values; None where the records falsify the model or leave an end open
     a_priori, guaranteed_error : float or None
         by the weights of the linear programme, which are best before anything is read, and the largest error that it
         can have: σ times the l1 norm of the weights. The readings may prove the a-priori estimate impossible.
@@ -226,11 +226,11 @@ class Gyros(Part):
     pieces : int
         rests, moves and parts of moves over which the gyros are integrated
     noise_basis : str
-        what the bounds of the gyros' noise rest on
+        basis of the bounds of the gyros' noise
     encoder_bound : float
-        of an encoder's error [rad]
+        bound of an encoder's error [rad]
     latitude_deg, azimuth_deg : float
-        of the bench and its outer axis, from north towards east
+        place of the bench and its outer axis, from north towards east
     gains : list of GainOfTurns
         parameters of the bench that the turns make known better
     witness : list of Turn
@@ -360,7 +360,7 @@ class Calibration(Part):
     explained_by : str
         the diagnosis that names them
     reading_errors : list of ReadingError
-        what the readings may be off by at the corners of the input
+        possible errors of the readings at the corners of the input
     open : list of Open
         directions that the records leave undetermined
     next_positions : list of TablePosition

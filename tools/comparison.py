@@ -44,7 +44,7 @@ class Difference(Result):
     one_only : int
         rows where only one of both has a value
     within : bool
-        whether the largest is within what was asked for, and no value is missing
+        true if the largest is within the limit and no value is missing
     """
 
     column: Annotated[str, Quantity("column")]
@@ -63,11 +63,11 @@ class Compared(Result):
     Attributes
     ----------
     verdict : str
-        "same" where every column is within what was asked for, and both have the same columns
+        "same" if every column is within its limit, and both have the same columns
     first, second : str
-        what they are called
+        their names
     rows : int
-        that were compared
+        number of rows compared
     matched : str
         by what rows belong together: "rows" of the same times, "position" numbers, or "time", the second interpolated
     columns : list of Difference

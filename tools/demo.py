@@ -209,7 +209,7 @@ def true_targets(scenario: Scenario) -> dict[str, float]:
     truth = {name: true_values(scenario, name) for name in ("TurntableMotion", "AccelerometerBlock")}
     targets = dict(zip(TARGETS, target_values(true_elementary(truth, ()), np.eye(3)).tolist(), strict=True))
     if gyros := true_values(scenario, "GyroBlock"):
-        # What else the calibration seeks of gyros this block has not.
+        # This block lacks the other gyro parameters that the calibration seeks.
         of_gyros = dict.fromkeys((*GYRO_PARAMETERS, *LATENCIES), 0.0)
         of_gyros |= zip(GYRO_PARAMETERS[BIAS], gyros["bias"], strict=True)
         of_gyros |= zip(GYRO_PARAMETERS[MATRIX], gyros["scale_misalignment"], strict=True)

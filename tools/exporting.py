@@ -172,7 +172,7 @@ class FmpyInput(Result):
     start_values : dict
         parameters of the component that go with the record
     bridged_bound : float
-        of the attitude error that bridged gaps may cause [rad]
+        bound of the attitude error from bridged gaps [rad]
     trusted_until : float or None
         time of the run up to which the attitude is to be trusted: a gyro is at its limit behind it [s]; None: all is
     warnings : tuple of str

@@ -248,7 +248,7 @@ def whole_folder(path: Path, obsolete: Sequence[str] = ()) -> Iterator[Path]:
         if path.exists() and not path.is_dir():
             raise InputError(f"{path}: is a file; give the name of a folder")
         folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name[:LONGEST_PART]}-"))
-        # What is written in it appears with it.
+        # Files written in it appear with it.
         with _beside(folder, path, [path / name for name in obsolete]) as draft, at_once():
             yield draft
 
@@ -277,13 +277,13 @@ def bytes_of(
     path : Path
         the file
     wanted : str
-        what would be right in place of a folder or a device
+        the right kind of input in place of a folder or a device
     label : str
         what a refusal calls the file where that is not its path: the name that stands in a scenario, say
     most : int
         bytes that it may have
     archive : bool
-        whether only a ZIP archive is of use: another file is not read
+        true if only a ZIP archive is of use: another file is not read
 
     Raises
     ------
@@ -318,7 +318,7 @@ def is_workbook(content: bytes) -> bool:
     return archive or content.startswith(OLD_WORKBOOK)
 
 
-# What a file is, whoever reads it
+# Kinds of files, for every reader
 
 _SCHEMA = re.compile(rb"^\s*[{]?\s*\"?schema\"?\s*[=:]\s*\"trihedron\.([a-z-]+)/\d+\"", re.MULTILINE)
 _OF_RECORD = re.compile(rb"\b(alpha_deg|f1_mps2|w1_radps|dtheta1_rad)\b")

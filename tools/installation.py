@@ -54,7 +54,7 @@ class Installation(Result):
     Attributes
     ----------
     works : bool
-        whether everything that is needed is there and a run works
+        true if everything needed is present and a run works
     findings : tuple of InstallationFinding
     """
 
@@ -161,7 +161,7 @@ def _run() -> InstallationFinding:
     """A run of the whole chain, on a template's scenario."""
     subject = "a run"
     try:
-        # It reads what it has written.
+        # The command reads back its own output.
         with own_folder() as folder, at_once():
             scenario = new("scenario", folder / "bench.toml", positions=POSITIONS)[0]
             text = scenario.read_text(encoding="utf-8")
@@ -173,7 +173,7 @@ def _run() -> InstallationFinding:
                 return finding(subject, f"gives no positions: {run.no_positions}", False)
             verdict = calibrate(run.positions, noise_bound=1e-5).verdict
     except Exception as error:
-        # Whatever stops it is what the user asked for.
+        # Any error here answers the user's question.
         return finding(subject, f"{type(error).__name__}: {' '.join(str(error).split())}", False)
     state = f"{run.height} steps in {digits(seconds)} s by {usual_flavour()} FMUs; calibrated: {verdict}"
     return finding(subject, state, verdict == "consistent")

@@ -72,7 +72,7 @@ def own_folder() -> Iterator[Path]:
                 raise
             finally:
                 shutil.rmtree(inside, ignore_errors=True)
-                # Where an open file cannot be taken away, the lock goes first.
+                # If the system does not remove an open file, the lock goes first.
                 stack.close()
                 shutil.rmtree(folder, ignore_errors=True)
         return

@@ -33,7 +33,7 @@ class Quantity:
     unit : str
         the unit in which it is shown; empty where it has none, or where the row has a column for it
     rounding : str
-        what the number promises; "as it is" for texts and counts
+        promise of the number; "as it is" for texts and counts
     count : int or None
         significant digits, by default those of the rounding
     factor : float

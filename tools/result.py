@@ -305,7 +305,7 @@ def field_problems(error: ValidationError, model: type[BaseModel]) -> list[tuple
     meant, unknown = [], []
     for problem in problems:
         location = problem["loc"]
-        # Of a union, the member is meant of which most is right: that another would be of another kind says nothing.
+        # In a union, the member with the most valid fields is meant: errors of other members say nothing.
         if location and is_member(location[-1]) and _deeper(location, deep):
             continue
         place = tuple(part for part in location if not is_member(part))

@@ -127,7 +127,7 @@ def interval(
 
     The lower end is rounded down, the upper up, the estimate to nearest; an estimate within its interval is shown
     within. A positive estimate that is far smaller than that has three digits of its own. Ends may be infinite, or None
-    where they are not known: then the place is that of `bound`, and where there is none each number has three digits of
+    where they are unknown: then the place is that of `bound`, and without a bound each number has three digits of
     its own.
 
     Parameters
@@ -156,7 +156,7 @@ def interval(
     else:
         power = size
     central, below, above = (_placed(number, place, power, how) for number, how in ways)
-    # Of a positive number that is known to some powers of ten the place of the width would show nothing.
+    # For a positive number known to some powers of ten, the place of the width would show nothing.
     if value is not None and low is not None and 0.0 <= low <= value and 0.0 < value < DECADES * bound:
         central = digits(value)
     return central, below, above

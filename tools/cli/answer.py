@@ -142,7 +142,7 @@ def exit_status(command: Callable[[], int]) -> int:
     except Exception as error:
         return fault(error)
     except BaseException as error:
-        # What a library in Rust raises that meets what it does not expect.
+        # A library in Rust raises this for an unexpected case.
         if type(error).__name__ != "PanicException":
             raise
         return fault(RuntimeError(str(error)))

@@ -497,7 +497,7 @@ def demo_command(
     from ..demo import run_demo
 
     trials.check_seed(seed)
-    # It reads what it has written.
+    # The command reads back its own output.
     with at_once(), redirect_stdout(StringIO() if json == STANDARD_OUTPUT else sys.stdout):
         page = run_demo(out, seed=seed, show=show)
     files = sorted(str(path) for path in out.rglob("*") if path.is_file())

@@ -37,7 +37,7 @@ def measure_command(
     Example: trihedron measure plan24 --from growing.csv --out monday.csv --noise-bound 1e-5 --resume
     """
     distinct_files({"the plan": plan, "--from": Path(source), "--out": out, "--json": json})
-    # What comes is kept as it comes, and --resume goes on with it.
+    # Results are kept as they arrive, and --resume continues from them.
     with at_once():
         try:
             result = library.measure(plan, source=source, out=out, noise_bound=noise_bound, **options, progress=True)
@@ -204,7 +204,7 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
 def campaign_command(campaign: Path, /, *, out: Folder = None, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron campaign scenarios/campaigns/attitude-60s.toml --jobs 2 --out attitude-60s"""
     distinct_files({"the campaign": campaign, "--json": json})
-    # What is computed is kept as it comes, and --resume goes on with it.
+    # Results are kept as they arrive, and --resume continues from them.
     with at_once():
         result = library.run_campaign(campaign, out, **options, progress=True)
     folder = result.folder or Path()

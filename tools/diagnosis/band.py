@@ -37,7 +37,7 @@ class BandOfFunctions(Told):
     Attributes
     ----------
     where, quantity, factor : str
-        the functions' place, what they depend on, and what they are multiplied by
+        the functions' place, their quantity, and their factor
     knots : tuple of Knot
         ends, exact for all functions that bend no more than `bending`; where the record has more values of the quantity
         than are knots of them, for those that are straight between
@@ -47,7 +47,7 @@ class BandOfFunctions(Told):
     bending : float
         total variation of the slope, times the range of the knots; of functions that jump that of the values
     steps : bool
-        whether functions jump
+        true if functions jump
     """
 
     where: str

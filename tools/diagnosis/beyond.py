@@ -92,13 +92,13 @@ class BeyondCatalogue(StatedLaw):
     kind : str
         "formula" or "lookup", a table of knots
     quantity, factor : str
-        of what it is a function, and what that is multiplied by
+        quantity of the function, and its factor
     knots : tuple of FoundKnot or None
-        of a table; of several the first
+        knots of a table; of several, those of the first
     noise_bound_needed : float or None
-        where it does not stand: the noise bound with which it would
+        the noise bound with which it would fit, where it does not
     gain : Gain or None
-        what it does to positions that were not used, simulated by the extended components
+        gain on positions that were not used, simulated by the extended components
     """
 
     kind: Literal["formula", "lookup"]
@@ -167,7 +167,7 @@ class Beyond:
     def _tables(self) -> Iterator[tuple[EffectPlace, ...]]:
         """Yield a table that suffices, or tables with more and more knots until one suffices.
 
-        Of several places one of each.
+        For several places, one table of each.
         """
         pair, form = self.pair, self.form
         if form.kind == "jump":
@@ -226,7 +226,7 @@ class Beyond:
             places.append(pair.table(law))
         return tuple(places)
 
-    # What is said
+    # Sentences
 
     @property
     def caution(self) -> tuple[str, ...]:
@@ -298,7 +298,7 @@ class Beyond:
             return f"{names[0]} stands, and so does any other function within the band"
         return f"{', '.join(names[:-1])} and {names[-1]} stand"
 
-    # What is stated
+    # Estimates
 
     def stated(self, law: Law) -> StatedLaw:
         """Return a law with its intervals and its errors at the readings left out."""
@@ -365,7 +365,7 @@ class Beyond:
                 fits, errors = near, self._errors_alike(near)
         if not fits:
             return None
-        # Formulas stand before the table: of those that predict about as well the first is the simplest.
+        # Formulas come before the table: among those that predict about equally well, the first is the simplest.
         as_good = [fit for fit, error in zip(fits, errors, strict=True) if error <= AS_GOOD * min(errors)]
         chosen, gain = self._with_gain(as_good, rerun)
         fit = self._centred(chosen)
@@ -437,7 +437,7 @@ def keys_of(beyond: Beyond, *, extend: bool, rerun: bool) -> Mapping[str, Any]:
         keys["band"] = beyond.bands[0]
     if beyond.caution:
         keys["caution"] = beyond.caution
-    # Several effects of one place that add up to a law are told as causes.
+    # Several effects of one place that add up to a law are reported as causes.
     laws = [beyond.stated(law) for law in beyond.laws if len(law.fit.places) in (1, len(beyond.each))]
     if laws:
         keys["laws"] = tuple(laws)

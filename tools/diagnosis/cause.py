@@ -102,7 +102,7 @@ class Cause(NamedEffect):
     Attributes
     ----------
     equivalents : tuple of NamedEffect
-        what no measurement of this kind could tell from it
+        effects that no measurement of this kind could tell from it
     parameters : tuple of SizedParameter
     """
 
@@ -265,7 +265,7 @@ def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
     """
     excluded, room, count = [], evidence.model.room, len(fit.at)
     for place, columns in evidence.model.beside(fit):
-        # What bounds an effect beside one way of the others bounds it beside the next one nearly as well.
+        # A bound of an effect beside one way of the others nearly bounds it beside the next one, too.
         proofs: Proofs = {}
         possible = fit.possible_in_any(room, columns, evidence.model.effort.most_rows, proofs)
         sizes: list[Interval] = []

@@ -120,7 +120,7 @@ class Dependence:
     def place(self) -> str | None:
         """The place that is proven; None where several would do, or none does."""
         places = {standing.pair.where for standing in self.standing} or set(self.places)
-        # Where all other places are refused, whatever they do, no function has to show it.
+        # If all other places are refuted for any function, no function needs to show the place.
         shown = len(set(self.places)) == 1 or any(self.shows(standing) for standing in self.standing)
         sure = len(places) == 1 and shown and not self.is_near and not self.listed_elsewhere
         return next(iter(places)) if sure else None
@@ -202,11 +202,11 @@ class Proven(Result):
     quantity, factor : str or None
         None where several quantities would do, or no function of one was found
     complexity : int or None
-        of the least complex function of it that suffices
+        least complexity of a function of it that suffices
     same : tuple of str
         quantities that the record cannot tell from it
     not_excluded : tuple of str
-        where no quantity is proven: those that would do
+        quantities that would do, where none is proven
     """
 
     place: str
@@ -284,7 +284,7 @@ def dependence(evidence: Evidence, work: Work | None = None) -> Dependence | Non
 class Trial:
     """One form of a pair, and the orthonormal columns (M, K) that it adds to the model; None until computed.
 
-    Then its coefficients but those that the model may imitate are `least` of what it adds.
+    Then `least` is its number of coefficients less those that the model may imitate.
     """
 
     pair: Pair
@@ -421,7 +421,7 @@ class Search:
     def standing(self, freedoms: Sequence[str]) -> Iterator[Standing]:
         """Return the least complex functions of each pair, up to the complexity of a rival of the least complex."""
         every = (trial for pair in self.pairs if pair.freedom in freedoms for trial in self.trials(pair))
-        # What waits comes before what is as complex, then what came first.
+        # Waiting trials come before trials of equal complexity; then the order of arrival counts.
         queue = [(trial.complexity, trial.space is not None, k, trial) for k, trial in enumerate(every)]
         heapify(queue)
         standing_pairs: list[Pair] = []
@@ -463,7 +463,7 @@ class Search:
         """Return all forms of a pair that may fit."""
         for ladder in pair.ladders():
             forms = [form for form in ladder if form.count <= LARGEST_PART * len(pair.values)]
-            # Functions of many pieces hold those of a half or a third as many.
+            # Functions of many pieces include those of a half or a third of the number.
             finest = forms[-2:]
             columns = [pair.columns(form) for form in finest]
             spaces = [self.space_of(added) for added in columns]

@@ -323,7 +323,7 @@ def _known(evidence: Evidence, named: Named, request: Asked, scale: NDArray) -> 
     for place, cause in named.causes.items():
         ends = np.abs(np.array(coefficient_limits(place))).max(axis=0)
         if named.known:
-            # Of this record the sizes are told but for powers of 1 - Δg/g and turns by Δβ, as of the other.
+            # This record gives the sizes up to powers of 1 - Δg/g and turns by Δβ, as the other does.
             told = evidence.reader.told(place, cause.intervals)
             box = Cause.found(cause.place, (), cause.values, told)
             values, errors = coefficients_of(box), errors_of(box)

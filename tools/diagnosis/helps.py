@@ -88,7 +88,7 @@ def order_of_effects(rows: Rows, places: Sequence[EffectPlace]) -> OrderOfEffect
         if best > (1.0 - HELPS) * current:
             break
         if len(ranked) > MOST_TRIED:
-            # What hardly helps by itself is not tried again behind what helps most.
+            # An effect that hardly helps alone is not tried again after the one that helps most.
             places = [tried_place for _, tried_place in ranked[:MOST_TRIED]] + chosen
         chosen.append(place)
         steps.append(OrderedEffect(**NamedEffect.keys(place), held_out_rms_arcmin=best / ARCMIN))
@@ -154,7 +154,7 @@ def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) 
     objections = []
     for place, block in zip(fit.places, fit.blocks, strict=True):
         if place not in evidence.rows.places:
-            # Of one that sets in at a time a length by itself tells less of the time than of the size.
+            # For an effect with an onset, one length alone determines the time less well than the size.
             continue
         needing = [length.over for length in lengths if _needs(length, place)]
         if len(needing) > 1:

@@ -35,9 +35,9 @@ class Hypothesis(Told):
     parameters : tuple of SizedParameter
         the unknown coefficients, as far as they are possible
     objections : tuple of str
-        what was left out says against it
+        objections of the left-out readings
     gain : Gain or None
-        of a formula that stands: what it predicts of what was not used
+        prediction of unused readings by a formula that fits
     equivalents : tuple of NamedEffect
         effects of the catalogue that are the same by another name
     as_well : tuple of tuple of NamedEffect
@@ -135,7 +135,7 @@ def _same_in_catalogue(evidence: Evidence, place: EffectPlace) -> tuple[EffectPl
     classes = evidence.model.classes
     for first, own_space in zip(classes.places, classes.spaces, strict=True):
         if same_space(space, own_space):
-            # Where they are run beside the catalogue, formulas have classes too.
+            # If they run beside the catalogue, formulas have classes, too.
             return tuple(effect for effect in classes.whole_class(first) if not effect.law)
     return ()
 

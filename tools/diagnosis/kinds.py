@@ -52,9 +52,9 @@ class Kind:
         names of options that no other kind has
     baselines : tuple of str
     at_table : bool
-        whether a table turns the block
+        true if a table turns the block
     runs_formulas : bool
-        whether formulas are run beside the catalogue; else they can be added to evidence at any time
+        true if formulas run beside the catalogue; else they can be added to evidence at any time
     """
 
     evidence: Callable[..., Evidence]
@@ -110,7 +110,7 @@ def evidence_with_formulas(
 ) -> Evidence:
     """The evidence of a record in which formulas can be tried.
 
-    An InputError for a formula that depends on what the record has not, or that is no finite number at one of its rows.
+    An InputError for a formula that needs data the record lacks, or that is not finite at one of its rows.
     """
     if not formulas or evidence.reader.missing():
         return evidence

@@ -105,7 +105,7 @@ class Law:
 class Family:
     """Laws that differ by one number s between `low` and `high`; `text` has {s} in its place.
 
-    `value` (x (N,), s) -> (N,) is what the one coefficient is multiplied by.
+    `value` (x (N,), s) -> (N,) is the factor of the one coefficient.
     """
 
     text: str
@@ -161,7 +161,7 @@ class Laws:
         base, columns = np.hsplit(fit.jacobian, [len(fit.point)])
         if self.pair.told:
             return bool(self._within(base, self.pair.spread(self.pair.values[:, None]), columns).all())
-        # At as many knots as there are values anything is a function of the quantity: few tell what is a smooth one.
+        # With a knot at every value, any values are a function of the quantity: few knots keep it smooth.
         few = Form("around" if self.pair.circle else "pieces", max(LEAST_AROUND, len(self.pair.values) // 2))
         smooth = self._within(base, self.pair.columns(few), columns)
         values = np.linalg.lstsq(self.possible.every.unknown.columns, columns, rcond=None)[0]
@@ -229,7 +229,7 @@ class Laws:
             if self.refused(family, low, high):
                 continue
             fine = family.parts or high - low <= FINEST * (family.high - family.low)
-            # Between two shapes that stand nothing is sought that does not.
+            # Between two shapes that fit, the search does not look for one that does not.
             if fine or (stands(low) and stands(high)):
                 standing.append((low, high))
             else:
@@ -279,7 +279,7 @@ class Laws:
             sizes = np.full((2, count + 1), np.inf) * [[-1.0], [1.0]]
             sizes[:, count] = sorted((0.0, sign * largest))
             growth, proofs = Growth(np.zeros(len(rows)), rows, *sizes), self.proofs[sign]
-            # What refuses shapes refuses those beside them nearly as well.
+            # A proof that refutes shapes nearly refutes their neighbours, too.
             self.work.add(len(proofs) * (60.0 + 0.01 * jacobian.size))
             if any(
                 proven_radius(jacobian, evidence.rows.residual, self.bound, growth, proof) > SURELY for proof in proofs
@@ -342,7 +342,7 @@ def families(pair: Pair) -> Iterator[Family]:
     if pair.circle or pair.told or not high > low:
         return
     values = np.unique(x)
-    # What only one value shows is a reading.
+    # A deviation at a single value counts as a reading.
     gaps = tuple((float(a), float(b)) for a, b in pairwise(values[1:-1]))
     if pair.quantity in (*INPUTS, *RATES):
         end = max(-low, high)

@@ -529,7 +529,7 @@ class Procedure:
         beyond = self.functions.get("beyond")
         other_laws = self.unlisted.same is not None or (beyond is not None and bool(beyond.caution))
         if self.proves_quantity:
-            # Where other laws of the quantity were not compared, no law is the only one.
+            # Without a comparison with other laws of the quantity, no law is unique.
             return "quantity" if other_laws or beyond is None else "law"
         if len(best.fit.places) > self.evidence.model.effort.most_known_alone:
             return None

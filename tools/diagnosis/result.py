@@ -43,22 +43,22 @@ class Explanation(Told):
     where : tuple of str
         places at which it acts
     causes : tuple of Cause
-        its effects; none of a function of which no table was fitted
+        its effects; empty for a function without a fitted table
     radius : float or None
         the largest error over its bound; None where the records were not fitted with it together
     sentence : str
     calibration : Calibration or None
-        of the model so extended, where it was fitted
+        calibration of the extended model, where it was fitted
     extension : BeyondCatalogue or None
-        of a formula or a table that is in no catalogue: its knots, and what it predicts of what was left out
+        a formula or table outside the catalogue: its knots, and its prediction of left-out readings
     rows : tuple of int
         numbers of wrong rows as in the file
     change : mapping
-        what makes a row fit, or what changes at a break: {"alpha_deg": -0.4002}
+        the change that makes a row fit, or the change at a break: {"alpha_deg": -0.4002}
     within : mapping
-        ends of what the record leaves possible of a change, where σ is a bound
+        ends of the possible values of a change, where σ is a bound
     before_row, time_s : int, float
-        where a break lies
+        place of a break
     """
 
     kind: KindOfExplanation
@@ -255,7 +255,7 @@ class WithFound(Result):
 class CrossGain(Result):
     """Errors of one record, simulated by FMUs: `rms`, `max` without effects, and with the effects of each record.
 
-    `over` says of what the errors are; `unit` is "arcmin" or "g". What is a record's own, its biases, is fitted to it.
+    `over` names the errors' spans; `unit` is "arcmin" or "g". The record's own values, its biases, are fitted to it.
     """
 
     record: str
@@ -300,7 +300,7 @@ class Diagnosis(Told):
     verdict : str
         "consistent", "explained", "ambiguous", "unexplained" or "insufficient"
     calibration : Calibration
-        of the model without effects
+        calibration of the model without effects
     explanations : tuple of Explanation
         with which the record stands: what is named, or what remains. The one that needs the fewest numbers comes
         first; of several, the one with the least radius
@@ -308,7 +308,7 @@ class Diagnosis(Told):
         the effects of the explanation that is named, else none; of an ambiguous record the sets of the catalogue that
         remain, the best first
     level : str or None
-        how far the record carries the verdict: "law", "quantity" or "place"
+        level to which the record proves the verdict: "law", "quantity" or "place"
     proven : Proven or None
         the place, and the quantity, that alone suffice, where the model is falsified
     depends_on : tuple of str
@@ -318,11 +318,11 @@ class Diagnosis(Told):
     noise_bound_needed : float
         the least noise bound with which the model without effects would stand, in the unit of the bound that was used
     caution : tuple of str
-        what the record cannot tell from the causes, listed or not, and what else is to be borne in mind
+        explanations that the record cannot tell from the causes, listed or not, and other cautions
     band : BandOfFunctions or None
         where place and quantity are proven: the ends of every function that the record leaves possible
     bands : tuple of BandOfFunctions or None
-        where each of three gyros has a function of its own: the band of each, beside those of the others
+        the band of each gyro, beside those of the others, where each has a function of its own
     laws : tuple of StatedLaw
         laws that stand there: those of the catalogue, then short formulas, of the least size of which one stands
     complete : bool
@@ -332,17 +332,17 @@ class Diagnosis(Told):
     equivalent_sets : tuple of tuple of NamedEffect
         other sets that no measurement of this kind could tell from the first
     power : tuple of Unlisted
-        from which size on what is in no catalogue would have falsified the model, whatever the noise
+        size from which an error outside the catalogue would have falsified the model, for any noise
     containing : tuple of tuple of NamedEffect
         sets that would do, too, as they contain what is named, as a slow warm-up contains a drift: no rivals of it
     not_named : tuple of str
         why a set that would do is not named
     objections : tuple of str
-        what was left out says against the first of several sets
+        objections of the left-out readings to the first of several sets
     hypotheses : tuple of Hypothesis
         formulas that were asked about, in that order
     records : tuple of OneRecord
-        of several records each by itself
+        each of several records alone
     shared, own : tuple of str
         parameters with one value for all records, and those of each record
     instrument : str or None
@@ -352,11 +352,11 @@ class Diagnosis(Told):
     repeatability : Calibration
         each record by itself, with the effects that are named, and what changes from record to record
     cross_gain : tuple of CrossGain
-        errors of each record without effects, and with what was found in each
+        errors of each record without effects, and with the effects found in each
     helps : tuple of Helps
-        of each effect that was found, on which other records it helps
+        other records that each effect found improves
     evidence : Evidence
-        of the record, or of all that are judged together
+        evidence of the record, or of all that are judged together
     findings : tuple of Finding
         sets of the catalogue that were named, or that remain, the best first, with their models
     unshown : tuple of Finding

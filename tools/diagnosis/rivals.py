@@ -101,7 +101,7 @@ class Listed:
         columns = fit.jacobian[:, len(fit.point) :]
         for place, block, _ in fit.ways:
             if place.definition.variants is not None:
-                # What does not only add its columns depends on its accelerometer's own input.
+                # An effect that does more than add its columns depends on its accelerometer's own input.
                 is_function = place.where == pair.where and f"n{place.where[-1]}" in pair.depends_on
             else:
                 is_function = _is_table_of(place, pair) or self._are_within(columns[:, block], pair)
@@ -176,7 +176,7 @@ class Unlisted:
     held : Standing or None
         the simplest function that holds the set
     proven : bool
-        whether the rival, then one, is the place and quantity that are proven
+        true if the one rival is the proven place and quantity
     """
 
     rivals: tuple[Standing, ...]
@@ -194,10 +194,10 @@ class Unlisted:
         if dependence is None:
             # A record without pairs is not compared by its kind, which is no caution of its own.
             return Unlisted((), None, None, compared=not listed.evidence.reader.pairs)
-        # What stands only within what the linear model may be wrong by is no rival, and no proof that there is none.
+        # A fit within the error of the linear model only is no rival, and no proof that there is none.
         compared = listed.evidence.model.second_order <= SURE_SECOND_ORDER
         holding = [standing for standing in dependence.standing if listed.is_of(fit, standing.pair)]
-        # What of a set is needed, if that is less, counts.
+        # If only a part of a set is needed, that part counts.
         most = complexity_of(fit.places)
         for standing in holding:
             if not listed.is_wholly_of(fit, standing.pair):
@@ -206,7 +206,7 @@ class Unlisted:
         for standing in dependence.standing:
             if compared and standing not in holding and standing.complexity <= most:
                 rivals.append(standing)
-        # Where not all sets are tried some stand that are more complex than what is proven, and elsewhere.
+        # If not all sets are tried, some that fit are more complex than the proven function, and elsewhere.
         proven = dependence.proven is not None and len(fit.places) > listed.evidence.model.effort.most_known_alone
         if proven:
             # All that stands is one quantity, as far as the record tells: no rival of itself, one of a set elsewhere.

@@ -94,7 +94,7 @@ def diagnosed_together(
     """Diagnose several records together, each already diagnosed by itself, with its evidence.
 
     `shared`, `own` are as for `join`; `left_out` has reasons why records are not judged with the others, by label;
-    `rerun`: simulate each record with what was found in others; `most_work` is that of the search.
+    `rerun`: simulate each record with the effects found in others; `most_work` is that of the search.
     """
     reasons = {label: (left_out or {}).get(label) or reason_apart(diagnosis) for label, diagnosis in alone.items()}
     joint = _joined(alone, reasons, shared, own)
@@ -221,7 +221,7 @@ class Together:
         owners: list[Collection[str | None]] = []
         for explanation in explanations:
             owners.append({cause.record for cause in explanation.causes})
-        # What was not tried in a record is of that run.
+        # An effect not tried in a record belongs to that run.
         owners += [{label} for label in untried]
         caution = (*self._cautions(best), *untried.values())
         is_named = self.found.verdict == "explained" and len(explanations) == 1 and not caution
@@ -240,7 +240,7 @@ class Together:
         """Return sentences on values that must differ in one record, where that suffices to make all records fit."""
         joint, members = self.joint, dict(zip(self.joint.labels, self.joint.members, strict=True))
         sentences = []
-        # Of two records what the first cannot share, the second cannot.
+        # With two records, a value that the first cannot share, the second cannot share either.
         labels = joint.labels[-1:] if len(members) == 2 else joint.labels
         for label in labels:
             ends_here = self._ends_of({label: members[label]})
@@ -294,7 +294,7 @@ class Together:
         """Yield effects not sought in several records, at most `size`, each with a set that mends one record alone."""
         unsought: dict[tuple[EffectPlace, ...], Finding] = {}
         for finding in findings:
-            # What contains a set that stands there can always stand, too.
+            # A set that contains a fitting set can always fit, too.
             if not any(finding.contains(rival) for rival in findings):
                 unsought.setdefault(_unsought(finding.fit, self.joint, k), finding)
         fitting = [pair for pair in unsought.items() if 0 < len(pair[0]) <= size]
@@ -334,7 +334,7 @@ def _beside(joint: Evidence, most: int) -> tuple[Cause, ...] | None:
                     causes = causes_of(joint, fits[0])
                     return tuple(sorted(causes, key=lambda cause: not cause.is_of_instrument))
         except CutOff:
-            # What was not refuted stays a rival.
+            # A set that is not refuted stays a rival.
             return ()
     return None
 

@@ -250,7 +250,7 @@ def digests_of(result: Held) -> dict[str, str]:
 def parameters_told(result: Held) -> Iterator[tuple[str, str, str, Any]]:
     """Yield the parameters of a consistent or explained result: record label, name, unit, estimate with ends.
 
-    What several records share stands once, with the last of them that has the shared value.
+    Values that several records share appear once, with the last record that has the shared value.
     """
     if result.verdict not in ("consistent", "explained", "noise-unknown"):
         return

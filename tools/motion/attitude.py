@@ -55,11 +55,11 @@ class AttitudeRun(Result):
     Attributes
     ----------
     record : Path
-        where the gyros came from
+        record of the gyros
     algorithm, rates : str
         the algorithm's name; how the rates were taken ("increments" where the record has these)
     gyro_bias : tuple of 3 float or None
-        what was taken out of the rates [rad/s]
+        bias subtracted from the rates [rad/s]
     period : float
         time between the record's rows [s]
     updates, judged_updates : int
@@ -78,9 +78,9 @@ class AttitudeRun(Result):
     trusted_until : float or None
         time of the last update before the first of them: the attitude is not to be trusted behind it [s]; None: all is
     warnings : tuple of str
-        what a person should know of the gyros' limits
+        warnings on the gyros' limits
     files : tuple of Path
-        what was written
+        files written
     velocity_at_end : tuple of 3 float or None
         of `velocity`
     row : ndarray, shape (N,)
@@ -99,7 +99,7 @@ class AttitudeRun(Result):
     heading, tilt : ndarray, shape (N,), or None
         the error about the reference's third axis and of that axis [rad]; None where it is not the vertical
     provenance : dict
-        what the orchestrator says of the run
+        notes of the orchestrator on the run
     """
 
     schema_: Literal["trihedron.attitude/1"] = Field(default="trihedron.attitude/1", alias="schema")

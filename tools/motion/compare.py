@@ -61,7 +61,7 @@ class ComparedAlgorithm(Result):
     algorithm : str
     order : int
     updates : int
-        how many updates the run made
+        number of updates of the run
     apart : float or None
         largest angle to the reference's attitude at common moments [rad]
     rms, maximum : float or None

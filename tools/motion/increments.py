@@ -78,7 +78,7 @@ def without_gaps(record: StrapdownRecord, most: int) -> tuple[StrapdownRecord, t
             Bridge(time_s=float(time[k]), rows=int(count), bound_rad=_bound(record, int(k), int(count), usual))
         )
     bridges = tuple(bridges)
-    # Numbers between those of the rows: a lost row stands a part of the way from one to the next.
+    # Fractional row numbers: a lost row lies a part of the way from one row to the next.
     numbers = np.arange(len(time), dtype=float)
     parts = []
     for k, count in zip(gaps, lost, strict=True):

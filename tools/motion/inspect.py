@@ -136,9 +136,9 @@ class Inspection(Result):
     gravity : float
         model value [m/s²]
     input : str
-        what the gyros gave
+        quantity that the gyros gave
     temperature, true_attitude : bool
-        whether the record has them
+        true if the record has them
     moves : tuple of Move
         between rests
     excitation : (3,) array
@@ -146,7 +146,7 @@ class Inspection(Result):
     accelerometers : Calibration or None
         None where there are no rests, their noise cannot be told, or a table tells more
     at_table : AtTable or None
-        of a bench record; None of any other
+        of a bench record; None for any other
     """
 
     omitted: ClassVar[frozenset[str]] = frozenset({"at_table"})

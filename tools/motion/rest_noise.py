@@ -83,7 +83,7 @@ class RestNoise:
         refused = scatter > expected * scipy.special.fdtri(free, self.count, 1.0 - UNSTEADY)
         # So few rests may show too little of it by chance.
         surely = free / float(2.0 * scipy.special.gammaincinv(0.5 * free, BY_CHANCE))
-        # Where one gyro wanders, what the others do is not taken for noise either.
+        # If one gyro wanders, the scatter of the others is not taken for noise either.
         if refused.any():
             wander = np.full(3, np.nan)
         else:
@@ -203,7 +203,7 @@ def allan_square(pieces: Sequence[NDArray], size: int) -> tuple[NDArray[np.float
             squares.append(deviation**2)
     square = np.array(squares)
     count = np.array([len(piece) - 2 * size + 1 for piece in long], dtype=float)
-    # Of overlapping averages of white noise (D. A. Howe, D. W. Allan, J. A. Barnes, 1981), nearly.
+    # For overlapping averages of white noise (D. A. Howe, D. W. Allan, J. A. Barnes, 1981), nearly.
     free = np.maximum(1.5 * np.array([len(piece) for piece in long]) / size - 2.0, 1.0)
     usual = np.median(square / (2.0 * scipy.special.gammaincinv(0.5 * free, 0.5) / free)[:, None], axis=0)
     usual_pieces = square <= usual * (scipy.special.chdtri(free, UNSTEADY) / free)[:, None]

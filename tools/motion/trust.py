@@ -54,9 +54,9 @@ class TrustCheck(Result):
     Attributes
     ----------
     faults : tuple of str
-        what would make results wrong, and what mends it
+        faults that make results wrong, with their remedies
     warnings : tuple of str
-        what is unusual, and may be right
+        unusual facts that may be right
     of_forces : tuple of str
         the faults of accelerometers: they make results wrong that use no gyros
     """
@@ -114,7 +114,7 @@ def turning_of(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) 
     level, noise = np.zeros(3), np.zeros(3)
     if len(rests):
         level, noise = np.median(rests.rate, axis=0), rests.noise[:3]
-    # Where many turns are more than half a turn they are no glitches: the unit is wrong.
+    # Many turns of more than half a revolution are no glitches: the unit is wrong.
     broken = record.knocks
     if sampling.wrapped < FEW * len(record):
         broken = sampling.broken

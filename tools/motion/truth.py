@@ -39,7 +39,7 @@ Usable: TypeAlias = Callable[[NDArray, NDArray], NDArray[np.bool_]]
 class TruthCheck(Result):
     """Comparison of the gyros with the true attitude, where possible.
 
-    `faults`: what is wrong, in lines; `scale`: how many times as far as each gyro the true attitude turns.
+    `faults`: lines on errors found; `scale`: ratio of the true turn to each gyro's turn.
     """
 
     faults: tuple[str, ...]
@@ -152,7 +152,7 @@ def usable_in(record: StrapdownRecord, sampling: RecordSampling, *, whole: bool 
     """Return stretches of a record without gap or saturated gyro; `whole`: without knock or ambiguous turn, too."""
     bad = np.zeros(len(record), dtype=bool)
     bad[1:] = grid_of(record.time_s).is_gap
-    # Of rates both turns beside a row hold it.
+    # In rates, both turns next to a row contain it.
     spoilt = sampling.limits.of("w") | sampling.broken if whole else sampling.limits.of("w")
     bad |= spoilt
     bad[1:] |= spoilt[:-1]

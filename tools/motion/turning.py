@@ -52,9 +52,9 @@ class TurningCheck(Result):
     matrix : (3, 3) array or None
         K; None where moves are too few, or do not turn about all axes
     said : tuple of str
-        what is wrong, in words, and what mends it; empty where nothing is
+        faults in words, with their remedies; empty if there are none
     of_forces : str
-        what mends it where the gyros are known to be right: the accelerometers' order and signs; empty where none does
+        remedies where the gyros are known to be right: the accelerometers' order and signs; may be empty
     scale : (3,) array or None
         how many times as far as they read the gyros turn, where turns explain nearly all that the specific force does
     """
@@ -142,7 +142,7 @@ def _fit(turn: NDArray, change: NDArray, level: NDArray) -> tuple[NDArray, NDArr
     target = change.ravel()
     solution = np.linalg.lstsq(design, target, rcond=None)[0]
     residual = target - design @ solution
-    # what K ω explains of the change of the specific force; the rest is linear acceleration and noise
+    # part of the change of the specific force that K ω explains; the rest is linear acceleration and noise
     unexplained = float(residual @ residual) / float(target @ target)
     uncertain = np.linalg.inv(design.T @ design) * float(residual @ residual) / (len(residual) - 9)
     return solution.reshape(3, 3), uncertain, unexplained
@@ -228,7 +228,7 @@ def beside_truth(
     missed = []
     none = np.square(target - np.eye(3)).sum(axis=(1, 2))
     for unit in units_tried(before):
-        # A permutation that turns is a turn of what was carried; one that mirrors, of what the reversed gyros carry.
+        # A proper permutation turns the carried attitude; a mirroring one turns that of the reversed gyros.
         forth, back = (carried(sign * unit * increments, windows).as_matrix() for sign in (1.0, -1.0))
         for axes in PERMUTATIONS:
             sign = np.sign(np.linalg.det(axes))

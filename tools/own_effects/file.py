@@ -267,7 +267,7 @@ def with_effects_of(file: "str | Path | OwnEffects | None") -> Iterator[OwnEffec
             catalogue.pop(effect.name, None)
 
 
-# Whether an effect is what it says: names, places, units, limits, kernel
+# Checks of an effect: names, places, units, limits, kernel
 
 
 def check_effect(path: str, effect: Effect) -> Effect:
@@ -457,7 +457,7 @@ def kernel_additions(
 def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     """Check that a linear effect's kernel adds each parameter times a column, alone and together, and nothing else."""
     rows, count = rows_for(effect), len(effect.linear_parameters)
-    # What sets in at a time acts on all of these rows; what settles does so while they last.
+    # An effect with an onset acts on all of these rows; one that settles does so while they last.
     number = WHOLE[ONSET] if effect.searched == ONSET else float(rows.hours[-1])
     last = [] if effect.searched is None else [number]
     if effect.in_motion:
@@ -477,7 +477,7 @@ def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     if np.abs(added(np.zeros(count))).max() > 1e-12:
         raise refuse("kernel", "adds something where its parameters are zero")
     largest = float(min(p.largest for p in effect.linear_parameters if not p.name.endswith("phase")))
-    # What only grows has no other side.
+    # A growing effect has no other side.
     if all(p.smallest is None for p in effect.linear_parameters):
         signs = (1.0, -1.0)
     else:

@@ -113,12 +113,12 @@ class ConditionEffect(Result):
     Attributes
     ----------
     cause, sentence : str
-        switch of `Conditions`, and what was done
+        switch of `Conditions`, and the departure
     row : int
     ratio, ratio_without : (3,) array
         reproduced over published, under the paper's conditions and without this cause
     title : str
-        of the row
+        title of the row
     """
 
     cause: str
@@ -297,7 +297,7 @@ class PublishedEstimator(Result):
     gap : float
         to which `best_tables` is proven
     remarks : tuple of str
-        what is wrong with the row as printed
+        faults of the row as printed
     """
 
     target: str

@@ -188,7 +188,7 @@ def advice(ways: Sequence[tuple[Channels, str]], before: Channels | None) -> str
     Each is how it is read, and what else says the same, a mounting; `before` is how the file was read, None where as it
     stands.
     """
-    # Of ways that change as little a sense comes before an order.
+    # Among equal changes, a sense comes before an order.
     ways = sorted(ways, key=lambda way: (len(way[0].options), way[0].accelerometers != Channels().accelerometers))
     ways_in_words = []
     for channels, instead in ways[:MOST_LISTED]:

@@ -229,7 +229,7 @@ def with_force(columns: FileColumns) -> FileColumns:
     if len(time) > 1:
         usual = float(np.median(np.diff(time)))
     step = np.concatenate([[usual], np.diff(time)])
-    # An interval that is none is a fault of the time, which is said by itself.
+    # An invalid interval is a fault of the time, which has its own message.
     step[~(step >= SHORTEST)] = max(usual, SHORTEST)
     two, span = velocity[:-1] + velocity[1:], step[:-1] + step[1:]
     force = np.vstack([two / span[:, None], velocity[-1:] / step[-1]])

@@ -91,17 +91,17 @@ class _Origin:
     Attributes
     ----------
     path : Path
-        where it came from
+        source of the record
     row : ndarray of int, shape (N,)
         line of the file, as an editor counts; 1, 2, ... when the record has no file
     warnings : tuple of str
-        what a person should be told
+        warnings for a person
     sha256 : str
-        of the file's bytes, in hexadecimal; empty when the record has no file
+        SHA-256 of the file's bytes, in hexadecimal; empty when the record has no file
     about : dict
         key -> value of the comment lines of its file: serial number, operator, date
     channels : Channels or None
-        how the channels of the file were read, where somebody said it
+        channel assignment of the file, where given
     """
 
     path: Path = Path("record")
@@ -250,7 +250,7 @@ class RawRecord(_Record):
     resolution
         as in PositionRecord
     path, row, warnings, sha256, about, channels
-        where it comes from
+        source of the record, and the way it was read
     """
 
     word = "raw record"
@@ -327,13 +327,13 @@ class PositionRecord(_Record):
     temperature_resolution : float
         half a last digit of the temperature as it was written [K]
     path, row, warnings, sha256, about, channels
-        where it comes from
+        source of the record, and the way it was read
     scatter : ndarray, shape (N, 3), or None
         for a record made from rests: standard error of each mean, from the scatter within its rest [m/s²]
     dwell_noise : DwellNoise or None
         for a record made from rests, where they are long enough to tell
     raw : RawRecord or None
-        what it was made from, with all the `rests` of the table, refused ones too
+        its raw record, with all the `rests` of the table, refused ones too
     """
 
     word = "position record"
@@ -419,7 +419,7 @@ class StrapdownRecord(_Record):
     temperature : ndarray, shape (N,), or None
         [°C]
     path, row, warnings, sha256, about, channels
-        where it comes from
+        source of the record, and the way it was read
     """
 
     word = "strapdown record"
@@ -453,7 +453,7 @@ def write_record(record: PositionRecord | RawRecord | StrapdownRecord, path: Pat
     Parameters
     ----------
     record : PositionRecord, RawRecord or StrapdownRecord
-        what it has; row numbers, warnings and scatter are not written
+        the record to write; row numbers, warnings and scatter are not written
     path : Path
         appears whole or not at all
     decimals : int or None

@@ -57,7 +57,7 @@ class Grid:
     logged : (N,) array
         the stamps [s]
     regular : bool
-        whether even times describe the stamps; False where the rows follow no line between gaps
+        true if even times describe the stamps; False where the rows follow no line between gaps
     """
 
     period: float
@@ -142,7 +142,7 @@ def _lasting_jumps(departure: NDArray, period: float, stretch: int) -> tuple[NDA
     count = len(departure)
     step = np.diff(departure)
     candidates = np.flatnonzero(step > (LATE - 1.0) * period)
-    # The longest first: a gap bounds what is compared beside it.
+    # The longest first: a gap limits the comparison beside it.
     order = candidates[np.argsort(-step[candidates], kind="stable")]
     bounds = np.zeros(count + 1, dtype=bool)
     bounds[[0, count]] = True

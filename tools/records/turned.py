@@ -16,7 +16,7 @@ STEP = 0.1
 class Stretches:
     """Stretches of rows as sequences of turns (S, C, 3) [rad], and their durations (S, C) [s].
 
-    `way` (S,): how far the block turns, to and fro [rad].
+    `way` (S,): total angle of the block's turns, to and fro [rad].
     """
 
     turns: NDArray[np.float64]

@@ -219,7 +219,7 @@ class Search:
         """The groups that are not in the catalogue; the search for effects covers the others."""
         groups = [group for group in self.every_group if group.catalogued not in self.listed]
         if isinstance(self.evidence.model, BenchInMotion):
-            # What turns the block its gyros see, too, at the moment of the turn: a slip of the catalogue.
+            # The gyros see a turn of the block, too, at the moment of the turn: a slip of the catalogue.
             groups = [group for group in groups if set(group.where) <= set(ACCELEROMETERS)]
         return tuple(groups)
 

@@ -24,7 +24,7 @@ class Simple:
     where : tuple of str
         places at which it acts: "row-20", "accelerometer-3", "outer-axis"
     sentence : str
-        what is wrong, in plain words
+        the fault in plain words
     radius : float
         the largest error over its bound that remains
     evidence : Evidence
@@ -32,11 +32,11 @@ class Simple:
     rows : tuple of int
         numbers of wrong rows as in the file
     change : mapping
-        what makes a row fit, or what changes at a break, by name with its unit: {"alpha_deg": -0.4002}
+        the change that makes a row fit, or the change at a break, with its unit: {"alpha_deg": -0.4002}
     within : mapping
-        ends of what the record leaves possible of a change, where σ is a bound
+        ends of the possible values of a change, where σ is a bound
     before_row, time_s : int, float
-        where a break lies
+        place of a break
     fit : Fit or None
         effects beside the fault, fitted to its evidence
     beside : tuple of EffectPlace

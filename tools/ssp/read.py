@@ -171,7 +171,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     coupled = _coupling(folder, label, coupling)
     own_steps, between = (coupled.pop(name, {}) for name in RATES)
     for at, interface in interfaces.items():
-        # How far ahead commands are put out is a matter of the master; ours passes them on at once.
+        # The master decides how early it puts out commands; ours passes them on at once.
         if coupled.get("coupling") != "delayed" and interface.model in LEADING and "lead_steps" in interface.variables:
             parameters[at]["lead_steps"] = 0
     if "stop_s" not in run:
@@ -263,7 +263,7 @@ def _edge(connection: Element, part: SystemPart, label: str) -> tuple[Node, Node
             owner = part.parts[element]
         kind = owner.connectors.get(name)
         ends.append((owner.path, name))
-        # A system's own inputs feed what is inside it.
+        # The inputs of a system feed its parts.
         sources = ("output", "calculatedParameter")
         if element is None:
             sources = ("input", "parameter")

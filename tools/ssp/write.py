@@ -161,7 +161,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
     if scenario.run.stop_s is None:
         run["stop_s"] = grid.time(grid.steps)
     paths = {"base_folder": scenario.base_folder, "source": scenario.source}
-    # The programmes stand first: some tools step in this order.
+    # The programmes come first: some tools step in this order.
     fmus = {**first, **fmus}
     return Scenario.model_validate({**written, **paths, "run": run, "fmus": fmus, "connections": connections})
 
@@ -266,7 +266,7 @@ def _parameter_set(name: str, scenario: Scenario, entry: Loaded, version: str) -
     setting, interface = scenario.fmus[name], entry.interface
     values = dict(entry.values)
     if interface.model in LEADING:
-        # Other tools pass outputs on when all FMUs have stepped: what the table does next must be out by then.
+        # Other tools pass outputs on after all FMUs have stepped: the table's next command must be out by then.
         values["lead_steps"] = (interface.variables["lead_steps"], 1)
     rows: list[tuple[str, str, dict[str, str]]] = []
     units: dict[str, Unit] = {}
