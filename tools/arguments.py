@@ -183,7 +183,7 @@ PREFIXES, SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")
 def one_thread() -> Iterator[None]:
     """Limit the OpenBLAS libraries of NumPy and SciPy to one thread; other libraries keep their settings.
 
-    Of calls side by side the last one gives back the numbers that the first one found.
+    With parallel calls, the last one restores the numbers that the first one found.
     """
     with _LOCK:
         _BEFORE.append([get() for get, _ in _libraries()])

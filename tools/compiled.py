@@ -113,8 +113,8 @@ def compiled_and_kept(function: Callable[..., Any]) -> Callable[..., Any]:
 def compile_callee(function: Callable[..., Any], *, allocates: bool = True) -> Callable[..., Any]:
     """Machine code that only compiled code can call.
 
-    What allocates nothing is written into who calls it: to count references and to call would cost several times what a
-    short kernel does.
+    A function without allocation is inlined into its caller: counting references and calling would cost several times
+    as much as a short kernel.
     """
     if not COMPILES:
         return function

@@ -121,7 +121,7 @@ def at_once() -> Iterator[None]:
 def _place(pending: Sequence[Placed]) -> None:
     """Move all drafts into place, the files of a folder into that folder; or none of them.
 
-    Where one cannot be moved, what stood in the places of the others comes back.
+    If one cannot be moved, the former contents of the other places come back.
     """
     placed: set[Path] = set()
     for draft, path, obsolete in pending:

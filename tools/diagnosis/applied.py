@@ -65,8 +65,8 @@ def errors_of(cause: Cause) -> NDArray[np.float64]:
 def applied_to(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
     """Apply the effects that a diagnosis names to another record, given that record's evidence.
 
-    Of several records what is the instrument's, and what is the record's own where it is one of them. An InputError for
-    a diagnosis that names nothing, a record that cannot be run, or was corrected by a diagnosis before.
+    For several records, apply the effects of the instrument, and a record's own effects if it is one of them. An
+    InputError for a diagnosis that names nothing, and for a record that cannot be run or was corrected before.
     """
     if CORRECTED_WITHIN in record.about:
         raise InputError(

@@ -83,9 +83,9 @@ class FoundKnot(TypedDict):
 class BeyondCatalogue(StatedLaw):
     """An effect outside the catalogue that extends the model.
 
-    Where what is proven is not as straight as a table between its knots, and errors are at their bounds, no table
-    stands, or only one of so many knots that left-out readings say nothing of it. Then it is one with which a slightly
-    larger noise bound would do, and its intervals hold all tables that stand with one `NEAR` times as large.
+    A table may not fit, or only with so fine a set of knots that left-out readings cannot judge it, if errors reach
+    their bounds and the function bends between the knots. The extension is then a table that needs a slightly larger
+    noise bound; its intervals hold all tables that fit with one `NEAR` times as large.
 
     Attributes
     ----------
@@ -191,7 +191,7 @@ class Beyond:
     def near_tables(self) -> list[Fit]:
         """The model with tables with which a slightly larger noise bound would do, the nearest first.
 
-        Their knots have about as many values of the quantity between them, so that of each some are left where others
+        About the same number of values of the quantity lies between neighbouring knots, so that some remain when others
         are left out.
         """
         circle, fits = self.pair.circle, []
@@ -248,8 +248,8 @@ class Beyond:
     def readings(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return values (n,) of the quantity, and the readings of the function there (n,).
 
-        That is the function that is drawn first and by how much a reading misses it, over by how much it changes with
-        it; readings that hardly do are left out. None of a block that is carried: its errors are integrals.
+        Each value is the first function drawn, plus the reading's miss divided by the reading's derivative by the
+        function. Readings with a small derivative are left out. Empty for a carried block: its errors are integrals.
         """
         if self.pair.anything:
             return np.zeros(0), np.zeros(0)
@@ -352,8 +352,8 @@ class Beyond:
     def extension(self, rerun: bool) -> BeyondCatalogue | None:
         """Return the extension of the model: the formula or table that predicts the left-out readings best.
 
-        `rerun`: simulate what was held out again. Where none that stands predicts any of it, a table that does, with a
-        slightly larger noise bound. None where there is none at all.
+        `rerun`: simulate the held-out readings again. If no fitting law predicts any of them, return a table that does,
+        with a slightly larger noise bound. None if there is none.
         """
         fits = [law.fit for law in self.laws if not law.is_listed]
         if self.table is not None:

@@ -260,8 +260,8 @@ def stated_within(name: str, value: float, ends: Interval) -> float:
 def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
     """Upper bounds of the effects that were not found, each added to the model that explains the record.
 
-    Of each parameter with effect, where, order and axes: sizes above ``above`` are excluded; effects that the record
-    does not bound below their largest possible size are left out.
+    Each entry has effect, where, order and axes of a parameter; sizes above ``above`` are excluded. Effects that the
+    record does not bound below their largest possible size are left out.
     """
     excluded, room, count = [], evidence.model.room, len(fit.at)
     for place, columns in evidence.model.beside(fit):

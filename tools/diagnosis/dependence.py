@@ -194,7 +194,7 @@ class Suffices(Result):
 
 
 class Proven(Result):
-    """A place, and a quantity where only one would do, that alone suffices for any law.
+    """A place proven for any law, with its quantity if only one suffices.
 
     Attributes
     ----------
@@ -246,7 +246,8 @@ def most_of_rivals(least: float) -> float:
 def is_same(first: Pair, second: Pair) -> bool:
     """Return true if two pairs of a place depend on the same quantity, as far as these rows can tell.
 
-    That is where one quantity is a function of the other, as n3 = cos α is one of α: what stands by it stands by both.
+    This holds if one quantity is a function of the other, as n3 = cos α is one of α: a model that fits by one fits by
+    both.
     """
     if first.depends_on == second.depends_on:
         return True
@@ -271,8 +272,8 @@ def _within(inner: Pair, outer: Pair) -> bool:
 def dependence(evidence: Evidence, work: Work | None = None) -> Dependence | None:
     """Return the possible dependences of the misfit; None of evidence without pairs, or if the model fits.
 
-    None, too, where the misfit is so large that the linear model may be wrong by more than a bound. What it costs is
-    added to the work.
+    None, too, if the misfit is so large that the linear model may be wrong by more than a bound. The cost is added to
+    the work.
     """
     pairs = evidence.reader.pairs
     if not pairs or not evidence.model.falsified or evidence.model.second_order > MOST_SECOND_ORDER:
@@ -404,8 +405,8 @@ class Search:
     def fit_with(self, reader: Reader, columns: NDArray) -> tuple[float, NDArray[np.float64]]:
         """The radius that columns (M, K) leave, and the step (P,) of the model's parameters to it.
 
-        Of the columns those are taken that add most to the model: the others it imitates. Their own values count, for
-        what parameters of the model did in place of them would have a second order.
+        Columns that the model imitates are left out; those that add most are used. They keep their own values, because
+        changes of the model's parameters in their place would have a second order.
         """
         bound = reader.rows.bound
         nominal, added = reader.rows.nominal / bound[:, None], columns / bound[:, None]
@@ -534,9 +535,9 @@ class Search:
 def residual_structure(channels: Sequence[Channel]) -> tuple[dict[str, Any], ...]:
     """Return the part of the residual that a smooth function of one quantity predicts at left-out readings.
 
-    Of each component, by its label, and quantity ``on``: ``explained``, the part of the residual's sum of squares that
-    is predicted when each reading is left out in turn; ``explainable``, the part that is more than noise within the
-    bound, uniform, would be on average. The most telling quantity first, then those of several variables.
+    Each entry has the label of a component and the quantity ``on``. ``explained``: the part of the residual's sum of
+    squares that is predicted when each reading is left out in turn. ``explainable``: the mean part that exceeds uniform
+    noise within the bound. The most telling quantity comes first, then those of several variables.
     """
     single: list[dict[str, Any]] = []
     joint: list[dict[str, Any]] = []

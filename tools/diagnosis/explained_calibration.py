@@ -127,10 +127,9 @@ class Named:
 def calibrated_with(diagnosis: Diagnosis, record: PositionRecord, **options: Any) -> Calibration:
     """Calibrate a record together with the effects that a diagnosis names.
 
-    Where the diagnosis is of this record the sizes of the effects are unknown; of another record of the same
-    instrument they are bounded by the diagnosis' intervals. Options are the fields of `Asked`; without a noise bound
-    that of the diagnosis counts. An InputError for a diagnosis that explains nothing, or for effects that the record
-    cannot have.
+    If the diagnosis is of this record, the sizes of the effects are unknown. If it is of another record of the same
+    instrument, its intervals bound them. Options are the fields of `Asked`; the noise bound defaults to that of the
+    diagnosis. An InputError for a diagnosis that explains nothing, or for effects that the record cannot have.
     """
     _refuse_corrected(record)
     if diagnosis.verdict != "explained":

@@ -1,6 +1,6 @@
 """Diagnoses of the schemas before, as they are written now.
 
-Fields that are missing or wrong stay so: who validates the object says what is wrong with them.
+Missing or wrong fields stay as they are: the validation of the object reports them.
 """
 
 from collections.abc import Mapping
@@ -155,7 +155,7 @@ def _targets(former: Any) -> list[Any]:
 def _causes(former: Any) -> list[Any]:
     """Causes of several records: an effect, or a shared parameter that differs, and the one record in which it acts.
 
-    What they could not be told from was written by its title alone, and is left out.
+    Their equivalents were written by title alone, and are left out.
     """
     causes = []
     for entry in _entries(former):

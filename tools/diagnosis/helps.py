@@ -31,8 +31,8 @@ Sizes = Mapping[EffectPlace, NDArray[np.float64]]
 def of_lengths(evidence: Evidence) -> Mapping[str, Any]:
     """Return the result keys of each scored length; empty for evidence without lengths.
 
-    Where the model is falsified: its smallest sets of effects, the order in which effects help with what was left out,
-    and the same as measured, with nothing taken out.
+    For a falsified model: its smallest sets of effects, and the order in which effects reduce the left-out errors, both
+    for the corrected and for the measured errors.
     """
     lengths = evidence.reader.lengths
     if lengths is None:

@@ -1,8 +1,8 @@
 """Laws of a function with known place and quantity: those of the catalogue, then short formulas by size.
 
-A law is linear in its unknown coefficients and may have one number that gives its shape: a time constant, where it
-steps or bends. Of a family of shapes intervals are refused as a whole, by a programme in which the bounds grow with the
-coefficient by as much as the law differs within the interval; what is left holds every shape that stands.
+A law is linear in its unknown coefficients. One number may give its shape: a time constant, or the place of a step or
+bend. A programme refutes whole intervals of shapes: in it the bounds grow with the coefficient by the law's change
+within the interval. The remaining intervals hold every shape that fits.
 """
 
 import re
@@ -79,7 +79,7 @@ LEFT = {
 class Law:
     """A law that makes the model fit: its fit, and the ends of its shape number, if any.
 
-    Of the catalogue it may be several effects that add up to one function.
+    A law of the catalogue may consist of several effects that add up to one function.
     """
 
     fit: Fit
@@ -198,8 +198,8 @@ class Laws:
     def places_of(self, text: str) -> list[EffectPlace]:
         """The effect of a formula in x, the quantity (a temperature from 20 degrees), or in y, the quantity as it is.
 
-        Of several places one each. None where the place, or its factor, knows none, or the quantity is a sense, whose
-        two values no formula orders.
+        For several places, one effect each. None if the place or its factor has no formulas, or if the quantity is a
+        sense, whose two values no formula orders.
         """
         places = [_place_of(possible.pair, text) for possible in self.each]
         known = [place for place in places if place is not None]

@@ -43,8 +43,8 @@ FURTHER = 2
 def complexity_of(places: Sequence[EffectPlace]) -> int:
     """Parameters of effects, and one more for each number that is searched for.
 
-    That is an order, the reading of an outlier, the power or order of a formula, and place and quantity of each effect
-    beside the first.
+    Searched numbers are an order, the reading of an outlier, the power or order of a formula, and place and quantity of
+    each effect after the first.
     """
     complexity = FURTHER * (len(places) - 1)
     for place in places:
@@ -112,8 +112,8 @@ class Listed:
     def beside(self, dependence: Dependence, fits: Sequence[Fit]) -> Dependence:
         """Return the dependence, marked where a set of the catalogue explains the misfit as simply.
 
-        Sets of several effects are so many that some stand by chance where one function suffices: they have to be no
-        more complex than that, single effects and single readings no more complex than rivals may be.
+        Among the many sets of several effects some fit by chance when one function suffices. Such a set must be no more
+        complex than the function; single effects and readings no more complex than rivals may be.
         """
         least = np.inf if dependence.least is None else dependence.least
         for fit in fits:

@@ -126,7 +126,7 @@ def _mended(
 ) -> Sequence[Fit]:
     """Return the fits of the first members of effects' classes that make the model fit.
 
-    Where none does, members on which the solver fails are added to the unsolved.
+    If none does, members on which the solver fails are added to the unsolved.
     """
     classes = [model.classes.whole_class(place) for place in candidate]
     failed = []

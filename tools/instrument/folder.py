@@ -218,8 +218,8 @@ def nearest_of_instrument(
 def trend_of_instrument(folder: Path) -> Calibration:
     """Return each parameter by date, and the date from which no constant is possible.
 
-    A constant is falsified at the first date whose interval does not meet one before it: of intervals each two of which
-    meet, all have a point in common. An InputError for a folder with fewer than two entries that tell parameters.
+    A constant is falsified at the first date whose interval is disjoint from an earlier one: intervals that meet
+    pairwise have a common point. An InputError for a folder with fewer than two entries with parameters.
     """
     content = entries_of(folder)
     dated = []

@@ -134,8 +134,8 @@ def _guaranteed(
 ) -> tuple[tuple[NDArray, NDArray] | None, float]:
     """Ends of the parameters and the radius.
 
-    What linearisation leaves out is taken from the exact equations at the 18 solutions that are the ends, and added to
-    the bounds until these hold it; that other corners of the set leave out no more is not proven.
+    The error of linearisation comes from the exact equations at the 18 solutions at the ends. It is added to the bounds
+    until these hold it; no proof covers other corners of the set.
     """
     residual, slopes, _ = norm_equations(x, reading)
     shift = float(np.linalg.norm(bound, axis=1).max())

@@ -1,7 +1,7 @@
 """Noise of gyros and accelerometers at rest: white noise, flicker noise, and a test for anything more.
 
-The noise comes from within the rests, over the times at which it is least: what a bias does from one rest to the next,
-or slowly within one, is no noise, and is refused as such where the rests show more of it than flicker noise makes.
+The noise comes from within the rests, over the times at which it is least. A change of bias between rests, or slowly
+within one, is no noise; it is refused if the rests show more of it than flicker noise causes.
 """
 
 import math
@@ -128,8 +128,8 @@ def gyro_noise(
 ) -> RestNoise | None:
     """Return the noise of the gyros from the rests; None if these are too few or too short.
 
-    What differs between the rests' means, and no drift, no dependence on gravity or on temperature explains, counts as
-    noise too, as far as flicker noise makes it; `up` (K, 3) are the directions of gravity at the rests, where known.
+    Differences between the rests' means that no drift, gravity or temperature explains count as noise too, up to the
+    size that flicker noise causes; `up` (K, 3) are the directions of gravity at the rests, where known.
     """
     noise = rest_noise(rates_of(record), record.time_s, rests, period)
     scatter = None

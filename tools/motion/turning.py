@@ -1,7 +1,7 @@
 """Compare the gyros' turns with gravity or a true attitude: order and signs of their axes, and their unit.
 
-All 48 signed permutations are tried, in rad/s and in degrees per second; what fits far better is said with the option
-that reads the record so.
+All 48 signed permutations are tried, in rad/s and in degrees per second. A message reports a far better fit, with the
+option that reads the record in that way.
 """
 
 from collections.abc import Sequence

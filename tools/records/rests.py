@@ -220,8 +220,7 @@ def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
 def _dropped(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> int:
     """Return the number of unsettled rows, measured from a linear drift where there is one, else from a level.
 
-    A drift is one when it does not bend and outlasts what was dropped before it; else it is taken for the tail of
-    what settles.
+    A drift counts if it does not bend and outlasts the rows dropped before it; otherwise it is the tail of a transient.
     """
     start = settled_from(values, floor, drifts=True)
     while len(values) - start >= WINDOW and UNSETTLED * (len(values) - start) >= start:

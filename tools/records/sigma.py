@@ -53,8 +53,8 @@ class Fitted:
 def pooled_deviation(squares: NDArray, freedom: int) -> tuple[float, int]:
     """Standard deviation of a reading and its degrees of freedom, by sums of squares (3,) of each channel's.
 
-    That of all channels together; of the noisiest alone where that differs from the others by more than chance (an F
-    test).
+    The deviation is that of all channels together, or of the noisiest alone if it differs from the others by more than
+    chance (an F test).
     """
     # late: a record is read without it
     from scipy.special import fdtri

@@ -64,7 +64,7 @@ class Mending:
                 return every[0] if len(every) == 1 else _either(every)
         return self.both_angles or NOTHING
 
-    # Remedies that fit
+    # Fit of the other rows
 
     @cached_property
     def others(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,7 +1,7 @@
 """The leading part of a residual: the share of its squares that the best of all simple causes explains.
 
-Of M candidates the best explains about 2 ln M of the squares of pure noise, in units of its variance; a cause that has
-anything to do with the misfit explains more.
+The best of M candidates explains about 2 ln M of the squares of pure noise, in units of its variance; a true cause
+explains more.
 """
 
 import math

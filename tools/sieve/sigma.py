@@ -30,8 +30,8 @@ MOST_RIVALS = 4
 def too_small_bounds(evidence: Evidence) -> tuple[Simple, ...]:
     """Return the least noise bound that makes the model fit, if the misfit looks like noise.
 
-    That is so where no function of one quantity, break or single reading explains more of its squares than of noise;
-    where one effect does, the same is asked of what it leaves.
+    The misfit looks like noise if no function of one quantity, break or single reading explains more of its squares
+    than of noise; if one effect does, the same test applies to the rest.
     """
     if evidence.source is None or not isinstance(evidence.source.record, PositionRecord):
         return ()
