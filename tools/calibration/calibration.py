@@ -1,4 +1,4 @@
-"""From a position record to values with guaranteed errors: the procedure of `trihedron calibrate`."""
+"""The procedure of `trihedron calibrate`: from a position record to values with guaranteed errors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -264,7 +264,7 @@ def _witness(record: PositionRecord, bounded: Linearisation, solution: Solution)
 
 
 def wanted_targets(p: Parametrisation, request: Asked) -> list[Target]:
-    """The targets of the convention, and others that are asked for."""
+    """Return the targets of the convention and the requested ones."""
     by_symbol: dict[str, Target] = {}
     for target in convention_targets(p, request.convention) + asked_targets(request.targets, p):
         by_symbol.setdefault(target.symbol, target)
@@ -272,7 +272,7 @@ def wanted_targets(p: Parametrisation, request: Asked) -> list[Target]:
 
 
 def _without_estimate(falsified: bool, unbounded: bool, missing: Sequence[Parameter]) -> str:
-    """Why there is no estimate, or none of some targets."""
+    """Return why there is no estimate, or none of some targets."""
     if falsified:
         return "no parameters of the model keep every reading within the noise bound"
     if unbounded:
@@ -288,7 +288,7 @@ def reading_uncertainty(resolution: float) -> float:
 
 
 def radius_limit(noise_bound: float, resolution: float) -> float:
-    """The radius above which the model is falsified; `noise_bound` and `resolution` as fractions of g."""
+    """Return the radius above which the model is falsified; `noise_bound` and `resolution` as fractions of g."""
     return 1.0 + reading_uncertainty(resolution) / noise_bound + RELATIVE_TOLERANCE
 
 
@@ -332,7 +332,7 @@ def checked_noise_bound(value: float) -> float:
 
 
 def noise_bound_for(record: PositionRecord, request: Asked) -> NoiseBound:
-    """σ as it is asked for, or as the record tells it; an InputError where neither says it, or none can be used."""
+    """Return σ by the request or the record; raise an InputError where neither has one, or none can be used."""
     if request.noise_bound is not None:
         return NoiseBound(checked_noise_bound(request.noise_bound), "given")
     positions = request.positions or len(record)
@@ -401,7 +401,7 @@ def _no_scale_factor(record: PositionRecord, axis: int, factor: float) -> str:
 
 
 def _of_resolution(record: PositionRecord, sigma: float, gravity: float) -> list[str]:
-    """Say by which comment lines the bounds are more than σ."""
+    """Return a sentence on the comment lines that make the bounds larger than σ."""
     added = {
         "resolution_mps2": record.resolution / gravity,
         "resolution_deg": 2.0 * record.angle_resolution,
@@ -511,7 +511,7 @@ def next_positions(linearised: Linearisation, weights: NDArray, bounds: tuple[fl
 
 
 def repeats(linearised: Linearisation, count: int = 4) -> list[TablePosition]:
-    """Positions of the record, spread over it, that would tell the noise if they were measured again."""
+    """Return positions of the record, spread over it, that would determine the noise if measured again."""
     p, at = linearised.parametrisation, linearised.positions
     rows = np.unique(np.linspace(0, len(at.alpha) - 1, count).round().astype(int))
     return [TablePosition(**table_position(p, at, k)) for k in rows]
@@ -602,7 +602,7 @@ def _costs(design: NDArray, reading: NDArray, scale: float) -> NDArray[np.float6
 
 
 def _mounting(matrix: NDArray, p: Parametrisation, channels: Channels) -> str:
-    """The mounting that a signed permutation with these senses is, too; nothing where it is none."""
+    """Return the mounting that equals a signed permutation with these senses; empty where none does."""
     if np.linalg.det(matrix) < 0.0 or np.array_equal(matrix, np.eye(3)):
         return ""
     addition = str(Channels(alpha=channels.alpha, beta=channels.beta, radians=channels.radians))

@@ -190,7 +190,7 @@ def _origin(calibration: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def _mounting(calibration: Mapping[str, Any]) -> NDArray | None:
-    """The only mounting (3, 3) of a calibration's object; None where it has none or several."""
+    """Return the only mounting (3, 3) of a calibration's object; None where it has none or several."""
     try:
         (matrix,) = calibration["mountings"].values()
         return checked_mounting(matrix, "mountings")

@@ -250,7 +250,7 @@ def _open_remainder(linearised: Linearisation, extent: NDArray) -> NDArray:
     all pairs of moves are summed in absolute value.
     """
     directions = np.linalg.svd(linearised.span, full_matrices=True)[0][:, linearised.span.shape[1] :].T
-    # as far as truth may be from the fit, which is where it is
+    # as far as truth may be from the fit
     moves = directions * (np.abs(directions) @ extent + np.abs(directions @ linearised.point))[:, None]
 
     def shift(move: NDArray) -> NDArray:
@@ -388,7 +388,7 @@ def chebyshev_centre(system: Linearisation) -> tuple[float, NDArray, NDArray]:
 
 
 def a_priori_values(system: Linearisation, targets: Sequence[Target]) -> NDArray:
-    """Each target's a-priori estimate and guaranteed error (T, 2), NaN where the measurements do not determine it.
+    """Return each target's a-priori estimate and guaranteed error (T, 2), NaN where the measurements leave it open.
 
     The weights of (2.4), (2.5) are chosen before anything is read: their worst error is least, and the readings may
     afterwards prove their estimate impossible.
@@ -444,7 +444,7 @@ def central_point(feasible: FeasibleSet, weights: NDArray, intervals: NDArray) -
         )
         step, estimator = centre.x, centre.estimator
         while (np.abs(system.residual_at(point + system.span @ step)) > room).any() and step.any():
-            # The exact model leaves less than the linear one.
+            # The exact model has smaller residuals than the linear one.
             step = np.where(np.abs(step) > SMALLEST, step / 2.0, 0.0)
         point = point + system.span @ step
         if np.abs(jacobian @ step / room).max(initial=0.0) <= STILL:
@@ -462,7 +462,7 @@ def possible_values(feasible: FeasibleSet, weights: NDArray) -> tuple[NDArray, E
         return np.full((len(weights), 3), np.nan), None
     stated = central_point(feasible, weights, ends)
     values = np.where(np.isfinite(ends).all(axis=1), weights @ stated.x, np.nan)
-    # The point is possible: an end that rounding has put before it goes there.
+    # The point is possible: an end that rounding moved before it goes to the point.
     low, high = np.minimum(ends[:, 0], values), np.maximum(ends[:, 1], values)
     return np.stack((values, low, high), axis=1), stated.estimator
 

@@ -83,7 +83,7 @@ class Bench:
         check_meaning(self.rates)
 
     def encoder_within(self, noise_bound: float) -> float:
-        """The bound of an encoder's error [rad]; without one σ, which holds it in it."""
+        """Return the bound of an encoder's error [rad]; by default σ, which includes it."""
         return float(noise_bound if self.encoder_bound is None else self.encoder_bound)
 
     @classmethod

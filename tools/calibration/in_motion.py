@@ -141,7 +141,7 @@ def _steady_rows(
     for rest in rests:
         turning[max(rest.first - 2 * wide, 0) : rest.last + 1] = False
     even = np.abs(time[2 * wide :] - time[: -2 * wide] - 2 * wide * period) < 0.5 * period
-    # Windows that overlap by three quarters say hardly more than each other.
+    # Windows that overlap by three quarters add hardly any information.
     first = np.flatnonzero(turning & even)[:: max(half // 2, 1)]
     terms = windows[first] @ inverse.T
     misfit = windows[first] - terms @ np.vander(lags, 3, increasing=True).T

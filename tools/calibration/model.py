@@ -107,7 +107,7 @@ def mountings_of(mounting: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
 
 
 def mountings_for(record: PositionRecord, choice: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
-    """The matrix (3, 3) of every mounting of a record, in the order in which they first appear.
+    """Return the matrix (3, 3) of every mounting of a record, in the order in which they first appear.
 
     The record's `mounting` column, where it has one, names them; else there is one entry. Given are matrices by name, a
     preset's name, or the path of a TOML file. An InputError for an unreadable file, a matrix that is no rotation, a
@@ -269,7 +269,7 @@ def predicted_reading(p: Parametrisation, point: NDArray, at: Positions, sign: N
 
 @_in_blocks
 def predicted_input(p: Parametrisation, point: NDArray, at: Positions) -> NDArray:
-    """The inputs of the accelerometers (N, 3) [g], up to the factor (1 − Δg/g) that readings cannot tell."""
+    """Return the inputs of the accelerometers (N, 3) [g], up to the unobservable factor (1 − Δg/g)."""
     targets, alpha, beta, matrices = _arguments(p, point, at)
     return input_direction(targets, alpha, beta, matrices, at.slips)
 
@@ -346,7 +346,7 @@ class Linearisation:
         return np.append(of_readings.ravel(), np.arange(count, len(self.bound)))
 
     def selected(self, rows: NDArray) -> Self:
-        """The same of some rows, as `rows_of` has them."""
+        """Return the linearisation of some rows, as in `rows_of`."""
         at = rows[rows < self.reading.size][::3] // 3
         few = {name: getattr(self, name)[rows] for name in ("residual", "jacobian", "bound")}
         reading, sign = self.reading[at], self.sign[at]

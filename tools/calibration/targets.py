@@ -177,7 +177,7 @@ class _Expression:
         raise InputError(f"{self._where}: {what}")
 
     def _taken(self, signs: str) -> str:
-        """The next sign where it is one of these, passed by; else nothing."""
+        """Return the next sign and pass it if it is one of the given ones; else return an empty string."""
         sign = self._peek()
         if not sign or sign not in signs:
             return ""
@@ -354,7 +354,7 @@ def parameter_limits(symbols: Sequence[str], bounds: tuple[float, float], priors
 
 
 def with_priors(linearised: Linearisation, priors: Sequence[Prior]) -> Linearisation:
-    """The linearisation with the priors' rows; itself when there are none."""
+    """Return the linearisation with the priors' rows; itself when there are none."""
     if not priors:
         return linearised
     rows, prior_limits = np.array([prior.weights for prior in priors]), [prior.limit for prior in priors]

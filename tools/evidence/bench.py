@@ -145,7 +145,7 @@ class Bench:
 
     @property
     def curvature(self) -> float:
-        """The linear model may be wrong by so much times the square of a misfit."""
+        """Error of the linear model per square of a misfit, both in units of the bounds."""
         return SECOND_ORDER * float(self.here.bound.min())
 
     @property
@@ -186,7 +186,7 @@ class Bench:
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
+        """Yield sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
         return self.search.candidates(size, work)
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
@@ -197,7 +197,7 @@ class Bench:
         return fit
 
     def untried(self, size: int) -> str | None:
-        """Two steps, slips, warm-ups or lags are never fitted together: where they might do, three effects are not."""
+        """Return why two effects at unknown times, which are never fitted together, could replace three effects."""
         return untried_in(self.search, size)
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
@@ -220,11 +220,11 @@ class Bench:
             fit = self._standing(cast, start, work)
             if fit is not None:
                 yield cast, fit
-                # The next way is about as this one.
+                # The next variant is near this one.
                 start = fit.point
 
     def _standing(self, cast: Cast, start: NDArray, work: Work) -> Fit | None:
-        """A fit with possible sizes, where it mends the record; begun at parameters (P,) of the bench."""
+        """Return a consistent fit with possible sizes, begun at parameters (P,) of the bench; None if there is none."""
         fit = fitted(self.readings, cast, start, self.limit, work)
         if fit is None or fit.radius > self.limit:
             return None
@@ -256,7 +256,7 @@ class Bench:
                 yield place, signature_columns([place], rows)
 
     def including(self, places: Sequence[EffectPlace]) -> Self:
-        """The same: it has signatures of any effect."""
+        """Return the same bench: it has signatures of any effect."""
         return self
 
 
@@ -301,7 +301,7 @@ class BenchReader(Reader):
 
     @property
     def circumstances(self) -> Circumstances:
-        """Those of the positions."""
+        """The circumstances of the positions."""
         return self.model.readings.circumstances
 
     def turns_of(self, fit: Fit | None) -> TurnErrors | None:
@@ -327,7 +327,7 @@ class BenchReader(Reader):
         return extended_calibration(self.model.calibration, extended)
 
     def missing(self) -> Mapping[str, Any]:
-        """Targets that stay open and positions that mend it; no more readings than parameters prove nothing."""
+        """Return the open targets and positions to measure next; nothing where the readings suffice."""
         nominal, here = self.model.calibration, self.model.here
         if self.model.falsified or (nominal.stands and len(self.rows.residual) > here.span.shape[1]):
             return {}
@@ -401,7 +401,7 @@ class BenchReader(Reader):
         return channels
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
-        """Positions, and where these do not do a mounting, that tell sets apart."""
+        """Return positions that separate sets; where no position does, a mounting."""
         model = self.model
         positions = separating_positions(model.readings, model.here.point, fits, model.bounds, model.room)
         for position in positions:
@@ -426,7 +426,7 @@ class BenchRerun:
     quoted = ("readings behind the first position", "g", 1.0)
 
     def gain(self, fit: Fit) -> Gain | None:
-        """Held-out positions simulated again; None where that says nothing of other positions: outliers."""
+        """Return the gain at held-out positions, simulated again; None for outliers, which act at no other position."""
         if any(place.definition.kernel is None for place in fit.places):
             return None
         return measure_gain(self.model.readings, self.model.here.point, fit, self.model.calibration.gravity)
@@ -518,7 +518,7 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Evidence:
     readings = Readings.of(linear, circumstances, record.written_to(options_given.gravity))
     places: list[EffectPlace] = []
     for effect in POSITION_EFFECTS.values():
-        # Every effect that is not in the baseline's model, and of which nothing is missing in the record.
+        # Every effect outside the baseline's model whose quantities the record holds.
         has_all = all(getattr(circumstances, need) is not None for need in effect.needs)
         if has_all and effect.within != options_given.baseline:
             places += effect.places

@@ -152,7 +152,7 @@ class BenchInMotion(TurnsInTime):
 
     @property
     def curvature(self) -> float:
-        """As of the rests."""
+        """The curvature of the model of the rests."""
         return self.rests.curvature
 
     @property
@@ -192,7 +192,7 @@ class BenchInMotion(TurnsInTime):
         return BenchSearch(self.rests.readings, self.here.point, self.places, self.classes)
 
     def untried(self, size: int) -> str | None:
-        """As of the rests."""
+        """Return the reason of the model of the rests."""
         return untried_in(self.search, size)
 
     def at(
@@ -245,7 +245,7 @@ class BenchInMotion(TurnsInTime):
         blocks, columns_known = blocks_of(places) if blocks is None else blocks, self._known
         added = np.zeros((len(self.whole.bound), blocks[-1].stop if blocks else 0))
         for place, block in zip(places, blocks, strict=True):
-            # What is not linear acts on accelerometers at rest alone, but for a slip at its time.
+            # Nonlinear effects act only on accelerometers at rest, except for a slip at its time.
             if is_linear(place) or place in self.set_in:
                 if place not in columns_known and place in self.set_in:
                     columns_known[place] = np.nan_to_num(self.columns_set_in(place))
@@ -292,7 +292,7 @@ class BenchInMotion(TurnsInTime):
             for bent in search.candidates(count, work):
                 if all(is_linear(place) and place not in search.relaxed for place in bent):
                     continue
-                # A row in motion is no reading that may be off by itself: it has no number.
+                # A row in motion has no number, so it cannot be a single outlier.
                 if any(place.effect == "outlier" and place not in resting for place in bent):
                     continue
                 turned = tuple(place for place in bent if place.definition.turns_table)
@@ -303,7 +303,7 @@ class BenchInMotion(TurnsInTime):
                     if allowed[key] and frozenset(bent + of_gyros) not in yielded:
                         yield bent + of_gyros
         if among is None:
-            # About the nominal point the rows are not quite linear.
+            # At the nominal point the rows are not quite linear.
             yield from self.sets_in_time(size, work, SLACK)
 
     def _turns_allow(self, places: Sequence[EffectPlace], slack: float, work: Work) -> bool:
@@ -371,7 +371,7 @@ class BenchInMotion(TurnsInTime):
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Linear effects that a fit has not, with their columns (M, k) at the nominal fit."""
-        # Beside each of many time constants that would be as many searches more.
+        # A search beside each of many time constants would cost too much.
         for place in () if fades(fit) else self.classes.places:
             if place not in fit.places:
                 yield place, self.columns_of([place])
@@ -410,7 +410,7 @@ class WholeReader(BenchReader):
 
     @property
     def circumstances(self) -> Circumstances:
-        """Those of the rests."""
+        """The circumstances of the rests."""
         return self.model.rests.readings.circumstances
 
     @property
@@ -484,7 +484,7 @@ class WholeReader(BenchReader):
         return targets | ({"warnings": (NOT_EXCLUDED,)} if fades(fit) else {})
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
-        """Positions that tell sets apart, where accelerometers or table tell; for gyros turns and rests in words."""
+        """Return positions that separate sets by accelerometers or table; for gyros, turns and rests in words."""
         apart = not_in_all(fits)
         if all(acts_at_rest(place) for place in apart) and all(fit.linear for fit in fits):
             alone = []
@@ -508,19 +508,19 @@ class WholeRerun:
 
     @property
     def quoted(self) -> tuple[str, str, float]:
-        """As of the rests."""
+        """The name and unit of the errors, as for the rests."""
         return self.rests.quoted
 
     def errors(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
-        """As of the rests."""
+        """Return the errors of the simulated rests."""
         return self.rests.errors(effects)
 
     def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
-        """As of the rests."""
+        """Return the rests without the effects."""
         return self.rests.without(effects)
 
     def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
-        """As of the rests."""
+        """Return the largest remainder for the rests."""
         return self.rests.reach(effects, errors)
 
     def _at_rest(self, fit: Fit) -> Fit | None:
@@ -556,14 +556,14 @@ class WholeRerun:
             solution = estimated(with_times.rows.matrix(places)[kept_rows], model.rows.residual[kept_rows])
             step, sizes = np.split(solution, [len(model.point)])
             effects = {p: sizes[block] for p, block in zip(places, blocks_of(places), strict=True)}
-            # A slip is told by the clock of the rests, others by that of the rows.
+            # The time of a slip is on the clock of the rests, other times are on that of the rows.
             began = (model.rests.readings.circumstances.began - float(model.raw.time_s[0])) / 3600.0
             set_in = {place: time + began * (place == SLIP) for place, time in with_times.set_in.items()}
             point = (model.point + step)[:-1]
             try:
                 integrals = simulated_turns(model.raw, fitted, model.travel, point, effects, set_in)
             except InputError:
-                # Values that no component takes.
+                # No component accepts these values.
                 return None
             errors.append((fitted.turns.integral - integrals)[turns_held])
         before, after = errors
@@ -587,7 +587,7 @@ class WholeRerun:
         least, most = elements_of(said(low)), elements_of(said(high))
         intervals = {name: (least[name], most[name]) for name in least if name != "gravity"}
         point = fit.estimate[: len(fit.point)]
-        # Sensitivities and lag of the gyros are effects of theirs.
+        # Sensitivities and lag of the gyros are effects on the gyros.
         further = dict(effects)
         lowest, highest = effects_of_model(low[count:-1]), effects_of_model(high[count:-1])
         for place, values in effects_of_model(point[count:-1]).items():
@@ -605,7 +605,8 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evid
     raw = record.raw
     if not isinstance(raw, BenchRecord):
         raise InputError(f"--latitude-deg: {record.path} has no gyros; a bench record (w1_radps, ...) is needed")
-    # By how much an encoder may err says what is motion; more of it than σ would be no reading's noise.
+    # The encoder's error decides between rest and motion; beyond the largest fluctuation it would not be a reading's
+    # noise.
     least = place.encoder_within(LARGEST_FLUCTUATION)
     record = approached(record, least)
     rests = bench_evidence(record, **options).model
@@ -617,7 +618,7 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evid
     encoder_bound = place.encoder_within(alone.noise_bound)
     travel = Travel.of(raw, fitted, encoder_bound, alone.gravity)
     in_motion = InMotion.of(record, linear, alone.gravity, encoder_bound)
-    # A slip is sought with its turns.
+    # The search for a slip includes its turns.
     without = replace(rests, places=tuple(place for place in rests.places if place != SLIP))
     moving = Moving.of(without, record, in_motion, travel.to_block, travel.lean, least)
     with_readings = with_turns(moving.read.here, fitted.turns, str(record.path))

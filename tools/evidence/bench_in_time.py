@@ -173,7 +173,7 @@ def _senses_of_axes(moves: NDArray) -> NDArray[np.float64]:
 def _circumstances(rests: Bench, raw: BenchRecord, seen: InMotion, order: NDArray, moves: NDArray) -> Circumstances:
     """Circumstances of rests and of rows in motion, in this order; both are `seen`, moves (2, T) are of both axes."""
     at_rest, rows = rests.readings.circumstances, seen.rows[seen.rows >= 0]
-    # An axis that came before the other one has the sense of its own last move.
+    # An axis that stopped before the other one has the sense of its own last move.
     going = _senses_of_axes(moves)[:, rows].T
     senses = np.concatenate([np.stack([at_rest.sense_alpha, at_rest.sense_beta], axis=1), going])[order]
     warm = None
@@ -191,7 +191,7 @@ def _circumstances(rests: Bench, raw: BenchRecord, seen: InMotion, order: NDArra
     )
 
 
-# A slip, and what gyros do
+# A slip, and the gyros' effects
 
 
 def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | None, over_bounds: OverBounds) -> Slips:
@@ -208,7 +208,7 @@ def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | N
     time = np.interp(np.arange((len(turned) - 1) * finer + 1) / finer, np.arange(len(turned)), raw.time_s)
     late = time - point[own_count + LAG]
     fine = interpolated(late, raw.time_s, turned)
-    # Complex steps: derivatives of the frame by the slip.
+    # Complex steps give the derivatives of the frame by the slip.
     slopes = np.imag([small_turn(half + 1e-30j * axis) for axis in np.eye(3)]) / 1e-30
     readings = moving.lagging(float(point[-1]))[0]
     at = replace(readings.at, slips=np.tile(half, (len(readings), 1)))
@@ -219,13 +219,13 @@ def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | N
         Pieces("rests", "readings", finer * begin, finer * end),
         Pieces("turns", "turns", finer * turns.first, finer * turns.last),
     )
-    # A gyro that is read now and then does not tell how far it turned at once.
+    # A gyro with sampled rates does not record a sudden turn.
     across = np.full((len(turns.first), 3, 3), np.nan)
     if raw.increment is not None:
         across[:] = gain
     turning = np.broadcast_to(np.eye(3), (len(turns.first), 3, 3))
     integral = np.einsum("gi,kij,nj->ngk", gain, slopes, fine)
-    # Gyros of a block that stands otherwise have turned more; no mean at rest is taken out.
+    # Gyros of a slipped block have turned more; no mean at rest is removed.
     return Slips(
         (time - moving.read.readings.circumstances.began) / 3600.0,
         (Group(pieces[0], np.zeros_like(slopes_read)), Group(pieces[1], turning)),
@@ -252,7 +252,7 @@ def cells_of_turns(
     """Return the cells of an effect of gyros on a table."""
     hours = (raw.time_s - raw.time_s[0]) / 3600.0
     sums = travel.gyros.sums(place.definition.signature(place, travel.motion))
-    # Between the rows that are looked at the table turns by little: rates, and what a bias adds, are even.
+    # Between these rows the table turns little: rates, and the effect of a bias, are even.
     _, axes, count = sums.shape
     integral = interpolated(hours, travel.hours, sums.reshape(len(sums), -1)).reshape(len(hours), axes, count)
     pieces = Pieces("turns", "turns", fitted.turns.first, fitted.turns.last)
@@ -280,7 +280,7 @@ class TurnsInTime(SettingIn):
 
     @property
     def left_open(self) -> Mapping[EffectPlace, Sequence[tuple[int, int]]]:
-        """Ranges of an effect's times beside the fit about which the rows are linear."""
+        """Possible ranges of an effect's times beside the fit."""
         return self.narrowed
 
     def make_cells(self, place: EffectPlace) -> Cells:
@@ -335,7 +335,7 @@ class TurnsInTime(SettingIn):
                     fit = evidence.with_onset(place, slips.number(time)).refit([*rest, place])
                     assert isinstance(slips, Slips)
                     evidence = evidence._replaced_by(loose=slips.missed)
-            # Without what sets in: at another time other rows say something.
+            # Rows about a fit without the effect that sets in: at another time other rows are determined.
             coefficients, count = fit.coefficients[: fit.blocks[-1].start], len(fit.point)
             rows = evidence.about(rest, fit.point, coefficients)
             residual = rows.residual + rows.jacobian[:, count:] @ coefficients

@@ -54,7 +54,7 @@ class Linear:
         return Linear(np.hstack((self.jacobian, columns)), self.residual, self.bound)
 
     def split(self, parts: Sequence[NDArray], usable: NDArray) -> list[Split]:
-        """Readings of each part, of those that are used, predicted over the others."""
+        """Return the usable readings of each part, with their predictions from the others."""
         split = []
         for out in parts:
             left_out = np.intersect1d(out, usable)
@@ -95,7 +95,7 @@ class LeftOut:
         return self.without, self.with_effects
 
     def over(self, bound: NDArray) -> "LeftOut":
-        """The same over the readings' bounds (M,)."""
+        """Return the errors over the readings' bounds (M,)."""
         bounds = bound[self.readings]
         return LeftOut(self.readings, self.without / bounds, self.with_effects / bounds, self.leverage)
 
@@ -137,7 +137,7 @@ def trials(
     shuffled = _shuffled(_without(fit, lasting, of_effects), fit.jacobian[:, of_effects], turned, by_position)
     judged = [part.worst(fit, numbers) for part in (folds, parts) if part is not None]
     worst = max(judged, key=lambda worst: worst.error / worst.allowed, default=None)
-    # Shuffles cost most of all: they are made where they are asked for.
+    # Shuffles cost most: they are made only where requested.
     errors_shuffled = (errors.with_effects for errors in shuffled) if folds and fit.linear else ()
     in_turn, in_blocks = folds and folds.errors, parts and parts.errors
     yield Trial(places, in_turn, in_blocks, errors_shuffled, jointly=True, worst=worst, rows=folds and folds.readings)
@@ -164,7 +164,7 @@ def trials_of_each(fit: Fit, parts: Sequence[NDArray], moved: Moved) -> Iterator
 
 
 def without_outliers(fit: Fit) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
-    """Which columns (P + K,) are not those of outliers, which last at no other reading, and the readings without."""
+    """Return the mask (P + K,) of the columns that are not of outliers, and the readings that no outlier changes."""
     lasting = np.ones(len(fit.at), dtype=bool)
     for place, block, _ in fit.ways:
         lasting[len(fit.point) :][block] = place.effect != "outlier"
@@ -172,7 +172,7 @@ def without_outliers(fit: Fit) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
 
 
 def _without(fit: Fit, lasting: NDArray, removed: NDArray) -> Linear:
-    """The model without some columns (P + K,) of bool, which begins with these effects taken out at their sizes."""
+    """Return the model without the removed columns (P + K,), with their effects subtracted at the sizes of the fit."""
     return Linear(
         fit.jacobian[:, lasting & ~removed], fit.residual + fit.jacobian[:, removed] @ fit.at[removed], fit.allowed
     )

@@ -1,4 +1,4 @@
-"""The bench with effects, each acting in one way: readings, derivatives, exact fits, readings that are left out."""
+"""The bench with effects, each as one variant: readings, derivatives, exact fits and left-out readings."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -79,7 +79,7 @@ class Paid:
 
     @property
     def signed_ends(self) -> list[tuple[float, float]]:
-        """Each sign that is possible, with the end on its side of zero."""
+        """Possible signs, each with the end on its side of zero."""
         return [(sign, end) for sign, end in ((-1.0, self.low), (1.0, self.high)) if sign * end > 0.0]
 
     @staticmethod
@@ -101,7 +101,7 @@ def growths_of(paid: Sequence[Paid], rate: NDArray[np.float64], x: NDArray[np.fl
     if not paid:
         return ()
     growths = []
-    # Of each the ends, sign by sign, that are possible.
+    # The possible ends of each coefficient, sign by sign.
     ends = [coefficient.signed_ends for coefficient in paid]
     for branch in product(*ends):
         signs, low, high = np.zeros(len(x)), np.full(len(x), -np.inf), np.full(len(x), np.inf)
@@ -116,7 +116,7 @@ def growths_of(paid: Sequence[Paid], rate: NDArray[np.float64], x: NDArray[np.fl
 def least_radius(
     jacobian: NDArray, residual: NDArray, bound: NDArray, growths: Sequence[Growth], *, any_step: bool = False
 ) -> tuple[float, NDArray, int]:
-    """The least radius of all branches of the bounds' growth, the step (n,) to it, and which branch it is.
+    """Return the least radius over all branches of the bounds' growth, the step (n,) to it, and its branch.
 
     Where several steps lead to it, `any_step` of them, or that of the programme.
     """
@@ -189,16 +189,16 @@ class Readings(Visits):
         return Readings(*at, reading=here.reading, bound=here.bound, sign=here.sign)
 
     def selected(self, rows: NDArray) -> Self:
-        """Those at some of the positions (n,) of int."""
+        """Return the readings at some of the positions (n,) of int."""
         measured = {"reading": self.reading[rows], "bound": self.bound[readings_at(rows)], "sign": self.sign[rows]}
         return replace(super().selected(rows), **measured)
 
     def ways(self, place: EffectPlace, rows: Rows) -> Sequence[Way]:
-        """The cells of an effect's unknown number, or the ways in which it can act on the readings."""
+        """Return the cells of an effect's unknown number, or its variants."""
         return CellsAtRest(place, rows) if place.definition.searched is not None else self.variants(place, rows)
 
     def variants(self, place: EffectPlace, rows: Rows) -> Sequence[Variant]:
-        """The ways in which an effect can act on the readings that is not linear; none of any other."""
+        """Return the variants of an effect that is not linear; none of any other."""
         variants = place.definition.variants
         return [] if variants is None else variants(place, rows, self.reading, float(self.bound.min()))
 
@@ -222,7 +222,7 @@ class Readings(Visits):
 
 @dataclass(frozen=True)
 class Cast:
-    """A set of effects, each in the way in which it is to act.
+    """A set of effects, each with its variant.
 
     `ways`: of each effect that is not linear, which of its variants.
     """
@@ -231,7 +231,7 @@ class Cast:
     ways: Mapping[EffectPlace, int] = field(default_factory=dict)
 
     def variants(self, readings: Readings, rows: Rows) -> tuple[Way | None, ...] | None:
-        """The variant of each effect; None where one of the ways is none here."""
+        """Return the variant of each effect; None where a way gives none here."""
         variants: list[Way | None] = []
         for place in self.places:
             ways = readings.ways(place, rows) if place in self.ways else [None]
@@ -243,7 +243,7 @@ class Cast:
     def model(
         self, readings: Readings, point: NDArray, coefficients: NDArray, blocks: Sequence[slice] | None = None
     ) -> Model | None:
-        """The bench with these effects at a point and coefficients; None where one of the ways is none there."""
+        """Return the bench with these effects at a point and coefficients; None where a way gives no variant."""
         p, own = readings.parametrisation, dict(zip(self.places, blocks or blocks_of(self.places), strict=True))
         linear = [(place, coefficients[block]) for place, block in own.items() if place not in self.ways]
         at = readings.disturbed(point, linear)
@@ -252,7 +252,7 @@ class Cast:
         columns = {place: signature_columns([place], rows) for place, _ in linear}
         reading = predicted_reading(p, point, at, readings.sign).ravel()
         for place, part in linear:
-            # Of what turns the table, or adds to its encoders, the turns are exact: it stands elsewhere.
+            # The exact angles already include effects that turn the table or change its encoders.
             if not place.definition.turns_table:
                 reading = reading + columns[place] @ part
         slopes = reading_jacobian(p, point, at, readings.sign)
@@ -262,7 +262,7 @@ class Cast:
             if len(part) == 1:
                 rate[:, len(point) + own[place].start] = left_open(place, rows)
             else:
-                # What is open of an amplitude and a phase is of second order: that of their size here.
+                # The undetermined part of an amplitude and a phase is of second order: take it at their size here.
                 bound = bound + float(np.linalg.norm(part)) * left_open(place, rows)
         variants = self.variants(readings, rows)
         if variants is None:
@@ -289,7 +289,7 @@ class Cast:
         jacobian = np.hstack([slopes.reshape(len(reading), -1), *(columns[place] for place in self.places)])
         for variant in variants:
             if isinstance(variant, Variant) and variant.mixed is not None:
-                # Channels are exchanged last, with all that they read.
+                # The exchange of channels comes last, with all effects on them.
                 reading, jacobian = _mixed(variant.mixed, reading), _mixed(variant.mixed, jacobian)
                 bound, rate = (_mixed(np.abs(variant.mixed), values) for values in (bound, rate))
         return Model(reading, jacobian, bound, rate, variants, rows)
@@ -363,7 +363,7 @@ def fitted(
     single = {place: column for place, column in single.items() if is_linear(place)}
 
     def fit_at(x: NDArray, model: Model, estimate: NDArray, *, there: bool = False, any_step: bool = False) -> Fit:
-        """The fit linear at x: at the centre that a step leads to, or as it is `there`."""
+        """Return the fit linear at x: at the centre that a step leads to, or at x itself if `there`."""
         paid = Paid.of(single, model.rate) + [
             Paid(slice(count + block.start, count + block.stop), float(way.low[0]), float(way.high[0]))
             for block, way in zip(blocks, model.variants, strict=True)
@@ -371,7 +371,7 @@ def fitted(
         ]
         residual, growths = reading - model.reading, growths_of(paid, model.rate, x)
         if there:
-            # Of all branches the bounds are widest in that in which x lies.
+            # The branch that x lies in has the widest bounds.
             growths = tuple(sorted(growths, key=lambda growth: -growth.now.sum()))
             grown = growths[0].now if growths else 0.0
             step, radius = np.zeros(len(x)), float(((np.abs(residual) - grown) / model.bound).max(initial=0.0))
@@ -383,7 +383,7 @@ def fitted(
         return Fit(cast.places, blocks, *at, radius, estimate, x[count:], model.variants, growths)
 
     model, near = model_at(x), False
-    # Readings of which the record tells least have no weight at first.
+    # Readings with the widest bounds have no weight at first.
     size = np.append(np.zeros(count), np.ones(len(x) - count))
     for iteration in range(MAX_ITERATIONS + 1):
         if model is None:
@@ -397,7 +397,7 @@ def fitted(
         model = model_at(x)
         if model is not None and not near and np.abs(step).max(initial=0.0) < NEAR:
             near, tried = True, fit_at(x, model, x, any_step=True)
-            # By how much the programmes to come may end lower: the second order of the steps that remain.
+            # The programmes that follow may end lower by the second order of the remaining steps.
             more = SECOND_ORDER * float(np.abs(tried.step).sum() ** 2 / model.bound.min())
             if tried.radius > limit + more:
                 return None
@@ -405,7 +405,7 @@ def fitted(
     estimate, fit = x, fit_at(x, model, x)
     lowest = fit.radius
     for _ in range(MAX_MOVES):
-        # Noise may be at its very bound: then the second order of the step to the centre must not count either.
+        # Noise may be exactly at its bound: then the second order of the step to the centre must not count either.
         x = x + fit.step
         model = model_at(x)
         if model is None:
@@ -417,7 +417,7 @@ def fitted(
         lowest = min(lowest, fit.radius)
     fit = fit_at(x, model, estimate, there=True)
     part = 1.0
-    # At the very edge derivatives have to be exact, and whole steps may overshoot by their second order.
+    # At the very edge derivatives must be exact, and whole steps may overshoot by their second order.
     while lowest <= limit + EDGE and fit.radius > limit and part > LEAST_PART:
         exact = replace(model, jacobian=exact_jacobian(model_at, x, model.jacobian))
         shorter = x + part * fit_at(x, exact, estimate).step
@@ -501,7 +501,7 @@ def _stands(fit: Fit, rows: Rows) -> bool:
 
 
 def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit | None:
-    """A fit with possible sizes, its own or the nearest; None where none keep the radius at or below the limit."""
+    """Return a fit with possible sizes, its own or the nearest; None where none keep the radius within the limit."""
     if np.abs(fit.point).max(initial=0.0) > largest_of_bench:
         return None
     if fit.is_possible:
@@ -514,7 +514,7 @@ def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit 
     return moved if radius <= limit and moved.is_possible else None
 
 
-# Readings that are left out
+# Left-out readings
 
 
 def leverages(jacobian: NDArray, fitted_rows: NDArray, rows_out: NDArray) -> NDArray | None:

@@ -54,7 +54,7 @@ FEWEST_SCORED = 3
 
 
 def lasting_part(fit: Fit) -> tuple[tuple[EffectPlace, ...], NDArray]:
-    """The linear effects of a fit that act at other positions too, and which of its coefficients are theirs."""
+    """Return the linear effects of a fit that act at other positions too, and the mask of their coefficients."""
     places, numbers = [], []
     for place, block, variant in fit.ways:
         if place.effect != "outlier" and variant is None:
@@ -191,7 +191,7 @@ def decide(first: Rival, second: Rival, usable: NDArray, rows: Sequence[int], su
     difference = np.where(usable, first.centre - second.centre, 0.0)
     chosen = [row for row in rows if np.abs(difference[row]).max() > sure]
     if first.bent or second.bent:
-        # What is not linear has its sizes, not a set of them: the fitted predictions speak.
+        # A nonlinear effect has fixed sizes, not a set of them: compare the fitted predictions.
         best = int(np.argmax(np.round(np.abs(difference).max(axis=1), 12)))
         chosen = chosen or [best]
         return float(np.abs(difference[chosen]).max()), chosen
@@ -264,7 +264,7 @@ class Programme:
             return np.hstack(columns)
 
         def at_hours(when: float, rows: NDArray) -> Visits:
-            """The record's own positions at a time, with the temperature that was last."""
+            """Return the record's own positions at a time, with the last temperature."""
             last = 20.0 if circumstances.temperature is None else float(circumstances.temperature[-1])
             alike = np.ones(len(rows))
             circumstances_there = Circumstances(when * alike, last * alike, 0.0 * alike, 0.0 * alike, True)
@@ -340,7 +340,7 @@ class DenseVisits:
 
     @staticmethod
     def of(p: Parametrisation) -> "DenseVisits":
-        """Those with the mountings of a parametrisation."""
+        """Return the dense positions with the mountings of a parametrisation."""
         angles = np.radians(np.arange(0.5 * DENSE_STEP_DEG, 360.0, DENSE_STEP_DEG))
         at, point = every_position(p, angles), np.zeros(len(p.symbols))
         bench = reading_jacobian(p, point, at).reshape(3 * len(at.alpha), -1)
@@ -395,7 +395,7 @@ def second_mounting(
             after[name] = correlation(name)
     if not after:
         return None
-    # Of presets that do about as well, the first: it is the easiest to mount.
+    # Of presets that do about as well, take the first: it is the easiest to mount.
     best = next(name for name, value in after.items() if value <= min(after.values()) + 0.1 * before)
     if after[best] > WORTH_IT * before:
         return None
@@ -406,7 +406,7 @@ def second_mounting(
 def helpful_mounting(
     p: Parametrisation, fits: Sequence[Fit], positions: Sequence[Mapping[str, Any]], sure: float
 ) -> dict[str, Any] | None:
-    """A mounting that tells apart two candidates that no further position with the record's mountings surely does."""
+    """Return a mounting that separates two candidates, where no further position surely does."""
     visits: dict[str, DenseVisits] = {}
     settled = [set(entry["separates"]) for entry in positions if entry["apart_g"] > sure]
     for first, second in combinations(fits[:MOST_CANDIDATES], 2):
@@ -497,9 +497,9 @@ def undecided(readings: Readings, fit: Fit) -> NDArray:
 
 
 def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -> NDArray:
-    """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
+    """Return readings (n, 3) over g by the FMUs, extended with the effects of `fit`, at some rows of the record."""
     simulated = np.zeros((len(readings), 3))
-    # What least squares make of coefficients that are one way's is no effect that can be run: one possible point is.
+    # Least-squares coefficients of a variant may be impossible to run; a possible point is not.
     fit = fit if fit.linear else fit.centred()
     bench, coefficients = np.split(fit.estimate, [len(fit.point)])
     at = readings.true_angles(bench, [(place, coefficients[block]) for place, block, _ in fit.ways])

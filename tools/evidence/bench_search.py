@@ -76,7 +76,7 @@ class Setting:
 
 
 def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None = None) -> Fit:
-    """The point with about the least sum of absolute misfits, which few readings cannot draw, with effects.
+    """Return the point, with effects, of about the least sum of absolute misfits, which few readings cannot draw.
 
     These are linear, or in a way that only adds columns. It begins at parameters (P,) of the bench, or where the fit
     `before` with all of the effects but the last is.
@@ -90,7 +90,7 @@ def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None
         model = cast.model(readings, x[:count], x[count:], blocks)
         assert model is not None
         residual = readings.reading.ravel() - model.reading
-        # Least squares with these bounds is the least sum of absolute values; misfits within the noise count as one.
+        # Least squares with these bounds minimise the sum of absolute values; misfits within the noise count as one.
         loose = bound * np.sqrt(np.maximum(1.0, np.abs(residual / bound)))
         step = least_squares(model.jacobian / loose[:, None], residual / loose)
         settled = iteration == ROUNDS or np.abs(step).max(initial=0.0) < 0.1 * bound.min()
@@ -141,7 +141,8 @@ def usual_centre(readings: Readings, start: NDArray) -> Fit:
     for place in EXCHANGED_READINGS.places:
         variants = readings.variants(place, rows)
         if variants:
-            # From the first time on they may be exchanged, from the last on they are, and are exchanged back.
+            # Channels may be exchanged from the first variant's time on; from the last one's on they are, and are
+            # swapped back.
             first, last = variants[0], variants[-1]
             assert last.mixed is not None
             bound = np.where(first.touched.ravel(), LOOSE, bound)
@@ -208,7 +209,7 @@ class BenchSearch:
 
     @cached_property
     def cells(self) -> dict[EffectPlace, Sequence[Cell]]:
-        """The cells of each effect with an unknown number: it is sought by these."""
+        """The cells that the search uses for each effect with an unknown number."""
         rows = self.readings.rows(self.centre.point)
         cells: dict[EffectPlace, Sequence[Cell]] = {}
         for place in self.places:
@@ -248,7 +249,7 @@ class BenchSearch:
         return {}
 
     def candidates(self, size: int, work: Work) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
+        """Yield sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
         if np.abs(self.centre.point).max() > LARGEST_OF_BENCH:
             return
         if size > 1:
@@ -265,7 +266,7 @@ class BenchSearch:
                     if places not in open_sets and not cells:
                         yield places
                     open_sets.setdefault(places, set()).update(cells)
-                # An effect's other cells count for what is possible with it: it waits for all of them.
+                # A set waits for all open cells of its effect: each counts for the possible values.
                 for places, open_cells in open_sets.items():
                     if open_cells:
                         self._open_cells[frozenset(places)] = sorted(open_cells)
@@ -284,7 +285,7 @@ class BenchSearch:
         return False
 
     def acting(self, places: Sequence[EffectPlace]) -> dict[EffectPlace, Sequence[int]]:
-        """The cells or ways in which effects of a set that are not linear can act, as far as no bound refuses them."""
+        """Return the cells or variants of the nonlinear effects of a set that no bound refuses."""
         classes = frozenset(self.classes.whole_class(place)[0] for place in places)
         bent: dict[EffectPlace, Sequence[int]] = {}
         for place in places:
@@ -373,7 +374,7 @@ class BenchSearch:
         return tuple(cells[k] for k in helpful[:MOST_ANCHORS])
 
     def anchors(self, centre: Fit, places: Sequence[EffectPlace]) -> list[Fit]:
-        """Centres with one effect more that stands out, the most helpful first."""
+        """Return centres with one more effect that stands out, the most helpful first."""
         anchors = []
         for k in most_helpful(self.problem(centre, places))[:MOST_ANCHORS]:
             about = centre_of(self.readings, Cast((*centre.places, places[k])), self.start, centre)
@@ -445,7 +446,7 @@ class BenchSearch:
         try:
             return least_radius(jacobian[counted], problem.residual[counted], bound[counted], growths)[0]
         except SolverError:
-            # A bound that is not known refuses nothing.
+            # An unknown bound refuses nothing.
             return 0.0
 
 
@@ -463,6 +464,6 @@ def most_helpful(problem: Problem) -> list[int]:
         inverse = np.linalg.pinv(products / scale[:, :, None] / scale[:, None, :], rcond=ALL_BUT_SAME, hermitian=True)
         right = projection.product[columns] / scale
         gains[of_width] = np.einsum("np,npq,nq->n", right, inverse, right)
-    # What is the same but for rounding stays in order.
+    # Gains that differ only by rounding keep their order.
     gains = np.round(gains / max(projection.residual @ projection.residual, 1e-300), 12)
     return [k for k in np.argsort(-gains, kind="stable").tolist() if gains[k] > 0.0]

@@ -292,10 +292,10 @@ def left_open(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
 
 
 def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, reading: NDArray) -> NDArray:
-    """Readings (N, 3) after the kernels of effects that are not linear, with these parameters."""
+    """Return readings (N, 3) after the kernels of effects that are not linear, with these parameters."""
     readings = reading.copy()
     temperature = np.full(len(readings), NOMINAL_TEMPERATURE) if rows.temperature is None else rows.temperature
-    # What is kept of the past begins with the first row.
+    # The memory of an effect begins with the first row.
     remembered = np.full(3, temperature[0] if len(readings) else NOMINAL_TEMPERATURE)
     for row in range(len(readings)):
         context, past = np.zeros(CONTEXT_SIZE), max(row - 1, 0)

@@ -45,11 +45,11 @@ def wanders(centre: Fit, rows: Rows, limit: float, work: Work, *, proven: bool) 
         try:
             return any_centre(matrix, (centre.residual / centre.bound)[rows], np.ones(len(rows)))[0] <= limit
         except SolverError:
-            # What was not tried is not refused.
+            # A set that was not tried is not refused.
             return True
 
     for p, where in enumerate(ACCELEROMETERS):
-        # Free at every reading of an accelerometer, a function is as good as none of its readings.
+        # A function that is free at every reading of an accelerometer equals the model without its readings.
         if not stands(centre.jacobian[:, :0], every[every % 3 != p]):
             continue
         if proven and not _is_time(centre, rows, p, work):

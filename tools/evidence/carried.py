@@ -128,7 +128,7 @@ class CarriedReader(RecordReader):
 
     @property
     def read_off(self) -> tuple[ReadOff, ...]:
-        """Accelerometers' limits that the model cannot do without."""
+        """Limits of the accelerometers that the model needs."""
         return self.limits
 
     @property
@@ -222,7 +222,7 @@ class CarriedReader(RecordReader):
 
     @property
     def stated_bound(self) -> float:
-        """The median bound of the quoted errors [arcmin]; all bounds grow as it does."""
+        """The median bound of the quoted errors [arcmin]; all bounds scale with it."""
         return float(np.median(self.quoted_part.bound)) / ARCMIN
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
@@ -314,7 +314,7 @@ class CarriedReader(RecordReader):
         )
 
     def needed(self, places: Sequence[EffectPlace]) -> float:
-        """The least bound of the true attitude's error at any row [arcmin] with which these effects are enough."""
+        """Return the least bound of the true attitude's error at any row [arcmin] if only these effects act."""
         assert isinstance(self.model.reference, Truth)
         pairs = zip(self.rows.parts, self.model.reference.of_windows, strict=True)
         of_gyros = np.concatenate([(part.bound - of_truth).ravel() for part, of_truth in pairs]) / ARCMIN
@@ -462,7 +462,7 @@ class CarriedRerun:
         return Extension(starts, {"scenario": self._scenario(fit)})
 
     def _parameters(self, vector: NDArray, bias: NDArray) -> dict[str, Parameters]:
-        """Parameters of the components with the model's (P,); the gyros' bias (3,) [rad/s] where it is none."""
+        """Return parameters of the components by the model's (P,); the gyros' bias (3,) [rad/s] if it has none."""
         x, gyro_values = np.split(vector, [self.model.of_forces])
         scale = gyro_values[3:] if SCALE in self.model.own else self.model.gyros.scale_misalignment
         gyros: Parameters = {"gravity": self.model.found.gravity}

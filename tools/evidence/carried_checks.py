@@ -22,7 +22,7 @@ FEWEST_MOVES = 8
 
 
 def check_record(inspection: Inspection) -> None:
-    """Refuse a record with a channel that is dead while the block moves."""
+    """Refuse a record with a dead channel while the block moves."""
     path = inspection.record.path
     moves = len(inspection.moves) or bool(inspection.excitation.any())
     dead = [name for name in inspection.sampling.dead if moves]

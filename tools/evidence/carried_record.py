@@ -1,4 +1,4 @@
-"""From a record of a block that is carried to its evidence: refused, lacking something, or made.
+"""The way from a strapdown record to its evidence: the record is refused, lacks something, or is used.
 
 The simulation is run about the calibrated block, and once more about one large effect.
 """
@@ -134,7 +134,7 @@ def linear_evidence(
         x, free_effects = values, free_effects or (BIAS,)
 
     def about(x: NDArray, model: GyroModel, *, with_effects: bool) -> Carried:
-        """The evidence about accelerometers of nine parameters (or none) and gyros, with effects that can be tried."""
+        """Return the evidence about nine parameters of the accelerometers (or none) and gyros, with effects to try."""
         gyros: list[EffectPlace] = []
         forces: list[EffectPlace] = []
         if with_effects:
@@ -153,7 +153,7 @@ def linear_evidence(
         if not free_effects:
             bias = blocks_of(gyros)[gyros.index(BIAS)]
             at_rest = means_at_rest(motion, model, gyros, inspection.rests.rows)
-            # That of the bias is in the mean already.
+            # The mean already includes the bias.
             at_rest[:, bias] = 0.0
             integral = integral - integral[..., bias] @ at_rest
         run = Run(attitude, reference.rows, integral, width_of(free_effects))
@@ -168,7 +168,7 @@ def linear_evidence(
         return Carried(rows, inspection, free_effects, motion, model, attitude, reference, at_rest, starting)
 
     for _ in range((RELINEARISATIONS if len(motion) <= LONG else 1) if free_effects else 0):
-        # An hour's attitudes are large: those of one run go before the next.
+        # An hour's attitudes are large: one run's are freed before the next.
         x, model = refined(about(x, model, with_effects=False))
     return about(x, model, with_effects=True)
 
@@ -177,7 +177,7 @@ def refined(run: Carried) -> tuple[NDArray[np.float64], GyroModel]:
     """Accelerometers and gyros by least squares; with scale factors and misalignments that an instrument has."""
     step = run.rows.estimate(())
     model = with_parameters(run.gyros, run.own, step[run.of_forces :])
-    # Where a fit wants other scale factors, it is wrong.
+    # A fit with larger scale factors is wrong.
     model = replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))
     return (run.rows.point + step)[: run.of_forces], model
 
@@ -236,7 +236,7 @@ def about_main_effect(run: Carried) -> Carried:
 
 
 def about_main_onset(run: Carried) -> Carried:
-    """The evidence about the effect that sets in and makes most of large errors; as it is where none does."""
+    """Return the evidence about the onset that makes most of large errors; unchanged where none does."""
     for _ in range(RELINEARISATIONS):
         before = _rms_left(run, ())
         onsets = []
@@ -273,7 +273,7 @@ def nearest_onset(run: Carried, place: EffectPlace) -> tuple[float, EffectPlace,
 
 
 def about_effect(run: Carried, place: EffectPlace) -> Carried:
-    """The evidence about one of the gyros' effects, until another run does not change it."""
+    """Return the evidence about one of the gyros' effects, run again until its residual settles."""
     for _ in range(RELINEARISATIONS):
         before, solution = _rms_left(run, (place,)), run.rows.estimate([place])
         if not are_possible(place, run.values_of([place], solution)[place]):
@@ -410,7 +410,7 @@ def without_jumps(reader: CarriedReader) -> CarriedReader:
 
 
 def left_out_by_all(run: Carried) -> list[NDArray[np.float64]]:
-    """Errors (S, d) of each part that all effects together leave in blocks that are left out [rad]."""
+    """Return the errors (S, d) [rad] of each part that all effects together leave in left-out blocks."""
     even = run.rows.with_bounds([np.ones_like(part.bound) for part in run.rows.parts])
     return even.split(even.left_out(even.places, even.folds()))
 

@@ -175,7 +175,7 @@ class Carried(SettingIn):
             yield from self.sets_in_time(size, work)
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """Fits of a set of effects with possible sizes, at the times at which it can set in, if any of it does."""
+        """Return fits of a set of effects with possible sizes, at the possible times of any effect that sets in."""
         in_time = any(place in self.starting for place in places)
         return self.mended_in_time(places, work) if in_time else super().mended(places, work)
 
@@ -195,13 +195,13 @@ class Carried(SettingIn):
     def simulated(
         self, fmus: Mapping[str, Path], places: Sequence[EffectPlace], solution: NDArray, numbers: Sequence[NDArray]
     ) -> list[NDArray[np.float64]]:
-        """Errors (n, d) of numbers (n,) of some pieces of each scored kind, by FMUs that are extended by effects.
+        """Return errors (n, d) of some pieces (n,) of each scored kind, by FMUs that are extended with effects.
 
         The solution (P + k,) are steps of the model's parameters and coefficients of the effects.
         """
         pieces = [kind.selected(at) for kind, at in zip(self.reference.scored, numbers, strict=True)]
         rows = all_rows(pieces)
-        # What counts the hours must count them from the record's beginning; of a long record a part is run.
+        # Components that count hours must count them from the record's beginning; of a long record only a part is run.
         runs_whole = len(self.motion) <= LONG or reads(places, "HOURS")
         begin, end = (0, len(self.motion)) if runs_whole else (int(rows[0]), int(rows[-1]) + 1)
         gyros = self.gyros_with(places, solution)

@@ -93,7 +93,7 @@ class Cell:
 
     @property
     def low(self) -> NDArray[np.float64]:
-        """Lower ends (K,) of the coefficients: of each that of the first parameter which it is a part of."""
+        """Lower ends (K,) of the coefficients: that of the first parameter to which each belongs."""
         return np.array(self.limits)[self._parameters, 0]
 
     @property
@@ -227,7 +227,7 @@ class CellsAtRest(Sequence[Cell]):
 
 
 def time_constants(hours: NDArray[np.float64], part: float = 1.0) -> NDArray[np.float64]:
-    """Ends (C + 1,) of the cells of time constants [h] for rows at some hours (N,); none where these are too few.
+    """Return ends (C + 1,) of the cells of time constants [h] for rows at some hours (N,); none for too few rows.
 
     The shortest is a `part` of the time of the third row.
     """
@@ -248,7 +248,7 @@ def most_bent(x: NDArray[np.float64]) -> NDArray[np.float64]:
     """The largest second derivatives (N, C) of e^(−x) by log x, each between two neighbours of falling x (N, C + 1)."""
     by_log = np.abs(x * x - x) * np.exp(-x)
     largest = np.maximum(by_log[:, :-1], by_log[:, 1:])
-    # Where it has its two extremes.
+    # The extremes of the second derivative.
     for peak in (0.5 * (3.0 - 5.0**0.5), 0.5 * (3.0 + 5.0**0.5)):
         inside = (x[:, 1:] <= peak) & (x[:, :-1] >= peak)
         largest = np.where(inside, abs(peak * peak - peak) * np.exp(-peak), largest)

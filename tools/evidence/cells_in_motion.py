@@ -90,7 +90,7 @@ class InMotion:
 
     @cached_property
     def rows_between(self) -> NDArray[np.int_]:
-        """Rows at which pieces begin or end, where enough of them are before and after."""
+        """Rows at which pieces begin or end, with enough of them before and after."""
         turning = [group.pieces for group in self.groups if group.pieces.kind not in ("rests", "norms")]
         most = max(turning, key=len)
         first, last = np.sort(most.first)[-FEWEST], np.sort(most.last)[FEWEST - 1]
@@ -210,13 +210,13 @@ class Slips(Onsets):
 
 @dataclass(frozen=True, eq=False)
 class TimeConstants(InMotion):
-    """An effect that fades with a time constant: its number counts these from the shortest that is sought."""
+    """An effect that fades with a time constant, numbered from the shortest of the search."""
 
     samples: dict[int, NDArray[np.float64]] = field(default_factory=dict)
 
     @cached_property
     def times(self) -> NDArray[np.float64]:
-        """Time constants (J,) [h] that are sought, near each other."""
+        """Time constants (J,) [h] of the search, near each other."""
         low, high = SHORTEST * self.hours[self.rows_between[0]], LONGEST * self.hours[-1]
         count = TIMES_AT_ONCE * max(1, math.ceil(math.log(high / low) / math.log(RATIO) / TIMES_AT_ONCE)) + 1
         return np.geomspace(low, high, count)

@@ -100,7 +100,7 @@ def pairs_of_accelerometer(p: int, rows: Rows) -> Iterator[Pair]:
 
 @dataclass(frozen=True)
 class Way:
-    """A way in which table or mounting acts: small turns, of seven as of `models.effects`, by a quantity."""
+    """A way in which table or mounting acts: one of the seven small turns of `models.effects`, by a quantity."""
 
     where: str
     quantity: str
@@ -174,7 +174,7 @@ def pairs_of_whole(readings_rows: Rows, travel: Travel, bound: NDArray, nominal:
             yield replace(pair, spread=_above(pair.spread, of_readings, len(bound)))
     for way in Way.every(readings_rows):
         yield imitated(_of_both(way, readings_rows, travel, bound), base)
-    # Readings say nothing of the gyros.
+    # Readings carry no information on the gyros.
     nowhere = np.zeros(len(readings_rows.hours), dtype=int)
     still = Group(Pieces("rests", "readings", nowhere, nowhere), np.zeros((len(readings_rows.hours), 3, 3)))
     observation = Observation((still, *travel.gyros.groups), travel.gyros.adds)
@@ -260,7 +260,7 @@ class GyroPairs:
 
     @cached_property
     def moves(self) -> tuple[tuple[float, float], ...]:
-        """From when to when [h] each piece, with those that overlap it, goes."""
+        """Return the beginning and end [h] of each move, joined with those that overlap it."""
         first = np.concatenate([group.pieces.first for group in self.observation.groups])
         last = np.concatenate([group.pieces.last for group in self.observation.groups])
         order = np.argsort(first, kind="stable")
@@ -355,7 +355,7 @@ class OnNodes:
         after = np.clip(np.searchsorted(knots, self.values), 1, len(knots) - 1)
         low, high = knots[after - 1], knots[after]
         apart = np.abs(self.times) * np.maximum(0.0, (self.values - low) * (high - self.values)) / (high - low)
-        # All steps of a piece may differ in the same sense, and so may the mean at rest that is taken out.
+        # All steps of a piece may differ in the same sense, and so may the mean at rest that is removed.
         largest = self.of.observation.largest.of_functions(((after - 1, apart),), len(knots), self.p)
         return self._over_bounds(largest).max(axis=1, initial=0.0)
 

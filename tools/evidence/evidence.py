@@ -151,7 +151,7 @@ class Model(Protocol):
 
     @property
     def classes(self) -> Classes:
-        """The effects that can be seen and told apart."""
+        """The effects that can be seen and separated."""
         ...
 
     def spaces_of(self, places: Sequence[EffectPlace]) -> list[NDArray[np.float64]]:
@@ -197,7 +197,7 @@ class Model(Protocol):
 
 
 class Linear:
-    """A model that is linear in its parameters and effects; kinds of records with a run of their own begin with it."""
+    """A model that is linear in its parameters and effects; models of records with a run derive from it."""
 
     rows: Rows
     effort: Effort = Effort()
@@ -230,12 +230,12 @@ class Linear:
 
     @cached_property
     def classes(self) -> Classes:
-        """The effects that can be seen and told apart."""
+        """The effects that can be seen and separated."""
         return Classes.of(self.seen, self.spaces_of(self.seen))
 
     @cached_property
     def seen(self) -> tuple[EffectPlace, ...]:
-        """Effects that some size which is called possible makes visible beside the model."""
+        """Effects that a possible size makes visible beside the model."""
         base, seen = column_space(self.rows.nominal), []
         for place in self.rows.places:
             columns = self.rows.columns_of([place])
@@ -341,7 +341,7 @@ class Rerun(Protocol):
         ...
 
     def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
-        """Those of some effects, of given coefficients, that can be taken out, and the record's fields without."""
+        """Return the effects, of given coefficients, that can be subtracted, and the record's fields without them."""
         ...
 
     def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
@@ -444,7 +444,7 @@ class Reader:
         return {}
 
     def power(self) -> Sequence[Mapping[str, Any]]:
-        """From which size on an unlisted fault of each place and quantity would have shown; empty: not judged."""
+        """Return the size from which an unlisted fault of each place and quantity would show; empty: not judged."""
         return ()
 
     def channels(self) -> Sequence[Channel]:
@@ -518,7 +518,7 @@ def trials_in_time(rows: Rows, fit: Fit) -> Iterator[Trial]:
 def own_with(
     model: Any, effects: Mapping[EffectPlace, NDArray]
 ) -> tuple[list[EffectPlace], NDArray[np.float64], NDArray[np.float64]]:
-    """Those of some effects that a record can show, their given coefficients (K,), and its own parameters (P,).
+    """Return the effects that a record can show, their given coefficients (K,), and its own parameters (P,).
 
     The parameters are those of least squares beside the effects.
     """
@@ -566,7 +566,7 @@ def parameters_with(
 
 
 def undetermined(basis: str) -> Calibration:
-    """The calibration that says nothing, and why."""
+    """Return a calibration without any result, with the reason."""
     sigma = Sigma.model_validate({"value": None, "kind": "unknown", "from": basis})
     return Calibration(verdict="insufficient", sigma=sigma, radius=None, estimator=None, parameters=[])
 

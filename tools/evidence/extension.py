@@ -130,7 +130,7 @@ class Extension:
 
 @dataclass(frozen=True)
 class Visited:
-    """Positions that are visited one after the other.
+    """Positions visited one after the other.
 
     `commands` (n, 2): angles [rad] to which the table is brought; `senses`, `moved` (n, 2): sense of the last move of
     each axis, and whether it turned on the way; `circumstances`: of each position. Where the record says in which sense
@@ -147,7 +147,7 @@ class Visited:
         """Some rows (n,) of int of a record, with the commands (N, 2) of all."""
         moved, circumstances = np.stack(readings.moved_axes(), axis=1)[rows], readings.circumstances.selected(rows)
         senses = np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1)
-        # The shorter turn from position to position has the sense that is concluded from them.
+        # The shorter turn from position to position gives the sense.
         turns = np.remainder(np.diff(commands[rows], axis=0) + np.pi, 2.0 * np.pi) - np.pi
         straight = commands[rows[0]] + np.vstack([np.zeros((1, 2)), np.cumsum(turns, axis=0)])
         return Visited(commands[rows] if circumstances.approached else straight, senses, moved, circumstances)
@@ -170,7 +170,7 @@ class Visited:
     @property
     def away(self) -> NDArray[np.float64]:
         """Difference (n, 2) [rad] of each position from the point where the table's approach to it begins."""
-        # An axis that did not turn must not decide the inputs' senses, but where neither did.
+        # An axis that did not turn must not decide the inputs' senses, unless neither did.
         turning = self.moved | ~self.moved.any(axis=1, keepdims=True)
         return APPROACH * self.senses * turning
 
@@ -188,7 +188,7 @@ class Visited:
         for k, (command, away) in enumerate(zip(self.commands, self.away, strict=True)):
             begin, before = (leave[k - 1], self.commands[k - 1]) if k else (0.0, command)
             stops = math.ceil((arrive[k] - begin) / longest - 1e-6)
-            # Straight from one position to the next: the last stop is where the table stood.
+            # Straight from one position to the next: the last stop is the table's last position.
             stops += stops % 2 if not self.circumstances.approached else 0
             swung = before - (away if away.any() else APPROACH)
             places = [before if n % 2 else swung for n in range(stops)]
@@ -205,7 +205,7 @@ class Visited:
         return dict(zip(names, np.array(rows).T, strict=True))
 
     def scenario(self, title: str, fmus: Mapping[str, Mapping[str, Any]], columns: Mapping[str, str]) -> Scenario:
-        """The run of the FMUs `table` and `block`, each as a scenario file says it; `columns` are recorded of them."""
+        """Return the run of the FMUs `table` and `block`, each with its entries in a scenario file, and `columns`."""
         initial = (self.commands[0] - self.away[0]).tolist()
         parameters_of_table = {**RUN_OF_TABLE, "initial_angle": initial, **fmus["table"].get("parameters", {})}
         driven = {"table.command[1]": "alpha_rad", "table.command[2]": "beta_rad"}
@@ -235,7 +235,7 @@ def extension_of_bench(readings: Readings, fit: Fit, ends: NDArray, effects: Siz
     commands = np.stack((at.alpha, at.beta), axis=1)
     starts, scenarios = [], {}
     for index, (mounting, matrix) in enumerate(zip(p.mountings, p.matrices, strict=True)):
-        # Of each target which parameter it is.
+        # The parameter of each target.
         ending, columns = "" if index == 0 else f"-{index + 1}", np.argmax(p.selection[index], axis=1)
 
         def said(values: NDArray, columns: NDArray = columns, matrix: NDArray = matrix) -> dict[str, Parameters]:

@@ -83,12 +83,12 @@ class Fit:
 
     @property
     def point(self) -> NDArray[np.float64]:
-        """Parameters (P,) of the model about which it is linear."""
+        """Parameters (P,) of the model at which it is linearised."""
         return self.at[: len(self.at) - len(self.stated)]
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
-        """Coefficients (K,) of the effects about which it is linear."""
+        """Coefficients (K,) of the effects at which it is linearised."""
         return self.at[len(self.point) :]
 
     @property
@@ -108,7 +108,7 @@ class Fit:
 
     @property
     def ways(self) -> tuple[tuple[EffectPlace, slice, Way | None], ...]:
-        """Each effect with its coefficients and the way in which it acts."""
+        """Each effect with its coefficients and its variant."""
         return tuple(zip(self.places, self.blocks, self.variants or (None,) * len(self.places), strict=True))
 
     @property
@@ -117,7 +117,7 @@ class Fit:
         count, places = len(self.point), []
         for place, block, way in self.ways:
             if isinstance(way, Variant):
-                # It acts by more than its coefficients.
+                # A variant acts by more than its coefficients.
                 continue
             columns = np.arange(count + block.start, count + block.stop)
             moved = self.jacobian[:, columns] @ self.central[columns]
@@ -146,7 +146,7 @@ class Fit:
 
     @property
     def sized(self) -> list[tuple[EffectPlace, NDArray[np.float64]]]:
-        """Each effect with the coefficients about which the fit is linear."""
+        """Each effect with the coefficients at which the fit is linearised."""
         return [(place, self.coefficients[block]) for place, block, _ in self.ways]
 
     @property
@@ -193,7 +193,7 @@ class Fit:
         most_rows: int | None = None,
         proofs: Proofs | None = None,
     ) -> Steps:
-        """As `possible`, in any of the ways in which the effects act."""
+        """Return `possible` for any of the effects' variants."""
         if not self.swept:
             return AnyOf([part.possible(room, further, most_rows, proofs) for part in (self, *self.also)])
         count, shared = len(self.residual), {} if proofs is None else proofs
@@ -215,7 +215,7 @@ class Fit:
             growth = self.growths[0].moved(self.step)
             rows, _, *ends = grown_rows(self.jacobian, self.left, bound, growth)
             free = Bounded(rows, 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]))
-        # Where no possible sizes are possible together, those of the fit are stated.
+        # Where no possible sizes are consistent together, the sizes of the fit are stated.
         for bounded in (replace(free, low=low - self.central, high=high - self.central), free):
             step = analytic_centre(bounded)
             try:
@@ -345,7 +345,7 @@ def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
 
 
 def _variant_intervals(variant: Way, reach: Reach) -> tuple[Interval, ...]:
-    """Intervals of the parameters of an effect that is not linear, for the way in which it acts."""
+    """Return intervals of the parameters of an effect that is not linear, for its variant."""
     intervals = list(variant.limits)
     for k, along in enumerate(variant.directions):
         low, high = variant.limits[k]
@@ -399,9 +399,9 @@ class Classes:
         return Classes(tuple(firsts), tuple(map(tuple, members)), tuple(kept_spaces))._with_parts()
 
     def _with_parts(self) -> "Classes":
-        """The classes with each turn of the table that is a part of another one as a member of that one's class."""
+        """Return the classes with each partial turn of the table as a member of the class of the whole one."""
         turning = [k for k, place in enumerate(self.places) if place.definition.turns_table]
-        # The widest comes first: it is no part of another one that holds the same.
+        # The widest comes first: it is not a part of another one with the same members.
         turning.sort(key=lambda k: -self.spaces[k].shape[1])
         holders: dict[int, int] = {}
         for part, whole in product(turning, repeat=2):
@@ -426,7 +426,7 @@ class Classes:
         return tuple(member for member in self.whole_class(place) if member != place)
 
     def whole_class(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
-        """The class of an effect; it alone where it is in none."""
+        """Return the class of an effect; the effect alone where it is in none."""
         for first, members in zip(self.places, self.members, strict=True):
             if place == first or place in members:
                 return (first, *members)
@@ -466,7 +466,7 @@ class Gain(Told):
 
 
 def blocks_of(places: Sequence[EffectPlace], variants: Sequence[Way | None] = ()) -> tuple[slice, ...]:
-    """The columns of each effect, in the way in which it acts, one after the other."""
+    """Return the columns of each effect, by its variant, one after the other."""
     blocks, start = [], 0
     for place, variant in zip(places, variants or [None] * len(places), strict=True):
         stop = start + (coefficient_count(place) if variant is None else variant.columns.shape[2])
@@ -524,7 +524,7 @@ def extended_fmus(
 def with_effects(
     fmus: Mapping[str, tuple[str, Mapping[str, Any]]], effects: Sequence[Mapping[str, object]]
 ) -> dict[str, dict[str, Any]]:
-    """Components and their parameters, each with those of the effects that extend it, as a scenario file says them."""
+    """Return components with their parameters and those of the effects that extend them, for a scenario file."""
     of_component: dict[str | None, list[dict[str, object]]] = {}
     for entry in effects:
         place, _ = place_from_mapping(entry)

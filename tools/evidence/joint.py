@@ -60,7 +60,7 @@ def join(records: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
         picked = np.zeros((len(joint_names), len(order)))
         picked[np.arange(len(joint_names)), [order.index(name) for name in joint_names]] = 1.0
         chosen.append(picked)
-        # The rows of each about its own fit give the point that is nearest to all of them.
+        # The rows of each record about its own fit give the point that is nearest to all of them.
         rows = record.rows
         matrix.append(rows.nominal @ picked / rows.bound[:, None])
         right.append((rows.residual + rows.nominal @ rows.point) / rows.bound)
@@ -125,7 +125,7 @@ class Joint(Linear):
 
     @cached_property
     def not_searched(self) -> tuple[str, ...]:
-        """Names of effects that are not sought in several records together."""
+        """Names of effects that a search in several records leaves out."""
         searched_names = {"outlier"}
         for places in self.searched:
             for place in places:
@@ -286,7 +286,7 @@ class Joint(Linear):
             yield tuple(candidate)
 
     def _outlier(self, row: int) -> InRecord:
-        """A reading that is off."""
+        """Return the outlier at a reading."""
         k = int(np.searchsorted(self.starts, row, side="right")) - 1
         return in_record(reading_at(int(row - self.starts[k])), self.labels[k])
 
@@ -329,7 +329,7 @@ class JointReader(Reader):
         return int((values > max(member.rows.least_singular for member in self.model.members)).sum())
 
     def missing(self) -> Mapping[str, Any]:
-        """Parameters that all records together do not determine; no more readings than parameters prove nothing."""
+        """Return the parameters that all records leave open; no more readings than parameters prove nothing."""
         model, rows = self.model, self.rows
         if not rows.names:
             return {}
@@ -374,7 +374,7 @@ class JointReader(Reader):
         )
 
     def named(self, place: EffectPlace) -> EffectPlace:
-        """An effect as its record names it: an outlier with the record's own number."""
+        """Return an effect as its record names it: an outlier with the record's own number."""
         if not isinstance(place, InRecord) or isinstance(place, Differs):
             return place
         member = self.model.members[self.model.labels.index(place.record)]
@@ -401,7 +401,7 @@ class JointReader(Reader):
         yield from trials_of_each(fit, parts, self._shuffled)
 
     def _shuffled(self, columns: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Columns (M, k) of an effect moved to other rows of the same record on which it acts; of a constant to any."""
+        """Return an effect's columns (M, k) moved to other rows of the record that it acts on; of a constant to any."""
         moved = columns.copy()
         for begin, end in pairwise(self.model.starts):
             acting = begin + np.flatnonzero(columns[begin:end].any(axis=1))

@@ -227,7 +227,7 @@ def interpolated(at: NDArray, time: NDArray, values: NDArray) -> NDArray[np.floa
 
 
 def approached(record: PositionRecord, encoder_bound: float) -> PositionRecord:
-    """A bench record's rests with the senses in which both axes came to them; its moves tell them."""
+    """Return a bench record's rests with the senses in which both axes came to them, by its moves."""
     raw, arrived = record.raw, [rest.kept_first for rest in record.rests if rest.refused is None]
     if raw is None or record.approach_alpha is not None or len(arrived) != len(record):
         return record
@@ -278,7 +278,7 @@ class Travel:
 
     @staticmethod
     def of(raw: BenchRecord, fitted: WithTurns, encoder_bound: float, gravity: float) -> "Travel":
-        """The way through a record whose gyros were fitted with bench and accelerometers; an encoder's error [rad]."""
+        """Return the path through a record with fitted gyros, bench and accelerometers; an encoder's error [rad]."""
         turns, x = fitted.turns, fitted.point[: fitted.own]
         angles = np.stack([without_turns(raw.alpha), without_turns(raw.beta)])
         moved = np.stack([motion_of(values, encoder_bound) for values in angles])
@@ -381,7 +381,7 @@ class Travel:
     def motion(self) -> MotionRows:
         """The steps of the way as the gyros see them, at the rates that the table gives."""
         rate = self.turning @ self.to_block.T / self.step[:, None]
-        # Between rows far from each other a table comes to rest: how its rate changes, the rates at the rows say.
+        # Between distant rows a table comes to rest: the rates at the rows give the change.
         at_rows = turning_of(self.beta, self.axis_rates[:, 0], self.axis_rates[:, 1], self.lean) @ self.to_block.T
         return MotionRows(
             rate=rate,
@@ -396,6 +396,6 @@ class Travel:
 
 
 def senses_of_moves(swing: NDArray) -> NDArray[np.float64]:
-    """Senses (R,) of an axis' last move at rows between which it turns by swing (R - 1,); 0 before the first."""
+    """Return the sense (R,) of an axis' last move, by its turns (R - 1,) between rows; 0 before the first move."""
     last = np.maximum.accumulate(np.where(swing != 0.0, np.arange(len(swing)), -1))
     return np.append(0.0, np.where(last >= 0, np.sign(swing[last]), 0.0))

@@ -42,13 +42,13 @@ class InRecord(EffectPlace):
 
     @property
     def title(self) -> str:
-        """In words, with the record."""
+        """The effect in words, with the record."""
         return f"{super().title} in {self.record}"
 
 
 @dataclass(frozen=True)
 class Differs(InRecord):
-    """A shared parameter, `where`, that has a value of its own in one record."""
+    """A shared parameter, `where`, that has another value in one record."""
 
     unit: str = field(default="", compare=False)
 
@@ -61,17 +61,17 @@ class Differs(InRecord):
 
     @property
     def title(self) -> str:
-        """In words."""
+        """The effect in words."""
         return f"{self.where} differs in {self.record}"
 
 
 def differs(name: str, record: str, unit: str = "") -> Differs:
-    """A shared parameter, by its name, that has a value of its own in a record."""
+    """Return the effect of a shared parameter, by its name, with another value in one record."""
     return Differs("parameter", name, record=record, unit=unit)
 
 
 def record_of(place: EffectPlace) -> str | None:
-    """The one record in which an effect acts; None where it may act in all."""
+    """Return the one record in which an effect acts; None where it may act in all."""
     return place.record if isinstance(place, InRecord) else None
 
 

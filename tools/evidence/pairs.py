@@ -178,7 +178,7 @@ class Pair:
         return form.coefficients * max(1, len(self.members))
 
     def columns_of(self, forms: Sequence[Form]) -> list[NDArray[np.float64]]:
-        """As `columns`, of several forms."""
+        """Return the columns of several forms, as `columns` does of one."""
         if self.members:
             of_members = [member.columns_of(forms) for member in self.members]
             return [np.hstack(of_form) for of_form in zip(*of_members, strict=True)]
@@ -199,7 +199,7 @@ class Pair:
             yield tuple(Form("powers", k) for k in range(1, POWERS + 1))
 
     def single(self) -> Iterator[Form]:
-        """Forms with a number that is searched for: a jump at every gap, a harmonic of every order."""
+        """Yield the forms with a searched number: a jump at every gap, a harmonic of every order."""
         if self.told:
             return
         if self.circle:
@@ -232,7 +232,7 @@ FACTORS = {
 
 
 def in_words(name: str) -> str:
-    """A quantity, a product of two, or a factor in words; empty where it is none."""
+    """Return a quantity, a product of two, or a factor in words; empty for any other name."""
     if name in FACTORS:
         return FACTORS[name]
     words = [QUANTITIES[word] for word in name.split()]

@@ -72,7 +72,7 @@ class Power:
 
     @property
     def entry(self) -> dict[str, Any]:
-        """As results write it: ``place``, ``quantity``, where there is one ``factor``, ``size``, ``unit``."""
+        """The power as results write it: ``place``, ``quantity``, any ``factor``, ``size``, ``unit``."""
         entry: dict[str, Any] = {"place": self.pair.where, "quantity": self.pair.quantity}
         if self.pair.factor:
             entry["factor"] = self.pair.factor
@@ -112,7 +112,7 @@ def powers_of_record(pairs: Sequence[Pair], nominal: NDArray, room: NDArray) -> 
         yield Power(pair, largest_hidden(np.hstack((nominal, columns)), counted, room))
 
 
-# Of rests on a table
+# Rests on a table
 
 
 def judged_pairs(rows: Rows) -> Iterator[Pair]:
@@ -139,7 +139,7 @@ def class_of(pair: Pair, p: Parametrisation, jacobian: NDArray) -> tuple[NDArray
 
 
 def _hats(pair: Pair, finer: int, values: NDArray) -> NDArray[np.float64]:
-    """Functions (n, K) of the class, or of a finer one, that are one at a knot each, at values (n,)."""
+    """Return functions (n, K) of the class, or of a finer one, each one at a single knot, at values (n,)."""
     if pair.circle:
         return Form("around", finer * SECTORS).columns(values)
     ends = _range(pair)
@@ -147,7 +147,7 @@ def _hats(pair: Pair, finer: int, values: NDArray) -> NDArray[np.float64]:
 
 
 def _range(pair: Pair) -> NDArray[np.float64]:
-    """Ends (2,) of a quantity that is no angle: those of inputs, else those of the rows."""
+    """Return the ends (2,) of a quantity other than an angle: those of inputs, else those of the rows."""
     names = pair.quantity.split()
     if set(names) <= set(INPUTS):
         largest = LARGEST_INPUT ** len(names) / len(names)

@@ -53,7 +53,7 @@ def force_deviation(inspection: Inspection) -> NDArray[np.float64]:
 
 
 def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float, *, inertial: bool) -> float:
-    """Largest turn of the true attitude (N, 4) between rows so far apart at rest [rad]; 0 where it is not known there.
+    """Return the largest turn of the true attitude (N, 4) between rows at a distance at rest [rad]; 0 where unknown.
 
     Of a shorter rest its ends: the errors of a reference do not grow with the time between. Against inertial space the
     steady turn of each rest is Earth's.
@@ -190,13 +190,13 @@ class Reference:
         return np.zeros((0, 3))
 
     def spread(self, pieces: Pieces) -> NDArray[np.float64]:
-        """Mean square (S,) of turns of pieces that is noise [rad²]."""
+        """Return the mean square (S,) of the pieces' turns by noise [rad²]."""
         return np.zeros(len(pieces)) if self.noise is None else self.noise.angle_square(pieces.durations(self.time_s))
 
 
 @dataclass(frozen=True, eq=False)
 class Gravity(Reference):
-    """Gravity is the reference: its direction at the rests, its size, and that the block does not turn there.
+    """Gravity is the reference: its direction at the rests, its size, and no turn of the block at rest.
 
     Pieces that are scored are moves over one, two and three rests; `ends` (S, 2) are the numbers of the rests at the
     ends of each; `still` are the rests without a gap; `reading` (K, 3) and `deviation` (K, 3) are the accelerometers'
@@ -247,7 +247,7 @@ class Gravity(Reference):
         for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
             by_parameters[:, p, k] = n[:, q]
         by_parameters[:, :, 6:] = np.eye(3)
-        # Readings are too large by an effect, or a parameter that is larger in truth.
+        # An effect, or a parameter that is larger in truth, makes readings too large.
         forces = np.concatenate([by_parameters, *(force_columns(place, n, self.rests) for place in places)], axis=2)
         by_reading = self.of_readings(x, run.attitude)
         still, own, count = self.still, run.own, len(n)
@@ -363,7 +363,7 @@ class Truth(Reference):
         return rotation_vectors(rotation @ true.transpose(0, 2, 1))
 
     def parts(self, run: Run, x: NDArray, places: Sequence[EffectPlace]) -> list[Part]:
-        """A part for each length; it tells nothing of accelerometers."""
+        """Return a part for each length; it has no rows of accelerometers."""
         factor = factor_for(3 * sum(len(windows) for windows in self.scored))
         parts = []
         for number, (windows, of_truth) in enumerate(zip(self.scored, self.of_windows, strict=True)):
@@ -411,7 +411,7 @@ def truth_windows(inspection: Inspection) -> tuple[Pieces, ...]:
 
 
 def windows_of(known: NDArray, usable: Usable, period: float, seconds: float) -> Pieces:
-    """Windows of one length, side by side, between rows (K,) whose true attitude is known."""
+    """Return windows of one length, side by side, between rows (K,) with a known true attitude."""
     first, last = windows_between(known, usable, period, seconds).T
     return Pieces("windows", f"{seconds:g} s", first, last)
 

@@ -64,7 +64,7 @@ class Part:
 
     @property
     def label(self) -> str:
-        """In words."""
+        """The kind of pieces in words."""
         return self.pieces.label
 
     @property
@@ -313,7 +313,7 @@ def numbers_in(blocks: Mapping[EffectPlace, slice], places: Sequence[EffectPlace
 
 
 def reading_at(row: int) -> EffectPlace:
-    """A reading that is off, by its row."""
+    """Return the outlier at a reading, by its row."""
     return place_of(row // 3 + 1, row % 3 + 1)
 
 

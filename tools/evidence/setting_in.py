@@ -1,4 +1,4 @@
-"""The search for one unknown number beside a linear model: which times, or time constants, a record leaves possible.
+"""The search for one unknown number beside a linear model: the times, or time constants, that a record allows.
 
 No number is missed:
 
@@ -46,7 +46,7 @@ class Standing:
 
 
 class SettingIn(Linear):
-    """A model with effects `starting` that set in or fade; of those that are fitted `set_in` has times [h].
+    """A model with effects `starting` that set in or fade; `set_in` has the times [h] of the fitted ones.
 
     `left_open` are ranges of an effect's times that are known to hold all that are possible.
     """
@@ -115,13 +115,13 @@ class SettingIn(Linear):
                 yield candidate, place
 
     def _candidates(self, place: EffectPlace, work: Work, slack: float) -> list[EffectPlace]:
-        """Linear effects beside which an effect may set in, in the order of their places."""
+        """Return the linear effects beside which an effect may set in, in the order of their places."""
         every, standing, columns = self.classes.places, set[int](), []
         for candidate in every:
             columns.append(self.rows.columns_of([candidate]))
 
         def standing_in(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
-            """Yield candidates that no bound refuses in a range, except those that are consistent in another one."""
+            """Return candidates that no bound refuses in a range, except those that are consistent in another one."""
             among = [number for number in among if number not in standing]
             columns_held, missed = self._range(place, begin, end)
             finite = np.isfinite(columns_held).all(axis=1)
@@ -160,7 +160,7 @@ class SettingIn(Linear):
         return place, [other for other in places if other != place]
 
     def _setting_in(self, place: EffectPlace, linear: list[EffectPlace], work: Work) -> Standing | None:
-        """The rows at which an effect beside others can set in."""
+        """Return the rows at which an effect beside others can set in; None if there are none."""
         places, fits, swept_ranges, rows = [*linear, place], [], [], []
         for begin, end in self.open_ranges_of(place, linear, work):
             swept = self._swept(place, linear, (begin, end))
@@ -172,12 +172,12 @@ class SettingIn(Linear):
         if not fits:
             return None
         if self.with_onset(place, 0).refit(places).radius <= self.limit:
-            # One that acts from the first row on would do as well.
+            # An effect that acts from the first row on fits as well.
             rows.append(0)
         return Standing(min(rows), max(rows), fits, swept_ranges)
 
     def _fading(self, place: EffectPlace, linear: list[EffectPlace], work: Work) -> Standing | None:
-        """The time constants about all with which an effect beside others can fade."""
+        """Return the time constants with which an effect beside others can fade; None if there are none."""
         ranges = list(self.open_ranges_of(place, linear, work))
         if not ranges:
             return None
@@ -205,7 +205,7 @@ class SettingIn(Linear):
                 return None
             first, last = _standing(swept)
             begin, end = float(numbers[max(0, first - 1)]), float(numbers[min(len(numbers) - 1, last + 1)])
-            # Nearer to each other bounds grow by less.
+            # With smaller distances bounds grow less.
             nearer = FINER
             if growth > FINE:
                 nearer = growth / FINE
@@ -256,7 +256,7 @@ class SettingIn(Linear):
     def _searched(
         self, swept: Swept, places: Sequence[EffectPlace], numbers: NDArray, work: Work
     ) -> tuple[Fit, float] | None:
-        """The fit of a set of effects that mends the record at a value next to the best, with its number; or none."""
+        """Return the consistent fit of a set of effects at a value next to the best, with its number; or None."""
         best, least = 0, math.inf
         rows, columns = swept.rows.fixed.shape
         for count, (way, radius) in enumerate(swept.search()):
@@ -275,14 +275,14 @@ class SettingIn(Linear):
     def open_ranges_of(
         self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work
     ) -> Iterator[tuple[int, int]]:
-        """Rows between which an effect beside others may set in, as far as no bound refuses it."""
+        """Yield the rows between which an effect beside others may set in, if no bound refuses it."""
         if place in self.left_open:
             yield from self.left_open[place]
             return
         matrix, cells = self.rows.matrix(linear), self.cells[place]
 
         def standing_in(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
-            """Nothing where bounds refuse the effect in a range."""
+            """Return nothing where bounds refuse the effect in a range."""
             columns_held, missed = self._range(place, begin, end)
             finite = np.isfinite(columns_held).all(axis=1)
             columns = np.hstack([matrix, columns_held])[finite]
@@ -294,7 +294,7 @@ class SettingIn(Linear):
             yield begin, end - cells.at_once
 
     def _edges(self, place: EffectPlace) -> NDArray[np.int_]:
-        """Ends of the least ranges of an effect's numbers; none where too few pieces tell them."""
+        """Return the ends of the least ranges of an effect's numbers; none where too few pieces determine them."""
         cells = self.cells[place]
         if len(cells.rows_between) < 2:
             return np.zeros(0, dtype=int)
@@ -310,7 +310,7 @@ class SettingIn(Linear):
 
 
 def _standing(swept: Swept) -> tuple[int, int]:
-    """The first and the last value that is not refused."""
+    """Return the first and the last value that is not refused."""
     standing = np.flatnonzero(~swept.refused)
     return int(standing[0]), int(standing[-1])
 
