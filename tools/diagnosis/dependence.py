@@ -80,11 +80,11 @@ class Standing:
 class Dependence:
     """Functions of one quantity at one place that mend a falsified model.
 
-    `standing`: pairs with which the model stands, the least complex first, up to `most_of_rivals` of it;
-    `freedoms`: ways in which a place may act with which the model stands where it may do so as it likes; `radius` of
-    the model without functions; up to the radius `limit` and the complexity `most_complex` a function is a proof.
-    `listed_elsewhere`, `listed_otherwise`: whether a set of the catalogue that is as
-    simple acts at another place, or depends on another quantity.
+    `standing`: pairs that make the model fit, the least complex first, up to `most_of_rivals` of it; `freedoms`: ways
+    in which a place may act that make the model fit when each reading has its own value; `radius` of the model without
+    functions. A function is a proof up to the radius `limit` and the complexity `most_complex`. `listed_elsewhere`,
+    `listed_otherwise`: true if an equally simple set of the catalogue acts at another place, or depends on another
+    quantity.
     """
 
     standing: tuple[Standing, ...]

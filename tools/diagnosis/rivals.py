@@ -209,7 +209,7 @@ class Unlisted:
         # If not all sets are tried, some that fit are more complex than the proven function, and elsewhere.
         proven = dependence.proven is not None and len(fit.places) > listed.evidence.model.effort.most_known_alone
         if proven:
-            # All that stands is one quantity, as far as the record tells: no rival of itself, one of a set elsewhere.
+            # All fitting functions share one quantity, for this record: no rival of itself, but of a set elsewhere.
             rivals = [] if holding else rivals[:1]
         alike: dict[object, Pair] = {}
         for standing in reversed(holding):

@@ -74,9 +74,9 @@ class RestNoise:
     def judged(self, scatter: NDArray, free: int, seconds: NDArray) -> "RestNoise":
         """Return the noise, judged by mean squares (3,) of the differences between means over times (K,).
 
-        Such means of white noise and flicker noise differ by no more than the least Allan deviation and the length of
-        the record say, and Earth's rate in poses of unknown heading, but for chance (an F test). What is more is no
-        noise.
+        White noise and flicker noise limit the differences by the least Allan deviation and the length of the record;
+        Earth's rate in poses of unknown heading adds to them. Differences beyond that, except by chance (an F test),
+        are no noise.
         """
         white = self.white * float(np.mean(1.0 / seconds))
         expected = white + self.least * float(np.mean(self._octaves(seconds))) + EARTH_RATE**2
