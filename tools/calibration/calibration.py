@@ -525,7 +525,7 @@ def _determines(information: NDArray, weights: NDArray) -> bool:
 def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation, at: Positions) -> str:
     """Return one line where another way of reading a record fits far better than the present one; else nothing.
 
-    The readings (N, 3) are over g. There is no advice where a person has said that the file stands as it is.
+    The readings (N, 3) are over g. There is no advice if the person has declared the file to be right.
 
     Notes
     -----

@@ -90,7 +90,7 @@ class Bench:
     def given(cls, record: PositionRecord | StrapdownRecord, **options: Any) -> "Bench | None":
         """Return the bench by options and by the comment lines of a bench record; None where neither names the place.
 
-        An InputError for an option without the place, or one that contradicts where the record says it was measured.
+        Raises an InputError for an option without the place, or for a place that contradicts the record's.
         """
         place: dict[str, Any] = {}
         if isinstance(record, PositionRecord) and isinstance(record.raw, BenchRecord):
@@ -305,7 +305,7 @@ def _no_wider(together: Parameter, alone: Parameter) -> Parameter:
 
 
 def _gains(alone: Sequence[Parameter], together: Sequence[Parameter]) -> list[GainOfTurns]:
-    """The targets that turns make known better."""
+    """Return the targets whose guaranteed error the turns reduce."""
     gains = []
     for parameter, improved in zip(alone, together, strict=True):
         before, after = parameter.guaranteed_error, improved.guaranteed_error

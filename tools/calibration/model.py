@@ -109,9 +109,9 @@ def mountings_of(mounting: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
 def mountings_for(record: PositionRecord, choice: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
     """Return the matrix (3, 3) of every mounting of a record, in the order in which they first appear.
 
-    The record's `mounting` column, where it has one, names them; else there is one entry. Given are matrices by name, a
-    preset's name, or the path of a TOML file. An InputError for an unreadable file, a matrix that is no rotation, a
-    mounting of the record without a matrix.
+    The record's `mounting` column names them, if it has one; else there is one entry. The mountings are matrices by
+    name, a preset's name, or the path of a TOML file. Raises an InputError for an unreadable file, a matrix that is not
+    a rotation, or a mounting of the record without a matrix.
     """
     option, source, available = "", "mounting", choice
     if isinstance(choice, str):
@@ -180,7 +180,7 @@ class Positions:
     slips: NDArray | None = None
 
     def selected(self, rows: NDArray | slice) -> "Positions":
-        """Some of them."""
+        """Return some of the positions."""
         return replace(self, **{name: column[rows] for name, column in vars(self).items() if column is not None})
 
 

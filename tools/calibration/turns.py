@@ -126,16 +126,16 @@ def turns_of(
     mounting, earth : (3, 3), (3,) array
         Q; Earth's rotation in axes of the base [rad/s]
     encoder_bound : float
-        of an encoder's error, what is constant left out [rad]
+        bound of an encoder's error, without its constant part [rad]
     noise_bound : float or None
-        of a gyro's mean over one second [rad/s]; over T it falls as 1/√T; None: from the rests
+        bound of a gyro's mean over one second [rad/s]; over T it falls as 1/√T; None: from the rests
     rates : str
-        what a rate in the record means
+        meaning of a rate in the record
 
     Raises
     ------
     InputError
-        fewer than two rests, or noise that the rests do not tell
+        fewer than two rests, or rests that leave the noise open
     """
     raw = record.raw
     assert isinstance(raw, BenchRecord)

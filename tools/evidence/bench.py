@@ -71,7 +71,7 @@ FIT_TOLERANCE = 1e-8
 class TurnErrors:
     """Errors (S, 3) of turns over their bounds, `before` and `after`; from and to (S,) [s], angles (S, 2) [rad].
 
-    `alone`: the radius that readings by themselves leave, and turns by themselves, each without effects and with them.
+    `alone` holds the radius of the readings alone and of the turns alone, each without effects and with them.
     """
 
     first: NDArray[np.float64]
@@ -412,7 +412,7 @@ class BenchReader(Reader):
         return {"next_positions": positions} | ({} if mounting is None else {"second_mounting": mounting})
 
     def trials(self, fit: Fit) -> Iterator[Trial]:
-        """Positions left out in turn, and blocks in time, with the whole set, then without each of several effects."""
+        """Yield the trials of the whole set on left-out positions and blocks in time, then of each single effect."""
         rows = self.rows
         return trials(Linear(rows.nominal, rows.residual, rows.bound), fit, self.named, self.model.numbers)
 
@@ -455,7 +455,7 @@ class BenchRerun:
         return places, {"specific_force": self.model.calibration.gravity * (self.model.readings.reading - added)}
 
     def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
-        """The largest over the readings."""
+        """Return the largest remainder over the readings."""
         places, columns = self._columns(effects)
         added = (np.abs(columns) @ stacked_sizes(errors, places)).reshape(-1, 3)
         return self.model.calibration.gravity * added.max(axis=0)

@@ -220,10 +220,10 @@ class BenchInMotion(TurnsInTime):
     def _beside_turns(
         self, rows: About | Fit, columns: NDArray, added: NDArray, point: NDArray, coefficients: NDArray
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int_]]:
-        """Readings as a model of the bench has them with the turns beside them, about parameters and coefficients.
+        """Return the readings by a model of the bench, with the turns beside them, about parameters and coefficients.
 
-        `columns` of the coefficients (K,) are the model's, `added` (M, K) what the others do. Errors (M,), derivatives
-        (M, P + K), bounds (M,), and which columns are the model's.
+        `columns` are the numbers of the model's coefficients among (K,); `added` (M, K) holds the changes by the
+        others. The result is errors (M,), derivatives (M, P + K), bounds (M,), and the mask of the model's columns.
         """
         fitted, count = self.whole, self.of_readings
         lagging = np.zeros((len(added), 1))
@@ -370,7 +370,7 @@ class BenchInMotion(TurnsInTime):
         return with_possible_sizes(stacked, self.limit, LARGEST_OF_BENCH) if radius <= self.limit else None
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
-        """Linear effects that a fit has not, with their columns (M, k) at the nominal fit."""
+        """Yield the linear effects that a fit lacks, with their columns (M, k) at the nominal fit."""
         # A search beside each of many time constants would cost too much.
         for place in () if fades(fit) else self.classes.places:
             if place not in fit.places:
@@ -446,7 +446,7 @@ class WholeReader(BenchReader):
         return super().told(place, ends) if acts_at_rest(place) else tuple(ends)
 
     def power(self) -> Sequence[Mapping[str, Any]]:
-        """The power of the positions by themselves."""
+        """Return the power of the positions alone."""
         return self.rests.power()
 
     def channels(self) -> Sequence[Channel]:
@@ -469,7 +469,7 @@ class WholeReader(BenchReader):
         before, after = nominal.left[rows:].reshape(-1, 3), (fit.left / fit.allowed)[rows:].reshape(-1, 3)
 
         def alone(rows_alone: slice) -> tuple[float, float]:
-            """Radius of some of the rows by themselves, without effects and with them."""
+            """Return the radius of some of the rows alone, without effects and with them."""
             ones = np.ones(len(self.rows.residual[rows_alone]))
             errors, columns = fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None]
             without = chebyshev_radius(self.rows.nominal[rows_alone], self.rows.residual[rows_alone], ones)[0]
@@ -503,7 +503,7 @@ class WholeRerun:
 
     @property
     def rests(self) -> BenchRerun:
-        """The rests by themselves, simulated again."""
+        """The rests alone, simulated again."""
         return BenchRerun(self.model.rests)
 
     @property

@@ -1,7 +1,7 @@
 """Predictions by fits of a bench, for held-out positions and for positions that might be measured.
 
 The extended FMUs run at held-out positions, without and with the effects: the difference is the gain. Further
-positions, and a second mounting, are named if they tell candidate causes apart.
+positions, and a second mounting, are named if they separate candidate causes.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -64,7 +64,7 @@ def lasting_part(fit: Fit) -> tuple[tuple[EffectPlace, ...], NDArray]:
 
 
 def later_part(fit: Fit) -> list[tuple[EffectPlace, slice, Callable[[Rows], NDArray]]]:
-    """The effects of a fit that add columns in their way, their coefficients, and their columns (n, 3, K) later."""
+    """Return the effects of a fit that add columns by their variant, with coefficients and later columns (n, 3, K)."""
     return [
         (place, block, variant.elsewhere)
         for place, block, variant in fit.ways

@@ -103,7 +103,7 @@ def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None
 
 
 def without_last(readings: Readings, fit: Fit) -> Fit:
-    """The model linear at the bench of a fit, with all of its effects but the last, of the sizes that they have."""
+    """Return the model linear at the bench of a fit, with all of its effects but the last, at their sizes."""
     places, blocks, count = fit.places[:-1], fit.blocks[:-1], len(fit.point)
     return _linear_at(readings, places, fit.at[: count + _stop(blocks)], count)
 

@@ -37,16 +37,16 @@ Sized = Sequence[tuple[EffectPlace, NDArray]]
 
 @dataclass(frozen=True)
 class Circumstances:
-    """The circumstances of each of N rows: what effects may depend on beside the angles.
+    """Circumstances of each of N rows: the quantities, beside the angles, that effects may depend on.
 
     `hours` (N,) [h]: time since the first row of the record; `temperature` (N,) [degC] where it is known;
     `sense_alpha`, `sense_beta` (N,): sense of the last move of each axis, +1, -1, or 0 where there was none;
-    `approached`: whether the senses are the record's own, not concluded from the row before.
+    `approached`: true if the senses are the record's own, false if they follow from the row before.
 
-    `before` (N, 2): encoder readings [rad] of the row before each; NaN where there is none, or another mounting; None
-    where the rows follow no order. `temperature_resolution`: half a last digit of the temperature as it was written
-    [K]; `began`: time of the record's first row [s]; `axis_rates` (N, 2) of both axes [rad/s], None at rest;
-    `input_senses` (N, 3) those of the last changes of the inputs, 0 where not told, None where no series tells them.
+    `before` (N, 2): encoder readings [rad] of the row before each; NaN for the first row and after a change of
+    mounting; None where the rows follow no order. `temperature_resolution`: half a last digit of the written
+    temperature [K]; `began`: time of the record's first row [s]; `axis_rates` (N, 2) of both axes [rad/s], None at
+    rest; `input_senses` (N, 3): senses of the last changes of the inputs, 0 where unknown, None without a series.
     """
 
     hours: NDArray
@@ -119,7 +119,7 @@ class Visits:
         return len(self.at.alpha)
 
     def selected(self, rows: NDArray) -> Self:
-        """Some of them (n,) of int."""
+        """Return the visits of some positions (n,) of int."""
         at = Positions(self.at.alpha[rows], self.at.beta[rows], self.at.mounting[rows])
         return replace(self, at=at, circumstances=self.circumstances.selected(rows))
 

@@ -137,7 +137,7 @@ class CarriedReader(RecordReader):
         return self.rows.parts[self.model.quoted]
 
     def quoted_errors(self, fit: Fit) -> NDArray[np.float64]:
-        """The errors (S, d) that a fit leaves of it."""
+        """Return the quoted errors (S, d) under a fit."""
         return self.rows.split(fit.left)[self.model.quoted]
 
     @property
@@ -285,7 +285,7 @@ class CarriedReader(RecordReader):
         return (f"time stamps that are {changed} would do the same",)
 
     def objections(self) -> tuple[str, ...]:
-        """Parameters that no instrument has, gyros that wander at rest, errors that all effects together leave."""
+        """Return the objections: impossible parameters, gyros that wander at rest, errors left by all effects."""
         objections = []
         for (name, unit), value in zip(self.rows.names, self.model.baseline.central, strict=True):
             if unit == "1" and abs(value) > LARGEST:
@@ -436,7 +436,7 @@ class CarriedRerun:
         return places, {"rate": None, "increment": compensated_increments(model.motion, values, model.found.gravity)}
 
     def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
-        """None: only gyros are corrected."""
+        """Return None: only gyros are corrected."""
         return None
 
     def extension(self, fit: Fit, effects: Sized) -> Extension:

@@ -117,12 +117,12 @@ def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace
 def linear_evidence(
     inspection: Inspection, block: str, rates: str = "instantaneous", further: Sequence[EffectPlace] = ()
 ) -> Carried:
-    """The evidence of a record about its calibrated block; against the true attitude where the record has it.
+    """Return the evidence about the calibrated block of a record, against its true attitude where it has one.
 
-    A record without true attitude has a consistent or falsified norm calibration. `block`, "calibrated" or "nominal",
-    says whether the gyros' scale factors and misalignments are parameters; beside their bias, but with true attitude,
-    where the nominal block is taken as it is delivered: the mean at rest is taken out and nothing else. `rates` is as
-    for `mean_motion`; `further` are effects to be tried beside those of the catalogue.
+    A record without true attitude has a consistent or falsified norm calibration. `block` "calibrated" makes the gyros'
+    scale factors and misalignments parameters, beside their bias; "nominal" leaves them out. With true attitude the
+    nominal block is taken as delivered: only the mean at rest is removed. `rates` is as for `mean_motion`; `further`
+    are effects to be tried beside those of the catalogue.
     """
     motion = mean_motion(inspection.record, inspection.sampling, inspection.gravity, rates)
     x, model = np.zeros(0), GyroModel(bias=rest_mean(inspection))

@@ -142,7 +142,7 @@ class Carried(SettingIn):
         return replace(model, set_in={**self.set_in, place: self.cells[place].value(row)})
 
     def including(self, places: Sequence[EffectPlace]) -> Self:
-        """The model with formulas and tables as more that can be tried; a ValueError for one that it cannot have."""
+        """Return the model with formulas and tables as further effects; raise a ValueError for an impossible one."""
         model = self
         for place in places:
             if place not in (*model.rows.places, *model.starting):

@@ -53,11 +53,11 @@ class Cell:
     ends : (float, float)
         of the number [h]
     columns : (N, 3, K)
-        what a unit of each coefficient adds to the readings [g]
+        change of the readings by a unit of each coefficient [g]
     numbers : (K,)
-        the number at which each coefficient adds that
+        the number at which each coefficient has these columns
     missed : (N, 3, K) or None
-        by how much a reading may differ [g] per unit of the size of each coefficient, which then all have one sign;
+        error of a reading [g] per unit of the size of each coefficient, which then all have one sign;
         None where the columns are exact
     sums : (S, K) or None
         sums of coefficients that are the first of the parameters; None where these are the coefficients

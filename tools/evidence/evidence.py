@@ -50,8 +50,8 @@ class Worst:
 class ReadOff:
     """An effect that readings show by themselves: its place, its stated parameters and their possible intervals.
 
-    `radius` is that of the model without it, where the readings that show it count as well; `objection` says why it is
-    not named all the same.
+    `radius` is that of the model without it, with the readings that show it included; `objection` is the reason not to
+    name it.
     """
 
     place: EffectPlace
@@ -88,13 +88,13 @@ class Effort:
     Attributes
     ----------
     cost : float
-        by how much each set costs more than in a usual record
+        cost of each set, relative to a usual record
     most_sets, most_rows : int or None
-        number of sets that are shown, of rows that bound what is possible; None: all
+        number of reported sets, of rows that bound the possible values; None: all
     most_known_alone : int
-        sets of so many effects are known to stand alone where no other is found; larger ones need a proven quantity
+        largest size of a set that needs no proven quantity to be reported as the only one
     ranks_each : bool
-        whether the radius that each effect by itself leaves is worked out
+        true if the radius with each single effect is computed
     """
 
     cost: float = 1.0
@@ -184,7 +184,7 @@ class Model(Protocol):
         ...
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
-        """Effects that a fit has not, with their columns (M, k) there."""
+        """Yield the effects that a fit lacks, with their columns (M, k) there."""
         ...
 
     def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
@@ -192,7 +192,7 @@ class Model(Protocol):
         ...
 
     def including(self, places: Sequence[EffectPlace]) -> Self:
-        """The model with formulas and tables that were not tried from the first on; a ValueError for one it cannot."""
+        """Return the model with formulas and tables as further effects; raise a ValueError for an impossible one."""
         ...
 
 
@@ -273,11 +273,11 @@ class Linear:
         return [fit] if fit.radius <= self.limit else []
 
     def untried(self, size: int) -> str | None:
-        """All sets are tried."""
+        """Return None: all sets are tried."""
         return None
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
-        """Effects that a fit has not, with their columns (M, k)."""
+        """Yield the effects that a fit lacks, with their columns (M, k)."""
         for place in self.seen:
             if place not in fit.places:
                 yield place, self.rows.columns_of([place])
@@ -363,9 +363,9 @@ class Lengths:
     model_of : callable
         the model of other rows, given as ``rows=``
     as_measured : Rows or None
-        rows with nothing taken out beforehand, where something is
+        rows before any correction, where there is one
     would_need : callable
-        what else would have to be true for some effects to be enough, in words; empty where nothing can be said
+        further condition under which some effects are enough, in words; empty where there is none
     """
 
     quoted: int

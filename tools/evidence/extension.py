@@ -132,9 +132,9 @@ class Extension:
 class Visited:
     """Positions visited one after the other.
 
-    `commands` (n, 2): angles [rad] to which the table is brought; `senses`, `moved` (n, 2): sense of the last move of
-    each axis, and whether it turned on the way; `circumstances`: of each position. Where the record says in which sense
-    a position was reached the table comes to it in that sense, else straight from the position before.
+    `commands` (n, 2): commanded angles [rad]; `senses`, `moved` (n, 2): sense of the last move of each axis, and true
+    if it turned on the way; `circumstances`: of each position. The table approaches a position in the sense that the
+    record gives, else straight from the position before.
     """
 
     commands: NDArray[np.float64]

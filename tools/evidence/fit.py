@@ -291,7 +291,7 @@ class Fit:
 
 
 def not_in_all(fits: Sequence[Fit]) -> list[EffectPlace]:
-    """Effects that some of the fits have and others have not."""
+    """Return the effects that only some of the fits hold."""
     places: dict[EffectPlace, int] = {}
     for fit in fits:
         for place in fit.places:
@@ -476,7 +476,7 @@ def blocks_of(places: Sequence[EffectPlace], variants: Sequence[Way | None] = ()
 
 
 def coefficient_limits(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ends of the possible coefficients of a linear effect; of amplitude and phase those of the pair that they are."""
+    """Return the ends of the possible coefficients of a linear effect; for amplitude and phase those of their pair."""
     ends: list[tuple[float, float]] = []
     for parameter in place.definition.linear_parameters:
         if parameter.name.endswith("amplitude"):

@@ -300,7 +300,7 @@ class Joint(Linear):
         return [] if possible is None else [possible]
 
     def alone_with(self, k: int, places: Sequence[EffectPlace]) -> Fit:
-        """One record by itself with those of some effects that act in it."""
+        """Return one record alone, with the given effects that act in it."""
         acting = []
         for place in places:
             if self.acts(k, place) and not isinstance(place, Differs):

@@ -65,7 +65,7 @@ class DirectionsReader(Reader):
         return {"baseline_model": "known directions"}
 
     def missing(self) -> Mapping[str, Any]:
-        """Too few rests, or directions of one plane, prove nothing."""
+        """Return a warning: too few rests, or directions of one plane, prove nothing."""
         if np.linalg.matrix_rank(self.rows.nominal) == len(self.rows.names) < len(self.rows.residual):
             return {}
         return {"missing": ("at least five rests whose directions do not lie in one plane",)}

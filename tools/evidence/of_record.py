@@ -110,7 +110,7 @@ class Mended(Linear):
 
 
 def mended(before: Evidence, fit: Fit, effects: Sequence[EffectPlace]) -> Evidence:
-    """The record with some effects of a fit to it; the fit's others may act in all records, and are taken out."""
+    """Return the record with some effects of a fit to it; others, which may act in all records, are removed."""
     widths = [block.stop - block.start for block in fit.blocks]
     in_rows = np.append(np.full(len(fit.point), True), np.repeat([place in effects for place in fit.places], widths))
     residual = fit.residual + fit.jacobian[:, ~in_rows] @ fit.at[~in_rows]

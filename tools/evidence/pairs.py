@@ -149,7 +149,7 @@ class Pair:
         return frozenset(word for word in f"{self.quantity} {self.factor}".split() if word in QUANTITIES)
 
     def is_named_as(self, pair: "Pair") -> bool:
-        """Return whether another pair has the same place and quantity, whatever their values."""
+        """Return whether another pair has the same place and quantity, for any values."""
         own = (self.where, self.quantity, self.factor, self.freedom)
         return own == (pair.where, pair.quantity, pair.factor, pair.freedom)
 

@@ -96,7 +96,7 @@ def largest_hidden(columns: NDArray, counted: NDArray, room: NDArray) -> float:
 
 
 def powers_of_record(pairs: Sequence[Pair], nominal: NDArray, room: NDArray) -> Iterator[Power]:
-    """Return the power against each pair of one place, for rows with the derivatives (M, P) of the model.
+    """Yield the power against each pair of one place, for rows with the derivatives (M, P) of the model.
 
     The class is over the record's range of the quantity, and the model imitates the same functions as in this record.
     `room` (M,) is the largest distance of errors and residuals in a consistent model.

@@ -172,7 +172,7 @@ def across(up: NDArray) -> NDArray[np.float64]:
 class Reference:
     """Reference of a carried attitude: `scored` are the pieces of each kind that judge the model.
 
-    `noise` is the gyros'; None where the record does not tell it: bounds are then zero.
+    `noise` is the gyros'; None where the record leaves it open: bounds are then zero.
     """
 
     time_s: NDArray[np.float64]

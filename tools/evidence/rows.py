@@ -35,7 +35,7 @@ class Pieces:
         return len(self.first)
 
     def selected(self, index: NDArray | slice) -> "Pieces":
-        """Some of the pieces: mask or numbers."""
+        """Return some of the pieces, by mask or numbers."""
         return Pieces(self.kind, self.label, self.first[index], self.last[index])
 
     def durations(self, time_s: NDArray) -> NDArray[np.float64]:
@@ -73,7 +73,7 @@ class Part:
         return np.asarray(0.5 * (self.pieces.first + self.pieces.last), dtype=float)
 
     def selected(self, index: NDArray) -> "Part":
-        """Some of the pieces: mask or numbers."""
+        """Return the part with some of the pieces, by mask or numbers."""
         names = ("error", "bound", "nominal", "columns")
         return replace(self, pieces=self.pieces.selected(index), **{name: getattr(self, name)[index] for name in names})
 
@@ -117,21 +117,21 @@ class Rows:
     names : tuple of (str, str)
         name and unit of each parameter of the model
     point : array (P,)
-        their values about which the rows are linear
+        their values at which the rows are linearised
     places : tuple of EffectPlace
         effects that can be tried
     residual, bound : array (M,)
-        errors at the point, and how large noise can make them
+        errors at the point, and the largest by noise
     nominal : array (M, P)
         derivatives by the parameters
     columns_of : callable
         derivatives (M, K) by the coefficients of some effects
     parts : tuple of Part
-        pieces of each kind, where the record has such; then residual and columns are over the bounds
+        pieces of each kind, if the record has any; then residual and columns are over the bounds
     fold_numbers : array (M,), optional
         the part of the record with which each row is left out; by default blocks in time of the parts
     are_readings : bool
-        whether they begin with readings of three accelerometers each, any of which may be off by itself
+        true if they begin with readings of three accelerometers each, any of which may be an outlier
     least_singular : float
         directions of the parameters with a smaller singular value, over the bounds, are not determined
     """

@@ -2,13 +2,13 @@
 
 No number is missed:
 
-1. The least ranges cover all numbers that a record can tell (`cells_in_motion`).
+1. The least ranges cover all numbers that a record can determine (`cells_in_motion`).
 2. A range is refused only where columns that hold the effect with every number of it leave a radius above the limit.
-   What stands with one of the numbers would stand with these columns, so none of the numbers stands.
-3. What is not refused is swept. Each row of an onset has its own columns; a proof for one row is moved to the others,
-   and holds there whatever its source (`bounded.sweep`). Between neighbouring time constants bounds grow by what the
-   columns differ, times the largest size that is possible there.
-4. Intervals hold what is possible with any number that no proof refuses.
+   A model consistent at one of the numbers would be consistent with these columns, so none of the numbers fits.
+3. The other ranges are swept. Each row of an onset has its own columns; a proof for one row is moved to the others,
+   and holds there for any source (`bounded.sweep`). Between neighbouring time constants bounds grow by the
+   difference of the columns, times the largest size that is possible there.
+4. Intervals hold the possible values for every number that no proof refuses.
 """
 
 import math
