@@ -365,7 +365,11 @@ class Procedure:
     def _of_fault(self, fault: Simple, explanations: Sequence[Explanation]) -> Diagnosis:
         """A fault of the record explains it, and nothing else does that is as simple."""
         keys: dict[str, Any] = {"explanations": explanations, "next": _again(fault)}
-        if fault.kind == "break" or fault.fit is None or fault.evidence is not self.evidence:
+        if fault.evidence is not self.evidence:
+            # What the model with the fault says against itself does not count.
+            diagnosis = self._result("explained", {}, **keys)
+            return diagnosis.model_copy(update={"warnings": tuple(fault.evidence.reader.head().get("warnings", ()))})
+        if fault.kind == "break" or fault.fit is None:
             return self._result("explained", {}, **keys)
         # Single readings that are off are effects of the model.
         finding = finding_of(self.evidence, [fault.fit])
@@ -650,8 +654,12 @@ def _again(fault: Simple) -> tuple[str, ...]:
         return ()
     if len(fault.rows) == 1:
         return (f"check row {fault.rows[0]} against the notes, or measure it again",)
-    rows = ", ".join(map(str, fault.rows[:-1]))
-    return (f"check rows {rows} and {fault.rows[-1]} against the notes, or measure them again",)
+    first, last = fault.rows[0], fault.rows[-1]
+    if len(fault.rows) == last - first + 1:
+        rows = f"{first} to {last}"
+    else:
+        rows = f"{', '.join(map(str, fault.rows[:-1]))} and {last}"
+    return (f"check rows {rows} against the notes, or measure them again",)
 
 
 def _named(places: Sequence[EffectPlace]) -> tuple[NamedEffect, ...]:

@@ -170,8 +170,9 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     assert "the encoder of the outer axis errs by" in printed
     page = (tmp_path / "found.html").read_text(encoding="utf-8")
     assert "Turns, as the gyros saw them" in page
-    witnesses = page.partition("Two witnesses, each by itself: ")[2].partition(".</")[0]
-    accelerometers, gyros = (re.findall(r"\d+\.\d+", text.partition("radius ")[2]) for text in witnesses.split(";"))
+    witnesses = re.search(r"Two witnesses.*?radius (\S+) -\S+ (\S+); gyros.*?radius (\S+) -\S+ ([\d.]+\d)", page)
+    assert witnesses is not None
+    accelerometers, gyros = witnesses.groups()[:2], witnesses.groups()[2:]
     assert float(gyros[0]) > 1.5
     assert float(accelerometers[0]) > 1.5
     assert max(float(gyros[1]), float(accelerometers[1])) < 1.0
