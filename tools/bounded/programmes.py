@@ -491,14 +491,14 @@ def spaces_beyond(imitated: NDArray, blocks: Sequence[NDArray]) -> list[NDArray[
     return spaces
 
 
-def same_space(a: NDArray, b: NDArray) -> bool:
-    """Return True if two orthonormal bases span the same space."""
-    return a.shape == b.shape and is_within(a, b)
+def same_space(a: NDArray, b: NDArray, tolerance: float = SAME_SPACE) -> bool:
+    """Return True if two orthonormal bases span the same space, to within a tolerance of unit vectors."""
+    return a.shape == b.shape and is_within(a, b, tolerance)
 
 
-def is_within(a: NDArray, b: NDArray) -> bool:
+def is_within(a: NDArray, b: NDArray, tolerance: float = SAME_SPACE) -> bool:
     """Return True if the space of one orthonormal basis lies in that of another."""
-    return float(np.linalg.norm(a - b @ (b.T @ a), 2)) < SAME_SPACE
+    return float(np.linalg.norm(a - b @ (b.T @ a), 2)) < tolerance
 
 
 def cosine(a: NDArray, b: NDArray) -> float:

@@ -51,6 +51,8 @@ LIKE = 0.05
 """An effect is a function of the quantity where so little of it, relatively, is none."""
 MOST_PROOFS = 6
 """So many of the last proofs are tried on the next shapes."""
+SAME_LAW = 1e-5
+"""Laws whose columns, each at its own fit, differ by less are one law in other words."""
 SURELY = 1.0 + 1e-6
 """Beyond such a radius a moved proof refuses."""
 MOST_WORK = 3e6
@@ -193,7 +195,7 @@ class Laws:
                 single += np.hsplit(columns_of_law, columns_of_law.shape[1])
             columns = single
         first, *spaces = spaces_beyond(self.evidence.rows.nominal, columns)
-        return any(same_space(first, known_space) for known_space in spaces)
+        return any(same_space(first, known_space, SAME_LAW) for known_space in spaces)
 
     def places_of(self, text: str) -> list[EffectPlace]:
         """The effect of a formula in x, the quantity (a temperature from 20 degrees), or in y, the quantity as it is.
