@@ -277,6 +277,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is not JSON ({error})") from error
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         raise InputError(f"{path}: is not the manifest of a campaign (schema {SCHEMA})")
+    outputs = content.get("outputs", {})
+    if not isinstance(outputs, dict) or not all(isinstance(output, dict) for output in outputs.values()):
+        raise InputError(f"{path}: outputs: is not an object of objects")
     return content
 
 

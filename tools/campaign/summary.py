@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy import stats
 
-from ..errors import InputError
+from ..errors import InputError, one_line
 from ..quantity import Quantity
 from ..result import Result
 from ..rounding import digits
@@ -56,11 +56,23 @@ class Results:
                 f"{store.folder}: is not complete ({len(missing)} of {len(self._files)} files of runs are missing); "
                 "trihedron campaign with --resume goes on with it"
             )
-        self.schema: dict[str, pl.DataType] = dict(pl.read_parquet_schema(self._files[0]))
+        try:
+            self.schema: dict[str, pl.DataType] = dict(pl.read_parquet_schema(self._files[0]))
+        except pl.exceptions.PolarsError as error:
+            raise self._damaged(error) from error
+
+    def _damaged(self, error: Exception) -> InputError:
+        """Return the refusal of runs that cannot be read."""
+        return InputError(
+            one_line(f"{self._files[0].parent}: its runs cannot be read ({error}); run the campaign again")
+        )
 
     def column(self, name: str) -> pl.Series:
         """Return a column, all runs in order."""
-        return pl.scan_parquet(self._files, glob=False).select(name).collect()[name]
+        try:
+            return pl.scan_parquet(self._files, glob=False).select(name).collect()[name]
+        except pl.exceptions.PolarsError as error:
+            raise self._damaged(error) from error
 
     def numbers(self, name: str) -> NDArray:
         """Return a column as doubles; NaN if a run has no value."""

@@ -246,3 +246,17 @@ def test_campaigns_of_different_kinds_are_not_compared(tmp_path):
     (tmp_path / "b" / "campaign.json").write_text(json.dumps(manifest), encoding="utf-8")
     with pytest.raises(InputError, match="its runs are of the kind calibration"):
         compare_campaigns(tmp_path / "a", tmp_path / "b")
+
+
+def test_damaged_results_are_refused_in_one_line(tmp_path, capsys):
+    store = made(tmp_path / "a", SWEPT, swept)
+    file = store.scalars_path(0)
+    content_before = file.read_bytes()
+    file.write_bytes(content_before[: len(content_before) // 2])
+    assert cli.main(["campaign-report", str(tmp_path / "a")]) == 2
+    assert "cannot be read" in capsys.readouterr().err
+    file.write_bytes(content_before)
+    manifest = json.loads((tmp_path / "a" / "campaign.json").read_text())
+    (tmp_path / "a" / "campaign.json").write_text(json.dumps({**manifest, "outputs": {"drift_radps": 3}}))
+    assert cli.main(["campaign-report", str(tmp_path / "a")]) == 2
+    assert "outputs: is not an object of objects" in capsys.readouterr().err
