@@ -428,8 +428,8 @@ Every effect of the catalogue was tried alone; the radius that each leaves, the 
 {table(["effect", "radius"], rivals)}
 
 So the biases of the gyros depend on the specific force: ω read = ω + b + G f. Of the nine coefficients {zero} cannot
-be zero. Estimates with the ends of what moves and rests together leave possible, and beside them what the means at
-rest alone say, without any move and with no attitude carried (`trihedron inspect`):
+be zero. The table has estimates and intervals from moves and rests together. The last column comes from the means at
+rest alone (`trihedron inspect`):
 
 {table(["coefficient", "estimate", "low", "high", "at rest", "unit"], sizes)}
 
