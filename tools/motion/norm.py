@@ -6,7 +6,6 @@ error |ρ| ≤ σ of each reading the residual |n| − 1 is within the sum of σ
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
@@ -14,11 +13,11 @@ from numpy.typing import NDArray
 
 from ..bounded.programmes import Polytope, SolverError, chebyshev_radius
 from ..calibrated import UNITS, Calibration, Open, Parameter, Sigma, Verdict
+from .determinacy import COLUMNS, ROWS, candidate_poses
 
 NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33", "bias_1", "bias_2", "bias_3")
 """The nine parameters; Γ [1] row by row, then the biases [g]."""
 UNITS_OF = dict.fromkeys(NAMES[:6], "1") | dict.fromkeys(NAMES[6:], "g")
-ROWS, COLUMNS = np.tril_indices(3)
 LARGEST = 0.3
 """Beyond this a parameter is not one of an instrument, and the linearisation says nothing."""
 LEAST_SINGULAR = 0.1
@@ -165,21 +164,6 @@ def _corners(slopes: NDArray, target: NDArray, bound: NDArray) -> NDArray | None
         return np.array([polytope.maximise(objective)[1] for objective in np.vstack([-np.eye(9), np.eye(9)])])
     except SolverError:
         return None
-
-
-def candidate_poses() -> dict[str, NDArray]:
-    """Poses that a person can set by hand: an axis up or down, or two axes at 45°; name to n (3,) [g]."""
-    words = ((1.0, "up"), (-1.0, "down"))
-    poses = {}
-    for p in range(3):
-        for sign, word in words:
-            poses[f"axis {p + 1} {word}"] = sign * np.eye(3)[p]
-    for p, q in combinations(range(3), 2):
-        for first, first_word in words:
-            for second, second_word in words:
-                direction = (first * np.eye(3)[p] + second * np.eye(3)[q]) / np.sqrt(2.0)
-                poses[f"axis {p + 1} {first_word} and axis {q + 1} {second_word}, both at 45°"] = direction
-    return poses
 
 
 def missing_poses(slopes: NDArray) -> tuple[str, ...]:

@@ -1,0 +1,171 @@
+"""Predicted error of an accelerometer calibration in a pose that was not measured, and the poses that lessen it.
+
+The nine parameters are those of `norm`: Γ lower triangular, row by row, then the biases [g]. Rests at poses with
+slopes J (K, 9) of |n| and standard deviations s (K,) leave the covariance C = (Jᵀ diag(1/s²) J + P⁻¹)⁻¹, where P is
+what is known of any instrument. The error of |f| in a pose u has the variance j(u) C j(u)ᵀ. It judges a calibration of
+any number of poses by its use; a count of poses or a singular value does not.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROWS, COLUMNS = np.tril_indices(3)
+"""Indices of the six elements of Γ."""
+PRIOR_SD = np.array([0.05, 0.03, 0.05, 0.03, 0.03, 0.05, 0.1, 0.1, 0.1])
+"""Standard deviations of the parameters of an instrument of which nothing is known: scale factors 5 %, misalignments
+30 mrad, biases 0.1 g."""
+LEAST_SD = 3e-4
+"""A mean at rest errs by this [g] even where its noise is lower: the residuals of 13 real records are 1.1e-4 to
+4.1e-4 g."""
+OPEN = 0.25
+"""A direction of the parameters is open where the rests leave more than this part of the variance before."""
+MOST_POSES = 24
+"""Largest number of poses that are asked for."""
+
+
+def _directions(count: int) -> NDArray[np.float64]:
+    """Return unit vectors (count, 3) spread evenly over the sphere (a Fibonacci lattice)."""
+    number = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * number / count
+    azimuth = np.pi * (1.0 + np.sqrt(5.0)) * number
+    radius = np.sqrt(1.0 - height**2)
+    return np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height])
+
+
+UNSEEN = _directions(400)
+"""Poses over which the error is predicted: directions up (400, 3)."""
+
+
+def slopes_of(up: NDArray) -> NDArray[np.float64]:
+    """Return the derivatives (K, 9) of |n| by the parameters, for a nominal instrument in poses `up` (K, 3)."""
+    return -np.hstack([up[:, ROWS] * up[:, COLUMNS], up])
+
+
+@dataclass(frozen=True)
+class Determinacy:
+    """How well rests determine the nine parameters.
+
+    Attributes
+    ----------
+    covariance : (9, 9) array
+        of the parameters, with what is known of any instrument
+    prior_sd : (9,) array
+        standard deviations before the rests
+    """
+
+    covariance: NDArray[np.float64]
+    prior_sd: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, slopes: NDArray, sd: NDArray | float, prior_sd: NDArray = PRIOR_SD) -> Self:
+        """Return the determinacy by rests with slopes (K, 9) of |n| and standard deviations (K,) [g]."""
+        weights = 1.0 / np.broadcast_to(np.asarray(sd, dtype=float), (len(slopes),)) ** 2
+        information = (slopes * weights[:, None]).T @ slopes + np.diag(1.0 / prior_sd**2)
+        scaled = information * np.outer(prior_sd, prior_sd)
+        return cls(np.linalg.inv(scaled) * np.outer(prior_sd, prior_sd), prior_sd)
+
+    @classmethod
+    def before(cls, prior_sd: NDArray = PRIOR_SD) -> Self:
+        """Return the determinacy before any rest."""
+        return cls(np.diag(prior_sd**2), prior_sd)
+
+    @property
+    def standard_errors(self) -> NDArray[np.float64]:
+        """Standard errors (9,) of the parameters."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def pose_errors(self, up: NDArray = UNSEEN) -> NDArray[np.float64]:
+        """Return the standard error (M,) [g] of |f| in poses `up` (M, 3)."""
+        slopes = slopes_of(up)
+        return np.sqrt(np.einsum("ki,ij,kj->k", slopes, self.covariance, slopes))
+
+    @property
+    def worst(self) -> float:
+        """The largest standard error of |f| [g] over all poses."""
+        return float(self.pose_errors().max())
+
+    @property
+    def worst_pose(self) -> NDArray[np.float64]:
+        """The direction up (3,) where the error is largest."""
+        return UNSEEN[int(self.pose_errors().argmax())]
+
+    @property
+    def rms(self) -> float:
+        """The root mean square of the standard error [g] over all poses."""
+        return float(np.sqrt(np.mean(self.pose_errors() ** 2)))
+
+    @property
+    def open(self) -> NDArray[np.float64]:
+        """The open directions (m, 9): combinations of the parameters, in units of their standard deviations before.
+
+        The most open is the first; a row's largest element is positive.
+        """
+        part = self.covariance / np.outer(self.prior_sd, self.prior_sd)
+        values, vectors = np.linalg.eigh(part)
+        rows = vectors.T[::-1][values[::-1] > OPEN]
+        largest = np.abs(rows).argmax(axis=1)
+        return rows * np.sign(rows[np.arange(len(rows)), largest])[:, None]
+
+    def with_pose(self, up: NDArray, sd: float) -> Self:
+        """Return the determinacy after one more rest, with direction `up` (3,) and standard deviation `sd` [g]."""
+        slopes = slopes_of(up[None, :])[0]
+        change = self.covariance @ slopes
+        covariance = self.covariance - np.outer(change, change) / (sd**2 + slopes @ change)
+        return type(self)(covariance, self.prior_sd)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A pose to set by hand.
+
+    Attributes
+    ----------
+    words : str
+        how it is set
+    up : (3,) array
+        direction up, in axes of the instrument
+    after : Determinacy
+        after its rest
+    """
+
+    words: str
+    up: NDArray[np.float64]
+    after: Determinacy
+
+
+def candidate_poses() -> dict[str, NDArray]:
+    """Poses that a person can set by hand: an axis up or down, or two axes at 45°; name to n (3,) [g]."""
+    words = ((1.0, "up"), (-1.0, "down"))
+    poses = {}
+    for p in range(3):
+        for sign, word in words:
+            poses[f"axis {p + 1} {word}"] = sign * np.eye(3)[p]
+    for p, q in combinations(range(3), 2):
+        for first, first_word in words:
+            for second, second_word in words:
+                direction = (first * np.eye(3)[p] + second * np.eye(3)[q]) / np.sqrt(2.0)
+                poses[f"axis {p + 1} {first_word} and axis {q + 1} {second_word}, both at 45°"] = direction
+    return poses
+
+
+def closing_poses(
+    determinacy: Determinacy, wanted: float, sd: float = LEAST_SD, candidates: Mapping[str, NDArray] | None = None
+) -> Sequence[Pose]:
+    """Return the poses that bring the worst predicted error down to `wanted` [g], the most useful first.
+
+    Each is the candidate that lessens the worst error most; after each the error is predicted again. There are at most
+    `MOST_POSES`: their last `after` says what they reach.
+    """
+    candidates = candidate_poses() if candidates is None else candidates
+    poses: list[Pose] = []
+    while determinacy.worst > wanted and len(poses) < MOST_POSES:
+        trials = [Pose(words, up, determinacy.with_pose(up, sd)) for words, up in candidates.items()]
+        best = min(trials, key=lambda trial: trial.after.worst)
+        poses.append(best)
+        determinacy = best.after
+    return poses
