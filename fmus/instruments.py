@@ -247,7 +247,7 @@ _RATE_INPUTS = (
     input_("rate", "the body's angular rate at the end of the step, where the inputs are rates or mixed", **units.RATE),
     fixed(
         "input_kind",
-        "what the inputs are: increments; rates; mixed, both of them, for an algorithm that takes an even number of "
+        "kind of the inputs: increments; rates; mixed, both of them, for an algorithm that takes an even number of "
         "samples: halves of samples count for it",
         start=computer.INCREMENTS,
         type="enumeration",

@@ -165,8 +165,8 @@ def _angles(name: str, axis: str) -> Variable:
 
 LEAD_STEPS = fixed(
     "lead_steps",
-    "0: after a step what it gives is that of this step, for hosts that pass outputs on at once (Trihedron); "
-    "1: that of the next step, for hosts that pass them on when all FMUs have stepped (OMSimulator, FMPy)",
+    "0: the outputs after a step are those of this step, for hosts that pass outputs on at once (Trihedron). "
+    "1: those of the next step, for hosts that pass them on when all FMUs have stepped (OMSimulator, FMPy)",
     type="integer",
     within=(0.0, 1.0),
 )

@@ -1,6 +1,7 @@
 """Reference pages and pictures, made from the source: `python docs/builders/reference.py DOCS`."""
 
 import math
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -68,85 +69,118 @@ MOVED = np.array([0.0, 0.0, 2.2])
 REACH = 3.1
 
 
-EFFECTS_INTRODUCTION = (
-    "What each does to the readings of accelerometers 1 (solid), 2 (dashed) and 3 (dotted) of a perfect bench, over",
-    "its size; a dead zone of 0.2 g, saturation at 0.8 g and rounding to 0.2 g; harmonics of second order.",
-    "",
-    "![Effects](pictures/effects.svg)",
-)
-"""Text above the table of effects."""
+INTRODUCTION = """# Reference: components and effects
+
+`make docs` writes this page from the source. Start value and unit of a variable are in brackets. Vectors have
+elements `name[1]`, `name[2]`, ... Parameters are fixed unless marked *tunable*. The archive of an FMU has
+`documentation/index.html` with the inputs that the component refuses.
+"""
+
+EFFECTS_INTRODUCTION = """## Effects
+
+The picture shows the change of the readings of accelerometers 1 (solid), 2 (dashed) and 3 (dotted) of a perfect bench.
+Dead zone and rounding are 0.2 g, saturation is 0.8 g, harmonics are of second order.
+
+![Effects](pictures/effects.svg)
+
+The tables give the largest size that the diagnosis considers.
+"""
+
+ALGORITHM = "the number of a row of the [table of algorithms](choose-an-attitude-algorithm.md#orders)"
+"""Meaning of a variable that selects an algorithm, in place of their list."""
+
+GROUPS = (("Inputs", "input"), ("Parameters", "parameter"), ("Outputs", "output"))
 
 
 def reference_page() -> str:
     """Return the components with their variables, and the catalogue of effects, in Markdown."""
-    parts = [
-        "# Reference: components and effects",
-        "",
-        "Made from the source by `make docs`; do not edit.",
-        "",
-    ]
+    parts = [INTRODUCTION]
+    described: dict[tuple, str] = {}
     for component in components().values():
-        parts += component_lines(component)
-    parts += [
-        "## Effects",
-        "",
-        *EFFECTS_INTRODUCTION,
-        "",
-        "| effect | what it adds | places | parameters | extends |",
-        "|---|---|---|---|---|",
-    ]
-    parts += [effect_line(effect) for effect in CATALOGUE.values() if not effect.of_law]
-    return "\n".join([*parts, ""])
+        parts += component_lines(component, described)
+    parts.append(EFFECTS_INTRODUCTION)
+    by_place: dict[str, list[str]] = {}
+    for effect in CATALOGUE.values():
+        if not effect.of_law:
+            by_place.setdefault(place_text(effect), []).append(effect_line(effect))
+    for place, lines in by_place.items():
+        parts += [f"### {place}", "", "| effect | change | parameters |", "|---|---|---|", *lines, ""]
+    return "\n".join(parts)
 
 
-def component_lines(component: Component) -> list[str]:
-    """Return a component's equations and its table of variables."""
-    return [
-        f"## {component.name}",
-        "",
-        f"{component.description}. Source: {component.source}.",
-        "",
-        *(f"    {line}" for line in component.equations),
-        "",
-        "| variable | causality | variability | unit | start | meaning |",
-        "|---|---|---|---|---|---|",
-        *(variable_line(variable) for variable in component.interface),
-        "",
-        "It stops with a message when: " + "; ".join(component.messages) + ".",
-        "",
-    ]
+def component_lines(component: Component, described: dict[tuple, str]) -> list[str]:
+    """Return a component's equations and its variables, which join those that were `described` with a component."""
+    lines = [f"## {component.name}", "", f"{component.description}. Source: {component.source}.", ""]
+    lines += [*(f"    {line}" for line in component.equations), ""]
+    for title, causality in GROUPS:
+        items: list[str] = []
+        known: dict[str, list[str]] = {}
+        for variables in alike([v for v in component.interface if v.causality == causality]):
+            key = (variables[0].name, variables[0].description, variables[0].starts)
+            if key in described:
+                known.setdefault(described[key], []).extend(name_text(v) for v in variables)
+            else:
+                described[key] = component.name
+                items.append(variables_line(variables))
+        items += [f"- as in [{name}](#{name.lower()}): {', '.join(names)}" for name, names in known.items()]
+        lines += [f"**{title}**", "", *items, ""] if items else []
+    return lines
 
 
-def variable_line(variable: Variable) -> str:
-    """Return a row of the table of variables."""
-    name = f"`{variable.name}[1..{variable.size}]`" if variable.size else f"`{variable.name}`"
-    unit = UNITS[variable.unit].name if variable.type == "real" and variable.unit != "1" else variable.type
-    unit = "" if unit == "real" else unit
-    start = ""
-    if variable.causality != "output":
-        values = variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]
-        start = ", ".join(f"{value:g}" for value in values)
-    return f"| {name} | {variable.causality} | {variable.variability} | {unit} | {start} | {variable.description} |"
+def alike(variables: Sequence[Variable]) -> list[list[Variable]]:
+    """Return the variables in groups; those whose descriptions differ in digits only are of one group."""
+    groups: dict[str, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(re.sub(r"\d", "", variable.description), []).append(variable)
+    return list(groups.values())
+
+
+def name_text(variable: Variable) -> str:
+    """Return the name of a variable with its indices."""
+    return f"`{variable.name}[1..{variable.size}]`" if variable.size else f"`{variable.name}`"
+
+
+def variables_line(variables: Sequence[Variable]) -> str:
+    """Return an item of a list for variables that mean the same: names, start value, unit, meaning of the first."""
+    variable = variables[0]
+    values = variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]
+    start = ", ".join(f"{value:g}" for value in values) if variable.causality != "output" else ""
+    unit = UNITS[variable.unit].name if variable.type == "real" and variable.unit != "1" else ""
+    tunable = "tunable" if variable.variability == "tunable" else ""
+    details = ", ".join(text for text in (f"{start} {unit}".strip(), tunable) if text)
+    text = ", ".join(name_text(v) for v in variables) + (f" ({details})" if details else "")
+    meaning = ALGORITHM if variable.name == "algorithm" else variable.description
+    return f"- {text}: {meaning}" + (", and so on" if len(variables) > 1 else "")
+
+
+def place_text(effect: Effect) -> str:
+    """Return the places of an effect as a heading, with the component that it extends."""
+    places = ", ".join(dict.fromkeys(place.where for place in effect.places)) or "any reading"
+    places = places.replace("accelerometer-1, accelerometer-2, accelerometer-3", "accelerometer-1 to accelerometer-3")
+    return f"{places} ({effect.component})" if effect.component else places
 
 
 def effect_line(effect: Effect) -> str:
     """Return a row of the table of effects."""
-    places: dict[str, list[str]] = {}
+    variants: dict[str, list[str]] = {}
     parameters: dict[str, EffectParameter] = {}
     for place in effect.places:
         words = place.title.removeprefix(effect.name).strip().removeprefix(place.where).strip()
-        places.setdefault(place.where, []).extend([words] if words else [])
+        kind, _, values = words.partition(" ")
+        if values and values not in variants.setdefault(kind, []):
+            variants[kind].append(values)
         parameters.update({p.name: p for p in effect.at(place).parameters})
-    where = "; ".join(f"{name} ({', '.join(words)})" if words else name for name, words in places.items())
-    alike: dict[tuple[str, float], list[str]] = {}
+    name = f"`{effect.name}`" + "".join(f", {kind} {', '.join(values)}" for kind, values in variants.items())
+    limits: dict[tuple[str, float], list[str]] = {}
     for p in parameters.values() or effect.parameters:
-        alike.setdefault((p.unit, p.largest), []).append(p.name)
-    said = ", ".join(
-        f"{', '.join(names)} [{unit}], at most {largest if largest != math.pi else 'π'}"
-        for (unit, largest), names in alike.items()
-    )
-    adds = formula_text(effect)
-    return f"| `{effect.name}` | {adds} | {where or 'any reading'} | {said} | {effect.component or 'nothing'} |"
+        limits.setdefault((p.unit, p.largest), []).append(p.name)
+    texts = []
+    for (unit, largest), names in limits.items():
+        shown = f"{names[0]} to {names[-1]}" if len(names) > 3 else ", ".join(names)
+        limit = "π" if largest == math.pi else f"{largest:g}"
+        texts.append(f"{shown} ≤ {limit} {unit.removeprefix('1')}".strip())
+    sizes = ", ".join(texts).replace("_", "\\_")
+    return f"| {name} | {formula_text(effect)} | {sizes} |"
 
 
 def formula_text(effect: Effect) -> str:
@@ -159,6 +193,8 @@ def formula_text(effect: Effect) -> str:
         formula.format(**letters, **names).replace("'", "").replace("(phase)", "phase")
         for formula in formulas or {effect.formula: None}
     ]
+    # A matrix is shown by its first and its last element.
+    texts = [re.sub(r"\[(\w+) ;.*; (\w+)\]", r"[\1 … \2]", text) for text in texts]
     return "; ".join(text.replace("|", "\\|").replace("_", "\\_").replace("*", "\\*") for text in texts if text)
 
 

@@ -39,10 +39,10 @@ def commands_page() -> str:
     return "\n".join(lines)
 
 
-def help_text(app: Any, name: str) -> str:
+def help_text(app: Any, name: str, width: int = WIDTH) -> str:
     """Return the output of `trihedron NAME --help`, without colours."""
     file = io.StringIO()
-    app.help_print([name], console=Console(file=file, width=WIDTH, no_color=True, force_terminal=False))
+    app.help_print([name], console=Console(file=file, width=width, no_color=True, force_terminal=False))
     return "\n".join(line.rstrip() for line in file.getvalue().strip().splitlines())
 
 
