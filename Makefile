@@ -36,7 +36,7 @@ lint: $(READY) build/typing/trihedron
 
 docs: $(READY)
 	$(BIN)/python docs/builders/reference.py docs
-	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 # The measured records stand beside the project, or where TRIHEDRON_DATA says.
 case-studies: $(READY)

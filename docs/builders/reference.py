@@ -86,7 +86,7 @@ Dead zone and rounding are 0.2 g, saturation is 0.8 g, harmonics are of second o
 The tables give the largest size that the diagnosis considers.
 """
 
-ALGORITHM = "the number of a row of the [table of algorithms](choose-an-attitude-algorithm.md#orders)"
+ALGORITHM = "the number of a row of the [table of algorithms](attitude-algorithms.md#orders)"
 """Meaning of a variable that selects an algorithm, in place of their list."""
 
 GROUPS = (("Inputs", "input"), ("Parameters", "parameter"), ("Outputs", "output"))

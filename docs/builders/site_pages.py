@@ -1,4 +1,4 @@
-"""Pages that are made with every build of the site: commands, library, an executed notebook, the gallery.
+"""Pages that are made with every build of the site: commands, library, a notebook, the gallery, the changes.
 
 mkdocs calls the functions that begin with `on_` (mkdocs.yml, `hooks`).
 """
@@ -176,6 +176,12 @@ def docstring_lines(text: str) -> list[str]:
     return lines
 
 
+def changes_page() -> str:
+    """Return the changelog with links as seen from the folder of pages."""
+    text = (Path(__file__).resolve().parents[2] / "CHANGELOG.md").read_text(encoding="utf-8")
+    return text.replace("](docs/", "](")
+
+
 def on_files(files: Any, config: Any) -> Any:
     """Add the pages to those of the folder; TRIHEDRON_SITE=quick leaves out slow ones, for tests."""
     from mkdocs.structure.files import File
@@ -187,6 +193,7 @@ def on_files(files: Any, config: Any) -> Any:
         "api.md": api_page(),
         "first-look.md": notebooks.page_of(notebook, execute=not quick),
         "gallery.md": gallery.gallery_page(),
+        "changes.md": changes_page(),
         **dict(gallery.pages(quick=quick)),
     }
     for name, text in made.items():

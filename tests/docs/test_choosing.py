@@ -1,4 +1,4 @@
-"""The statements of the page on choosing an attitude algorithm are true."""
+"""The statements of the pages on attitude algorithms are true."""
 
 import math
 import re
@@ -15,13 +15,14 @@ from trihedron.tools.rounding import downwards
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE_FILE = DOCS / "choose-an-attitude-algorithm.md"
-PAGE = PAGE_FILE.read_text(encoding="utf-8")
+PAGES = (PAGE_FILE, DOCS / "attitude-algorithms.md", DOCS / "figures.md")
+PAGE = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
 SITUATIONS = (("1", 100.0), ("first", 2000.0), ("second", 1000.0))
 """Motions of the paper and gyro sample rates [Hz] of the table of accuracy, in the order of its columns."""
 
 
 def table(name: str) -> list[list[str]]:
-    """Return the cells of a table of the page, without its head."""
+    """Return the cells of a table of the pages, without its head."""
     text = PAGE[PAGE.index(f"<!-- {name} -->") : PAGE.index(f"<!-- end of {name} -->")]
     lines = text.splitlines()[3:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]

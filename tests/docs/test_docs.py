@@ -84,7 +84,8 @@ def site(tmp_path_factory) -> Path:
     if find_spec("material") is None:
         pytest.skip("mkdocs-material is not installed (extra docs)")
     folder = tmp_path_factory.mktemp("site") / "site"
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    # With --quiet mkdocs counts no warnings.
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     quick = {**os.environ, "TRIHEDRON_SITE": "quick"}
     process = subprocess.run(command, cwd=ROOT, env=quick, capture_output=True, text=True, check=False)
     assert process.returncode == 0, process.stdout + process.stderr

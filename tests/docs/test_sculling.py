@@ -1,4 +1,4 @@
-"""The statements of the page on velocity about the drift under sculling are true."""
+"""The figures of the drift under sculling are true."""
 
 from pathlib import Path
 
