@@ -10,36 +10,25 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
 from ..bounded.sets import MAX_SET
 from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
-from ..rounding import exactly
-from ..sieve import (
-    LEAST_OF_TWO,
-    Simple,
-    joint_faults,
-    rows_beside_effects,
-    simple_faults,
-    tells_two_things,
-    too_small_bounds,
-)
+from ..sieve import LEAST_OF_TWO, Simple, tells_two_things
 from .beyond import Beyond, keys_of
-from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, finding_of
-from .dependence import Dependence, Proven, Standing, Suffices, dependence, residual_structure
+from .candidates import Candidates, named
+from .cause import Finding, causes_of, centred, excluded_sizes, finding_of
+from .dependence import Dependence, Proven, Suffices, dependence, residual_structure
 from .helps import of_lengths, only_at_one_length, what_helps
 from .hypothesis import answered, places_of
 from .kinds import KnownDirections, evidence_of, evidence_with_formulas, kind_of
 from .result import Diagnosis, Explanation
-from .rivals import OUTLIER, Listed, Unlisted, complexity_of, least_complexity
-from .search import MOST_WORK, Found, equivalence_groups, search, single_radii
+from .rivals import Listed, Unlisted, complexity_of, least_complexity
+from .search import MOST_WORK, Found, search, single_radii
+from .shortlist import Shortlist, next_step, pairs_of_faults, single_faults
 from .witness import Judgement, Witness, by_need, judgement_of, objections_of
-
-NOTHING_PROVEN = 1.3
-"""Below this radius no fault of the record is named: a slightly larger noise bound would do as well."""
 
 
 def diagnose(
@@ -104,60 +93,6 @@ def diagnosed(
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
-    """Sets of effects that make a falsified record fit.
-
-    Attributes
-    ----------
-    groups : list of list of Fit
-        all sets, those together that cannot be told apart
-    findings : list of Finding
-        one of each group whose effects cannot be nothing; sets that contain another one stand last
-    idle : list of Finding
-        one of each other group: each size of some effect in it may be zero
-    containing : list of Finding
-        sets that contain one of the findings, and so can always do what that does: no rivals of it
-    """
-
-    groups: Sequence[Sequence[Fit]]
-    findings: Sequence[Finding]
-    idle: Sequence[Finding]
-    containing: Sequence[Finding]
-
-    @staticmethod
-    def of(evidence: Evidence, fits: Sequence[Fit]) -> "Candidates":
-        """Sort the sets that a search returned."""
-        groups = equivalence_groups(evidence.model, fits)
-        every = [finding_of(evidence, group) for group in groups[: evidence.model.effort.most_sets]]
-        acting = [finding for finding in every if finding.acts]
-        idle = [finding for finding in every if not finding.acts]
-        containing = []
-        for finding in every:
-            if any(finding.contains(rival) for rival in acting):
-                containing.append(finding)
-        acting.sort(key=lambda finding: finding in containing)
-        return Candidates(groups, acting, idle, containing)
-
-    @property
-    def not_shown(self) -> tuple[str, ...]:
-        """Return the reason for not naming sets whose effects may be zero."""
-        return tuple(dict.fromkeys(finding.not_shown for finding in self.idle))
-
-    @property
-    def are_several(self) -> bool:
-        """Return true if more than one set remains."""
-        return len(self.groups) > 1 + len(self.containing)
-
-    def beside(self, finding: Finding) -> tuple[tuple[NamedEffect, ...], ...]:
-        """Return other sets that no measurement can tell from that of a finding."""
-        effects = set(finding.fit.places)
-        for group in self.groups:
-            if any(set(fit.places) == effects for fit in group):
-                return tuple(_named(fit.places) for fit in group[1:])
-        return ()
-
-
-@dataclass(frozen=True, eq=False)
 class Procedure:
     """The stages of a diagnosis, each worked out once, when it is needed; options as of `diagnosed`."""
 
@@ -218,25 +153,18 @@ class Procedure:
     # Search
 
     @cached_property
-    def simple(self) -> tuple[Simple, ...]:
-        """Return the simple faults of the record that make the model fit."""
+    def faults(self) -> tuple[Simple, ...]:
+        """The faults of the record, or, where neither one of them nor an effect or a function does, pairs of them."""
         if self.objections:
             return ()
-        kinds = too_small_bounds if self.evidence.model.radius < NOTHING_PROVEN else simple_faults
-        faults = self._tried("faults of the record", lambda: kinds(self.evidence), ())
-        return tuple(sorted(faults, key=lambda fault: (fault.numbers, fault.radius)))
-
-    @cached_property
-    def faults(self) -> tuple[Simple, ...]:
-        """The simple faults, or, where neither one of them nor an effect or a function does, pairs of them."""
-        if self.simple or self.objections or not tells_two_things(self.evidence):
-            return self.simple
+        single = self._tried("faults of the record", lambda: single_faults(self.evidence), ())
+        if single or not tells_two_things(self.evidence):
+            return single
         if self.dependence is not None and (self.dependence.least or math.inf) < LEAST_OF_TWO:
             return ()
         if search(self.evidence.model, largest=1).fits:
             return ()
-        pairs = (*joint_faults(self.evidence), *rows_beside_effects(self.evidence))
-        return tuple(sorted(pairs, key=lambda fault: (fault.numbers, fault.radius)))
+        return pairs_of_faults(self.evidence)
 
     @cached_property
     def objections(self) -> tuple[str, ...]:
@@ -338,33 +266,25 @@ class Procedure:
     # The results
 
     def _of_list(self) -> Diagnosis:
-        """Return the diagnosis from one list of simple record faults, effects and functions of a quantity."""
-        faults = self.faults
-        first, least = faults[0], faults[0].numbers
-        close = [fault for fault in faults if fault.numbers <= least + 1]
-        findings = [finding for finding in self._of_effects if complexity_of(finding.fit.places) <= least + 1]
-        functions = [standing for standing in self._of_functions if standing.complexity <= least]
-        simpler = [*(complexity_of(finding.fit.places) for finding in findings)]
-        simpler += [standing.complexity for standing in functions]
-        if min(simpler, default=math.inf) + 1 < least:
+        """Return the diagnosis from one list of record faults, effects and functions of a quantity."""
+        shortlist = Shortlist.of(self.faults, self.candidates if self.found.fits else None, self.dependence)
+        if shortlist.is_beaten:
             return self._of_physics()
-        explanations = [Explanation.of_simple(fault) for fault in faults]
-        if len(close) == 1 and not findings and not functions:
-            return self._of_fault(first, explanations)
-        explanations += self._explanations(findings, {})
-        explanations += [Explanation.of_function(standing) for standing in functions]
+        if shortlist.names_the_first:
+            return self._of_fault(shortlist.first, shortlist.explanations)
+        findings = shortlist.findings
         return self._result(
             "ambiguous",
             {},
-            explanations=explanations,
+            explanations=(*shortlist.explanations, *self._explanations(findings, {})),
             findings=findings,
             alternatives=tuple(finding.causes for finding in findings),
-            next=_again(first),
+            next=next_step(shortlist.first),
         )
 
     def _of_fault(self, fault: Simple, explanations: Sequence[Explanation]) -> Diagnosis:
         """A fault of the record explains it, and nothing else does that is as simple."""
-        keys: dict[str, Any] = {"explanations": explanations, "next": _again(fault)}
+        keys: dict[str, Any] = {"explanations": explanations, "next": next_step(fault)}
         if fault.evidence is not self.evidence:
             # What the model with the fault says against itself does not count.
             diagnosis = self._result("explained", {}, **keys)
@@ -379,19 +299,6 @@ class Procedure:
         model = self.evidence.reader.of_model(finding.fit, calibration, excluded)
         judgement = judgement_of(self.evidence, finding.fit)
         return self._result("explained", model, findings=[finding], excluded=excluded, judgement=judgement, **keys)
-
-    @cached_property
-    def _of_effects(self) -> Sequence[Finding]:
-        """Return the fitting sets other than single readings: those are rows."""
-        findings = self.candidates.findings if self.found.fits else ()
-        return [f for f in findings if any(place.effect != OUTLIER for place in f.fit.places)]
-
-    @cached_property
-    def _of_functions(self) -> Sequence[Standing]:
-        """Return fitting functions of one quantity, the least complex first; of time no break is one."""
-        standing = () if self.dependence is None else self.dependence.standing
-        broken = {fault.where for fault in self.faults if fault.kind == "break"}
-        return [one for one in standing if one.pair.quantity != "hours" or (one.pair.where,) not in broken]
 
     def _of_physics(self) -> Diagnosis:
         """Return the diagnosis from effects of the simulation alone."""
@@ -520,7 +427,7 @@ class Procedure:
             level=self._level(best),
             findings=[best],
             judgement=judgement,
-            containing=tuple(_named(finding.fit.places) for finding in self.candidates.containing),
+            containing=tuple(named(finding.fit.places) for finding in self.candidates.containing),
             equivalent_sets=self.candidates.beside(best),
             gain=self.evidence.gain(best.fit) if self.rerun else None,
             excluded=excluded,
@@ -637,33 +544,6 @@ class Procedure:
             keys["suffices"] = tuple(Suffices.of(standing) for standing in self.dependence.standing)
             keys |= {"dependence": self.beside_catalogue, "proven": self.proven}
         return {**keys, **self.found.keys}
-
-
-def _again(fault: Simple) -> tuple[str, ...]:
-    """Return the next step for wrong rows, a wrong noise bound, or a break."""
-    if fault.kind == "sigma":
-        bound = exactly(fault.change["noise_bound"])
-        return (f"find why errors reach {bound} g; if that is the noise, give --noise-bound {bound}",)
-    if fault.before_row is not None:
-        return (f"calibrate the rows before row {fault.before_row} and those from it on apart from each other",)
-    if fault.time_s is not None:
-        return (
-            f"calibrate what was measured before {exactly(round(fault.time_s))} s and after it apart from each other",
-        )
-    if not fault.rows:
-        return ()
-    if len(fault.rows) == 1:
-        return (f"check row {fault.rows[0]} against the notes, or measure it again",)
-    first, last = fault.rows[0], fault.rows[-1]
-    if len(fault.rows) == last - first + 1:
-        rows = f"{first} to {last}"
-    else:
-        rows = f"{', '.join(map(str, fault.rows[:-1]))} and {last}"
-    return (f"check rows {rows} against the notes, or measure them again",)
-
-
-def _named(places: Sequence[EffectPlace]) -> tuple[NamedEffect, ...]:
-    return tuple(NamedEffect.of(place) for place in places)
 
 
 def _as_simple(finding: Finding, unlisted: Unlisted) -> str:
