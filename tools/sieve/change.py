@@ -3,16 +3,14 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bounded.programmes import chebyshev_radius, least_squares
-from ..calibration.model import Positions, predicted_reading, reading_jacobian
 from ..rounding import digits
-from .removal import held_by
+from .exchange import NEAR, WrongRows
 from .table import SECOND_ORDER, Table
 
 SCAN = np.radians(np.arange(-180.0, 180.0, 0.25))
@@ -20,8 +18,6 @@ SCAN = np.radians(np.arange(-180.0, 180.0, 0.25))
 DIFFERENCE = 1e-6
 NEWTON, TRIED = 12, 3
 """Steps from a scanned angle to the best one near it, and so many of the best that are tried."""
-NEAR = 1e-3
-"""A row that fits with a change misses by less than this [g] before the parameters are fitted to it."""
 DECIMALS = 4
 """Angles are stated to this many decimals of a degree."""
 ANGLES = ("alpha", "beta")
@@ -67,80 +63,40 @@ class Mending:
     # Fit of the other rows
 
     @cached_property
-    def others(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Derivatives and errors of the other rows over their bounds."""
-        kept = self.table.readings_without(self.wrong)
-        return self.table.matrix[kept], self.table.target[kept]
+    def alone(self) -> WrongRows:
+        """The row, and the right rows that it must fit together with."""
+        return WrongRows(self.table, np.array([self.row]), self.wrong)
 
     @property
     def bound(self) -> NDArray[np.float64]:
         """Bounds of the row's readings (3,)."""
-        return self.table.linear.bound.reshape(-1, 3)[self.row]
+        return self.alone.bound[0]
 
     @property
     def reading(self) -> NDArray[np.float64]:
         """Readings of the row (3,) [g]."""
-        return self.table.linear.reading[self.row]
+        return self.alone.reading[0]
 
     @property
     def written(self) -> NDArray[np.float64]:
         """Angles (2,) [rad]."""
-        at = self.table.linear.positions
-        return np.array([at.alpha[self.row], at.beta[self.row]])
-
-    def at(self, angles: NDArray) -> Positions:
-        """Positions of other angles (K, 2) in the row's mounting."""
-        mounting = np.full(len(angles), self.table.linear.positions.mounting[self.row])
-        return Positions(angles[:, 0], angles[:, 1], mounting)
+        return self.alone.angles[0]
 
     def predicted(self, angles: NDArray) -> NDArray[np.float64]:
         """Readings (K, 3) at other angles (K, 2), at the fit of the others."""
-        linear = self.table.linear
-        return predicted_reading(linear.parametrisation, linear.point, self.at(angles))
-
-    def fits(self, angles: NDArray, reading: NDArray) -> bool:
-        """Return true if the row fits with angles (2,) and readings (3,)."""
-        error = reading - self.predicted(angles[None])[0]
-        if np.abs(error).max() > NEAR:
-            return False
-        return self._radius(self._rows(angles), error / self.bound) <= self.table.limit + SECOND_ORDER
-
-    def _rows(self, angles: NDArray) -> NDArray[np.float64]:
-        """Derivatives (3, P) at angles (2,), over the bounds."""
-        linear = self.table.linear
-        jacobian = reading_jacobian(linear.parametrisation, linear.point, self.at(angles[None]))[0]
-        return (jacobian @ linear.span) / self.bound[:, None]
-
-    def _radius(self, rows: NDArray, error: NDArray) -> float:
-        """The radius of the others with readings of the row."""
-        matrix, target = self.others
-        return held_by(np.vstack((matrix, rows)), np.append(target, error))[0]
+        return self.alone.predicted(angles)
 
     # Changes
 
     def discrete(self) -> Iterator[Change]:
         """Yield changes without a free number."""
         yield from self.copied()
-        alpha, beta = self.written
-        for words, angles in (
-            ("α and β exchanged", (beta, alpha)),
-            ("the sign of α turned", (-alpha, beta)),
-            ("the sign of β turned", (alpha, -beta)),
-            ("the signs of both angles turned", (-alpha, -beta)),
-        ):
-            if self.fits(np.array(angles), self.reading):
-                shifts = _wrapped(np.array(angles) - self.written)
-                yield Change(DISCRETE, f"It fits with {words} ({_in_words(shifts)}).", _keys(shifts))
-        for k in range(3):
-            changed = self.reading * np.where(np.arange(3) == k, -1.0, 1.0)
-            if self.fits(self.written, changed):
-                yield Change(DISCRETE, f"It fits with the sign of f{k + 1} turned.", {f"f{k + 1}_mps2": "sign"})
-        for i, j in combinations(range(3), 2):
-            changed = self.reading.copy()
-            changed[[i, j]] = changed[[j, i]]
-            if self.fits(self.written, changed):
-                pair = [f"f{i + 1}_mps2", f"f{j + 1}_mps2"]
-                yield Change(DISCRETE, f"It fits with f{i + 1} and f{j + 1} exchanged.", {"exchanged": pair})
+        for exchange in self.alone.exchanges():
+            shifts = _wrapped(exchange.angles[0] - self.written)
+            if shifts.any():
+                yield Change(DISCRETE, f"It fits with {exchange.words} ({_in_words(shifts)}).", _keys(shifts))
+            else:
+                yield Change(DISCRETE, f"It fits with {exchange.words}.", exchange.keys)
 
     def copied(self) -> Iterator[Change]:
         """Yield the change to another row whose readings or angles this row may hold."""
@@ -157,7 +113,7 @@ class Mending:
         near = np.abs(self.predicted(angles) - self.reading).max(axis=1)
         near[self.row] = np.inf
         for row in np.flatnonzero(near <= NEAR):
-            if self.fits(angles[row], self.reading):
+            if self.alone.fit(angles[row][None], self.alone.reading):
                 yield Change(
                     DISCRETE, f"Its readings belong to the angles of row {row + 1}.", {"angles_of_row": int(row + 1)}
                 )
@@ -165,10 +121,11 @@ class Mending:
 
     def readings(self) -> Iterator[Change]:
         """One of the three readings is wrong, the two others fit."""
-        rows, error = self._rows(self.written), (self.reading - self.predicted(self.written[None])[0]) / self.bound
+        rows = self.alone.derivatives(self.written[None])
+        error = (self.reading - self.predicted(self.written[None])[0]) / self.bound
         for k in range(3):
             kept = np.arange(3) != k
-            if self._radius(rows[kept], error[kept]) <= self.table.limit + SECOND_ORDER:
+            if self.alone.radius_with(rows[kept], error[kept]) <= self.table.limit + SECOND_ORDER:
                 size = float(error[k] * self.bound[k])
                 words = f"f{k + 1} alone does not fit, by about {digits(size, 3)} g."
                 yield Change(READING, words, {f"f{k + 1}_g": size}, reading=k + 1)
@@ -223,11 +180,11 @@ class Mending:
 
     def _free(self, angles: NDArray, axes: list[int]) -> tuple[float, NDArray[np.float64]]:
         """The radius with some of the row's angles free, and their steps [rad] from the given ones by least squares."""
-        matrix, target = self.others
+        matrix, target = self.alone.others
         error, _ = self._about(angles, 0)
         slopes = [self._about(angles, axis)[1] / self.bound for axis in axes]
         free = np.zeros((len(matrix), len(axes)))
-        wide = np.vstack((np.hstack((matrix, free)), np.column_stack((self._rows(angles), *slopes))))
+        wide = np.vstack((np.hstack((matrix, free)), np.column_stack((self.alone.derivatives(angles[None]), *slopes))))
         errors = np.append(target, error / self.bound)
         radius, _, _ = chebyshev_radius(wide, errors, np.ones(len(errors)))
         return radius, least_squares(wide, errors)[matrix.shape[1] :]

@@ -74,6 +74,32 @@ def test_the_angle_that_makes_a_row_fit_is_stated(tmp_path):
     assert diagnosis.report(tmp_path / "page.html").stat().st_size > 1000
 
 
+@pytest.mark.parametrize("rows", [(13,), (9, 10, 11, 12, 13)])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("rotated", "fit with f1, f2, f3 read as f3, f1, f2."),
+        ("both signs", "fit with the signs of both angles turned"),
+        ("exchanged", "fit with f1 and f3 exchanged."),
+        ("sign", "fit with the sign of f2 turned."),
+    ],
+)
+def test_the_same_exchanges_are_said_of_one_row_and_of_a_stretch(rows, change, words, tmp_path):
+    record = drawn_record(31, count=40)
+    force, alpha, beta = record.specific_force.copy(), record.alpha.copy(), record.beta.copy()
+    wrong = np.array(rows) - 1
+    if change == "both signs":
+        alpha[wrong], beta[wrong] = -alpha[wrong], -beta[wrong]
+    elif change == "sign":
+        force[wrong, 1] *= -1.0
+    else:
+        force[wrong] = force[wrong][:, [2, 0, 1] if change == "rotated" else [2, 1, 0]]
+    changed = replace(record, specific_force=force, alpha=alpha, beta=beta)
+    diagnosis = diagnose(changed, noise_bound=SIGMA, rerun=False)
+    assert (diagnosis.verdict, diagnosis.explanations[0].rows) == ("explained", rows)
+    assert words in diagnosis.explanations[0].sentence.replace("fits with", "fit with")
+
+
 def test_a_single_effect_has_no_rival_in_rows():
     place = EffectPlace("quadratic", "accelerometer-2")
     diagnosis = diagnose(drawn_record(3, [(place, (3e-4,))], 30), noise_bound=SIGMA, rerun=False)

@@ -15,7 +15,7 @@ def test_two_instruments_exchanged_for_an_hour(tmp_path):
     assert diagnosis.verdict == "explained"
     stretch = diagnosis.explanations[0]
     assert (stretch.kind, stretch.rows) == ("stretch", tuple(range(19, 31)))
-    assert stretch.sentence.endswith("which fits. In them f1 and f2 are exchanged.")
+    assert stretch.sentence.endswith("which fits. They fit with f1 and f2 exchanged.")
     assert diagnosis.stated.verdict == "consistent"
 
 
@@ -25,7 +25,7 @@ def test_a_stretch_is_named_with_its_ends(what, seed):
     diagnosis = diagnose(wrong.record, noise_bound=SIGMA, rerun=False)
     assert diagnosis.verdict == "explained"
     assert (diagnosis.explanations[0].kind, diagnosis.explanations[0].rows) == ("stretch", wrong.rows)
-    assert ("In them" in diagnosis.explanations[0].sentence) == (what != "disturbed")
+    assert ("They fit" in diagnosis.explanations[0].sentence) == (what != "disturbed")
 
 
 @pytest.mark.acceptance
