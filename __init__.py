@@ -31,7 +31,7 @@ _FUNCTIONS = {
         "simulate",
     ),
     "measured": (
-        *("apply", "attitude_of_record", "bench_at", "calibrate", "check", "diagnose"),
+        *("apply", "attitude_of_record", "bench_at", "calibrate", "check", "correction", "diagnose"),
         *("calibrate_together", "diagnose_together", "import_record", "inspect"),
     ),
     "planning.library": ("plan", "plan_check", "plan_imu", "plan_positions"),

@@ -19,6 +19,7 @@ from .tools.measured import bench_at as bench_at
 from .tools.measured import calibrate as calibrate
 from .tools.measured import calibrate_together as calibrate_together
 from .tools.measured import check as check
+from .tools.measured import correction as correction
 from .tools.measured import diagnose as diagnose
 from .tools.measured import diagnose_together as diagnose_together
 from .tools.measured import import_record as import_record

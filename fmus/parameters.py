@@ -5,7 +5,7 @@ What is refused is refused by a ValueError that does not name the file: the call
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import isfinite, isnan, nan
 from types import MappingProxyType
 from typing import Any
@@ -38,6 +38,20 @@ MENDS = {
 GRAVITIES = (4.9, 14.7)
 """[m/s²]: half and one and a half times the standard, as readings are taken to be."""
 CASES = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}
+BY_HAND = "by_hand"
+"""Key of what a calibration says that was made without a table's angles."""
+BY_GRAVITY = {
+    "gamma_11": ("X4", "X5"),
+    "gamma_21": ("X6+X8",),
+    "gamma_22": ("X9", "X10"),
+    "gamma_31": ("X7+X12",),
+    "gamma_32": ("X11+X13",),
+    "gamma_33": ("X14", "X15"),
+    "bias_1": ("X16",),
+    "bias_2": ("X17",),
+    "bias_3": ("X18",),
+}
+"""Symbols of a calibration by the size of gravity -> the same parameters of the bench."""
 
 VALUES = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 COMMON = "http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -206,14 +220,40 @@ def of_one_record(calibration: Any, sha256: str = "") -> Any:
 def calibrated_block(calibration: Any) -> Parameters:
     """Parameters of the block, and of its compensation; mountings do not matter.
 
+    They are the estimates, whatever the verdict.
+
     Raises
     ------
     ValueError
-        for what is no consistent calibration
+        for what is no calibration, or one that lacks an estimate
     """
-    content = _consistent(calibration)
-    with _complete():
+    content = _one_calibration(calibration)
+    with _complete(content.get("verdict")):
         return _block(target_estimates(content), _gravity(content))
+
+
+def calibrated_elements(calibration: Any, key: str) -> dict[str, float | None]:
+    """Another number of the block's scalars, as `gamma_21` or `bias[1]`: low, high or standard_error; None without.
+
+    Raises
+    ------
+    ValueError
+        for what is no calibration, or one that lacks an estimate
+    """
+    content = _one_calibration(calibration)
+    known: Mapping[str, float] = {}
+    with suppress(KeyError):
+        entries = []
+        for entry in content["parameters"]:
+            entries.append({"symbol": entry["symbol"], "estimate": entry.get(key)})
+        known = target_estimates({**content, "parameters": entries})
+    nothing = dict.fromkeys(TARGETS, nan)
+    numbers = elements_of(_block(nothing | known, 0.0))
+    elements: dict[str, float | None] = {}
+    for name, value in elements_of(_block(nothing, 0.0)).items():
+        if isnan(value):
+            elements[name] = None if isnan(numbers[name]) else numbers[name]
+    return elements
 
 
 def calibrated_intervals(calibration: Any) -> dict[str, Interval]:
@@ -222,22 +262,10 @@ def calibrated_intervals(calibration: Any) -> dict[str, Interval]:
     Raises
     ------
     ValueError
-        for what is no consistent calibration
+        for what is no calibration, or one that lacks an estimate
     """
-    content = _consistent(calibration)
-
-    def side(end: str) -> dict[str, float]:
-        entries = [{"symbol": entry["symbol"], "estimate": entry[end]} for entry in content["parameters"]]
-        return elements_of(_block(target_estimates({**content, "parameters": entries}), 0.0))
-
-    with _complete():
-        low, high = side("low"), side("high")
-    targets = elements_of(_block(dict.fromkeys(TARGETS, nan), 0.0))
-    intervals = {}
-    for name, value in targets.items():
-        if isnan(value):
-            intervals[name] = (low[name], high[name])
-    return intervals
+    low, high = calibrated_elements(calibration, "low"), calibrated_elements(calibration, "high")
+    return {name: (low[name], high[name]) for name in low}
 
 
 def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]] | None:
@@ -254,11 +282,14 @@ def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]]
         return None
 
     def side(end: str) -> dict[str, float]:
-        entries = [{**entry, "estimate": entry[end]} for entry in content["parameters"]]
-        return elements_of(_gyros({"parameters": entries}, 0.0)["GyroBlock"])
+        entries = []
+        for entry in content["parameters"]:
+            value = entry.get(end)
+            entries.append({**entry, "estimate": nan if value is None else value})
+        values = {entry["symbol"]: entry["estimate"] for entry in entries}
+        return elements_of(_gyro_block(values, 0.0))
 
-    with _complete():
-        low, high = side("low"), side("high")
+    low, high = side("low"), side("high")
     gyro_parameters = _without(parameters["GyroBlock"], ("gravity",))
     return gyro_parameters, {name: (low[name], high[name]) for name in elements_of(gyro_parameters)}
 
@@ -304,6 +335,9 @@ def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
                 _check_interval(entry, value[symbol], symbol, a_priori=a_priori)
     except TypeError as error:
         raise ValueError("the calibration's parameters are not as its schema says") from error
+    for symbol, targets in BY_GRAVITY.items():
+        if symbol in value:
+            value |= dict.fromkeys(targets, value[symbol])
     if calibration.get("convention") == "A2":
         value |= {name: 2 * value[f"({name})/2"] for name in ("X6+X8", "X7+X12", "X11+X13")}
         if "(X8-X6)/2" in value:
@@ -336,14 +370,22 @@ def checked_number(value: Any, what: str) -> float:
 
 def _consistent(calibration: Any) -> Mapping[str, Any]:
     """The calibration, of several records that of the last, when it is a consistent one; a ValueError else."""
-    calibration = of_one_record(calibration)
-    if not isinstance(calibration, Mapping) or calibration.get("schema") != CALIBRATION:
-        schema = calibration.get("schema") if isinstance(calibration, Mapping) else None
-        raise ValueError(f"the schema is {schema!r}; a calibration has '{CALIBRATION}'")
+    calibration = _one_calibration(calibration)
     verdict = calibration.get("verdict")
     if not gives_parameters(verdict, calibration.get("estimator")):
         mend = f"; {MENDS[verdict]}" if isinstance(verdict, str) and verdict in MENDS else ""
         raise ValueError(f"the calibration's verdict is {verdict!r}; only a consistent one gives parameters{mend}")
+    return calibration
+
+
+def _one_calibration(calibration: Any) -> Mapping[str, Any]:
+    """The calibration, of several records that of the last, in the present schema; a ValueError for anything else."""
+    calibration = of_one_record(calibration)
+    if not isinstance(calibration, Mapping) or calibration.get("schema") != CALIBRATION:
+        schema = calibration.get("schema") if isinstance(calibration, Mapping) else None
+        raise ValueError(f"the schema is {schema!r}; a calibration has '{CALIBRATION}'")
+    if BY_HAND in calibration:
+        return calibration
     for key, values in CASES.items():
         if calibration.get(key) not in values:
             raise ValueError(f"its {key} is {calibration.get(key)!r}; it must be {' or '.join(values)}")
@@ -358,12 +400,13 @@ def _gravity(calibration: Mapping[str, Any]) -> float:
 
 
 @contextmanager
-def _complete() -> Iterator[None]:
-    """Says which key or target of a calibration is missing."""
+def _complete(verdict: object = None) -> Iterator[None]:
+    """Says which key or target of a calibration is missing, and what is right where its verdict tells why."""
     try:
         yield
     except KeyError as error:
-        raise ValueError(f"the calibration lacks {error.args[0]!r}") from error
+        mend = f"; {MENDS['insufficient']}" if verdict == "insufficient" else ""
+        raise ValueError(f"the calibration lacks {error.args[0]!r}{mend}") from error
 
 
 def _block(targets: Mapping[str, float], gravity: float) -> Parameters:
@@ -387,27 +430,35 @@ def _gyros(content: Mapping[str, Any], gravity: float) -> dict[str, Parameters]:
     known = known_values(content, (*GYRO_PARAMETERS[MATRIX], *GYRO_PARAMETERS[BIAS]))
     if known is None:
         return {}
-    matrix, bias = GYRO_PARAMETERS[MATRIX], GYRO_PARAMETERS[BIAS]
-    parameters: Parameters = {
-        "gravity": gravity,
-        "scale_misalignment": [known[symbol] for symbol in matrix],
-        "bias": [known[symbol] for symbol in bias],
-    }
+    parameters = _gyro_block(known, gravity)
     return {"GyroBlock": parameters, "GyroCompensation": dict(parameters)}
 
 
-def known_values(content: Mapping[str, Any], symbols: Iterable[str]) -> dict[str, float] | None:
-    """Return the estimates of parameters by their symbols; None where one is missing, or nothing bounds it.
+def _gyro_block(values: Mapping[str, float], gravity: float) -> Parameters:
+    """Return the parameters of gyros by the values of their symbols."""
+    return {
+        "gravity": gravity,
+        "scale_misalignment": [values[symbol] for symbol in GYRO_PARAMETERS[MATRIX]],
+        "bias": [values[symbol] for symbol in GYRO_PARAMETERS[BIAS]],
+    }
 
-    A ValueError for parameters that are not as the schema says.
+
+def known_values(content: Mapping[str, Any], symbols: Iterable[str]) -> dict[str, float] | None:
+    """Return the estimates of parameters by their symbols; None where one is missing.
+
+    On a bench a parameter counts as missing where nothing bounds it. A ValueError for parameters that are not as the
+    schema says.
     """
+    known = {}
     try:
-        bounded = {p["symbol"]: p["estimate"] for p in content["parameters"] if p.get("low") is not None}
+        for entry in content["parameters"]:
+            if BY_HAND in content or entry.get("low") is not None:
+                known[entry["symbol"]] = entry["estimate"]
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError("the calibration's parameters are not as its schema says") from error
-    if any(bounded.get(symbol) is None for symbol in symbols):
+    if any(known.get(symbol) is None for symbol in symbols):
         return None
-    return {symbol: checked_number(bounded[symbol], symbol) for symbol in symbols}
+    return {symbol: checked_number(known[symbol], symbol) for symbol in symbols}
 
 
 def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str, *, a_priori: bool) -> None:

@@ -367,6 +367,37 @@ def apply(
     return diagnosis.applied_to(result, run, evidence)
 
 
+def correction(calibration: "str | Path | calibrations.Calibration") -> "calibrations.Correction":
+    """Return the correction of a calibration: a function of arrays (N, 3), or of one reading (3,) of a stream.
+
+    Parameters
+    ----------
+    calibration : path or Calibration
+        The result of `trihedron calibrate --json`, of any kind of record and whatever its verdict, as long as it has
+        all estimates. Of several records it has the biases of the last.
+
+    Returns
+    -------
+    Correction
+        `correction(readings)` gives the specific force [m/s²], `correction(readings, rates)` the angular rate [rad/s],
+        too; `correction.standard_errors(readings)` gives the standard error by the calibration.
+
+    Raises
+    ------
+    InputError
+        for a file that is no calibration, or lacks an estimate
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> correct = th.correction("calibration.json")  # doctest: +SKIP
+    >>> correct([[0.1, -0.2, 9.9]])  # doctest: +SKIP
+    """
+    if isinstance(calibration, str | Path):
+        return calibrations.read_correction(Path(calibration))
+    return calibrations.correction_of(calibration.to_json(), "calibration")
+
+
 def diagnose(
     record: "records.Source",
     *,

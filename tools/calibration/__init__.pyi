@@ -1,13 +1,13 @@
+from .applied import Applied as Applied
+from .applied import AppliedEffect as AppliedEffect
+from .applied import apply_calibration as apply_calibration
 from .calibration import SAY_THE_NOISE as SAY_THE_NOISE
 from .calibration import Asked as Asked
 from .calibration import Calibration as Calibration
 from .calibration import calibrate as calibrate
 from .calibration import channels_advice as channels_advice
 from .calibration import fit_record as fit_record
-from .correction import Applied as Applied
-from .correction import AppliedEffect as AppliedEffect
 from .correction import Correction as Correction
-from .correction import apply_calibration as apply_calibration
 from .correction import corrected as corrected
 from .correction import correction_of as correction_of
 from .correction import error_bounds as error_bounds
@@ -15,7 +15,6 @@ from .correction import face_readings as face_readings
 from .correction import levelling as levelling
 from .correction import read_correction as read_correction
 from .correction import remaining_error as remaining_error
-from .correction import write_parameter_set as write_parameter_set
 from .estimates import joint_sets as joint_sets
 from .estimates import widening as widening
 from .gyros import Bench as Bench
@@ -33,6 +32,7 @@ from .model import parametrise as parametrise
 from .model import predicted_input as predicted_input
 from .model import predicted_reading as predicted_reading
 from .model import reading_jacobian as reading_jacobian
+from .parameter_sets import write_parameter_set as write_parameter_set
 from .targets import IN_TARGETS as IN_TARGETS
 from .targets import asked_targets as asked_targets
 from .targets import convention_targets as convention_targets

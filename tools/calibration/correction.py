@@ -2,53 +2,38 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, ValidationError
+from numpy.typing import ArrayLike, NDArray
 
-from ...fmus import components
 from ...fmus.parameters import (
-    Interval,
-    Parameters,
+    BY_GRAVITY,
+    BY_HAND,
     calibrated_block,
-    calibrated_gyros,
+    calibrated_elements,
     calibrated_intervals,
     calibration_of,
     checked_number,
+    gives_parameters,
     known_values,
     of_one_record,
-    parameter_set,
 )
 from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
-from ..calibrated import LATENCIES, CalibratedEffect, Provenance, Sigma
+from ..calibrated import LATENCIES, CalibratedEffect, Open, Provenance, Sigma
 from ..errors import InputError
-from ..files import LARGEST_RESULT, advice_on, bytes_of, whole_file
-from ..records import BenchRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
-from ..records.columns import CORRECTED_BY
-from ..records.rests import average_rests, find_rests
-from ..result import Result, Told
-from ..rounding import exactly, upwards
+from ..files import LARGEST_RESULT, advice_on, bytes_of
 from .model import checked_mounting
-from .promise import broken_conditions
 from .targets import corners
-
-if TYPE_CHECKING:
-    from polars import DataFrame
 
 WELL_POSED = 1e3
 """Gyros whose matrix is conditioned worse measure no three rates."""
-
-CALIBRATED = "the calibration of "
-"""How a comment line of a record says that a calibration corrected it."""
-
-Measured = PositionRecord | RawRecord | StrapdownRecord
-"""What can be corrected."""
+SURE = 4.0
+"""So many standard errors are exceeded by less than one reading in ten thousand."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +41,8 @@ class GyroCorrection:
     """The inverse of calibrated gyros except for their lag [s], which remains in the readings.
 
     `bias` (3,) [rad/s], `matrix` (3, 3) I + Γ, `sensitivity` (3, 3) [rad/s per g]; `force_lag` is the lag of the
-    accelerometers [s], which remains too; None where it is not known.
+    accelerometers [s], which remains too; None where it is not known. `bias_sd`, `matrix_sd` and `sensitivity_sd` are
+    standard errors, NaN where none is known.
     """
 
     bias: NDArray
@@ -64,24 +50,54 @@ class GyroCorrection:
     sensitivity: NDArray
     lag: float
     force_lag: float | None
+    bias_sd: NDArray
+    matrix_sd: NDArray
+    sensitivity_sd: NDArray
 
     @staticmethod
     def of(calibration: Mapping[str, Any]) -> "GyroCorrection | None":
-        """Return the gyros of a calibration's object; None where it has none, or not all of them."""
-        estimates = known_values(calibration, GYRO_PARAMETERS)
+        """Return the gyros of a calibration's object; None where it has none, or not all of them.
+
+        By hand their sensitivity to gravity and their lag count as 0 where the calibration does not have them.
+        """
+        needed = GYRO_PARAMETERS[: MATRIX.stop] if BY_HAND in calibration else GYRO_PARAMETERS
+        estimates = known_values(calibration, needed)
         if estimates is None:
             return None
-        values = np.array([estimates[symbol] for symbol in GYRO_PARAMETERS])
+        deviations = dict.fromkeys(GYRO_PARAMETERS, 0.0)
+        for entry in calibration["parameters"]:
+            symbol, deviation = entry["symbol"], entry.get("standard_error")
+            if symbol in GYRO_PARAMETERS:
+                estimates[symbol] = checked_number(entry["estimate"], symbol)
+                deviations[symbol] = math.nan if deviation is None else checked_number(deviation, symbol)
+        values = np.array([estimates.get(symbol, 0.0) for symbol in GYRO_PARAMETERS])
+        sd = np.array([deviations[symbol] for symbol in GYRO_PARAMETERS])
         matrix = np.eye(3) + values[MATRIX].reshape(3, 3)
         if not np.linalg.cond(matrix) < WELL_POSED:
             raise ValueError("the gyros' scale factors and misalignments have no inverse")
         late = known_values(calibration, LATENCIES[:1]) or {}
-        sensitivity = values[SENSITIVITY].reshape(3, 3)
-        return GyroCorrection(values[BIAS], matrix, sensitivity, float(values[LAG]), late.get(LATENCIES[0]))
+        return GyroCorrection(
+            bias=values[BIAS],
+            matrix=matrix,
+            sensitivity=values[SENSITIVITY].reshape(3, 3),
+            lag=float(values[LAG]),
+            force_lag=late.get(LATENCIES[0]),
+            bias_sd=sd[BIAS],
+            matrix_sd=sd[MATRIX].reshape(3, 3),
+            sensitivity_sd=sd[SENSITIVITY].reshape(3, 3),
+        )
 
     def corrected(self, reading: NDArray, n: NDArray, seconds: NDArray | float = 1.0) -> NDArray:
         """Rates (N, 3) [rad/s], or integrals over (N, 1) [s], from readings, at inputs (N, 3) [g]."""
         return np.linalg.solve(self.matrix, (reading - seconds * (self.bias + n @ self.sensitivity.T)).T).T
+
+    def standard_errors(self, rate: NDArray, n: NDArray) -> NDArray[np.float64]:
+        """Return the standard errors (N, 3) [rad/s] of corrected rates (N, 3) [rad/s] at inputs (N, 3) [g].
+
+        The parameters' errors count as independent.
+        """
+        variance = self.bias_sd**2 + rate**2 @ self.matrix_sd.T**2 + n**2 @ self.sensitivity_sd.T**2
+        return np.sqrt(variance @ np.linalg.inv(self.matrix).T ** 2)
 
 
 @dataclass(frozen=True)
@@ -89,14 +105,16 @@ class Correction:
     """The inverse of a calibrated block, Γ lower triangular, in units of `gravity`, the calibration's g [m/s²].
 
     `plus`, `minus` (3,) are 1 + Γ⁺ and 1 + Γ⁻ of each accelerometer, `gamma` (3, 3) is Γ below the diagonal and 0
-    elsewhere, `bias` (3,) is in g. `low`, `high` (3, 3, 3, 3) are the least and the greatest error of the reading of
-    accelerometer p at the input (i, j, k) − 1 [g]. `mounting` (3, 3) is that of the calibration's record, None of
-    several. `of_record` names, among several records calibrated together, the one that these biases belong to, where it
-    is another one.
+    elsewhere, `bias` (3,) is in g. `covariance` (9, 9) is that of the six elements of Γ row by row and the biases [g],
+    NaN where no standard error is known. `low`, `high` (3, 3, 3, 3) are the least and the greatest error of the reading
+    of accelerometer p at the input (i, j, k) − 1 [g]; None where the calibration guarantees nothing. `mounting` (3, 3)
+    is that of the calibration's record, None of several. `of_record` names, among several records calibrated together,
+    the one that these biases belong to, where it is another one.
 
-    `noise_bound` [g] is σ of the calibration and `sigma_kind` its kind; `source`, `sha256`, `temperature` [°C] (least
-    and most) and `comments` are those of its record; `effects` of accelerometers were calibrated beside it and are not
-    corrected.
+    `verdict` is that of the calibration, `pose_error` its predicted standard error of |f| [g] in the worst pose, and
+    `open` its open directions in words. `noise_bound` [g] is σ of the calibration and `sigma_kind` its kind; `source`,
+    `sha256`, `temperature` [°C] (least and most) and `comments` are those of its record; `effects` of accelerometers
+    were calibrated beside it and are not corrected.
     """
 
     gravity: float
@@ -104,27 +122,108 @@ class Correction:
     minus: NDArray
     gamma: NDArray
     bias: NDArray
-    low: NDArray
-    high: NDArray
+    low: NDArray | None = None
+    high: NDArray | None = None
     mounting: NDArray | None = None
     of_record: str = ""
     gyros: GyroCorrection | None = None
+    covariance: NDArray = field(default_factory=lambda: np.full((9, 9), np.nan))
     noise_bound: float = 0.0
     sigma_kind: str = "unknown"
+    verdict: str = ""
+    pose_error: float | None = None
+    open: tuple[str, ...] = ()
     source: str = ""
     sha256: str = ""
     temperature: tuple[float, float] | None = None
     comments: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
 
+    def __call__(self, readings: ArrayLike, rates: ArrayLike | None = None) -> Any:
+        """Correct readings of the accelerometers, and of the gyros where `rates` are given.
+
+        Parameters
+        ----------
+        readings : array, shape (3,) or (N, 3)
+            of accelerometers 1, 2, 3 [m/s²]; neither time nor angles are needed
+        rates : array of the same shape, optional
+            readings of gyros 1, 2, 3 [rad/s] at the same times
+
+        Returns
+        -------
+        ndarray, or two of them
+            specific force [m/s²], and with `rates` the angular rate [rad/s], both in the calibration's axes: axis 1 is
+            accelerometer 1, axis 2 lies in the plane of accelerometers 1 and 2
+
+        Raises
+        ------
+        InputError
+            for another shape, or rates where the calibration has no gyros
+        """
+        force = corrected(self, _readings_of(readings, "readings"))
+        if rates is None:
+            return force
+        if self.gyros is None:
+            raise InputError("rates: the calibration has no gyros; leave them out")
+        turning = _readings_of(rates, "rates")
+        if turning.shape != force.shape:
+            raise InputError(f"rates: have the shape {turning.shape}, the readings {force.shape}; one row for each")
+        n = np.atleast_2d(force) / self.gravity
+        return force, self.gyros.corrected(np.atleast_2d(turning), n).reshape(force.shape)
+
+    def standard_errors(self, readings: ArrayLike) -> NDArray[np.float64]:
+        """Return the standard error of corrected readings, by the calibration alone.
+
+        Parameters
+        ----------
+        readings : array, shape (3,) or (N, 3)
+            of accelerometers 1, 2, 3 [m/s²]
+
+        Returns
+        -------
+        ndarray of the same shape
+            [m/s²]; NaN where the calibration knows no standard error
+        """
+        force = self(readings)
+        variance = np.einsum("nii->ni", _covariance_of_input(self, np.atleast_2d(force) / self.gravity))
+        return self.gravity * np.sqrt(variance).reshape(force.shape)
+
     def inputs_of(self, specific_force: NDArray) -> NDArray[np.float64]:
         """Return inputs (N, 3) [g] by readings (N, 3) [m/s²]."""
         return corrected(self, specific_force) / self.gravity
 
     def bound_at(self, n: NDArray, noise_bound: float | NDArray) -> NDArray[np.float64]:
-        """Return the largest difference of true inputs from corrected ones n (N, 3) [g], of either sign."""
+        """Return the largest difference of true inputs from corrected ones n (N, 3) [g], of either sign.
+
+        Without a guarantee it is `SURE` standard errors.
+        """
+        if self.low is None:
+            variance = np.einsum("nii->ni", _covariance_of_input(self, n))
+            return SURE * np.sqrt(variance) + noise_bound
         least, most = remaining_error(self, n, noise_bound)
         return np.maximum(np.abs(least), np.abs(most))
+
+
+def _readings_of(values: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Return readings as an array whose last axis has three elements; an InputError for anything else."""
+    try:
+        readings = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: are not numbers; an array (N, 3) is needed") from error
+    if readings.ndim not in (1, 2) or readings.shape[-1] != 3:
+        raise InputError(f"{name}: have the shape {readings.shape}; an array (N, 3) or (3,) is needed")
+    return readings
+
+
+def _covariance_of_input(correction: Correction, n: NDArray) -> NDArray[np.float64]:
+    """Return the covariance (N, 3, 3) of corrected inputs n (N, 3) [g] by that of the parameters."""
+    slopes = np.zeros((len(n), 3, 9))
+    for element, (row, column) in enumerate(zip(*np.tril_indices(3), strict=True)):
+        slopes[:, row, element] = n[:, column]
+    slopes[:, np.arange(3), 6 + np.arange(3)] = 1.0
+    back = np.linalg.inv(correction.gamma + np.diag(0.5 * (correction.plus + correction.minus)))
+    slopes = back @ slopes
+    return slopes @ correction.covariance @ slopes.transpose(0, 2, 1)
 
 
 def read_correction(path: Path, sha256: str = "") -> Correction:
@@ -160,13 +259,42 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
         plus, minus = 1.0 + np.array(block["scale_error_plus"]), 1.0 + np.array(block["scale_error_minus"])
         if not min(plus.min(), minus.min()) > 0.0:
             raise ValueError("a scale factor or the gravity is not positive; the block has no inverse")
-        low, high = _reading_errors(calibration)
+        low, high = _reading_errors(calibration) or (None, None)
         gyros = GyroCorrection.of(calibration)
+        covariance = _covariance(calibration)
     except ValueError as error:
         raise InputError(f"{where}: {error}") from error
     bias, mounting = np.array(block["bias"]), _mounting(calibration)
-    correction = Correction(block["gravity"], plus, minus, gamma, bias, low, high, mounting, record, gyros)
+    correction = Correction(block["gravity"], plus, minus, gamma, bias, low, high, mounting, record, gyros, covariance)
     return replace(correction, **_origin(calibration, where))
+
+
+def _covariance(calibration: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Return the covariance (9, 9) of Γ and biases: as by hand, else by the standard errors; NaN where it is unknown.
+
+    Raises a ValueError for one that is none.
+    """
+    of_hand = calibration.get(BY_HAND)
+    if isinstance(of_hand, Mapping) and of_hand.get("covariance") is not None:
+        try:
+            covariance = np.array(of_hand["covariance"], dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ValueError("its covariance is not as the schema says; calibrate again") from error
+        if covariance.shape != (9, 9) or not np.isfinite(covariance).all() or np.diag(covariance).min() < 0.0:
+            raise ValueError("its covariance is no matrix of 9 rows and columns; calibrate again")
+        return covariance
+    elements = calibrated_elements(calibration, "standard_error")
+    sd = {name: math.nan if value is None else value for name, value in elements.items()}
+    deviations = []
+    for symbol in BY_GRAVITY:
+        number = int(symbol[-1])
+        if symbol.startswith("bias"):
+            deviations.append(sd[f"bias[{number}]"])
+        elif symbol[-2] == symbol[-1]:
+            deviations.append(max(sd[f"scale_error_plus[{number}]"], sd[f"scale_error_minus[{number}]"]))
+        else:
+            deviations.append(sd[symbol])
+    return np.diag(np.square(deviations))
 
 
 def _origin(calibration: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -174,12 +302,16 @@ def _origin(calibration: Mapping[str, Any], where: str) -> dict[str, Any]:
     try:
         sigma = Sigma.model_validate(calibration_of(calibration)["sigma"])
         values: dict[str, Any] = {"noise_bound": sigma.value or 0.0, "sigma_kind": sigma.kind}
+        values["verdict"] = str(calibration["verdict"])
+        values["open"] = tuple(_open_words(calibration))
+        if calibration.get(BY_HAND) is not None:
+            values["pose_error"] = checked_number(calibration[BY_HAND]["pose_error"]["worst_g"], "pose_error")
         effects = [CalibratedEffect.model_validate(effect) for effect in calibration.get("effects", ())]
         values["effects"] = tuple(effect.effect for effect in effects if effect.in_readings)
         if calibration.get("provenance") is None:
             return values
         source = Provenance.model_validate(calibration["provenance"])
-    except (KeyError, ValidationError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{where}: its sigma, provenance or effects are not as the schema says; calibrate again"
         ) from error
@@ -187,6 +319,16 @@ def _origin(calibration: Mapping[str, Any], where: str) -> dict[str, Any]:
     if source.temperature:
         values["temperature"] = (min(source.temperature), max(source.temperature))
     return values
+
+
+def _open_words(calibration: Mapping[str, Any]) -> list[str]:
+    """Return the open directions of a calibration's object in words, each with what closes it."""
+    words = []
+    for entry in calibration.get("open", ()):
+        direction = Open.model_validate(entry)
+        closing = f" (closed by {direction.close_by})" if direction.close_by else ""
+        words.append(f"{', '.join(direction.parameters)}{closing}")
+    return words
 
 
 def _mounting(calibration: Mapping[str, Any]) -> NDArray | None:
@@ -198,8 +340,16 @@ def _mounting(calibration: Mapping[str, Any]) -> NDArray | None:
         return None
 
 
-def _reading_errors(calibration: Mapping[str, Any]) -> tuple[NDArray, NDArray]:
-    """Lower and upper ends (3, 3, 3, 3) of the `corners` in a calibration's object; NaN at other inputs."""
+def _reading_errors(calibration: Mapping[str, Any]) -> tuple[NDArray, NDArray] | None:
+    """Lower and upper ends (3, 3, 3, 3) of the `corners` in a calibration's object; NaN at other inputs.
+
+    By hand they come from the parameters' intervals. None where no parameters keep every reading within its bound, and
+    where an interval is open.
+    """
+    if not gives_parameters(calibration["verdict"], calibration["estimator"]):
+        return None
+    if BY_HAND in calibration:
+        return _errors_of_intervals(calibration)
     ends = np.full((2, 3, 3, 3, 3), np.nan)
     try:
         entries = calibration["reading_errors"]
@@ -218,8 +368,24 @@ def _reading_errors(calibration: Mapping[str, Any]) -> tuple[NDArray, NDArray]:
     return ends[0], ends[1]
 
 
+def _errors_of_intervals(calibration: Mapping[str, Any]) -> tuple[NDArray, NDArray] | None:
+    """Lower and upper ends as of `_reading_errors` by the intervals of all parameters; None where one is open."""
+    intervals = calibrated_intervals(calibration)
+    if any(None in interval for interval in intervals.values()):
+        return None
+    ends = np.full((2, 3, 3, 3, 3), np.nan)
+    for p, n in corners():
+        sides = np.array(intervals[f"bias[{p}]"])
+        for column in range(1, p):
+            sides = sides + np.sort(n[column - 1] * np.array(intervals[f"gamma_{p}{column}"]))
+        sign = "plus" if n[p - 1] > 0 else "minus"
+        sides = sides + np.sort(n[p - 1] * np.array(intervals[f"scale_error_{sign}[{p}]"]))
+        ends[:, p - 1, n[0] + 1, n[1] + 1, n[2] + 1] = sides
+    return ends[0], ends[1]
+
+
 def corrected(correction: Correction, specific_force: NDArray) -> NDArray:
-    """Specific force (N, 3) [m/s²] from readings (N, 3) [m/s²], by forward substitution.
+    """Specific force (..., 3) [m/s²] from readings (..., 3) [m/s²], by forward substitution.
 
     An accelerometer's input has the sign of its reading less bias and cross terms, since its scale factors are
     positive: that chooses Γ⁺ (above zero) or Γ⁻.
@@ -227,8 +393,8 @@ def corrected(correction: Correction, specific_force: NDArray) -> NDArray:
     right = specific_force / correction.gravity - correction.bias
     n = np.zeros_like(right)
     for p in range(3):
-        along_axis = right[:, p] - n[:, :p] @ correction.gamma[p, :p]
-        n[:, p] = along_axis / np.where(along_axis > 0.0, correction.plus[p], correction.minus[p])
+        along_axis = right[..., p] - n[..., :p] @ correction.gamma[p, :p]
+        n[..., p] = along_axis / np.where(along_axis > 0.0, correction.plus[p], correction.minus[p])
     return correction.gravity * n
 
 
@@ -294,16 +460,16 @@ class Levelling:
     """Error of the vertical that readings at rest give, in each row [rad].
 
     `before` (N,) is the angle between the readings as they are and as corrected; `after` (N,) is guaranteed: the
-    corrected readings are not further from the truth.
+    corrected readings are not further from the truth. It is None where the calibration guarantees nothing.
     """
 
     before: NDArray
-    after: NDArray
+    after: NDArray | None
 
     @property
-    def worst(self) -> tuple[float, float]:
+    def worst(self) -> tuple[float, float | None]:
         """The greatest `before`, and the greatest `after`."""
-        return float(self.before.max()), float(self.after.max())
+        return float(self.before.max()), None if self.after is None else float(self.after.max())
 
 
 def levelling(correction: Correction, reading: NDArray, noise_bound: float = 0.0) -> Levelling:
@@ -312,6 +478,8 @@ def levelling(correction: Correction, reading: NDArray, noise_bound: float = 0.0
     n = corrected(correction, reading * correction.gravity) / correction.gravity
     size = np.linalg.norm(n, axis=1)
     before = np.arctan2(np.linalg.norm(np.cross(reading, n), axis=1), np.einsum("ij,ij->i", reading, n))
+    if correction.low is None:
+        return Levelling(before, None)
     least, most = remaining_error(correction, n, noise_bound)
     vertical = n / size[:, None]
     after = np.zeros(len(n))
@@ -329,205 +497,3 @@ def face_readings(correction: Correction) -> tuple[list[str], NDArray]:
     n = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     scale = np.where(n > 0.0, correction.plus, correction.minus)
     return names, n * scale + n @ correction.gamma.T + correction.bias
-
-
-class LevellingError(Result):
-    """The greatest error of the vertical [rad]."""
-
-    as_read: float
-    corrected_at_most: float
-
-
-class AppliedEffect(Result):
-    """An effect that a diagnosis names, and its treatment in another record.
-
-    "corrected": it was subtracted from the readings; "simulated": the extended FMUs have it, but no inverse exists;
-    "left": it does not show in a record of this kind, or is not linear in its sizes.
-    """
-
-    effect: str
-    how: Literal["corrected", "simulated", "left"]
-
-
-class Applied(Told):
-    """A record corrected by a calibration, or by a diagnosis of another record, of its instrument.
-
-    Attributes
-    ----------
-    rows : int
-        of the record
-    gravity_mps2, scale_plus, scale_minus, gamma, bias_g
-        of the `Correction`, by a calibration
-    levelled_at : str
-        where the vertical was looked at: "positions", "rests" or "rows"
-    levelling_error : LevellingError
-    not_guaranteed : list of str
-        why the levelling error is not guaranteed for this record; empty where it is
-    gyros : str
-        "corrected" where calibration and record have gyros
-    effects : tuple of AppliedEffect
-        of a diagnosis
-    over, unit, rms_without, rms_with, max_without, max_with
-        errors of the record simulated by FMUs, without and with the effects, over what `over` says; what is the
-        record's own, its biases, is fitted to it in both. Absent where nothing can be run
-    correction : Correction
-        not published
-    record : PositionRecord, RawRecord or StrapdownRecord
-        corrected; None where nothing could be taken out; not published
-    levelling : Levelling
-        at each position, rest or row; not published
-    """
-
-    schema_: Literal["trihedron.applied/2"] = Field(default="trihedron.applied/2", alias="schema")
-    rows: int
-    gravity_mps2: float | None = None
-    scale_plus: list[float] | None = None
-    scale_minus: list[float] | None = None
-    gamma: list[list[float]] | None = None
-    bias_g: list[float] | None = None
-    levelled_at: Literal["positions", "rests", "rows"] | None = None
-    levelling_error: LevellingError | None = Field(default=None, alias="levelling_error_rad")
-    not_guaranteed: list[str] | None = None
-    gyros: Literal["corrected"] | None = None
-    effects: tuple[AppliedEffect, ...] | None = None
-    over: str | None = None
-    unit: str | None = None
-    rms_without: float | None = None
-    rms_with: float | None = None
-    max_without: float | None = None
-    max_with: float | None = None
-    warnings: list[str] = Field(default=[])
-    correction: Correction | None = Field(default=None, exclude=True)
-    record: Any = Field(default=None, exclude=True)
-    levelling: Levelling | None = Field(default=None, exclude=True)
-
-    def to_polars(self) -> "DataFrame | None":
-        """The corrected readings: time_s, f1_mps2, f2_mps2, f3_mps2; None where nothing was taken out of any."""
-        import polars as pl
-
-        if self.record is None:
-            return None
-        force = {f"f{p + 1}_mps2": self.record.specific_force[:, p] for p in range(3)}
-        return pl.DataFrame({"time_s": self.record.time_s, **force})
-
-
-def apply_calibration(
-    calibration: str | Path | Result,
-    record: Source,
-    *,
-    noise_bound: float = 0.0,
-    channels: Sequence[str] = (),
-    stamps: str | None = None,
-) -> Applied:
-    """Correct the readings of a record by a calibration or its file; arguments and errors as of `trihedron.apply`.
-
-    The noise bound is that of the averaged readings' own errors [g], for the error that remains after the correction.
-    """
-    if not (math.isfinite(noise_bound) and 0.0 <= noise_bound <= 1e-2):
-        raise InputError(f"--noise-bound {exactly(noise_bound)}: must be a fraction of g from 0 to 0.01, as 1e-5")
-    measured = read_record(record, channels=channels, stamps=stamps)
-    if isinstance(calibration, str | Path):
-        correction = read_correction(Path(calibration), measured.sha256)
-    else:
-        correction = correction_of(calibration.to_json(), "calibration", measured.sha256)
-    at, still = "rows", measured
-    if isinstance(measured, PositionRecord):
-        at = "positions"
-    elif isinstance(measured, RawRecord):
-        rests = find_rests(measured)
-        if any(rest.refused is None for rest in rests):
-            at, still = "rests", average_rests(measured, rests)
-    before_it = measured.about.get(CORRECTED_BY, "")
-    if CALIBRATED in before_it:
-        raise InputError(
-            f"{measured.path}: is corrected already ({before_it}); apply the calibration to the record as measured"
-        )
-    better = corrected(correction, measured.specific_force)
-    if not np.isfinite(better).all():
-        raise InputError(f"{measured.path}: the corrected readings are not finite")
-    warnings = list(measured.warnings)
-    if correction.of_record:
-        warnings.append(
-            f"what each record has of its own is that of {correction.of_record}, the last that was calibrated"
-        )
-    gain = levelling(correction, still.specific_force / correction.gravity, noise_bound)
-    before, after = gain.worst
-    n = corrected(correction, still.specific_force) / correction.gravity
-    source = f"{CALIBRATED}{correction.source or 'a record'} (SHA-256 {correction.sha256 or 'none'})"
-    if before_it:
-        source = f"{before_it}; then {source}"
-    about = {CORRECTED_BY: source} | dict(measured.about) | {CORRECTED_BY: source}
-    channels_of_gyros: dict[str, NDArray] = {}
-    of_gyros: dict[str, Any] = {}
-    if correction.gyros is not None and isinstance(measured, BenchRecord | StrapdownRecord):
-        of_gyros = {"gyros": "corrected"}
-        channels_of_gyros = _corrected_gyros(correction.gyros, measured, better / correction.gravity)
-    return Applied(
-        gravity_mps2=correction.gravity,
-        scale_plus=correction.plus.tolist(),
-        scale_minus=correction.minus.tolist(),
-        gamma=correction.gamma.tolist(),
-        bias_g=correction.bias.tolist(),
-        rows=len(measured),
-        levelled_at=at,
-        not_guaranteed=broken_conditions(correction, measured, still, n, noise_bound),
-        levelling_error_rad=LevellingError(as_read=before, corrected_at_most=after),
-        warnings=warnings,
-        correction=correction,
-        record=replace(measured, specific_force=better, about=about, **channels_of_gyros),
-        levelling=gain,
-        **of_gyros,
-    )
-
-
-def _corrected_gyros(
-    gyros: GyroCorrection, record: BenchRecord | StrapdownRecord, n: NDArray
-) -> dict[str, NDArray[np.float64]]:
-    """Return the corrected channels of a record's gyros by their names, at inputs (N, 3) [g]."""
-    if record.rate is not None:
-        return {"rate": gyros.corrected(record.rate, n)}
-    if record.increment is None:
-        return {}
-    steps, first = np.diff(record.time_s), 0.0
-    if len(steps):
-        first = float(np.median(steps))
-    return {"increment": gyros.corrected(record.increment, n, np.append(first, steps)[:, None])}
-
-
-def write_parameter_set(result: Result, path: Path) -> None:
-    """Write the calibrated block as an .ssv file, values with their intervals; both components have these parameters.
-
-    Calibrated gyros go into a file of their own, NAME-gyros.ssv. A calibration of several records is written with the
-    biases of the last. Raises an InputError if the calibration is not consistent, or the components do not accept a
-    value.
-    """
-    try:
-        content = of_one_record(result.to_json())
-        block, intervals = calibrated_block(content), calibrated_intervals(content)
-    except ValueError as error:
-        raise InputError(f"--ssv {path}: {error}") from error
-    about, source = "an accelerometer block", content.get("provenance")
-    if source is not None:
-        about = f"{source['record']} (SHA-256 {source['record_sha256'] or 'none'})"
-    text = f"Calibration of {about}, noise bound {upwards(content['sigma']['value'], 3)} g, case (A1)"
-    contents = {path: _checked_set(path, "AccelerometerBlock", block, intervals, text)}
-    of_gyros = calibrated_gyros(content)
-    if of_gyros is not None:
-        beside_it = path.with_name(f"{path.stem}-gyros{path.suffix}")
-        contents[beside_it] = _checked_set(beside_it, "GyroBlock", of_gyros[0], of_gyros[1], text)
-    for target, written in contents.items():
-        with whole_file(target) as temporary:
-            temporary.write_bytes(written)
-
-
-def _checked_set(path: Path, name: str, values: Parameters, intervals: Mapping[str, Interval], text: str) -> bytes:
-    """Return the parameter set of a component; raise an InputError for values beyond its limits."""
-    component = components()[name]
-    for variable in component.interface:
-        least, most = variable.within
-        for number in np.ravel(values.get(variable.name, [])).tolist():
-            if (least is not None and number < least) or (most is not None and number > most):
-                raise InputError(
-                    f"--ssv {path}: {variable.name} = {exactly(number)} is beyond what the component takes"
-                )
-    return parameter_set(component, values, text, intervals)

@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 
 from ..bounded.programmes import chebyshev_radius
 from ..motion.rests import BY_CHANCE, quiet_rests, sampling_of
-from ..records import PositionRecord, StrapdownRecord
+from ..records import PositionRecord, RawRecord, StrapdownRecord
 from ..records.columns import CORRECTED_BY
 from ..records.sigma import deviation_widening
 from ..rounding import digits, residual, upwards
 from .model import Positions, direction_jacobian, parametrise, predicted_input
 
 if TYPE_CHECKING:
-    from .correction import Correction, Measured
+    from .correction import Correction
+
+    Measured = PositionRecord | RawRecord | StrapdownRecord
 
 AS_WARM = 1.0
 """So far beyond the temperatures of its calibration a record is as warm [K]."""
@@ -58,6 +60,8 @@ def broken_conditions(
         of them [g]; 0 takes that of the calibration
     """
     reasons = []
+    if correction.low is None:
+        reasons.append(f"the calibration's verdict is {correction.verdict}: it gives standard errors, no intervals")
     if correction.sigma_kind != "bound":
         reasons.append(
             "the noise bound of the calibration is estimated, or taken from its record; calibrate with --noise-bound"
@@ -149,7 +153,7 @@ def _of_length(n: NDArray, bound: NDArray, where: Sequence[str]) -> str:
     """Return why inputs (N, 3) [g] at rest within bounds (N, 3) [g] are not gravity; "" where they may be."""
     size = np.linalg.norm(n, axis=1)
     allowed = ROOM * np.einsum("ij,ij->i", np.abs(n), bound) / size
-    over = np.abs(size - 1.0) / allowed
+    over = np.nan_to_num(np.abs(size - 1.0) / allowed, nan=0.0)
     worst = int(np.argmax(over))
     if over[worst] <= 1.0:
         return ""

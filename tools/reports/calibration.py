@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibrated import Calibration, Gyros, Parameter
+from ..calibration.applied import Applied
 from ..calibration.calibration import HOW_TO_FIND
-from ..calibration.correction import Applied, Correction, correction_of, face_readings, levelling
+from ..calibration.correction import Correction, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
 from ..calibration.gyros import said_of_place
 from ..calibration.targets import ARCSEC
@@ -485,10 +486,17 @@ def _levelling_lines(result: Applied, latitude_deg: float) -> list[str]:
     if gained is None:
         return []
     before, after = gained.worst
-    azimuth = abs(math.tan(math.radians(latitude_deg)))
     places = result.levelled_at or "rows"
-    promise = "not guaranteed" if result.not_guaranteed else "guaranteed"
     reasons = [f"  not guaranteed: {reason}" for reason in result.not_guaranteed or ()]
+    if after is None:
+        return [
+            f"{len(gained.before)} {places}; the correction turns the vertical by up to {upwards(before / ARCSEC, 3)} "
+            "arcsec",
+            *_standard_error_lines(result),
+            *reasons,
+        ]
+    azimuth = abs(math.tan(math.radians(latitude_deg)))
+    promise = "not guaranteed" if result.not_guaranteed else "guaranteed"
     worst = f"{places.removesuffix('s')} {int(np.argmax(gained.before)) + 1}"
     return [
         f"{len(gained.before)} {places}; largest error of the vertical, in arcseconds:",
@@ -499,9 +507,24 @@ def _levelling_lines(result: Applied, latitude_deg: float) -> list[str]:
     ]
 
 
+def _standard_error_lines(result: Applied) -> list[str]:
+    """Return the standard errors of corrected readings, and the calibration's open directions, in lines."""
+    lines = []
+    if result.standard_error_g is not None:
+        error = digits(1e3 * result.standard_error_g, 2)
+        lines.append(f"  standard error of a corrected reading, by the calibration: at most {error} mg")
+    pose_error = result.correction.pose_error if result.correction is not None else None
+    if pose_error is not None:
+        lines.append(f"  standard error of |f| at rest in the worst pose: {digits(1e3 * pose_error, 2)} mg")
+    for direction in result.open:
+        lines.append(f"  not determined: {direction}")
+    return lines
+
+
 def correction_equation(correction: Correction) -> list[str]:
     """Return the correction as equations with their numbers, readings f to inputs n."""
     lines = [f"g = {exactly(correction.gravity)} m/s2; f1, f2, f3 the readings in m/s2; corrected readings are g n:"]
     for n, terms, plus, minus in bench.correction_terms(correction):
-        lines.append(f"{n} = {terms.replace('−', '-')} / ({plus} where {n} > 0, {minus} elsewhere)")
+        divisor = plus if plus == minus else f"({plus} where {n} > 0, {minus} elsewhere)"
+        lines.append(f"{n} = {terms.replace('−', '-')} / {divisor}")
     return lines

@@ -171,19 +171,27 @@ def test_without_a_possible_point_there_is_no_estimate_and_it_is_said(tmp_path: 
     assert falsified.estimator == "least squares"
     text = str(falsified)
     assert "No estimate: no parameters of the model keep every reading within the noise bound" in text
-    for refused in (bench_parameters, calibrated_block, lambda content: correction_of(content, "here")):
-        with pytest.raises(
-            (ValueError, InputError), match="only a consistent one gives parameters; no values fit its readings: `trihe"
-        ):
-            refused(falsified.to_json())
-    with pytest.raises(InputError, match=r"--ssv .*'falsified'; only a consistent one"):
-        write_parameter_set(falsified, tmp_path / "c.ssv")
+    with pytest.raises(ValueError, match="only a consistent one gives parameters; no values fit its readings: `trihe"):
+        bench_parameters(falsified.to_json())
+    # The estimates are of use all the same, without a guarantee.
+    values = {e.symbol: e.estimate for e in falsified.parameters}
+    assert calibrated_block(falsified.to_json())["bias"] == [values[s] for s in ("X16", "X17", "X18")]
+    correction = correction_of(falsified.to_json(), "here")
+    assert correction.low is None
+    assert correction.verdict == "falsified"
+    assert np.all(correction.standard_errors(GRAVITY * np.eye(3)) > 0.0)
+    write_parameter_set(falsified, tmp_path / "c.ssv")
+    written = (tmp_path / "c.ssv").read_text(encoding="utf-8")
+    assert str(values["X16"]) in written
+    assert "verdict falsified" in written
     few = calibrate(simulated(bench, ALPHA[:4], BETA[:4], np.zeros((4, 3))), noise_bound=SIGMA)
     assert few.verdict == "insufficient"
     assert few.no_estimate.startswith("the readings leave X")
     assert all(e.estimate is None for e in few.parameters if e.symbol in {gap.symbol for gap in few.missing})
     with pytest.raises(ValueError, match="measure at its next_positions"):
         bench_parameters(few.to_json())
+    with pytest.raises(InputError, match=r"lacks 'X.*measure at its next_positions"):
+        correction_of(few.to_json(), "here")
 
 
 def of_second_schema(result: Calibration) -> dict:

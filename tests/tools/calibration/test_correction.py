@@ -182,8 +182,6 @@ def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_p
 @pytest.mark.parametrize(
     ("part", "change", "message"),
     [
-        (None, {"verdict": "falsified"}, "only a consistent one"),
-        (None, {"verdict": "insufficient"}, "only a consistent one"),
         (None, {"schema": "trihedron.plan/1"}, "schema"),
         (None, {"reading_errors": []}, "reading_errors are not complete"),
         (None, {"reading_errors": 3}, "reading_errors are not as the schema says"),

@@ -1,0 +1,142 @@
+"""Corrections by calibrations without a table: any number of rows, with standard errors, whatever the verdict."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from by_hand import GRAVITY, Instrument, calibration
+from trihedron.fmus.parameters import calibrated_block, calibrated_gyros
+from trihedron.tools.calibration import apply_calibration, correction_of, remaining_error
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import StrapdownRecord, write_record
+
+
+def motion(seed: int, count: int = 40) -> tuple[np.ndarray, np.ndarray]:
+    """Return specific forces [m/s2] and rates [rad/s], (count, 3)."""
+    rng = np.random.default_rng([seed, 1])
+    return rng.normal(0.0, 7.0, (count, 3)), rng.normal(0.0, 1.0, (count, 3))
+
+
+@pytest.mark.parametrize("verdict", ["usable", "consistent", "falsified", "insufficient"])
+def test_readings_are_corrected_to_the_truth_whatever_the_verdict(verdict):
+    instrument = Instrument(3)
+    force, rate = motion(3)
+    correction = correction_of(calibration(instrument, verdict=verdict), "here")
+    readings, turning = instrument.readings(force), instrument.rates(rate, force)
+    np.testing.assert_allclose(correction(readings), force, rtol=0, atol=1e-13)
+    both = correction(readings, turning)
+    np.testing.assert_allclose(both[0], force, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(both[1], rate, rtol=0, atol=1e-14)
+
+
+def test_a_stream_is_corrected_row_by_row_as_the_whole():
+    instrument = Instrument(4)
+    force, rate = motion(4, 10)
+    correction = correction_of(calibration(instrument, sensitivity=False), "here")
+    readings, turning = instrument.readings(force), instrument.rates(rate, force)
+    whole = correction(readings, turning)
+    for row in range(10):
+        one = correction(list(readings[row]), turning[row])
+        assert one[0].shape == one[1].shape == (3,)
+        np.testing.assert_allclose(one[0], whole[0][row], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(one[1], whole[1][row], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("readings", [np.zeros((4, 2)), np.zeros(4), [["a", "b", "c"]], np.zeros((2, 2, 3)), 1.0])
+def test_an_array_of_another_shape_is_refused(readings):
+    correction = correction_of(calibration(Instrument(1), gyros=False), "here")
+    with pytest.raises(InputError, match=r"readings: .*an array \(N, 3\)"):
+        correction(readings)
+    with pytest.raises(InputError, match="the calibration has no gyros"):
+        correction(np.zeros((4, 3)), np.zeros((4, 3)))
+
+
+def test_standard_errors_are_the_scatter_of_corrections_by_drawn_parameters():
+    instrument = Instrument(5)
+    force, _ = motion(5, 6)
+    readings = instrument.readings(force)
+    rng = np.random.default_rng(6)
+    root = 1e-3 * rng.normal(size=(9, 9))
+    content = calibration(instrument, gyros=False)
+    content["by_hand"]["covariance"] = (root @ root.T).tolist()
+    predicted = correction_of(content, "here").standard_errors(readings)
+    drawn = []
+    for _ in range(4000):
+        change = root @ rng.normal(size=9)
+        other = json.loads(json.dumps(content))
+        for entry, value in zip(other["parameters"], change, strict=True):
+            entry["estimate"] += value
+        drawn.append(correction_of(other, "here")(readings))
+    np.testing.assert_allclose(np.std(drawn, axis=0), predicted, rtol=0.06)
+
+
+def test_intervals_of_all_parameters_guarantee_the_corrected_reading():
+    """Instruments anywhere in the intervals: the truth is within what remains, and nearly at its ends."""
+    instrument, half = Instrument(7), 1e-3
+    force, _ = motion(7)
+    content = calibration(instrument, gyros=False, verdict="consistent", half_width=half)
+    correction = correction_of(content, "here")
+    rng = np.random.default_rng(8)
+    reached = np.zeros((40, 3))
+    for _ in range(300):
+        true = Instrument(7)
+        true.matrix = true.matrix + np.tril(half * rng.choice([-1.0, 1.0], (3, 3)))
+        true.bias = true.bias + half * rng.choice([-1.0, 1.0], 3)
+        n = correction(true.readings(force)) / GRAVITY
+        low, high = remaining_error(correction, n)
+        error = force / GRAVITY - n
+        assert np.all((low <= error) & (error <= high))
+        reached = np.maximum(reached, error / high)
+    assert reached[:, 0].min() > 0.5
+    assert np.median(reached[:, 0]) > 0.85
+
+
+def test_without_intervals_nothing_is_guaranteed(tmp_path):
+    instrument = Instrument(9)
+    content = calibration(instrument, verdict="insufficient", open=[{"parameters": ["gamma_21"], "close_by": "axis 1"}])
+    (tmp_path / "c.json").write_text(json.dumps(content), encoding="utf-8")
+    force, rate = motion(9)
+    record = StrapdownRecord(
+        0.1 * np.arange(40), instrument.rates(rate, force), None, instrument.readings(force), None, None
+    )
+    write_record(record, tmp_path / "r.csv")
+    applied: Any = apply_calibration(tmp_path / "c.json", tmp_path / "r.csv")
+    np.testing.assert_allclose(applied.record.specific_force, force, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(applied.record.rate, rate, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(
+        th.correction(tmp_path / "c.json")(instrument.readings(force)), applied.record.specific_force
+    )
+    text = str(applied)
+    assert "insufficient" in text
+    assert "corrected at most" not in text
+    assert "not determined: gamma_21 (closed by axis 1)" in text
+    assert any("0.42 mg" in warning for warning in applied.warnings)
+    assert applied.to_json()["levelling_error_rad"]["corrected_at_most"] is None
+
+
+def test_parameters_of_components_are_those_of_the_instrument():
+    instrument = Instrument(10)
+    content = calibration(instrument)
+    block = calibrated_block(content)
+    np.testing.assert_allclose(block["scale_error_plus"], np.diag(instrument.matrix) - 1.0, atol=1e-15)
+    assert block["scale_error_plus"] == block["scale_error_minus"]
+    assert block["gamma_32"] == pytest.approx(instrument.matrix[2, 1])
+    gyros = calibrated_gyros(content)
+    assert gyros is not None
+    np.testing.assert_allclose(np.reshape(gyros[0]["scale_misalignment"], (3, 3)), instrument.gyro_matrix - np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"parameters": []}, "lacks 'X4'"),
+        ({"gravity_mps2": 98.0}, "gravity_mps2 is 98"),
+        ({"verdict": None, "estimator": None, "parameters": 7}, "schema says"),
+    ],
+)
+def test_a_calibration_that_was_edited_is_refused(change, message):
+    with pytest.raises(InputError, match=f"^here: .*{message}"):
+        correction_of(calibration(Instrument(1)) | change, "here")
