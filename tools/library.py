@@ -38,28 +38,28 @@ def simulate(
     plot: str | Path | None = None,
     progress: Progress = False,
 ) -> "orchestrator.Simulation":
-    """Run a scenario: couple its FMUs, record the run, average its rests. An .fmu runs by itself.
+    """Run a scenario: couple its FMUs, record the run, average its rests. Or run a single FMU.
 
     Parameters
     ----------
     scenario : path, mapping or Scenario
-        The scenario file (TOML), an .ssp or an .fmu; from Python also what would stand in the file.
+        The scenario (TOML), an .ssp or an .fmu; in Python also a mapping with the content of the file.
     out : path, optional
-        Folder for the results; by default <scenario>-run in the current folder, from Python none.
+        Folder for the results. Default: SCENARIO-run in the current folder; none in Python.
     start : float, optional
-        When the run of an .fmu starts [s]; by default as its default experiment says, else 0.
+        Start time of an .fmu [s]. Default: its default experiment, else 0.
     stop : float, optional
-        When it stops [s]; by default as its default experiment says, else a second later.
+        Stop time of an .fmu [s]. Default: its default experiment, else one second after the start.
     step : float, optional
-        Length of a step [s] of an .ssp or .fmu, where it does not say one or another is wanted.
+        Step of an .ssp or .fmu [s]. Default: the step in the file.
     coupling : str, optional
-        How cycles of connections of an .ssp are taken; without it they are refused. "delayed" delays every connection.
+        Treatment of algebraic loops in an .ssp; without it loops are refused. delayed: every connection is a step late.
     in_process : bool
-        Run FMUs of others in this process: faster, and what one does to its process it does to all.
+        Run other makers' FMUs in this process. It is faster, but a crash of one FMU ends the program.
     call_limit : float, optional
-        Time [s] that one call of an FMU in a process of its own may take; then the run ends. By default for ever.
+        Longest call of an FMU in its own process [s]; then the run ends. Default: no limit.
     plot : path, optional
-        Write what was recorded as lines over time, by unit, to this page, .html or .pdf.
+        Write the recorded columns as lines over time to this page, .html or .pdf.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def export(
     effects_from: EffectsFrom = None,
     out: str | Path = Path("fmus-exported"),
 ) -> "Exported":
-    """Write components as FMUs; all of them when none is named.
+    """Write components as FMUs; all components if none is named.
 
     Parameters
     ----------
@@ -106,9 +106,9 @@ def export(
     fmi : int
         FMI version; 3 needs --flavour native.
     flavour : str
-        What the FMU runs: Python by PythonFMU, or machine code.
+        Content of the FMU: Python (by PythonFMU) or machine code.
     effects : sequence of str
-        Extend by an effect, as "quadratic accelerometer-3"; may be repeated.
+        Effect to add, as "quadratic accelerometer-3". Repeat it for several.
     out : path
         Folder for the FMUs.
 
@@ -144,7 +144,7 @@ def hide(
     Parameters
     ----------
     seed : int
-        Decides truth, effect, size and noise.
+        Number that decides truth, effect, size and noise.
     effects : str
         Draw from these only.
     baseline : str
@@ -190,17 +190,17 @@ def run_campaign(
     campaign : path
         The campaign file (TOML).
     out : path, optional
-        Folder for the results; by default <campaign>-campaign in the current folder.
+        Folder for the results. Default: CAMPAIGN-campaign in the current folder.
     jobs : int, optional
-        Worker processes; by default as many as there are cores.
+        Number of worker processes. Default: the number of cores.
     engine : str
-        Processes of this machine, or a Dask cluster (extra `cluster`).
+        Where the work runs: on this machine, or on a Dask cluster (extra `cluster`).
     scheduler : str, optional
-        Of --engine dask: address of its scheduler; without it, a local cluster.
+        Address of the scheduler of --engine dask. Default: a local cluster.
     resume : bool
-        Go on with what the folder holds already.
+        Continue from the results that the folder holds.
     progress : bool
-        Show how far it is on standard error, where that is a terminal.
+        Show the progress on standard error if it is a terminal.
 
     Returns
     -------
@@ -229,16 +229,16 @@ def run_campaign(
 
 
 def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> list[Path]:
-    """Write a file to fill in: a scenario that runs as it is, or a record with its columns explained.
+    """Write a file to fill in: a scenario that already runs, or a record with its columns explained.
 
     Parameters
     ----------
     kind : str
-        scenario, record, raw-record, strapdown-record or mounting.
+        Kind of file: scenario, record, raw-record, strapdown-record or mounting.
     file : path, optional
-        The file; KIND.toml or KIND.csv without it.
+        The file. Default: KIND.toml or KIND.csv.
     positions : int
-        Positions of a scenario or record, 6 to 30.
+        Number of positions of a scenario or record, 6 to 30.
 
     Returns
     -------
@@ -261,16 +261,16 @@ def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> li
 
 
 def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_bound: NoiseBound = None) -> Path:
-    """Write a notebook (.ipynb) with the calls that calibrate and diagnose a record, to go on from.
+    """Write a notebook (.ipynb) that calibrates and diagnoses a record.
 
     Parameters
     ----------
     record : path
         Position, raw or strapdown record, CSV or Parquet.
     out : path, optional
-        The notebook; the record's name with .ipynb in this folder without it.
+        The notebook. Default: the record's name with .ipynb in the current folder.
     noise_bound : float, optional
-        Bound of one averaged reading's error, a fraction of g, for the calls in it.
+        σ in the calls: bound of the error of one averaged reading, as a fraction of g.
 
     Returns
     -------
@@ -293,7 +293,7 @@ def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_
 
 
 def compare(first: Any, second: Any, *, within: Sequence[str] = ()) -> "Compared":
-    """Compare two runs or records: the largest difference of each column, and its time.
+    """Compare two runs or records: show the largest difference of each column, and its time.
 
     Rows are matched by time, positions by number; at other times the second is interpolated. Angles differ by the
     shorter way round (359° and 1° by 2°), and q and -q are one attitude.
@@ -303,8 +303,8 @@ def compare(first: Any, second: Any, *, within: Sequence[str] = ()) -> "Compared
     first, second : path, table in memory, record or Simulation
         The folder of a run, the file of a run or a record (CSV, Parquet), or either in memory.
     within : sequence of str
-        What columns may differ by, in the units of their names: 1e-6 for all, f1_mps2=1e-6 for one; may be repeated.
-        Without it nothing.
+        Largest allowed difference, in the unit of the column: 1e-6 for all, f1_mps2=1e-6 for one. Repeat it for
+        several.
 
     Returns
     -------
@@ -329,7 +329,7 @@ def compare(first: Any, second: Any, *, within: Sequence[str] = ()) -> "Compared
 
 
 def plot(run: Any, page: str | Path) -> Path:
-    """Write a run or a record as a page of lines over time, by unit.
+    """Draw the columns of a run or a record over time on a page.
 
     Parameters
     ----------
@@ -388,7 +388,7 @@ def measure(
     port: int = 0,
     progress: bool = False,
 ) -> "measuring.Measured":
-    """Accompany a measurement at the table: judge each rest, name the next position, say when to stop.
+    """Guide a measurement at the table: judge each rest, name the next position, say when to stop.
 
     Readings are kept as they come; after each rest the guaranteed errors are computed. The measurement ends with the
     source, by the operator's word, or after `patience_s` without readings. Then the positions are diagnosed.
@@ -398,30 +398,30 @@ def measure(
     plan : path
         Folder or plan.json of `trihedron plan positions N --out`, or a table with alpha_deg and beta_deg.
     source : path
-        Where readings come from: a file that grows, or - for standard input.
+        Source of the readings: a growing file, or - for standard input.
     out : path
-        The raw record (CSV), which grows with what comes; what goes with it is written beside.
+        The raw record (CSV), which grows with the readings; its companion files stand beside it.
     noise_bound : float
-        σ that is promised of one averaged reading: a bound of its error, as a fraction of g.
+        σ: bound of the error of one averaged reading, as a fraction of g.
     gravity : float
         Model value of gravity [m/s²].
     mounting : str
-        Of a table: name of a preset, or a TOML file with [name] matrix = [[...], ...]. A plan says its own.
+        Mounting for a table of angles: a preset, or a TOML file with [name] matrix = [[...], ...]. A plan has its own.
     channels : sequence of str
-        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
-        alpha=-1, beta=-1; may be repeated. The record is kept as it comes.
+        Order and signs of the file's channels. 2,1,-3: axis 1 is f2, axis 3 is f3 reversed. Further: alpha=-1, beta=-1.
+        Repeat it for several. The record keeps the file's channels.
     dwell_s : float
-        How long a rest should be averaged [s].
+        Averaging time of a rest [s].
     promise : float
-        The promise is kept by guaranteed errors up to so many times the plan's.
+        Largest guaranteed error that keeps the plan's promise, as a multiple of the plan's.
     patience_s : float, optional
-        End when nothing has come for so long [s]; by default the operator ends it.
+        End after this time without readings [s]. Default: the operator ends the measurement.
     resume : bool
-        Go on with what is there already: a measurement that was interrupted.
+        Continue an interrupted measurement.
     serve : bool
-        Serve a page, on this machine alone, and say its address.
+        Serve a live page on this machine and print its address.
     port : int
-        Of the page; 0 is any that is free.
+        Port of the live page; 0 takes a free one.
     progress : bool
         Show on standard error what happens, and hear words that are typed.
 

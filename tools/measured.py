@@ -43,7 +43,7 @@ def import_record(
     mapping: str | Path | None = None,
     answers: Mapping[str, str] | None = None,
 ) -> "foreign.Imported":
-    """Make a record of a measured file as a laboratory writes it: CSV of Windows, Excel, LabVIEW.
+    """Make a record from a laboratory's own file: CSV of Windows, Excel, LabVIEW.
 
     Nothing is guessed silently: all open questions are asked at once, with the options that answer them.
 
@@ -52,11 +52,11 @@ def import_record(
     file : path
         The file.
     out : path, optional
-        The record (CSV); the mapping that was used is written beside it, RECORD.import.toml.
+        The record (CSV). The mapping goes into RECORD.import.toml beside it.
     mapping : path, optional
-        A mapping to use, as an import proposed it and you edited it.
+        Mapping to use: a RECORD.import.toml of an earlier import, with your changes.
     answers : mapping, optional
-        KEY=VALUE: an answer, as units.force=g or dates=day-first; may be repeated.
+        Answer to an open question, as KEY=VALUE: units.force=g, dates=day-first. Repeat it for several.
 
     Returns
     -------
@@ -82,12 +82,12 @@ def import_record(
 
 
 def check(file: str | Path, *, channels: Channels = (), stamps: Stamps = None, trust: Trust = False) -> "checks.Check":
-    """List all problems of a file, with lines; nothing is run.
+    """List all problems of a file with their lines, without running it.
 
     Parameters
     ----------
     file : path
-        Scenario, campaign, record, programme, calibration, diagnosis, plan, proof of a bound, mounting, FMU, SSP.
+        A record, scenario, campaign, calibration, diagnosis, plan, programme, mounting, proof of a bound, FMU or SSP.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def inspect(
     stamps: Stamps = None,
     trust: Trust = False,
 ) -> "motion.Inspection":
-    """Inspect a strapdown record: sampling, rests, moves, and the instruments at its rests.
+    """Show the sampling, rests and moves of a strapdown record, and its instruments at rest.
 
     In a bench record the accelerometers are compared with the table's angles, as `calibrate` does without options.
 
@@ -151,7 +151,7 @@ def attitude_of_record(
     out: Path | None = None,
     progress: Progress = False,
 ) -> "motion.AttitudeRun":
-    """Run a strapdown record through the attitude computer's FMU; compare with the true attitude if it is known.
+    """Compute the attitude of a strapdown record by the attitude computer's FMU, and its error if the truth is known.
 
     A gyro at its limit makes every later attitude worthless: it is marked as not to be trusted.
 
@@ -160,9 +160,9 @@ def attitude_of_record(
     record : path, table in memory or record
         Strapdown record, CSV or Parquet.
     algorithm : str
-        Name of the attitude algorithm; with --compare every one is run.
+        Name of the attitude algorithm; --compare runs all.
     rate_divisor : int
-        Add up so many increments to one: a slower gyro.
+        Number of increments to add up to one, as a slower gyro would.
     gyro_bias : sequence of 3 float, optional
         Rate that is taken out of every sample [rad/s].
     out : path, optional
@@ -210,14 +210,14 @@ def calibrate(
     explained_by: ExplainedBy = None,
     bench: "calibrations.Bench | None" = None,
 ) -> "calibrations.Calibration":
-    """Calibrate the bench: one possible set of values with its error bounds, exact intervals, verdict.
+    """Estimate the parameters of instrument and bench, with guaranteed errors, exact intervals and a verdict.
 
     Parameters
     ----------
     record : path, table in memory, record or Simulation
         Position record, raw record or bench record, CSV or Parquet.
     priors : sequence of str
-        What is known beforehand: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds; may be repeated.
+        Prior knowledge: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds. Repeat it for several.
     bench : Bench, optional
         Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are calibrated
         too. By default what its comment lines say.
@@ -282,16 +282,16 @@ def bench_at(
     record : record
         Whose comment lines say what is not given.
     latitude_deg : float, optional
-        Of a bench record: where it was measured; by default its comment line says. With --azimuth-deg its gyros are
-        taken, too.
+        Latitude of the bench [deg]. Default: the record's comment line. With --azimuth-deg the gyros are calibrated,
+        too.
     azimuth_deg : float, optional
-        Of a bench record: azimuth of the outer axis, from north towards east; by default its comment line.
+        Azimuth of the bench's outer axis, from north towards east [deg]. Default: the record's comment line.
     gyro_noise : float, optional
-        Bound of the mean of a gyro's noise over one second [rad/s]; over T it falls as 1/√T. By default the rests tell.
+        Bound of a gyro's mean noise over one second [rad/s]; it falls as 1/√T. Default: from the rests.
     encoder_bound : float, optional
-        Bound of an encoder's error [rad]; by default σ, of which it is a part.
+        Bound of an encoder's error [rad]. Default: σ, which includes it.
     rates : str
-        What a rate in a bench record means.
+        Meaning of a rate in a bench record: of the instant, or the average since the last row.
 
     Returns
     -------
@@ -322,7 +322,7 @@ def apply(
     stamps: Stamps = None,
     trust: Trust = False,
 ) -> "calibrations.Applied":
-    """Correct the readings of a record by a calibration, or by the effects that a diagnosis of another record names.
+    """Correct a record by a calibration, or by the effects that a diagnosis of another record named.
 
     A calibration gives the equation and its worth for levelling. With a diagnosis, the effects are subtracted from the
     readings where that is possible, and the extended FMUs simulate the record without and with them.
@@ -330,13 +330,12 @@ def apply(
     Parameters
     ----------
     found : path, Calibration or Diagnosis
-        The result of `trihedron calibrate --json` or `trihedron diagnose --json`, of one record or of several. By a
-        calibration of several a record among them has its own biases, another one those of the last; of a diagnosis of
-        several another record has what is the instrument's.
+        The result of `trihedron calibrate --json` or `trihedron diagnose --json`. With a calibration of several
+        records, a new record gets the biases of the last one.
     record : path, table in memory or record
         Position, raw or strapdown record, CSV or Parquet.
     noise_bound : float
-        Bound of the readings' own errors, a fraction of g, for the bound; of a diagnosis by default its own.
+        σ of the readings to correct, as a fraction of g. Default with a diagnosis: its own.
 
     Returns
     -------
@@ -418,20 +417,20 @@ def diagnose(
     bench: "calibrations.Bench | None" = None,
     progress: Progress = False,
 ) -> "diagnosis.Diagnosis":
-    """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
+    """Decide whether the simulation can explain a record; if not, name the missing effect.
 
     Parameters
     ----------
     record : path, table in memory, record or Simulation
         Position record, raw record, bench record or strapdown record, CSV or Parquet.
     noise_bound : float, optional
-        σ: bound of one averaged reading's error, as a fraction of g: three standard deviations for 100 positions.
-        Without it, or --noise-sd, the record must tell. The bounds of a strapdown record come from the record.
+        σ: bound of the error of one averaged reading, as a fraction of g. Three standard deviations fit 100 positions.
+        Without it and --noise-sd, the record must give it. A strapdown record gives its own bounds.
     rates : str
-        What a rate in a strapdown record or a bench record means.
+        Meaning of a rate: of the instant, or the average since the last row.
     hypotheses : sequence of str
-        A formula that may be what the simulation lacks, as "f2 += c*sin(3*alpha)": is it this? Letters are the unknown
-        coefficients; may be repeated.
+        Formula to test as the missing effect, as "f2 += c*sin(3*alpha)". Letters are unknown coefficients. Repeat it
+        for several.
     bench : Bench, optional
         Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are held against
         the table, too.

@@ -41,89 +41,93 @@ class Option:
 NoiseBound = Annotated[
     float | None,
     Option(
-        "σ: bound of one averaged reading's error, as a fraction of g: three standard deviations for 100 positions. "
-        "Without it, or --noise-sd, the record must tell."
+        "σ: bound of the error of one averaged reading, as a fraction of g. Three standard deviations fit 100 "
+        "positions. Without it and --noise-sd, the record must give it."
     ),
 ]
 NoiseSd = Annotated[
     float | None,
     Option(
-        "Standard deviation of one averaged reading's error, as a fraction of g, in the place of σ: σ is 2.5 times as "
-        "large for 24 positions, 2.7 for 48, 3 for 100, and estimated."
+        "Standard deviation of the error of one averaged reading, as a fraction of g. It replaces σ by an estimate: "
+        "2.5 times as large for 24 positions, 2.7 for 48, 3 for 100."
     ),
 ]
 Gravity = Annotated[float, Option("Model value of gravity [m/s²].")]
-Convention = Annotated[Literal["A1", "A2"], Option("A1: Γ lower triangular; A2: symmetric.")]
-Baseline = Annotated[Literal["asymmetric", "symmetric"], Option("Two scale factors for each accelerometer, or one.")]
+Convention = Annotated[Literal["A1", "A2"], Option("Form of the matrix Γ. A1: lower triangular; A2: symmetric.")]
+Baseline = Annotated[
+    Literal["asymmetric", "symmetric"],
+    Option("Scale factors of each accelerometer: two (by the sign of its input) or one."),
+]
 Admissible = Annotated[
     Literal["paper", "tables"],
-    Option("(1.7) as printed, or with the bias rows, as the published tables were computed."),
+    Option("Admissible set: (1.7) of the paper, or with the bias rows behind its published tables."),
 ]
-Bounds = Annotated[tuple[float, float], Option("u^max and v0^max of (1.7): when the sign of an input is certain.")]
+Bounds = Annotated[
+    tuple[float, float], Option("u^max and v0^max of (1.7): they decide which inputs have a certain sign.")
+]
 Mounting = Annotated[
     str | Mapping[str, ArrayLike],
-    Option("Name of a preset, or a TOML file with [name] matrix = [[...], ...].", typed=str),
+    Option("Mounting of the block: a preset, or a TOML file with [name] matrix = [[...], ...].", typed=str),
 ]
 Channels = Annotated[
     Sequence[str],
     Option(
-        "How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed), "
-        "w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.",
+        "Order, signs and units of the file's channels. 2,1,-3: axis 1 is f2, axis 3 is f3 reversed. Further: w=2,1,-3 "
+        "(gyros), alpha=-1, beta=-1, angles=rad, w=deg. Repeat it for several.",
         name="--channels",
     ),
 ]
 Stamps = Annotated[
     str | None,
     Option(
-        "Time stamps of a record with gyros: even (one period between rows, gaps kept), logged, or the sampling rate "
-        "[Hz], by which rows are counted whatever their stamps. Without it, of uneven stamps those under which gyros "
-        "and gravity agree better."
+        "Time stamps of a record with gyros. even: one period between rows, gaps kept; logged: as they stand. A "
+        "sampling rate [Hz] replaces them. By default the stamps that fit gyros and gravity better."
     ),
 ]
 Trust = Annotated[
     bool,
-    Option(
-        "Use a record with gyros although its units, axes, signs or single rows look wrong: what speaks against it is "
-        "then a warning."
-    ),
+    Option("Use a record with gyros although its units, axes, signs or rows look wrong. Each fault becomes a warning."),
 ]
-Rates = Annotated[Literal["instantaneous", "averaged"], Option("What a rate in the record means.")]
+Rates = Annotated[
+    Literal["instantaneous", "averaged"],
+    Option("Meaning of a rate: of the instant, or the average since the last row."),
+]
 EffectsFrom = Annotated[
     str | Path | None,
     Option(
-        "A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known "
-        "beside those of the catalogue.",
+        "Your own effects, a Python file like those in models/effects. The program runs and checks it, then adds its "
+        "effects to the catalogue.",
         typed=Path | None,
     ),
 ]
 Platform = Annotated[
-    str | None, Option("Of native FMUs: host (the default), all, or a name as aarch64-linux or x86_64-windows.")
+    str | None, Option("Platform of native FMUs: host (the default), all, or a name: aarch64-linux, x86_64-windows.")
 ]
 BridgeGaps = Annotated[
-    int, Option("Bridge gaps of up to so many lost rows, 10 at most; the attitude error that may cause is bounded.")
+    int, Option("Longest gap to bridge [rows], 10 at most. The result bounds the attitude error of the gaps.")
 ]
-Targets = Annotated[Sequence[str], Option("Another combination, as X4-X5; may be repeated.", name="--target")]
+Targets = Annotated[Sequence[str], Option("Further target: X4, X4-X5. Repeat it for several.", name="--target")]
 Shared = Annotated[
     Sequence[str],
     Option(
-        "Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 "
-        "or X16; a star stands for anything; may be repeated.",
+        "Parameter with one value in all records, beside scale factors and misalignments: bias-1, X16, bias-*. Repeat "
+        "it for several.",
         name="--shared",
     ),
 ]
 Own = Annotated[
     Sequence[str],
     Option(
-        "Of several records: a parameter that each record has of its own, beside biases, mounting and table, as "
-        "misalignment-*; may be repeated.",
+        "Parameter with its own value in each record, beside biases, mounting and table: misalignment-*. Repeat it for "
+        "several.",
         name="--own",
     ),
 ]
 ExplainedBy = Annotated[
     str | Path | Diagnosis | None,
     Option(
-        "A diagnosis (JSON): the effects that it names are solved with the parameters in one programme. Of this record "
-        "their sizes are unknown, of another one they are within the diagnosis' intervals.",
+        "Diagnosis (JSON) with effects to solve for together with the parameters. In the record of the diagnosis their "
+        "sizes are unknown; in another record its intervals hold.",
         name="--with",
         typed=Path | None,
     ),
@@ -131,22 +135,22 @@ ExplainedBy = Annotated[
 RecordBaseline = Annotated[
     Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None,
     Option(
-        "Of a position record: asymmetric (the default) or symmetric scale factors. Of a strapdown record: the gyros "
-        "calibrated (the default where gravity is the reference) or nominal (where the true attitude is known)."
+        "Model to start from. Position record: scale factors asymmetric (default) or symmetric. Strapdown record: "
+        "gyros calibrated (default with gravity as the reference) or nominal (default with the true attitude)."
     ),
 ]
 ReferenceBound = Annotated[
     float | None,
     Option(
-        "Bound of the true attitude's error at any row of a strapdown record [arcmin], where you know it; without it "
-        "the true attitude is taken to err as at rest. What is named with it is as sure as it is."
+        "Largest error of the true attitude in any row of a strapdown record [arcmin]. Without it the error at rest "
+        "counts. The causes are as certain as this bound."
     ),
 ]
 Extend = Annotated[
     bool,
     Option(
-        "Where place and quantity are proven, extend the model by a formula or a table that is in no catalogue, though "
-        "something in it stands, too."
+        "Extend the model by a formula or table where place and quantity are proven, even if an effect of the "
+        "catalogue also fits."
     ),
 ]
 Progress = Annotated[bool, Option("Show a bar on standard error, where that is a terminal.")]

@@ -18,7 +18,7 @@ from rich.console import Console
 import gallery
 import notebooks
 
-WIDTH = 100
+WIDTH = 80
 """Width of the commands' help [characters]."""
 
 

@@ -52,11 +52,11 @@ def test_python_and_the_command_line_say_the_same_words_of_a_shared_option(capsy
     documented = " ".join((th.calibrate.__doc__ or "").split())
     assert cli.main(["calibrate", "--help"]) == 0
     text = " ".join(capsys.readouterr().out.replace("│", "").split())
-    for words in ("Model value of gravity [m/s²].", "Without it, or --noise-sd, the record must tell."):
+    for words in ("Model value of gravity [m/s²].", "Without it and --noise-sd, the record must give it."):
         assert words in documented
         assert words in text
     assert "mounting : str | " in documented
-    assert "bounds of a strapdown record come from the record." in " ".join((th.diagnose.__doc__ or "").split())
+    assert "A strapdown record gives its own bounds." in " ".join((th.diagnose.__doc__ or "").split())
     for function in (th.calibrate, th.diagnose, th.calibrate_together, th.inspect, th.simulate, th.run_campaign):
         entries = (function.__doc__ or "").splitlines()
         for name, parameter in inspect.signature(function).parameters.items():

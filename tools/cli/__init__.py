@@ -10,6 +10,7 @@ from cyclopts import App, Group, Parameter
 from . import commands, studies
 from .answer import exit_status, no_working_folder, refuse, say, too_little_memory
 from .completion import add_completion
+from .help_page import HelpPage
 from .plan_commands import plan
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -38,7 +39,7 @@ GONE_OPTIONS = {
 """Options of commands of earlier versions, some with their value, and what to do instead."""
 OF_IMU = ("imu", "--imu")
 """Words of `plan` for a whole IMU, where minutes stay."""
-WITHOUT_FILES = {"--help", "-h", "--version"}
+WITHOUT_FILES = {"--help", "-h", "--version", "-v"}
 """Options that need no working folder and little memory."""
 QUIET = ("--quiet", "-q")
 """Options of every command, before or after its name."""
@@ -51,12 +52,27 @@ def shown_default(value: object) -> str | None:
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
+HELP = """Simulate the bench, calibrate with guaranteed bounds, find what the simulation gets wrong.
+
+Example: trihedron demo
+
+Example: trihedron import measured.xlsx --out record.csv
+
+Example: trihedron calibrate record.csv --json calibration.json
+
+Example: trihedron apply calibration.json record.csv --out corrected.csv
+"""
+EPILOGUE = """`trihedron help COMMAND` shows the help of a command.
+Every command takes --quiet (-q): it prints errors and `--json -` only.
+Exit status: 0 done, 1 fault of the program, 2 unusable input, 130 interrupted."""
+
 app = App(
     name="trihedron",
-    help="Simulate the bench, calibrate with guaranteed bounds, find what the simulation gets wrong.",
-    help_epilogue="--quiet (-q) with any command: print errors, and what --json - asks for, nothing else. "
-    "Exit status: 0 done, 2 the input cannot be used, 1 a fault of the program, 130 interrupted.",
+    help=HELP,
+    help_epilogue=EPILOGUE,
+    help_formatter=HelpPage(),
     version=commands.installed_version,
+    version_flags=("--version", "-v"),
     default_parameter=Parameter(negative=(), negative_iterable=(), show_default=shown_default),
     help_format="plaintext",
     result_action="return_value",
@@ -113,6 +129,8 @@ def main(arguments: list[str] | None = None) -> int:
     end = words.index("--") if "--" in words else len(words)
     quiet = any(word in QUIET for word in words[:end])
     words = [word for word in words[:end] if word not in QUIET] + words[end:]
+    if words and words[0] == "help":
+        words = [*words[1:], "--help"]
     if words and words[0] in GONE_COMMANDS:
         return refuse(f'Unknown command "{words[0]}". {GONE_COMMANDS[words[0]]}')
     advice = gone_option(words[:end])

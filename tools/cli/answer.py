@@ -225,7 +225,7 @@ JsonFile = Annotated[
     Parameter(
         name="--json",
         allow_leading_hyphen=True,
-        help="Write the result as JSON to this file; - is standard output, in place of the text.",
+        help="Write the result as JSON to this file; - prints it in place of the text.",
         validator=json_file,
     ),
 ]
@@ -237,13 +237,17 @@ ReportFile = Annotated[
 ]
 SheetFile = Annotated[
     Path | None,
-    Parameter(name="--sheet", help="Write one A4 page to sign, .html or .pdf.", validator=page_file("--sheet")),
+    Parameter(
+        name="--sheet",
+        help="Write a certificate of one A4 page to sign, .html or .pdf.",
+        validator=page_file("--sheet"),
+    ),
 ]
 PlotFile = Annotated[
     Path | None,
     Parameter(
         name="--plot",
-        help="Write lines over time, by unit, to this page, .html or .pdf.",
+        help="Write the columns as lines over time to this page, .html or .pdf.",
         validator=page_file("--plot"),
     ),
 ]

@@ -80,7 +80,7 @@ def simulate_command(scenario: Path, /, *, json: JsonFile = None, **options: Any
 
 @with_options_of(library.export)
 def export_command(*components: str, fmi: Literal["2", "3"] = "2", json: JsonFile = None, **options: Any) -> Answer:
-    """Example: trihedron export TurntableMotion AccelerometerBlock --flavour native --fmi 3 --out fmus"""
+    """Example: trihedron export TurntableMotion --flavour native --fmi 3 --out fmus"""
     return answer(library.export(*components, fmi=2 if fmi == "2" else 3, **options), json)
 
 
@@ -96,11 +96,11 @@ def export_ssp_command(
     version: Annotated[Literal["1.0", "2.0"], Parameter(name="--ssp")] = "1.0",
     json: JsonFile = None,
 ) -> Answer:
-    """Write the system of a scenario as an .ssp, which OMSimulator, FMPy and `trihedron simulate` open.
+    """Write the system of a scenario as an .ssp for OMSimulator, FMPy and `trihedron simulate`.
 
-    Its position programme becomes a component, constants become parameters.
+    Its position programme becomes a component, and its constants become parameters.
 
-    Example: trihedron export-ssp scenarios/static-calibration.toml --out static-calibration.ssp
+    Example: trihedron export-ssp bench.toml --out bench.ssp
 
     Parameters
     ----------
@@ -109,11 +109,11 @@ def export_ssp_command(
     out
         The .ssp to write.
     flavour
-        native: compiled, the default where there is a compiler; python: run by PythonFMU.
+        native: compiled, the default with a compiler; python: run by PythonFMU.
     fmi
-        Version of FMI: 2, which the tools that open an .ssp run.
+        Version of FMI; tools that open an .ssp run 2.
     version
-        Version of SSP: 1.0, which more tools read, or 2.0.
+        Version of SSP; more tools read 1.0.
     """
     distinct_files({"the scenario": scenario, "--out": out, "--json": json})
     checked = orchestrator.read_scenario(scenario)
@@ -136,23 +136,22 @@ def calibrate_command(
 ) -> Answer:
     """Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
 
-    Example: trihedron calibrate positions.csv --with diagnosis.json --json calibration.json
+    Example: trihedron calibrate positions.csv --with diagnosis.json --json new.json
 
-    Example: trihedron calibrate bench.csv --noise-bound 1e-5 --latitude-deg 55.75 --azimuth-deg 20 --json imu.json
+    Example: trihedron calibrate bench.csv --latitude-deg 55.75 --azimuth-deg 20
 
-    Example: trihedron calibrate monday.csv tuesday.csv friday.csv --noise-bound 1e-5 --json together.json
+    Example: trihedron calibrate monday.csv tuesday.csv --noise-bound 1e-5
 
     Parameters
     ----------
     others
-        Further records of the same instrument: one programme for all.
+        Further records of the same instrument, calibrated together.
     ssv
-        Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file; of several records with the biases
-        of the last.
+        Write the block's parameters as an SSP 1.0 parameter set (.ssv). Several records: with the biases of the last.
     strapdown
-        Of a bench record: write gyros and accelerometers with the true attitude by the calibrated table (CSV).
+        Write gyros, accelerometers and true attitude of a bench record to this file (CSV).
     about
-        For the sheet, before the record's comment lines: serial_number, operator, bench, date, temperature (TOML).
+        Facts for the sheet (TOML): serial_number, operator, bench, date, temperature. They precede the record's own.
     """
     written = {"--json": json, "--ssv": ssv, "--strapdown": strapdown, "--report": report, "--sheet": sheet}
     explained_by = options.get("explained_by")
@@ -246,7 +245,7 @@ def apply_command(
     out
         Write the corrected record (CSV).
     latitude_deg
-        For the error of the azimuth, by a calibration; else what the record says in a comment line, or 55.75.
+        Latitude for the error of the azimuth [deg]. Default: the record's comment line, else 55.75.
     """
     distinct_files({"the calibration": found, "the record": record, "--out": out, "--json": json})
     result = measured.apply(found, record, noise_bound=noise_bound, **options)
@@ -268,24 +267,21 @@ def diagnose_command(
     export: Annotated[Folder, Parameter(name="--export")] = None,
     **options: Any,
 ) -> Answer:
-    """Example: trihedron diagnose positions.csv --noise-bound 1e-5 --json diagnosis.json --export extended
+    """Example: trihedron diagnose positions.csv --noise-bound 1e-5 --json diagnosis.json
 
-    Example: trihedron diagnose positions.csv --noise-bound 1e-5 --hypothesis "f2 += c*sin(3*alpha)"
+    Example: trihedron diagnose positions.csv --hypothesis "f2 += c*sin(3*alpha)"
 
-    Example: trihedron diagnose positions.csv --noise-bound 1e-5 --effects-from fifth.py
+    Example: trihedron diagnose bench.csv --latitude-deg 55.75 --azimuth-deg 20
 
-    Example: trihedron diagnose bench.csv --noise-bound 1e-5 --latitude-deg 55.75 --azimuth-deg 20 --json imu.json
-
-    Example: trihedron diagnose monday.csv tuesday.csv friday.csv --noise-bound 1e-5 --json several.json
+    Example: trihedron diagnose monday.csv tuesday.csv --noise-bound 1e-5
 
     Parameters
     ----------
     others
-        Further records of the same instrument: what they say together, and what is the instrument's or one run's.
+        Further records of the same instrument, to separate its effects from those of one run.
     export
-        Write what was found into this folder, where something is: extended FMUs that start with it, parameter sets
-        (.ssv) with values and intervals, and a scenario with which they give the record again. Of hypotheses the first
-        that stands.
+        Folder for the extended simulation: FMUs with the cause, parameter sets (.ssv), and a scenario that gives the
+        record again.
     """
     distinct_files({**_files_of(record, others), "--json": json, "--report": report})
     shared = _taken(options, ("shared", "own"))
@@ -314,12 +310,12 @@ def diagnose_command(
 def inspect_command(
     record: Path, /, *, json: JsonFile = None, allan: File = None, plot: PlotFile = None, **options: Any
 ) -> Answer:
-    """Example: trihedron inspect mpu9150-0.strapdown.csv --allan allan.svg
+    """Example: trihedron inspect motion.csv --allan allan.svg
 
     Parameters
     ----------
     allan
-        Write the Allan deviation at rest as an SVG picture to this file.
+        Write the Allan deviation at rest as a picture (SVG).
     """
     distinct_files({"the record": record, "--json": json, "--allan": allan, "--plot": plot})
     inspection = measured.inspect(record, **options)
@@ -345,12 +341,12 @@ def attitude_command(
     plot: PlotFile = None,
     **options: Any,
 ) -> Answer:
-    """Example: trihedron attitude broad-03.strapdown.csv --algorithm adaptive-degree --out attitude
+    """Example: trihedron attitude motion.csv --algorithm adaptive-degree --out attitude
 
     Parameters
     ----------
     compare
-        Run every algorithm and show them side by side.
+        Run every algorithm and compare them.
     """
     distinct_files({"the record": record, "--out": out, "--json": json, "--plot": plot})
     if compare and plot is not None:
@@ -384,7 +380,7 @@ def fmpy_input_command(
     out: File = Path("input.csv"),
     json: JsonFile = None,
 ) -> Answer:
-    """Write a record as the table of inputs that FMPy's simulate_fmu takes; print FMPy's command for it.
+    """Write a record as a table of inputs for FMPy's simulate_fmu, and print FMPy's command.
 
     Example: trihedron fmpy-input motion.csv --out input.csv
 
@@ -407,7 +403,7 @@ def fmpy_input_command(
 
 @with_options_of(measured.check)
 def check_command(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
-    """Exit status 2 when something is.
+    """The exit status is 2 if there are problems.
 
     Example: trihedron check bench.toml
     """
@@ -428,7 +424,7 @@ def import_command(
 ) -> Answer:
     """Example: trihedron import messung.csv --out record.csv
 
-    Example: trihedron import messung.csv --out record.csv --set decimal=, --set units.force=mg
+    Example: trihedron import messung.csv --out record.csv --set units.force=mg
     """
     distinct_files({"the file": file, "--out": out, "--json": json})
     distinct_files({"--mapping": mapping, "--out": out, "the file": file})
@@ -461,7 +457,7 @@ def export_notebook_command(
     json: JsonFile = None,
     **options: Any,
 ) -> Answer:
-    """Example: trihedron export-notebook monday.csv --noise-bound 1e-5 --out monday.ipynb"""
+    """Example: trihedron export-notebook monday.csv --out monday.ipynb"""
     distinct_files({"the record": record, "--out": out, "--json": json})
     file = str(library.export_notebook(record, out=out, **options))
     return answer(file, json, {"schema": "trihedron.notebook/1", "record": str(record), "file": file})
@@ -481,18 +477,18 @@ def demo_command(
     show: Annotated[bool, Parameter(negative="--no-show")] = True,
     json: JsonFile = None,
 ) -> Answer:
-    """Run the whole loop, from simulation to measured data to a named cause, and open the page of results.
+    """Run the whole loop, from a simulation to a named cause, and open its page.
 
     Example: trihedron demo --out demo-results
 
     Parameters
     ----------
     out
-        Folder for everything that is made.
+        Folder for the results.
     seed
-        Of the record with the hidden effect.
+        Seed of the record with the hidden effect.
     show
-        Open the page in a browser where there is a screen.
+        Open the page in a browser if there is a screen.
     """
     from ..demo import run_demo
 

@@ -29,14 +29,14 @@ def add_completion(app: App, group: str) -> None:
 
     @app.command(group=group)
     def completion(
-        shell: Annotated[Literal["bash", "zsh", "fish", "powershell"], Parameter(help="Of which shell.")],
+        shell: Annotated[Literal["bash", "zsh", "fish", "powershell"], Parameter(help="Name of the shell.")],
         /,
         *,
         json: JsonFile = None,
     ) -> Answer:
-        """Print the shell's completion of commands and options; put it where your shell looks for it.
+        """Print the completion of commands and options for a shell; save it where the shell looks for it.
 
-        Example: trihedron completion bash > ~/.local/share/bash-completion/completions/trihedron
+        Example: trihedron completion bash > ~/.bash_completion
         """
         script = (
             powershell(app) if shell == "powershell" else app.generate_completion(prog_name="trihedron", shell=shell)

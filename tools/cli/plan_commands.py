@@ -15,7 +15,8 @@ from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct
 
 plan = App(
     name="plan",
-    help="Where to measure for one target, for all of them, for a whole IMU; and what setting errors do.",
+    help="Choose where to measure: for one target, for all, or for a whole IMU. Check the angles that were set.\n\n"
+    "Example: trihedron plan positions 12 --out plan12",
 )
 OF_A_SET = ("--curve", "--accuracy", "--goal", "--starts", "--cuts", "--seed", "--criterion", "--reserve", "--keep-out")
 """Options of the former `plan` that were of a common set of positions alone."""
@@ -37,11 +38,11 @@ def target(
     Parameters
     ----------
     grid
-        Step of the grid of positions [deg]; 1 by default.
+        Step of the grid of positions [deg]. Default: 1.
     continuum
-        All angles in place of a grid.
+        Use all angles in place of a grid.
     picture
-        Write the paper's figure, for one target, to this SVG file.
+        Write the paper's figure of one target to this SVG file.
     """
     distinct_files({"--json": json, "--report": report, "--picture": picture})
     if continuum and grid is not None:
@@ -73,12 +74,12 @@ def positions(
 ) -> Answer:
     """Example: trihedron plan positions 12 --reserve 0.1 --out plan12
 
-    Example: trihedron plan positions --goal levelling --accuracy 7arcsec --noise-bound 1e-5
+    Example: trihedron plan positions --goal levelling --accuracy 7arcsec
 
     Parameters
     ----------
     curve
-        Cost against the number of positions, from LOW to HIGH.
+        Show the cost against the number of positions, from LOW to HIGH.
     dwell
         Time at each position [s], for --out and --report.
     out

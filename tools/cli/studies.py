@@ -32,10 +32,7 @@ def measure_command(
     json: JsonFile = None,
     **options: Any,
 ) -> Answer:
-    """Example: trihedron measure plan24 --from growing.csv --out monday.csv --noise-bound 1e-5 --serve
-
-    Example: trihedron measure plan24 --from growing.csv --out monday.csv --noise-bound 1e-5 --resume
-    """
+    """Example: trihedron measure plan --from in.csv --out monday.csv --noise-bound 1e-5"""
     distinct_files({"the plan": plan, "--from": Path(source), "--out": out, "--json": json})
     # Results are kept as they arrive, and --resume continues from them.
     with at_once():
@@ -70,7 +67,7 @@ def hidden_command(
     effects_from: EffectsFrom = None,
     json: JsonFile = None,
 ) -> Answer:
-    """Make a "measured" record with one hidden effect, or with --cases a suite: many records, diagnosed and counted.
+    """Make a "measured" record with one hidden effect; or make, diagnose and count many (--cases).
 
     Example: trihedron hidden measured.csv --seed 7 --answer answer.json
 
@@ -87,42 +84,42 @@ def hidden_command(
     Parameters
     ----------
     record
-        Where one position record is written (CSV).
+        The record to write (CSV).
     seed
-        Decides truth, effect, size and noise; 0 by default.
+        Number that decides truth, effect, size and noise. Default: 0.
     secret
-        Of one record: where the secret goes; without it nobody will know.
+        File for the secret of one record. Without it the secret is lost.
     effect
-        Draw from these effects only; may be repeated.
+        Draw from these effects only. Repeat it for several.
     clean
-        Hide nothing.
+        Hide no effect.
     cases
-        So many records are drawn, measured and diagnosed; more leave these as they are.
+        Number of cases to draw, measure and diagnose. A larger number keeps the first cases unchanged.
     size
-        Of a suite: least and greatest size over that of sure detection, in place of those of the mode.
+        Suite: least and greatest size of an effect, as a multiple of the size of sure detection.
     out
-        Of a suite: folder for the results (JSON, CSV, page) and the records.
+        Suite: folder for the results (JSON, CSV, page) and the records.
     jobs
-        Of a suite: number of processes.
+        Suite: number of processes.
     strapdown
-        A record of gyros and accelerometers that are moved by hand, in place of one of a table's positions.
+        Make a record of gyros and accelerometers moved by hand.
     bench
-        A record of a whole bench, encoders, gyros and accelerometers at rest and turning.
+        Make a record of a whole bench: encoders, gyros and accelerometers, at rest and turning.
     baseline
-        Of one record: whether the block's scale factors depend on the sign; symmetric lets scale-asymmetry be hidden.
+        Scale factors of the truth: two for each accelerometer, or one. symmetric can hide scale-asymmetry.
     suite
-        A suite of scenarios/hidden/suites.toml: clean, single, between, pairs, detection, triples, clean-triples, or
-        quick- before one of the first four. It decides what is drawn, and, unless they are given, --cases and --seed.
+        A suite of scenarios/hidden/suites.toml: clean, single, between, pairs, detection, triples, clean-triples.
+        quick- before one of the first four is shorter. --cases and --seed override its own.
     mode
-        Of a suite: nothing hidden; one effect that every rival is surely excluded for (the default); one that is only
-        surely detected; two effects.
+        Suite: hide no effect (clean), one that excludes every rival (single, the default), one that is only detected
+        (between), or two (pairs).
     records
-        Of a suite: so many records of one instrument in each case, diagnosed together. One effect is in all of them,
-        one in a record alone (mode pairs, the default), or none (clean).
+        Suite: number of records of one instrument in each case, diagnosed together. One effect is in all, another in
+        one alone; with mode clean there is none.
     positions
-        Of a suite: fewest and most positions, 12 and 100 by default.
+        Suite: fewest and most positions. Default: 12 and 100.
     noise
-        Of a suite: uniform within σ, at ±σ everywhere, wandering within σ, or one after the other (the default).
+        Suite: noise uniform within σ, always at ±σ (edge), wandering (correlated), or in turn (all, the default).
     """
     if clean and (effect or mode not in (None, "clean")):
         raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
@@ -202,7 +199,7 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
 
 @with_options_of(library.run_campaign)
 def campaign_command(campaign: Path, /, *, out: Folder = None, json: JsonFile = None, **options: Any) -> Answer:
-    """Example: trihedron campaign scenarios/campaigns/attitude-60s.toml --jobs 2 --out attitude-60s"""
+    """Example: trihedron campaign attitude-60s.toml --jobs 2 --out attitude-60s"""
     distinct_files({"the campaign": campaign, "--json": json})
     # Results are kept as they arrive, and --resume continues from them.
     with at_once():
@@ -220,7 +217,7 @@ def campaign_report_command(
     report: ReportFile = None,
     json: JsonFile = None,
 ) -> Answer:
-    """Write the page of a campaign, with gains and losses beyond chance against another one.
+    """Write the page of a campaign, or its gains and losses against another one.
 
     Example: trihedron campaign-report attitude-60s
 
@@ -229,15 +226,15 @@ def campaign_report_command(
     Parameters
     ----------
     folder
-        Of a campaign that is complete.
+        Folder of a complete campaign.
     against
         Folder of the campaign to compare with.
     gate
-        End with exit status 3 where something got worse beyond chance.
+        End with exit status 3 if a result is worse beyond chance.
     report
-        File of the page, <folder>/index.html by default.
+        File of the page. Default: index.html in the folder.
     json
-        File for the comparison, or without --against for the summary.
+        Write the comparison as JSON to this file; without --against the summary.
     """
     distinct_files({"--report": report, "--json": json})
     if gate and against is None:
@@ -264,11 +261,11 @@ def compare_command(
     report: ReportFile = None,
     json: JsonFile = None,
 ) -> Answer:
-    """Exit status 3 where --within is given and they differ by more.
+    """With --within, the exit status is 3 if they differ by more.
 
     Example: trihedron compare before after --report differences.html
 
-    Example: trihedron compare before/run.parquet after/run.parquet --within 1e-9 --within f1_mps2=1e-6
+    Example: trihedron compare before after --within 1e-9 --within f1_mps2=1e-6
 
     Parameters
     ----------
@@ -306,7 +303,10 @@ def plot_command(
     return answer(str(page), json, {"schema": "trihedron.plot/1", "run": str(run), "page": str(page)})
 
 
-reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
+reproduce = App(
+    name="reproduce",
+    help="Recompute published tables, and name their errors.\n\nExample: trihedron reproduce calibration",
+)
 
 
 @reproduce.command
@@ -320,7 +320,7 @@ def calibration(*, json: JsonFile = None) -> Answer:
 
 @reproduce.command(name="attitude")
 def published_attitude(*, out: Folder = None, json: JsonFile = None) -> Answer:
-    """Run every published row of the attitude algorithms again: published, reproduced, ratio, true method error.
+    """Recompute every published row of the attitude algorithms, with the ratio and the true method error.
 
     Example: trihedron reproduce attitude --out reproduced
 
@@ -337,7 +337,7 @@ def published_attitude(*, out: Folder = None, json: JsonFile = None) -> Answer:
 
 @reproduce.command
 def word_length(*, json: JsonFile = None) -> Answer:
-    """Compute the cost of 32-bit arithmetic and 32-bit increments for the update (22), and a remedy.
+    """Compute the error of 32-bit arithmetic and increments in the update (22), and a remedy.
 
     Example: trihedron reproduce word-length
     """
@@ -346,7 +346,11 @@ def word_length(*, json: JsonFile = None) -> Answer:
 
 # An instrument's folder
 
-instrument = App(name="instrument", help="An instrument's folder of calibrations and diagnoses: plain JSON.")
+instrument = App(
+    name="instrument",
+    help="Keep the calibrations and diagnoses of an instrument in a folder.\n\n"
+    "Example: trihedron instrument list unit-17",
+)
 Degrees = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 
 
@@ -362,27 +366,25 @@ def add(
     serial: str | None = None,
     json: JsonFile = None,
 ) -> Answer:
-    """Put a calibration or diagnosis into an instrument's folder; the folder is made if missing.
+    """Put a calibration or diagnosis into an instrument's folder.
 
     Example: trihedron instrument add unit-17 calibration.json --record monday.csv
-
-    Example: trihedron instrument add unit-17 together.json --record monday.csv --record tuesday.csv
 
     Parameters
     ----------
     folder
         The instrument's folder.
     result
-        The result of `trihedron calibrate --json` or `trihedron diagnose --json`, of one record or several.
+        The result of `trihedron calibrate --json` or `trihedron diagnose --json`.
     records
-        The record that it was made from: its comment lines (# date: ..., # temperature: ..., # serial: ...) and its
-        temperatures say what the options do not; of several records once for each.
+        Record of the result. Its comment lines (# date: ...) and temperatures fill missing options. Repeat it for
+        several.
     date
-        When it was measured, as 2026-11-23 or 2026-11-23T14:00.
+        Date of the measurement, as 2026-11-23 or 2026-11-23T14:00.
     temperature
-        How warm the instrument was [degC].
+        Temperature of the instrument [degC].
     serial
-        Its serial number.
+        Serial number of the instrument.
     """
     record_files = {f"--record {k}": path for k, path in enumerate(records, start=1)}
     distinct_files({"the result": result, **record_files, "--json": json})
@@ -394,7 +396,7 @@ def add(
 
 @instrument.command(name="list")
 def list_(folder: Path, /, *, json: JsonFile = None) -> Answer:
-    """List the entries of an instrument's folder, in order of the dates.
+    """List the entries of an instrument's folder by date.
 
     Example: trihedron instrument list unit-17
 
@@ -417,9 +419,9 @@ def show(
     out: File = None,
     json: JsonFile = None,
 ) -> Answer:
-    """Show the calibration or diagnosis nearest in date or temperature; the last one by default.
+    """Show the calibration or diagnosis nearest in date or temperature. Default: the last one.
 
-    Example: trihedron instrument show unit-17 --temperature 35 --kind calibration --out nearest.json
+    Example: trihedron instrument show unit-17 --temperature 35 --out nearest.json
 
     Parameters
     ----------
@@ -430,9 +432,9 @@ def show(
     temperature
         Nearest to this temperature [degC].
     kind
-        Of calibrations, or of diagnoses, only.
+        Choose among calibrations or diagnoses only.
     out
-        Write the result itself, for `trihedron apply`.
+        Write the result to this file, for `trihedron apply`.
     """
     distinct_files({"--out": out, "--json": json})
     entry = folders.nearest_of_instrument(folder, date=date, temperature=temperature, kind=kind)
@@ -443,7 +445,7 @@ def show(
 
 @instrument.command
 def trend(folder: Path, /, *, json: JsonFile = None, report: ReportFile = None) -> Answer:
-    """Show each parameter over the dates, with its intervals, and since when no constant is possible.
+    """Show each parameter over time with its intervals, and the date since which no constant fits.
 
     Example: trihedron instrument trend unit-17 --report trend.html
 

@@ -23,12 +23,12 @@ def plan(
     mounting: Mounting = "identity",
     progress: Progress = False,
 ) -> "planning.Plans":
-    """Find the table positions and weights that estimate each target best, with the proof that none are better.
+    """Find the best table positions and weights for each target, with the proof that none are better.
 
     Parameters
     ----------
     targets : str
-        A target, as X4 or X4-X5; may be repeated. All of the convention without it.
+        Targets, as X4 or X4-X5. Default: all targets of the convention.
     grid : float or None
         Step of the grid of positions [deg]; 1 by default. None: all angles.
 
@@ -88,53 +88,53 @@ def plan_positions(
     baseline: Baseline = "asymmetric",
     progress: Progress = False,
 ) -> "planning.PositionPlan":
-    """Find one set of positions for all targets, with a proven bound of every other set.
+    """Find one set of positions for all targets, with a proven bound for every other set.
 
     Parameters
     ----------
     count : int, optional
-        Number of positions; the fewest found to keep the accuracy without it.
+        Number of positions. Default: the fewest that keep the accuracy.
     rate_dps : float, optional
-        How fast the table turns [deg/s]; 1 rad/s without it.
+        Rate of the table [deg/s]. Default: 1 rad/s.
     acceleration_dps2 : float, optional
-        How fast its rate changes [deg/s²]; 1 rad/s² without it.
+        Angular acceleration of the table [deg/s²]. Default: 1 rad/s².
     goal : str, optional
-        What the correction is for, in place of single targets: levelling makes the largest error of a level small,
-        gyrocompass that of the azimuth, at the latitude.
+        Use of the correction, in place of single targets. levelling: smallest error of a level; gyrocompass: of the
+        azimuth.
     latitude_deg : float, optional
-        Of the gyrocompass [deg], 55.75.
+        Latitude of the gyrocompass [deg]. Default: 55.75.
     accuracy : str, optional
-        The error that the goal, or each target, must keep, as 7arcsec, 20ug, 5ppm or 1e-5.
+        Largest allowed error of the goal, or of each target: 7arcsec, 20ug, 5ppm, 1e-5.
     noise_bound : float
-        σ, as a fraction of g, for goal and accuracy.
+        σ for goal and accuracy, as a fraction of g.
     measured : path, optional
-        A position record that is there already: its positions count beside the new ones.
+        Position record of positions already measured; they count beside the new ones.
     criterion : str
-        Which ratio of cost to optimum is made small.
+        Ratio of cost to optimum to minimise: of the worst target, or the mean.
     reserve_deg : float
-        Readings still count with setting errors up to that [deg].
+        Largest setting error that the positions must allow [deg].
     resolution_deg : float, optional
-        Round positions to multiples of this [deg].
+        Step of the table's angles, to which positions are rounded [deg].
     keep_out : sequence of str
-        Angles not to use: alpha:LOW:HIGH or beta:LOW:HIGH [deg].
+        Forbidden angles: alpha:LOW:HIGH or beta:LOW:HIGH [deg].
     order : str
-        Shortest tour, or at random against drift.
+        Order of the positions: the shortest tour, or random against drift.
     repeat : int
-        Measure so many positions a second time.
+        Number of positions to measure twice.
     detect : sequence of str
-        An effect, as 'quadratic accelerometer-3' or 'quadratic', that extra positions should show.
+        Effect that extra positions shall reveal, as 'quadratic accelerometer-3' or 'quadratic'.
     extra : int
-        Extra positions for --detect.
+        Number of extra positions for --detect.
     mountings : sequence
-        Several mountings, presets or TOML files: the set is split over them.
+        Mountings, presets or TOML files, over which to split the positions.
     targets : sequence of str
-        What the set is to determine, as X4 or X4-X5; all targets of the convention by default.
+        Target that the positions must determine, as X4 or X4-X5. Default: all of the convention.
     seed : int
-        Of search and random order.
+        Seed of the search and of the random order.
     starts : int
-        Local searches.
+        Number of local searches.
     cuts : int
-        Cuts sought for the lower bound. 0: no bound.
+        Number of cuts for the lower bound; 0: no bound.
     progress : bool
         Show bars on standard error, where that is a terminal.
 
@@ -175,16 +175,16 @@ def plan_check(
     mounting: Mounting = "identity",
     progress: Progress = False,
 ) -> "planning.SettingCheck":
-    """Compare bias and noise of a plan at the angles that were set, and say what to do about them.
+    """Compare the bias and noise of a plan at the angles that were set, and advise.
 
     Parameters
     ----------
     file : path
-        A table with planned_alpha_deg, planned_beta_deg, alpha_deg, beta_deg, as `plan positions --out` writes it.
+        Table (CSV) with planned_alpha_deg, planned_beta_deg, alpha_deg, beta_deg, as written by `plan positions --out`.
     noise_bound : float
         σ, as a fraction of g.
     keep_out : sequence of str
-        Angles that no row may have: alpha:LOW:HIGH or beta:LOW:HIGH [deg].
+        Forbidden angles: alpha:LOW:HIGH or beta:LOW:HIGH [deg].
 
     Returns
     -------
@@ -233,21 +233,21 @@ def plan_imu(
     minutes : float
         Time on the table [min].
     gyro_noise : float
-        Bound of the mean of a gyro over one second [rad/s].
+        Bound of a gyro's mean noise over one second [rad/s].
     encoder_bound : float, optional
-        Bound of an encoder's error [rad]; by default σ.
+        Bound of an encoder's error [rad]. Default: σ.
     latitude_deg : float
-        Where the bench stands [deg].
+        Latitude of the bench [deg].
     azimuth_deg : float
-        Its outer axis from north towards east [deg].
+        Azimuth of the bench's outer axis, from north towards east [deg].
     rate_dps : float
-        How fast the table turns [deg/s].
+        Rate of the table [deg/s].
     exchanges : int
-        How often what is chosen is improved.
+        Number of improvements of the chosen set.
     noise_bound : float
         σ, as a fraction of g.
     dwell_s : float
-        Least rest at a position [s].
+        Shortest rest at a position [s].
     progress : bool
         Show bars on standard error, where that is a terminal.
 
