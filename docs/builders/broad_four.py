@@ -144,18 +144,17 @@ def stated(records: Mapping[str, StrapdownRecord]) -> str:
     ends = [digits(1e3 * value, 2) for value in (*delay, *nine[ELEMENT])]
     return f"""## If the cameras err in motion
 
-What is left with a latency and misalignments of a record's own is as large over half a second as over two: it does not
-grow with the time as an error of the gyros would, so much of it is of the true attitude at both ends. By how much the
-cameras would have to err at a row [arcmin], at the least, for a record to stand (`--reference-bound`):
+With a record's own latency and misalignments the remainder is as large over half a second as over two. An error of the
+gyros would grow with time, so much of the remainder is an error of the true attitude at both ends. The table gives the
+smallest error of the cameras at a row [arcmin] with which a record fits (`--reference-bound`):
 
 {table(["record", "with latency", "and scale factors and misalignments"], rows)}
 
-Each with nine of its own needs less than all with the same nine. But if the cameras may err by {STATED:g} arcmin in
-motion, nothing says that the nine are not the instrument's, those of 21 among them: one latency of {ends[0]} to
-{ends[1]} ms and one element 32 between {ends[2]}e-3 and {ends[3]}e-3 do for all, and {open_nine} of the nine may be
-zero. What least squares makes of them in one run is then the cameras' errors of that run; so they carry over only
-where the turning is alike (03 and 08), and not to 21, which turns most about axis 2 and the others about axis 1. Which
-it is, cameras that err or misalignments that change, these records do not tell; better cameras would.
+If the cameras may err by {STATED:g} arcmin in motion, the nine values may belong to the instrument. One latency
+of {ends[0]} to {ends[1]} ms and one element 32 between {ends[2]}e-3 and {ends[3]}e-3 then suffice
+for all records, and {open_nine} of the nine may be zero. The misalignments of one run are then errors of
+its cameras. They carry over only where the turning is alike (03 and 08), not to 21, which turns mostly about axis 2. These records cannot separate the two
+reasons: cameras that err, or misalignments that change. Better cameras could.
 
 """
 
@@ -218,7 +217,7 @@ def page(records: Mapping[str, StrapdownRecord]) -> str:
     latencies = sorted(1e3 * values[0] for values in solutions.values())
     least, most = digits(latencies[0], 2), digits(latencies[-1], 2)
     by_itself = table(
-        ["record", "errors left out over 2 s, rms", "with latency", "and misalignments", "latency", "element 32"], alone
+        ["record", "left-out errors over 2 s, rms", "with latency", "and misalignments", "latency", "element 32"], alone
     )
     of_halves = table(
         ["record", "first half [1e-3]", "second half [1e-3]", "errors with own [arcmin]", "with one of all [arcmin]"],
@@ -226,64 +225,57 @@ def page(records: Mapping[str, StrapdownRecord]) -> str:
     )
     return f"""# Case study: the BROAD instrument, four records
 
-Records 03, 06, 08 and 21 of the BROAD data set are of one unit, each beside its true attitude by cameras. The question
-is which of what [record 03 by itself](case-study-broad.md) shows is the instrument's, and which is of that run. Made by
-`make case-studies`; no number on this page is typed but those of the independent computation.
+Records 03, 06, 08 and 21 of the BROAD data set are of one unit. Cameras give the true attitude. Which errors of
+[record 03](case-study-broad.md) belong to the instrument, and which to that run? `make case-studies` writes every
+number on this page, except those of the independent computation.
 
 ```text
 trihedron diagnose broad-03.strapdown.csv broad-06.strapdown.csv broad-08.strapdown.csv broad-21.strapdown.csv
 ```
 
-## Each by itself
+## Each record alone
 
-None is explained: all effects of the catalogue together leave errors beyond what noise and cameras at rest explain.
-What helps most is the same in all four, and in the same order: a latency of the gyros, then scale factors and
-misalignments.
+No record is explained: all effects of the catalogue together leave errors beyond noise and cameras at rest. In all four
+the same effects help most, in the same order: a latency of the gyros, then scale factors and misalignments.
 
 {by_itself}
 
-So nothing is judged together: a parameter that is falsified as shared would be falsified by what no record explains.
+The diagnosis therefore judges no records together: it shares parameters only between records that it can explain.
 
-## What one says of the others
+## Errors of one record in the others
 
-Errors over 2 s, root mean square, in arcminutes, simulated by the FMUs with what was found in one record.
+Errors over 2 s, rms in arcminutes, simulated by the FMUs with the effects of one record:
 
 {table(header, [[on, *quoted(list(row.values()))] for on, row in errors.items()])}
 
-With the latency alone it does not matter from which record it is:
+With the latency alone its record does not matter:
 
 {table(header, [[on, *quoted([errors[on][""], *row.values()])] for on, row in late.items()])}
 
-**The latency is the instrument's.** It is {least} to {most} ms in all four, and from any of them takes off nearly half
-of the errors of any other, or more.
+**The latency is the instrument's.** It is {least} to {most} ms in all four. From any of them it removes nearly half of
+the errors of any other, or more.
 
-**The scale factors and misalignments are not carried over, least of all to 21.** On 21 those of any other record are
-worse than the latency alone. Most of that is one number, element 32, by which gyro 3 feels a turn about axis 2: between
-08 and 21 it differs by {digits(1e3 * differ[1 + ELEMENT])}e-3, which alone makes errors of {alone_32} arcmin rms on 21,
-all nine differences together {every}. Element 32 in the halves of each record, and the errors with latency and
-misalignments of its own, and with one of all four:
+**The scale factors and misalignments do not carry over, least of all to 21.** There those of any other record are worse
+than the latency alone. Most of this is one number, element 32, by which gyro 3 feels a turn about axis 2. Between 08
+and 21 it differs by {digits(1e3 * differ[1 + ELEMENT])}e-3. This alone makes errors of {alone_32} arcmin rms on 21, all
+nine differences {every}. The table has element 32 in the halves of each record, and errors with two sets of values:
 
 {of_halves}
 
-It keeps its sign from half to half of a record and changes it from record to record. So it is no noise of the fit:
-something acts in each run that looks like misalignments while it lasts. Nor is it only a turn of the cameras' frame
-against the gyros', set anew each day: with such a turn fitted to 21 itself, what 08 says leaves {frame} arcmin in place
-of {carried}. A misalignment inside a block does not change so from run to run; what it is, cameras and gyros in one
-record do not tell.
+Element 32 keeps its sign within a record and changes it between records. So it is no noise of the fit: some effect in
+each run looks like misalignments. A turn of the cameras' frame does not explain it either. With such a turn fitted to
+21, the values of 08 leave {frame} arcmin instead of {carried}. A misalignment inside a block does not change so from
+run to run.
 
-{stated(records)}## Beside an independent computation
+{stated(records)}## Independent computation
 
-One that does not use this program gave smaller figures, though in the same order in each row: those above are
-{digits(min(bigger), 3)} to {digits(max(bigger), 3)} times as large. That is a matter of what is counted: above, the
-whole angle by which the carried attitude misses at the end of a window, of all windows side by side, those at rest too.
-The root mean square of one component of it, over windows in motion alone ({SLOW:g} rad/s and more on average), is
-that of the independent computation within {100.0 * most_apart:.0f} % (without; with 03; with the latency of 06; with
-08):
+A computation without this program gave smaller figures, in the same order in each row. Those above are
+{digits(min(bigger), 3)} to {digits(max(bigger), 3)} times as large, because they count the whole angle in all windows,
+those at rest too. The other program counts one component, over windows in motion ({SLOW:g} rad/s and more on average).
+So counted, the figures agree within {100.0 * most_apart:.0f} %. Columns list four errors: without effects, with
+those of 03, with the latency of 06, with those of 08.
 
 {table(["on", "independent", "here, so counted", "ratios", "windows in motion"], compared)}
-
-A component has 1/√3 of the whole; windows at rest, which miss by little, take a fifth to a quarter off the root mean
-square.
 
 Data: D. Laidig, M. Caruso, A. Cereatti, T. Seel, "BROAD - A Benchmark for Robust Inertial Orientation Estimation",
 Data 6(7):72, 2021, trials 03, 06, 08 and 21, CC BY 4.0; other file format, magnetometer and position left out.

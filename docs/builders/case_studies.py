@@ -5,6 +5,7 @@ folder that gets the pages and, in ``pictures``, the pictures.
 """
 
 import math
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +16,6 @@ import broad_four
 from trihedron.tools.cli.answer import exit_status
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.cause import Cause
-from trihedron.tools.diagnosis.helps import is_stable
 from trihedron.tools.diagnosis.result import OrderOfEffects
 from trihedron.tools.errors import InputError
 from trihedron.tools.files import write_text
@@ -27,9 +27,9 @@ MPU = ("mpu9150-0", "mpu9150-1", "mpu9150-2")
 XSENS = "xsens-imu-tk"
 CAPTIONS = {
     "time": "Error of the carried attitude over time.",
-    "quantities": "The same errors against what they may depend on.",
-    "order": "Errors of parts that were left out, effect after effect.",
-    "gain": "Parts of the record that were not used, without the effects and with them.",
+    "quantities": "The same errors against possible causes.",
+    "order": "Errors of left-out parts, effect after effect.",
+    "gain": "Unused parts of the record, without and with the effects.",
 }
 
 
@@ -64,8 +64,7 @@ def picture_lines(written: Sequence[Path], stem: str) -> str:
     """Return the pictures with their captions."""
     names = [path.stem.removeprefix(f"{stem}-") for path in written]
     return "\n\n".join(
-        f"![{CAPTIONS[name]}](pictures/{path.name})\n\n*{CAPTIONS[name]}*"
-        for name, path in zip(names, written, strict=True)
+        f"![{name}](pictures/{path.name})\n\n*{CAPTIONS[name]}*" for name, path in zip(names, written, strict=True)
     )
 
 
@@ -103,18 +102,15 @@ def left_over(result: Diagnosis, helps: str) -> str:
     seconds = [float(length.over.split()[0]) for length in lengths]
     ratio, times = remaining[-1] / remaining[0], seconds[-1] / seconds[0]
     listed = ", ".join(f"{digits(rms)} over {length.over}" for rms, length in zip(remaining, lengths, strict=True))
-    slow = "so errors that add up in time are most of it"
+    slow = "So errors that add up in time dominate."
     if ratio < math.sqrt(times):
-        slow = (
-            "so over short windows errors at\nthe ends are most of it, whatever adds up in the longest: what the "
-            "cameras do in motion\nis to be looked at first"
-        )
+        slow = "So errors at the ends dominate short windows:\nlook first at the cameras in motion."
     grown, longer, root = (digits(value, 2) for value in (ratio, times, math.sqrt(times)))
-    return f"""What {helps} leave of the errors that were left out, rms in arcminutes:
-{listed}. That is {grown} times as much
-over windows {longer} times as long. Errors at both ends of a window, of the cameras, their clock or a lag, would not
-grow with it; noise of gyros would as the root of its length, {root} times, and a wrong rate in proportion; {slow}.
-The record alone cannot tell that from an effect that is not in the catalogue."""
+    return f"""Remaining errors with {helps}, rms in arcminutes:
+{listed}. They grow by a factor of {grown}
+while the windows grow by {longer}. Errors at both ends of a window, of the cameras, their clock or a lag, would not
+grow. Noise of the gyros would grow by {root}, a wrong rate by {longer}. {slow}
+The record alone cannot separate this from an effect outside the catalogue."""
 
 
 def stated_bounds(result: Diagnosis) -> list[float]:
@@ -160,9 +156,7 @@ def stated_text(stated: Sequence[Diagnosis]) -> str:
 
 With {digits(explained.reference_bound_arcmin)} arcmin stated:
 
-{table(["effect", "parameter", "estimate", "low", "high", "unit"], sizes)}
-
-{gain_table(explained) if explained.gain is not None else ""}"""
+{table(["effect", "parameter", "estimate", "low", "high", "unit"], sizes)}"""
 
 
 def broad_page(result: Diagnosis, stated: Sequence[Diagnosis], pictures: str) -> str:
@@ -189,74 +183,57 @@ def broad_page(result: Diagnosis, stated: Sequence[Diagnosis], pictures: str) ->
         ]
         for length in result.lengths or ()
     ]
-    orders = [
-        [length.over, order_text(length.order), order_text(length.order_as_measured)] for length in result.lengths or ()
-    ]
-    raw = [length.order_as_measured for length in result.lengths or () if length.order_as_measured is not None]
+    orders = [[length.over, order_text(length.order)] for length in result.lengths or ()]
     stable = "the same at every length" if result.order_stable else "not stable over the lengths"
-    raw_stable = "the same at every length" if is_stable(raw) else "not stable over the lengths: bias grows with time"
     quoted = result.gain.to_json() if result.gain is not None else {}
     ends = (quoted.get(f"held_out_rms_{when}", math.nan) for when in ("before", "after"))
     fall = f"{' to '.join(digits(end) for end in ends)} arcmin rms"
-    unseen = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen or ()))
-    reasons = "\n".join(f"- {text};" for text in result.not_named or ())
     return f"""# Case study: BROAD 03, a strapdown unit before cameras
 
-The record: {len(record)} rows, one every {digits(1e3 * period, 4)} ms, {digits(float(np.ptp(record.time_s)))} s of slow
-rotation by hand with a rest before and after; the true attitude by cameras. Made by `make case-studies`; no number on
-this page is typed.
+The record has {len(record)} rows, one every {digits(1e3 * period, 4)} ms: {digits(float(np.ptp(record.time_s)))} s of
+slow rotation by hand, with a rest before and after. Cameras give the true attitude. `make case-studies` writes every
+number on this page.
 
 **{result.verdict.capitalize()}. Of all effects {helps} help most: over windows of
-{quoted.get("over", "")} that were not used, the error falls from {fall}. That is more than noise
-and the cameras at rest explain, so nothing is named.**
+{quoted.get("over", "")} that were not used, the error falls from {fall}. Noise and the cameras at rest do not explain
+the remainder, so the diagnosis names no effect.**
 
-## What the record says
-
-{reasons}
-- the gyros' bias at rest, ({bias}) deg/s, which the mean at rest takes out of the nominal block; left in it would
-  make the errors {left_in} arcmin rms.
+## Remaining errors
 
 {left_over(result, helps)}
 
+The nominal block subtracts the gyros' mean at rest, ({bias}) deg/s. Without the subtraction the
+errors would be {left_in} arcmin rms.
+
 ## With the cameras' error stated
 
-Whoever knows what his cameras err by in motion can say it: `--reference-bound`, in arcminutes at any row. It widens
-every bound by twice as much, for a window has an error at each end. Three are tried: the least with which all effects
-together are enough (a set has three at most), the least with which {helps}
-are, and a fifth more. They show what one would have to believe, and no record can vouch for it: each verdict holds if
-the cameras err by no more than is stated. With the least ones the intervals are too narrow; the wider the bounds, the
-less they tell effects apart.
+`--reference-bound` states the largest error of the cameras at any row. Each window has an error at both ends, so every
+bound grows by twice this value. The table has the smallest value with which all effects together suffice, the smallest
+for {helps}, and a fifth more. Each verdict holds only if the cameras err by no
+more. With the smallest values the intervals are too narrow.
 
 {stated_text(stated)}
 
 ## How it was found
 
-Gyro compensation and attitude computer, two FMUs, carry the attitude through the record, fed by the orchestrator with
-its increments. Over windows of several lengths the turn is compared with the true one. The nominal block, its mean at
-rest taken out, leaves a largest error of at least {residual(result.radius)} bounds. The bounds:
-{result.calibration.sigma.basis}.
-
-Each length by itself, within these bounds:
+The FMUs of gyro compensation and attitude computer carry the attitude through the record. The diagnosis compares their
+turn over windows with the true one. The nominal block leaves at least {residual(result.radius)} bounds.
+Bounds come from {result.calibration.sigma.basis}.
 
 {table(["windows", "pieces", "bound [arcmin]", "radius", "smallest sets"], rows)}
 
-The order in which effects help with what was left out (rms error in arcminutes, first without any) is {stable}; with
-the bias at rest left in it is {raw_stable}:
+The effects help left-out parts in this order (rms error in arcminutes). It is {stable}.
 
-{table(["windows", "bias at rest taken out", "bias at rest left in"], orders)}
+{table(["windows", "order"], orders)}
 
 {pictures}
 
-## What would be gained
+## Gain
 
-The FMUs extended by {helps} were exported and run again with parameters from the other parts of the record
-(arcminutes):
+The exported FMUs with {helps}, with parameters from other parts of the record
+[arcmin]:
 
 {gain_table(result) if result.gain is not None else ""}
-
-## What was not judged, and why
-
-The turn of the block over a window does not show: {unseen}.
 
 Data: D. Laidig, M. Caruso, A. Cereatti, T. Seel, "BROAD - A Benchmark for Robust Inertial Orientation Estimation",
 Data 6(7):72, 2021, trial 03, CC BY 4.0; other file format, magnetometer and position left out.
@@ -281,6 +258,8 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
     ]
     block = []
     for number, parameter in enumerate(results[0].stated.parameters):
+        if not re.search(r"bias|gamma_(11|22|33)", parameter.name):
+            continue
         values = [r.stated.parameters[number] for r in results]
         cells = [
             "{} ({} to {})".format(*interval(p.estimate, p.low, p.high))
@@ -302,24 +281,23 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
         ]
         for name, n in zip(names, nominal, strict=True)
     ]
-    unseen = ", ".join(dict.fromkeys(place.effect for place in results[0].cannot_be_seen or ()))
     hertz = 1.0 / results[0].sources.found.sampling.period
     verdicts = ", ".join(f"{name} {r.verdict}" for name, r in zip(names, results, strict=True))
     causes = [cause.place.effect for r in results for cause in r.causes]
-    naming = f"Named: {', '.join(causes)}" if causes else "No effect is named in any of them"
+    naming = f"Named: {', '.join(causes)}" if causes else "The diagnosis names no effect"
     return f"""# Case study: three MPU-9150 logs, no angles known
 
-Three specimens of a MEMS unit at {digits(hertz)} Hz, moved by hand from rest to rest; nothing is known of the poses.
-Made by `make case-studies`; no number on this page is typed.
+A hand moved three specimens of a MEMS unit from rest to rest, at {digits(hertz)} Hz. No pose is known.
+`make case-studies` writes every number on this page.
 
 **{verdicts}. {naming}.**
 
-## How it was judged
+## Judgement
 
-Gravity is the reference. At every rest the accelerometers show its direction and size and the gyros must not turn;
-over every move the simulation (gyro compensation and attitude computer, FMUs fed by the orchestrator) carries the
-direction to the next rest. The accelerometers' nine parameters, the gyros' bias and their nine scale factors and
-misalignments belong to the block and are free. The bounds come from {results[0].calibration.sigma.basis}.
+Gravity is the reference. At every rest the accelerometers show its direction and size, and the gyros must not turn.
+Over every move the FMUs of gyro compensation and attitude computer carry the direction to the next rest. Free
+parameters are nine of the accelerometers, and the gyros' bias, scale factors and misalignments. Bounds come from
+{results[0].calibration.sigma.basis}.
 
 {table(["log", "verdict", "rests", "moves", "rms error of a move [arcmin]", "bound [arcmin]", "radius"], rows)}
 
@@ -329,29 +307,23 @@ A radius below one: some parameters of the block bring every error within its bo
 
 ## The block's own parameters
 
-Estimates, and in brackets what the errors within their bounds leave possible.
+Estimates, and in brackets the intervals of possible values (misalignments: `diagnose --json`):
 
 {table(["parameter", *names, "unit"], block)}
 
-## What the gyros' calibration is worth
+## Value of the gyros' calibration
 
-The same logs with scale factors and misalignments of the gyros held at zero (`--baseline nominal`); the last column is
-the rms error of a move that was left out, without and with what helps most [arcmin]:
+The same logs with scale factors and misalignments of the gyros held at zero (`--baseline nominal`). The last column is
+the rms error of a left-out move, without and with the most helpful effect [arcmin]. The help is a calibration, not a
+missing effect.
 
-{table(["log", "verdict", "radius", "what would mend it", "left out"], compared)}
+{table(["log", "verdict", "radius", "helpful effect", "left out"], compared)}
 
-That is a calibration, and no effect that the simulation lacks.
+## Excluded effects
 
-## What was not supported, and why
-
-The noise of a rest's mean is white noise and what the gyros wander from rest to rest, no more than flicker noise within
-the rests makes likely. Larger sizes than these
-contradict {names[0]}:
+Larger sizes than these contradict {names[0]}:
 
 {excluded_table(results[0])}
-
-Not judged, because rests and the moves between them do not show them: {unseen}. A lag of the gyros turns nothing from
-rest to rest, so only a very long one would show.
 
 Data: github.com/mikoff/imu-calib, MIT licence, (c) 2020 A. Mikov; "In-situ gyroscope calibration based on
 accelerometer data", ICINS 2020; columns reordered, time added.
@@ -389,7 +361,6 @@ def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
     rivals = [[name, residual(radius)] for name, radius in result.tried[:6]]
     assert isinstance(result.judgement, tuple)
     witness = result.judgement[0]
-    unseen = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen or ()))
     quoted = result.gain.to_json() if result.gain is not None else {}
     before, after = (digits(quoted.get(f"held_out_rms_{when}", math.nan)) for when in ("before", "after"))
     model = "The gyros' means at rest were not judged"
@@ -404,59 +375,47 @@ def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
     fall = f"{digits(witness.rms_without)} to {digits(witness.rms_with)}"
     return f"""# Case study: an Xsens unit whose gyros feel gravity
 
-One unit at {hertz} Hz, moved by hand between {len(rests)} rests in {seconds} s; nothing is known of the poses.
-It is the test record of a published calibration, whose model has biases, scale factors and misalignments.
-Nothing was said to the program but the file's name. Made by `make case-studies`; no number on this page is typed.
+A hand moved one unit between {len(rests)} rests in {seconds} s, at {hertz} Hz. No pose is known. It is the test record
+of a published calibration, whose model has biases, scale factors and misalignments. `make case-studies` writes every
+number on this page.
 
 **{result.verdict.capitalize()}: {causes}. Over single moves that were not used the error falls
 from {before} to {after} arcmin rms.**
 
-## What the published model leaves
+## Misfit of the published model
 
-Gravity is the reference: compensation and attitude computer, FMUs fed by the orchestrator, carry its direction from
-rest to rest. The accelerometers' nine parameters, the gyros' bias and their nine scale factors and misalignments are
-free. The bounds come from {result.calibration.sigma.basis}.
-The best that any such block can do leaves an error of {residual(result.radius)} bounds, so the model without
-the effect is falsified. Over one, two and three moves together:
+Gravity is the reference, as in the [MPU-9150 logs](case-study-mpu9150.md), with the same free parameters. The best such
+block leaves an error of {residual(result.radius)} bounds, so the model without the effect is falsified.
+Over one, two and three moves together:
 
 {table(header, rows)}
 
-## What mends it
+## The effect
 
-Every effect of the catalogue was tried alone; the radius that each leaves, the least first (1 and less stands):
+The diagnosis tried every effect of the catalogue alone. The smallest radii (at most 1 fits):
 
 {table(["effect", "radius"], rivals)}
 
 So the biases of the gyros depend on the specific force: ω read = ω + b + G f. Of the nine coefficients {zero} cannot
-be zero. The table has estimates and intervals from moves and rests together. The last column comes from the means at
-rest alone (`trihedron inspect`):
+be zero. Intervals come from moves and rests together, the column "at rest" from the means at rest alone
+(`trihedron inspect`).
 
 {table(["coefficient", "estimate", "low", "high", "at rest", "unit"], sizes)}
 
 {model}.
-Of parts that were left out the error, in bounds, falls from {fall}; as good when its signature is
-shuffled: {witness.shuffles.as_good} of {witness.shuffles.tried}.
+Of left-out parts the error, in bounds, falls from {fall}. Of {witness.shuffles.tried} shuffles of the effect
+{witness.shuffles.as_good} do as well.
 
 {pictures}
 
-## What would be gained
+## Gain
 
-The FMUs extended by the effect were exported and run again with parameters from the other parts of the record
-(arcminutes):
+The exported FMUs with the effect, with parameters from other parts of the record [arcmin]:
 
 {gain_table(result) if result.gain is not None else ""}
 
-With scale factors and misalignments of the gyros held at zero (`--baseline nominal`): {nominal.verdict} by
-{nominal_causes}, the radius without
-{residual(nominal.radius)}: a calibration beside the effect.
-
-## What was not supported, and why
-
-Beside the effect larger sizes than these contradict the record:
-
-{excluded_table(result)}
-
-Not judged, because rests and the moves between them do not show them: {unseen}.
+With scale factors and misalignments of the gyros held at zero (`--baseline nominal`) the radius is
+{residual(nominal.radius)}: {nominal.verdict} by {nominal_causes}.
 
 Data: github.com/Kyle-ak/imu_tk, two-clause BSD licence, (c) 2014 A. Pretto; D. Tedaldi, A. Pretto, E. Menegatti, "A
 robust and easy to implement method for IMU calibration without external equipments", ICRA 2014. Counts were converted
