@@ -153,7 +153,8 @@ smallest error of the cameras at a row [arcmin] with which a record fits (`--ref
 If the cameras may err by {STATED:g} arcmin in motion, the nine values may belong to the instrument. One latency
 of {ends[0]} to {ends[1]} ms and one element 32 between {ends[2]}e-3 and {ends[3]}e-3 then suffice
 for all records, and {open_nine} of the nine may be zero. The misalignments of one run are then errors of
-its cameras. They carry over only where the turning is alike (03 and 08), not to 21, which turns mostly about axis 2. These records cannot separate the two
+its cameras. They carry over only where the turning is alike (03 and 08), not to 21, which turns mostly
+about axis 2. These records cannot separate the two
 reasons: cameras that err, or misalignments that change. Better cameras could.
 
 """
