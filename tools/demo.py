@@ -1,12 +1,14 @@
-"""The whole loop in one run: simulate, calibrate, falsify, name, extend, measure the gain, show."""
+"""The demonstration: a bench is simulated and calibrated, a hidden error is found, the simulation gets better."""
 
 import json
 import math
 import os
 import shutil
 import sys
+import textwrap
 import webbrowser
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -19,23 +21,23 @@ from ..models.bench import BIAS, GYRO_PARAMETERS, MATRIX, TARGETS, target_values
 from ..models.effects import EffectPlace
 from .calibrated import LATENCIES
 from .calibration import Bench, Calibration, calibrate_whole
-from .diagnosis import diagnose, export_extended
-from .document.blocks import Page, Section
-from .document.notation import sentence
-from .document.page import html
+from .diagnosis import Diagnosis, diagnose, export_extended
+from .document.blocks import Page, Section, Table
+from .document.notation import Cell, sentence, unit_text
+from .document.page import html, table_lines
 from .files import make_folders, write_text
-from .motion.attitude import rate_at_rest, run_attitude
-from .orchestrator.run import simulate_table
+from .orchestrator.run import Simulation, simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
-from .records import PositionRecord, StrapdownRecord, read_record
-from .reports.bench import run_section
-from .reports.beyond import sections as band_sections
+from .records import PositionRecord, read_record
+from .reports import write_report
+from .reports.bench import physical_words, run_section
+from .reports.beyond import law_picture
 from .reports.calibration import gyro_sections, target_sections
-from .reports.diagnosis import answer_of, sections_of
-from .reports.inspection import error_lines, run_line
-from .reports.pictures.records import attitude_picture
-from .rounding import digits
-from .trials.bench import NOISE_BOUND, draw_whole, true_elementary
+from .reports.diagnosis import cause_section, gain_picture, sentences_of, sets_of
+from .reports.pictures import CARD
+from .reports.pictures.residuals import truth_in_intervals
+from .rounding import digits, exactly, interval, residual, to_bound
+from .trials.bench import NOISE_BOUND, true_elementary
 from .trials.case import Case
 from .trials.draw import draw_alone
 from .trials.outcome import judged_case
@@ -48,131 +50,229 @@ SHORTER = {
     "step_s = 0.005": "step_s = 0.02",
     "dwell_s = 62.0": "dwell_s = 6.0",
 }
-"""What the scenario says, and what the demonstration's says in its place."""
-MEASURED_RECORD = "broad-03.strapdown.csv"
+"""Texts of the scenario, and those of the demonstration's in their place."""
 HIDDEN = (
-    Hidden(EffectPlace("gyro-scale-asymmetry", "gyro-block"), (5e-4, -4e-4, 3e-4)),
-    Hidden(EffectPlace("undersampling", "attitude-computer"), (0.08,)),
+    Hidden(EffectPlace("quadratic", "accelerometer-2"), (2e-3,)),
+    Hidden(EffectPlace("encoder-harmonic", "outer-axis", 2), (3e-4, 0.9)),
 )
-"""Effects of which one is hidden: each can be composed into an FMU, and they do not look alike."""
-POSITIONS, STEP_S = 16, 0.1
-"""Positions and whole turns of the record that hides it, three minutes, and how far its rows are apart [s]."""
-BUMP_AT, BUMP_WIDTH, BUMP_HEIGHT = 2.0, 0.6, 2e-4
-"""Where an encoder errs, how far about that, and by how much [rad]."""
-VARIABLE = "TRIHEDRON_DATA"
-"""Environment variable that names the folder of the measured records."""
+"""Effects of which the seed hides one."""
+SHOWN = ("X1", "X16", "B1")
+"""Parameters that the terminal shows."""
+MEASURED, ANSWER = "measured.csv", "hidden-answer.json"
+WIDTH, INDENT = 80, 15
+"""Columns of the terminal, and of the titles of the steps."""
 
-WHERE_TO_GET = (
-    "broad-03.strapdown.csv is not here: it is trial 03 (undisturbed slow rotation) of the BROAD data set, D. Laidig "
-    "et al., doi 10.3390/data6070072 (github.com/dlaidig/broad, CC BY 4.0), written as a strapdown record; "
-    f"put it into a folder and name that in ${VARIABLE}"
-)
-"""What a person reads where the record is not there."""
+
+@dataclass(frozen=True)
+class Story:
+    """The results of the demonstration.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        the simulated bench
+    run : Simulation
+        its run
+    case : Case
+        another bench with one hidden effect
+    records : (PositionRecord, PositionRecord)
+        the records of both benches
+    calibration : Calibration
+        the calibration of the first bench
+    diagnosis : Diagnosis
+        the diagnosis of the second bench
+    """
+
+    scenario: Scenario
+    run: Simulation
+    case: Case
+    records: tuple[PositionRecord, PositionRecord]
+    calibration: Calibration
+    diagnosis: Diagnosis
+
+    @cached_property
+    def truth(self) -> dict[str, float]:
+        """Return the true values of the calibrated parameters."""
+        return true_targets(self.scenario)
+
+    @property
+    def inside(self) -> str:
+        """Return the number of true values inside their intervals, in words."""
+        count = inside_intervals(self.calibration, self.truth)
+        return f"{count} of {len(self.truth)} true values lie inside their guaranteed intervals."
+
+    @property
+    def cause(self) -> str:
+        """Return the diagnosed cause in a sentence."""
+        sets = sets_of(self.diagnosis)
+        return sentence(sentences_of(sets[0], self.diagnosis)) if sets else "No cause is named."
+
+    @property
+    def is_named(self) -> bool:
+        """Return True if the hidden effect is the diagnosed one."""
+        return judged_case(self.case, self.diagnosis).outcome == "right"
+
+    @property
+    def gain(self) -> str:
+        """Return the change of the errors at positions that were not used, in a sentence."""
+        gain = self.diagnosis.gain
+        if gain is None:
+            return "No gain was measured."
+        before, after = digits(1e6 * gain.held_out_rms_before), digits(1e6 * gain.held_out_rms_after)
+        return f"At {len(gain.rows)} positions that the fit did not use, the error falls from {before} to {after} µg."
+
+    @property
+    def verdict(self) -> str:
+        """Return the result in a sentence."""
+        gain = self.diagnosis.gain
+        if not self.is_named or gain is None:
+            return "The hidden error is NOT named."
+        times = digits(gain.held_out_rms_before / gain.held_out_rms_after, 2)
+        return f"The hidden error is named, and with it the simulation errs {times} times less."
+
+    def true_table(self) -> Table:
+        """Return some parameters with their true values and intervals."""
+        rows: list[list[Cell]] = []
+        for parameter in self.calibration.parameters:
+            if parameter.symbol in SHOWN:
+                _, low, high = interval(parameter.central, parameter.low, parameter.high)
+                name, unit = physical_words(parameter.name), unit_text(parameter.unit)
+                rows.append([name, to_bound(self.truth[parameter.symbol], parameter.error_bound), low, high, unit])
+        return Table(["parameter", "true", "low", "high", "unit"], rows)
+
+    def size_table(self) -> Table:
+        """Return the hidden sizes with the intervals that the diagnosis leaves possible."""
+        hidden = self.case.answer()["hidden"]["parameters"]
+        rows: list[list[Cell]] = []
+        for finding in sets_of(self.diagnosis)[:1]:
+            for cause in finding.causes:
+                for parameter, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+                    _, low, high = interval(value, *ends)
+                    row: list[Cell] = [parameter.name, exactly(hidden.get(parameter.name))]
+                    row += [low, high, unit_text(parameter.unit)]
+                    rows.append(row)
+        return Table(["size", "hidden", "low", "high", "unit"], rows)
+
+    def cards(self) -> list[Section]:
+        """Return three sections with a picture each: calibrated, found, better."""
+        bounded = [parameter for parameter in self.calibration.parameters if parameter.bounded]
+        low, high = np.transpose([parameter.ends for parameter in bounded])
+        truth = np.array([self.truth[parameter.symbol] for parameter in bounded])
+        half = 0.5 * (high - low)
+        return [
+            Section("Calibrated", self.inside, truth_in_intervals((low - truth) / half, (high - truth) / half)),
+            Section("Found", self.cause, law_picture(self.diagnosis, CARD)),
+            Section("Better", self.gain, gain_picture(self.diagnosis, CARD)),
+        ]
+
+    def details(self, out: Path) -> list[Section]:
+        """Return the sections below the cards; write the full reports into a folder."""
+        reports = []
+        for result, record in zip((self.calibration, self.diagnosis), self.records, strict=True):
+            name = type(result).__name__.lower()
+            write_text(out / f"{name}.json", result.json_text())
+            write_report(out / f"{name}.html", result, record)
+            reports += [out / f"{name}.html", out / f"{name}.json"]
+        return [
+            run_section(pl.read_parquet(self.run.files[0]), self.calibration.gravity, list(self.run.files)),
+            *target_sections(self.calibration, self.truth),
+            *gyro_sections(self.calibration),
+            *self._cause_section(out),
+            Section("Records and full reports", files=[out / MEASURED, out / ANSWER, *reports]),
+        ]
+
+    def _cause_section(self, out: Path) -> list[Section]:
+        """Return the diagnosed effect as formula and table, with the extended simulation; empty without one."""
+        section = cause_section(self.diagnosis, sorted((out / "extended").iterdir()))
+        # Its sentence is on a card.
+        return [] if section is None else [replace(section, paragraphs=())]
+
+    def page(self, out: Path) -> Page:
+        """Return the page: three cards, then details."""
+        hashes = json.loads(self.run.files[1].read_text(encoding="utf-8"))["fmus"]
+        provenance = {name: version(name) for name in ("trihedron", "fmpy", "pythonfmu", "highspy", "numpy", "scipy")}
+        provenance |= {f"{name} FMU, sha256": entry["sha256"] for name, entry in hashes.items()}
+        provenance |= {"seed of the hidden effect": str(self.case.seed)}
+        return Page(
+            "Trihedron: simulated, calibrated, found, better",
+            self.verdict,
+            [],
+            lambda: self.details(out),
+            tone="good" if self.is_named else "attention",
+            provenance=provenance,
+            cards=self.cards(),
+        )
 
 
 def run_demo(out: Path, *, seed: int, show: bool) -> Path:
-    """Run the demonstration; give its page, which is in `out` with everything else that is made.
+    """Run the demonstration in four steps: the terminal tells each, and a page shows them.
 
-    The seed is that of the record with the hidden effect. `show`: open the page where there is a screen.
+    Parameters
+    ----------
+    out : Path
+        folder for everything that is made
+    seed : int
+        seed of the record with the hidden effect
+    show : bool
+        open the page where there is a screen
+
+    Returns
+    -------
+    Path
+        the page
     """
     make_folders(out)
-    tell(f"1  Simulate: table, accelerometers, gyros and attitude computer, at rest and turning ({IMU_CALIBRATION})")
     scenario = read_scenario(copied_scenario(out))
-    files = simulate_table(scenario, out / "imu-calibration-run", progress=True).files
-
-    tell("2  Calibrate: guaranteed linear programmes for bench, accelerometers and gyros together")
-    bench = read_record(files[0], PositionRecord)
+    run = simulate_table(scenario, out / "simulated", progress=True)
+    tell(
+        "1  Simulated",
+        f"A two-axis table carries accelerometers and gyros; an attitude computer follows. {len(scenario.fmus)} FMUs, "
+        f"coupled step by step: {run.rests} positions and whole turns.",
+    )
+    bench = read_record(run.files[0], PositionRecord)
     calibration = calibrate_whole(bench, bench_place(scenario), noise_bound=NOISE_BOUND)
-    write_text(out / "calibration.json", calibration.json_text())
-    truth = true_targets(scenario)
-    inside = inside_intervals(calibration, truth)
-    print(calibration)
-    print(f"{inside} of {len(truth)} true values lie inside their intervals")
-
-    tell("3  Measure: a record of encoders, gyros and accelerometers with one hidden effect comes in")
-    measured = out / "measured.csv"
-    answer_file = out / "hidden-answer.json"
-    case = short_bench(seed)
-    write_hidden_record(case, measured, answer_file, progress=True)
-
-    tell("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
-    diagnosis = diagnose(read_record(measured, PositionRecord), **case.instrument.asked, progress=True)
-    write_text(out / "diagnosis.json", diagnosis.json_text())
-    extended = export_extended(diagnosis, out / "extended")
-    print(diagnosis)
-    hidden = effect_words(case.answer()["hidden"])
-    is_named = judged_case(case, diagnosis).outcome == "right"
-    naming = "named" if is_named else "not named"
-    print(f"what was hidden: {hidden} -> {naming.replace('not', 'NOT')}")
-
-    tell("5  Beyond the catalogue: an encoder errs in one part of its circle, as no effect of the catalogue does")
-    bumped = with_bump(draw_alone(seed, effects=[]).measured())
-    outside = diagnose(bumped, noise_bound=NOISE_BOUND, rerun=False)
-    write_text(out / "outside.json", outside.json_text())
-    print(outside)
-
-    tell("6  Attitude: a real record through the attitude computer")
-    attitude = attitude_of_measured_record(out)
-
-    verdict = (
-        f"{inside} of {len(truth)} true values lie inside their guaranteed intervals; the effect hidden in the second "
-        f"record was {naming}."
+    case = hidden_case(seed)
+    write_hidden_record(case, out / MEASURED, out / ANSWER, progress=True)
+    record = read_record(out / MEASURED, PositionRecord)
+    diagnosis = diagnose(record, noise_bound=NOISE_BOUND, progress=True)
+    export_extended(diagnosis, out / "extended")
+    story = Story(scenario, run, case, (bench, record), calibration, diagnosis)
+    tell(
+        "2  Calibrated",
+        f"Linear programmes read the exported record. {story.inside}",
+        *table_lines(story.true_table()),
     )
-    sections = [
-        run_section(pl.read_parquet(files[0]), calibration.gravity, list(files)),
-        *target_sections(calibration, truth, [out / "calibration.json"]),
-        *gyro_sections(calibration),
-        Section(
-            "A measured record with a hidden effect",
-            "A second bench, with encoders, gyros and accelerometers, was simulated with one more piece of physics in "
-            f"it. The diagnosis saw the record alone. What had been hidden: {hidden}.",
-            files=[measured, answer_file],
-        ),
-        *answer_of(diagnosis, [out / "diagnosis.json", *extended]),
-        *sections_of(diagnosis),
-        Section(
-            "A record whose cause is in no catalogue",
-            "A third bench, simulated, whose outer encoder errs by up to 41 arcsec about 115°, over some 70°: no "
-            "effect of the catalogue does so, and none is named.",
-            files=[out / "outside.json"],
-        ),
-        *band_sections(outside),
-        attitude,
-    ]
+    tell(
+        "3  Found",
+        f"Another bench is measured: {len(record)} positions, with one hidden error. The calibrated model cannot fit "
+        f"them: largest error {residual(diagnosis.radius)} σ.",
+        story.cause,
+        *table_lines(story.size_table()),
+    )
+    tell("4  Better", f"The cause goes into the simulation: new FMUs run again. {story.gain}")
+    tell("Verdict", story.verdict)
     page = out / "index.html"
-    hashes = json.loads(files[1].read_text(encoding="utf-8"))["fmus"]
-    provenance = {name: version(name) for name in ("trihedron", "fmpy", "pythonfmu", "highspy", "numpy", "scipy")}
-    provenance |= {f"{name} FMU, sha256": entry["sha256"] for name, entry in hashes.items()}
-    provenance |= {"seed of the hidden effect": str(seed)}
-    tone = "good" if is_named and inside == len(truth) else "attention"
-    write_text(
-        page,
-        html(Page("Trihedron: the bench, end to end", verdict, sections, tone=tone, provenance=provenance), folder=out),
-    )
-    print(f"\nwritten: {', '.join(str(path) for path in [*files, measured, *extended])}")
-    print(f"page: {page.resolve()}")
+    write_text(page, html(story.page(out), folder=out))
+    tell("Page", str(page))
+    print(f"Next: trihedron diagnose {out / MEASURED} --noise-bound {exactly(NOISE_BOUND)}")
     if show:
         open_page(page)
     return page
 
 
-def short_bench(seed: int) -> Case:
-    """A bench with encoders, gyros and accelerometers that hides one effect; the seed decides everything."""
-    rng = np.random.default_rng(seed)
-    drawn = draw_whole(rng)
-    bench = replace(drawn, alpha=drawn.alpha[-POSITIONS:], beta=drawn.beta[-POSITIONS:], step_s=STEP_S)
-    return Case(seed, None, bench, (HIDDEN[rng.integers(len(HIDDEN))],))
+def hidden_case(seed: int) -> Case:
+    """Return a bench that hides one effect; the seed decides everything."""
+    clean = draw_alone(seed, effects=[])
+    return replace(clean, hidden=(HIDDEN[seed % len(HIDDEN)],))
 
 
-def with_bump(record: PositionRecord) -> PositionRecord:
-    """The record as an outer encoder would have written it that errs in one part of its circle."""
-    apart = np.remainder(record.alpha - BUMP_AT + np.pi, 2.0 * np.pi) - np.pi
-    return replace(record, alpha=record.alpha + BUMP_HEIGHT * np.exp(-((apart / BUMP_WIDTH) ** 2)))
-
-
-def tell(line: str) -> None:
-    """A heading between the steps."""
-    print(f"\n{line}\n{'-' * len(line)}", flush=True)
+def tell(title: str, *texts: str) -> None:
+    """Print texts in lines of 80 columns, beside their title."""
+    lines = []
+    for text in texts:
+        indent = (" " if lines else title).ljust(INDENT)
+        lines += textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=" " * INDENT)
+    print("\n".join(lines), end="\n\n", flush=True)
 
 
 def copied_scenario(out: Path) -> Path:
@@ -223,55 +323,8 @@ def inside_intervals(calibration: Calibration, truth: dict[str, float]) -> int:
     return sum(e.low is not None and e.high is not None and e.low <= truth[e.symbol] <= e.high for e in every)
 
 
-def effect_words(hidden: dict[str, Any]) -> str:
-    """Describe the hidden effect in words."""
-    if hidden["effect"] is None:
-        return "nothing"
-    order = f" order {hidden['order']}" if "order" in hidden else ""
-    sizes = ", ".join(f"{name} {digits(value, 4)}" for name, value in hidden["parameters"].items())
-    return f"{hidden['effect']} {hidden['where']}{order} ({sizes})"
-
-
-def attitude_of_measured_record(out: Path) -> Section:
-    """The section on the real record, or where to get it."""
-    path = find_record(MEASURED_RECORD)
-    if path is None:
-        print(WHERE_TO_GET)
-        return Section("A measured strapdown record", [WHERE_TO_GET])
-    record = read_record(path, StrapdownRecord)
-    last = run = run_attitude(record, out=out / "attitude-run", progress=True)
-    lines = [run_line(run), *error_lines(run)]
-    bias = rate_at_rest(record)
-    if bias is not None:
-        last = run_attitude(record, gyro_bias=bias, progress=True)
-        lines += error_lines(last)
-    print("\n".join(lines))
-    return Section(
-        "A measured strapdown record",
-        [sentence(line) for line in lines],
-        attitude_picture(last),
-        "The computed attitude less the true one; the gyros' bias at rest is taken out where it is known.",
-        files=run.files,
-    )
-
-
 def open_page(page: Path) -> None:
     """Open the page in a browser where a person is watching."""
     screen = sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if screen and sys.stdout.isatty():
         webbrowser.open(page.resolve().as_uri())
-
-
-def find_record(name: str) -> Path | None:
-    """A measured record by its file's name, as "broad-03.strapdown.csv", None where it is not there.
-
-    It is looked for in the folder that $TRIHEDRON_DATA names, then in `../shared/data` beside the checkout.
-    """
-    folders = [Path(__file__).resolve().parents[2] / "shared" / "data"]
-    if os.environ.get(VARIABLE):
-        folders.insert(0, Path(os.environ[VARIABLE]))
-    for folder in folders:
-        path = folder / Path(name).name
-        if path.is_file():
-            return path
-    return None

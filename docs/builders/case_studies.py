@@ -426,13 +426,13 @@ with the factory's nominal values; the stamps are as logged, and jitter.
 def write_pictures(result: Diagnosis, folder: Path, stem: str) -> list[Path]:
     """Write the pictures of a carried block's errors as <stem>-<name>.svg into a folder; return the files."""
     from trihedron.tools.reports import evidence
-    from trihedron.tools.reports.pictures.residuals import gain_picture, order_picture
+    from trihedron.tools.reports.pictures.residuals import order_picture, shares_of_pieces
 
     found, orders = evidence.error_pictures(result), evidence.orders_of(result)
     if orders:
         found["order"] = order_picture(orders)
     if result.gain is not None:
-        found["gain"] = gain_picture(result.gain.before, result.gain.after, result.gain.over or "")
+        found["gain"] = shares_of_pieces(result.gain.before, result.gain.after, result.gain.over or "")
     for name, picture in found.items():
         write_text(folder / f"{stem}-{name}.svg", picture.svg())
     return [folder / f"{stem}-{name}.svg" for name in found]

@@ -171,6 +171,16 @@ class Possible:
         """Return the effects of a fit as a function (K,) at all knots, less the part that the bare model imitates."""
         return self.values_of(fit.jacobian[:, len(fit.point) :] @ fit.stated)
 
+    def whole(self, fit: Fit) -> NDArray[np.float64]:
+        """Return the effects of a fit as a function (K,) at all knots, with the part that the bare model imitates.
+
+        A knot without a reading beside it is NaN.
+        """
+        columns = self.every.unknown.columns
+        values = np.linalg.lstsq(columns, fit.jacobian[:, len(fit.point) :] @ fit.stated, rcond=None)[0]
+        values[~columns.any(axis=0)] = np.nan
+        return values[: len(self.knots)]
+
 
 def spread_over(count: int, most: int) -> NDArray[np.int_]:
     """Return at most `most` indices, spread evenly over `count` items."""

@@ -270,6 +270,13 @@ class Beyond:
             return [("table of knots", possible.drawn(self.table))]
         return [("bends least", possible.least)]
 
+    def whole_lines_of(self, possible: Possible) -> list[tuple[str, NDArray[np.float64]]]:
+        """Return the laws (K,) of a place with the bias and scale that the model imitates, by name.
+
+        There are none for a carried block: its errors are integrals.
+        """
+        return [] if self.pair.anything else [(law.words, possible.whole(law.fit)) for law in self.laws]
+
     @property
     def in_words(self) -> str:
         """Place, quantity, and the size of the function that bends least."""

@@ -166,6 +166,8 @@ class Page:
     """lines for a terminal in place of verdict, figures, answer and warnings"""
     zoom: bool = False
     """its pictures are lines over time; a reader can enlarge a stretch of them"""
+    cards: Sequence[Section] = ()
+    """sections side by side at the head of the page, with a picture each"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "answer", [section for section in self.answer if section.holds])

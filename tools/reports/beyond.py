@@ -11,7 +11,7 @@ from ..diagnosis.beyond import Beyond, BeyondCatalogue, StatedLaw
 from ..diagnosis.cause import Cause
 from ..diagnosis.laws import words_of
 from ..diagnosis.result import Diagnosis
-from ..document.blocks import Section, Table
+from ..document.blocks import Picture, Section, Table
 from ..document.notation import Cell, sentence, unit_text
 from ..evidence.pairs import GYROS, in_words
 from ..rounding import digits, interval, residual, upwards
@@ -105,22 +105,28 @@ def sections(result: Diagnosis) -> list[Section]:
         bands = (result.band,)
     if not bands or result.beyond is None:
         return []
-    pictured = []
-    for band, possible in zip(bands, result.beyond.each, strict=True):
-        pictured.append(_pictured(result.beyond, band, possible))
     texts = [sentence(text) for text in result.caution or ()]
     texts.append(HOW_TO_READ)
-    if "readings" in pictured[0].caption:
+    if len(result.beyond.readings[0]):
         texts.append(POINTS)
-    first = Section(
-        "What the record says, whatever the law", texts, pictured[0].picture, pictured[0].caption, _table(result)
-    )
-    pictured[0] = first
+    pictured = []
+    for band, possible in zip(bands, result.beyond.each, strict=True):
+        title = f"What {band.where.replace('-', ' ')} errs by as a function of {in_words(band.quantity)}"
+        pictured.append(Section(title, (), band_picture(_drawn(result.beyond, band, possible)), f"{title}."))
+    first = pictured[0]
+    pictured[0] = Section("What the record says, whatever the law", texts, first.picture, first.caption, _table(result))
     return pictured
 
 
-def _pictured(beyond: Beyond, band: BandOfFunctions, possible: Possible) -> Section:
-    """Return the picture of the band of one place, with its title and its caption."""
+def law_picture(result: Diagnosis, width: float) -> Picture | None:
+    """Return the picture of the band of the first place; None without a band."""
+    if result.beyond is None or not result.beyond.bands:
+        return None
+    return band_picture(_drawn(result.beyond, result.beyond.bands[0], result.beyond.possible), width)
+
+
+def _drawn(beyond: Beyond, band: BandOfFunctions, possible: Possible) -> BandDrawn:
+    """Return the band of one place, its laws and readings, in units for a drawing."""
     circle = possible.pair.circle
     across = math.degrees(1.0) if circle else 1.0
     up, error = _scale(band.where)
@@ -129,22 +135,19 @@ def _pictured(beyond: Beyond, band: BandOfFunctions, possible: Possible) -> Sect
     unit = "deg" if circle else _unit_of_quantity(band.quantity)
     if unit:
         quantity = f"{quantity} [{unit}]"
-    drawn = BandDrawn(
+    return BandDrawn(
         at=across * np.array([knot["at"] for knot in band.knots]),
         low=up * np.array([knot["low"] for knot in band.knots]),
         high=up * np.array([knot["high"] for knot in band.knots]),
         knots=across * possible.knots,
         readings=(across * at, up * values),
         lines=[(name, up * line) for name, line in beyond.lines_of(possible)],
+        whole=[(name, up * line) for name, line in beyond.whole_lines_of(possible)],
         quantity=quantity,
         error=f"{band.where.replace('-', ' ')} [{error}]",
         steps=band.steps,
         circle=circle,
     )
-    title = f"What {band.where.replace('-', ' ')} errs by as a function of {in_words(band.quantity)}"
-    readings = ", and the readings" if len(at) else ""
-    caption = f"{title}: what the record leaves possible, laws{readings}."
-    return Section(title, (), band_picture(drawn), caption)
 
 
 def _scale(where: str) -> tuple[float, str]:

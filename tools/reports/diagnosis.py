@@ -6,7 +6,7 @@ from pathlib import Path
 from ..diagnosis.cause import Cause, Finding
 from ..diagnosis.hypothesis import Hypothesis
 from ..diagnosis.result import Diagnosis
-from ..document.blocks import Page, Section, Table, Tone
+from ..document.blocks import Page, Picture, Section, Table, Tone
 from ..document.notation import Cell, sentence, unit_text
 from ..motion.inspect import Inspection
 from ..motion.norm import norm_values
@@ -15,7 +15,8 @@ from ..rounding import digits, exactly, interval, residual, upwards
 from . import bench, beyond, calibration, evidence, witnesses
 from .bench import cause_lines, next_sections
 from .inspection import record_sections
-from .pictures.residuals import gain_picture, held_out
+from .pictures import WIDTH
+from .pictures.residuals import held_out, shares_of_pieces
 from .sources import cited, versions
 from .terminal import terminal_lines
 
@@ -223,16 +224,23 @@ def gain_section(result: Diagnosis) -> Section | None:
         "The extended components were exported as FMUs, with parameters from the other parts of the record, and run by "
         f"the orchestrator. Over {count} {pieces} the root mean square error {goes} from {before} to {after} {unit}."
     )
+    caption = "Part of the pieces whose error is at most so large."
     if gain.over is None:
-        sigma = result.calibration.noise_bound
-        numbers = [int(result.sources.numbers[i]) for i in gain.rows]
-        picture = held_out(gain.before / sigma, gain.after / sigma, numbers)
         caption = "Measurement less simulation at the positions that were held out."
-    else:
-        picture = gain_picture(gain.before, gain.after, gain.over)
-        caption = "Part of the pieces whose error is at most so large."
     header = ["over", "pieces", "rms before", "rms after", "max before", "max after", "unit"]
-    return Section("The gain on what was not used", [text], picture, caption, Table(header, rows))
+    return Section("The gain on what was not used", [text], gain_picture(result), caption, Table(header, rows))
+
+
+def gain_picture(result: Diagnosis, width: float = WIDTH) -> Picture | None:
+    """Return the errors of unused positions or pieces, before and after; None without a gain."""
+    gain = result.gain
+    if gain is None:
+        return None
+    if gain.over is not None:
+        return shares_of_pieces(gain.before, gain.after, gain.over)
+    sigma = result.calibration.noise_bound
+    numbers = [int(result.sources.numbers[i]) for i in gain.rows]
+    return held_out(gain.before / sigma, gain.after / sigma, numbers, width)
 
 
 # The content of the result selects the sections: residuals of readings for a linearised calibration, errors of the

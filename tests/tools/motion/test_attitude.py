@@ -15,10 +15,9 @@ from scipy.spatial.transform import Rotation
 
 import trihedron as th
 from generator.turns import turned_by
-from record_files import measured
+from record_files import find_record, measured
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools.cli import main
-from trihedron.tools.demo import find_record
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion import (
     AttitudeRun,

@@ -50,8 +50,8 @@ AXES = (FIRST, SECOND, THIRD)
 DASHES = ("solid", (0, (5, 1.6)), (0, (1.4, 1.2)))
 """Line styles of the three axes: the pictures can be read without colours."""
 
-WIDTH = 7.2
-"""Width of every picture [in]."""
+WIDTH, CARD = 7.2, 3.1
+"""Width of a picture, and of one on a card [in]."""
 
 FONTS = "'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 """Fonts for browsers; the layout uses DejaVu Sans, which is wider than all of them."""
@@ -216,21 +216,24 @@ def drawn(draw: "Callable[P, Drawn]") -> Callable[P, Picture]:
     return picture
 
 
-def sheet(height: float, rows: int = 1, columns: int = 1, **shared: Any) -> "tuple[Figure, NDArray[Any]]":
-    """Return a figure of this height [in], and its panels (rows, columns)."""
+def sheet(
+    height: float, rows: int = 1, columns: int = 1, *, width: float = WIDTH, **shared: Any
+) -> "tuple[Figure, NDArray[Any]]":
+    """Return a figure of this size [in], and its panels (rows, columns)."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **shared) if rows else np.zeros((0, 0))
 
 
 def legend(figure: "Figure", columns: int = 4, **how: Any) -> None:
-    """Draw a legend above the panels, each label once."""
+    """Draw a legend above the panels, each label once; a card has two columns at most."""
     handles: dict[str, Any] = {}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     if handles:
+        columns = min(columns, 2) if figure.get_figwidth() == CARD else columns
         where = {"loc": "outside upper left", "ncols": columns, "handletextpad": 0.5, **how}
         figure.legend(list(handles.values()), list(handles), **where)
 

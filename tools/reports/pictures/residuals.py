@@ -19,6 +19,7 @@ from . import (
     AXES,
     BAND,
     BEFORE,
+    CARD,
     DASHES,
     FIRST,
     INK,
@@ -70,6 +71,19 @@ def residuals(positions: Positions, before: NDArray, after: NDArray | None, proo
         one_turn(panels[2, side], angles[side])
     legend(figure)
     return figure, "Residuals in units of the noise bound over the two angles of the table"
+
+
+@drawn
+def truth_in_intervals(low: NDArray, high: NDArray) -> Drawn:
+    """Draw the interval of each of N parameters, by its ends (N,) less the true value, in units of its half width."""
+    figure, ((axes,),) = sheet(3.0, width=CARD)
+    number = np.arange(1, len(low) + 1)
+    axes.vlines(number, low, high, color=FIRST.light, linewidth=2.6, label="guaranteed interval")
+    axes.axhline(0.0, color=SECOND.light, linewidth=1.3, label="truth")
+    axes.set(xlabel="parameter", ylabel="value less truth, in half widths")
+    axes.grid(visible=False, axis="x")
+    legend(figure)
+    return figure, f"Intervals of {len(low)} parameters about their true values"
 
 
 @drawn
@@ -128,14 +142,14 @@ MOST_LABELS = 32
 
 
 @drawn
-def held_out(before: NDArray, after: NDArray, labels: Sequence[object]) -> Drawn:
+def held_out(before: NDArray, after: NDArray, labels: Sequence[object], width: float = WIDTH) -> Drawn:
     """Draw prediction errors (N, 3) in units of σ at N unused positions, without the effects and with them.
 
     `labels` are the names of the positions.
     """
     names = [short(label, 24) for label in labels]
     place = (np.arange(len(names))[:, None] + np.array([-0.24, 0.0, 0.24])).ravel()
-    figure, ((axes,),) = sheet(3.0)
+    figure, ((axes,),) = sheet(3.0, width=width)
     zero_line(axes)
     axes.vlines(place, before.ravel(), after.ravel(), color=MUTED.light, linewidth=0.7)
     axes.plot(place, before.ravel(), **BEFORE, label="before")
@@ -148,7 +162,7 @@ def held_out(before: NDArray, after: NDArray, labels: Sequence[object]) -> Drawn
     axes.grid(visible=False, axis="x")
     reach = 1.12 * max(1.25, farthest(before, after))
     axes.set(xlim=(-0.6, len(names) - 0.4), ylim=(-reach, reach), ylabel="error of prediction [σ]")
-    axes.set_xlabel("position that was held out; accelerometers 1, 2, 3 side by side")
+    axes.set_xlabel("position that was held out" + ("; accelerometers 1, 2, 3 side by side" if width == WIDTH else ""))
     legend(figure)
     return figure, "Errors of prediction at held-out positions, before and after the model was extended"
 
@@ -204,7 +218,7 @@ def _pieces(axes: "Axes", x: NDArray, before: NDArray, after: NDArray | None) ->
 
 
 @drawn
-def gain_picture(before: NDArray, after: NDArray, label: str) -> Drawn:
+def shares_of_pieces(before: NDArray, after: NDArray, label: str) -> Drawn:
     """Draw the cumulative shares of unused pieces over their error, without the effects and with them."""
     figure, ((axes,),) = sheet(2.7)
     for errors, colour, dash, name in (
@@ -377,8 +391,8 @@ class BandDrawn:
     """The possible functions for a drawing: in units of one `unit` at `at`, in the quantity's own unit.
 
     `at` (k,), `low`, `high` (k,) are those of all functions. `readings` are values (n,) of the quantity and the
-    readings of the function there (n,). `lines` are names with a function (K,) at `knots` (K,). `steps`: functions
-    jump.
+    readings of the function there (n,). `lines` are names with a function (K,) at `knots` (K,), and `whole` the same
+    with the part that the model imitates. `steps`: functions jump.
     """
 
     at: NDArray[np.float64]
@@ -387,6 +401,7 @@ class BandDrawn:
     knots: NDArray[np.float64]
     readings: tuple[NDArray[np.float64], NDArray[np.float64]]
     lines: Sequence[tuple[str, NDArray[np.float64]]]
+    whole: Sequence[tuple[str, NDArray[np.float64]]]
     quantity: str
     error: str
     steps: bool = False
@@ -394,26 +409,39 @@ class BandDrawn:
 
 
 @drawn
-def band_picture(band: BandDrawn) -> Drawn:
-    """Draw the band with the laws in it and the readings; SVG."""
-    figure, ((axes,),) = sheet(3.6)
+def band_picture(band: BandDrawn, width: float = WIDTH) -> Drawn:
+    """Draw the band with the laws in it and the readings, beside the whole laws; SVG."""
+    beside = width == WIDTH and len(band.whole) > 0
+    figure, (panels,) = sheet(3.4 if width == WIDTH else 3.0, 1, 1 + beside, width=width)
+    if beside:
+        _laws(panels[0], band, band.whole)
+        panels[0].set(title="whole", ylabel=band.error)
+        panels[1].set_title("less what the model imitates")
+    axes = panels[-1]
     axes.fill_between(band.at, band.low, band.high, color=BAND.light, linewidth=0, label="possible")
     for end in (band.low, band.high):
         axes.plot(band.at, end, color=QUIET.light, linewidth=0.8)
-    axes.axhline(0.0, color=MUTED.light, linewidth=0.6)
     if len(band.readings[0]):
         axes.plot(*band.readings, **{**AFTER, "color": INK.light}, label="readings")
-    for (name, values), colour, dash in zip(band.lines[:MOST_LINES], AXES, DASHES, strict=False):
-        axes.plot(band.knots, values, color=colour.light, linestyle=dash, label=name)
-    axes.set(xlabel=band.quantity, ylabel=band.error)
-    if band.circle:
-        one_turn(axes, band.at)
+    _laws(axes, band, band.lines)
+    axes.set_ylabel("" if beside else band.error)
     # A reading with a large error may lie far off: the band and the laws fill the picture.
     ends = np.concatenate([band.low, band.high, *(values for _, values in band.lines[:MOST_LINES])])
     reach = 0.35 * float(np.ptp(ends))
     axes.set_ylim(float(ends.min()) - reach, float(ends.max()) + reach)
-    legend(figure, 3)
+    legend(figure)
     return figure, f"Functions of {band.quantity} that the record leaves possible, with laws among them"
+
+
+def _laws(axes: "Axes", band: BandDrawn, lines: Sequence[tuple[str, NDArray]]) -> None:
+    """Draw the first laws, by name, over the quantity."""
+    axes.axhline(0.0, color=MUTED.light, linewidth=0.6)
+    for (name, values), colour, dash in zip(lines[:MOST_LINES], AXES, DASHES, strict=False):
+        known = np.isfinite(values)
+        axes.plot(band.knots[known], values[known], color=colour.light, linestyle=dash, label=name)
+    axes.set_xlabel(band.quantity)
+    if band.circle:
+        one_turn(axes, band.at)
 
 
 MOST_ROWS = 30
