@@ -18,6 +18,7 @@ _TYPES = {
     "Simulation": "orchestrator",
 }
 _FUNCTIONS = {
+    "corrections": ("apply", "correction", "export_calibration"),
     "library": (
         "compare",
         "doctor",
@@ -31,7 +32,7 @@ _FUNCTIONS = {
         "simulate",
     ),
     "measured": (
-        *("apply", "attitude_of_record", "bench_at", "calibrate", "check", "correction", "diagnose"),
+        *("attitude_of_record", "bench_at", "calibrate", "check", "diagnose"),
         *("calibrate_together", "diagnose_together", "import_record", "inspect"),
     ),
     "planning.library": ("plan", "plan_check", "plan_imu", "plan_positions"),

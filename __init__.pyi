@@ -1,4 +1,7 @@
 from .tools.check import Check as Check
+from .tools.corrections import apply as apply
+from .tools.corrections import correction as correction
+from .tools.corrections import export_calibration as export_calibration
 from .tools.errors import InputError as InputError
 from .tools.exporting import Exported as Exported
 from .tools.foreign import Imported as Imported
@@ -13,13 +16,11 @@ from .tools.library import new as new
 from .tools.library import plot as plot
 from .tools.library import run_campaign as run_campaign
 from .tools.library import simulate as simulate
-from .tools.measured import apply as apply
 from .tools.measured import attitude_of_record as attitude_of_record
 from .tools.measured import bench_at as bench_at
 from .tools.measured import calibrate as calibrate
 from .tools.measured import calibrate_together as calibrate_together
 from .tools.measured import check as check
-from .tools.measured import correction as correction
 from .tools.measured import diagnose as diagnose
 from .tools.measured import diagnose_together as diagnose_together
 from .tools.measured import import_record as import_record

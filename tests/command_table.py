@@ -75,6 +75,7 @@ COMMANDS = (
     command("calibrate clean.csv measured.csv --noise-bound 1e-5 --own * --json out.json", "clean.csv", "measured.csv"),
     command("diagnose measured.csv --noise-bound 1e-5 --json out.json --report out.html --export out", "measured.csv"),
     command("apply calibration.json clean.csv --out out.csv --json out.json", "calibration.json", "clean.csv"),
+    command("export-calibration calibration.json --to c --out out.h --json out.json", "calibration.json"),
     command("inspect strapdown.csv --json out.json --allan out.svg --plot out.html", "strapdown.csv"),
     command("attitude strapdown.csv --out out --json out.json --plot out.html", "strapdown.csv"),
     command("fmpy-input strapdown.csv --out out.csv --json out.json", "strapdown.csv"),

@@ -1,3 +1,4 @@
+from .affine import Request as Request
 from .applied import Applied as Applied
 from .applied import AppliedEffect as AppliedEffect
 from .applied import apply_calibration as apply_calibration
@@ -17,6 +18,10 @@ from .correction import read_correction as read_correction
 from .correction import remaining_error as remaining_error
 from .estimates import joint_sets as joint_sets
 from .estimates import widening as widening
+from .exports import ExportedCalibration as ExportedCalibration
+from .exports import Target as Target
+from .exports import noise_request as noise_request
+from .exports import write_export as write_export
 from .gyros import Bench as Bench
 from .gyros import calibrate_whole as calibrate_whole
 from .gyros import fit_whole as fit_whole

@@ -100,6 +100,7 @@ GROUPS = {
         "calibrate": commands.calibrate_command,
         "diagnose": commands.diagnose_command,
         "apply": commands.apply_command,
+        "export-calibration": commands.export_calibration_command,
         "attitude": commands.attitude_command,
         "compare": studies.compare_command,
     },

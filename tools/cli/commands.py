@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from .. import calibration as calibrations
 from .. import (
+    corrections,
     diagnosis,
     document,
     library,
@@ -224,7 +225,7 @@ def _refuse_of_several(options: Mapping[str, Sequence[str]]) -> None:
             raise InputError(f"--{name} {values[0]}: is of several records of one instrument; give two or more")
 
 
-@with_options_of(measured.apply)
+@with_options_of(corrections.apply)
 def apply_command(
     found: Path,
     record: Path,
@@ -248,13 +249,31 @@ def apply_command(
         Latitude for the error of the azimuth [deg]. Default: the record's comment line, else 55.75.
     """
     distinct_files({"the calibration": found, "the record": record, "--out": out, "--json": json})
-    result = measured.apply(found, record, noise_bound=noise_bound, **options)
+    result = corrections.apply(found, record, noise_bound=noise_bound, **options)
     text = document.text(reports.applied_page(result, latitude_deg))
     if out is not None:
         if result.record is None:
             raise InputError(f"--out {out}: nothing that was found can be taken out of readings")
         records.write_record(result.record, out)
     return answer(text, json, result.to_json())
+
+
+@with_options_of(corrections.export_calibration)
+def export_calibration_command(
+    calibration: Path,
+    /,
+    *,
+    to: calibrations.Target,
+    out: Annotated[Path, Parameter(name="--out", validator=ordinary_file)],
+    json: JsonFile = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron export-calibration calibration.json --to imucal --out imu.json
+
+    Example: trihedron export-calibration calibration.json --to kalibr --noise noise.json --out imu.yaml
+    """
+    distinct_files({"the calibration": calibration, "--noise": options.get("noise"), "--out": out, "--json": json})
+    return answer(corrections.export_calibration(calibration, to, out, **options), json)
 
 
 @with_options_of(measured.diagnose, measured.diagnose_together, measured.bench_at)

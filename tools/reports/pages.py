@@ -10,11 +10,12 @@ from ..document.notation import Cell
 from ..document.page import notebook, text, write_page
 from ..errors import InputError
 from ..result import Result
-from ..rounding import digits
+from ..rounding import digits, exactly
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ..calibration import ExportedCalibration
     from ..check import Check
     from ..exporting import Exported
     from ..foreign import Imported
@@ -35,6 +36,7 @@ PAGES = {
     "Entries": ("several", "entries_page"),
     "Entry": ("several", "entry_page"),
     "Exported": ("pages", "exported_page"),
+    "ExportedCalibration": ("pages", "exported_calibration_page"),
     "ImuPlan": ("plan", "imu_page"),
     "Imported": ("pages", "import_page"),
     "Inspection": ("inspection", "inspection_page"),
@@ -195,6 +197,14 @@ def exported_page(result: "Exported") -> Page:
     """Return the written FMUs, a line each."""
     first, *further = [fmu.file for fmu in result.fmus]
     return plain_page("FMUs", first, further)
+
+
+def exported_calibration_page(result: "ExportedCalibration") -> Page:
+    """Return the files of a calibration, the equation, and what the format does not hold or is not determined."""
+    lines = [*result.equation, f"g = {exactly(result.gravity)} m/s2; verdict of the calibration: {result.verdict}"]
+    lines += [f"lost: {part}" for part in result.lost]
+    lines += [f"not determined: {direction}" for direction in result.open]
+    return plain_page("Exported calibration", ", ".join(result.files), lines)
 
 
 def installation_page(result: "Installation") -> Page:

@@ -14,8 +14,8 @@ from generator.turns import turned_by
 from record_files import measured
 from trihedron.tools.calibration import PRESETS, calibrate
 from trihedron.tools.check import check
+from trihedron.tools.corrections import apply
 from trihedron.tools.errors import InputError
-from trihedron.tools.measured import apply
 from trihedron.tools.motion import inspect_record, trust_of, trusted
 from trihedron.tools.motion.truth import downward_warning
 from trihedron.tools.motion.turning import check_turning
