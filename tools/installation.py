@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 CORE = (
     *("numpy", "scipy", "highspy", "fmpy", "pythonfmu", "polars", "pydantic", "cyclopts", "rich", "jinja2"),
-    *("matplotlib", "joblib", "lazy-loader", "python-calamine"),
+    *("matplotlib", "joblib", "lazy-loader", "python-calamine", "xlsxwriter"),
 )
 EXTRAS = {
     "fast": ("numba", "llvmlite"),
