@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
-from ..sieve import LEAST_OF_TWO, Simple, tells_two_things
+from ..sieve import LEAST_OF_TWO, Simple, tells_two_things, wrong_pieces
 from .beyond import Beyond, keys_of
 from .candidates import Candidates, named
 from .cause import Finding, causes_of, centred, excluded_sizes, finding_of
@@ -156,7 +156,8 @@ class Procedure:
     def faults(self) -> tuple[Simple, ...]:
         """The faults of the record, or, where neither one of them nor an effect or a function does, pairs of them."""
         if self.objections:
-            return ()
+            # Single pieces may be why a record contradicts its description.
+            return self._tried("faults of the record", lambda: wrong_pieces(self.evidence), ())
         single = self._tried("faults of the record", lambda: single_faults(self.evidence), ())
         if single or not tells_two_things(self.evidence):
             return single

@@ -96,6 +96,8 @@ def next_step(fault: Simple) -> tuple[str, ...]:
     if fault.kind == "sigma":
         bound = exactly(fault.change["noise_bound"])
         return (f"find why errors reach {bound} g; if that is the noise, give --noise-bound {bound}",)
+    if fault.kind == "rows" and not fault.rows:
+        return ("look at the record there and at the notes of that time, or measure these pieces again",)
     if fault.before_row is not None:
         return (f"calibrate the rows before row {fault.before_row} and those from it on apart from each other",)
     if fault.time_s is not None:

@@ -25,7 +25,7 @@ from .carried_checks import check_record, check_reference_bound, missing_things,
 from .carried_run import BIAS, LONG, Carried, is_of_gyros, with_parameters
 from .cells_in_motion import SEARCHED
 from .evidence import Evidence, Linear, ReadOff, Source, linear_fit
-from .fit import ARCMIN, are_possible, blocks_of, contains, width_of
+from .fit import ARCMIN, are_possible, blocks_of, contains, robust_estimate, width_of
 from .references import (
     Gravity,
     Run,
@@ -46,6 +46,8 @@ from .rows import Part, Pieces, Rows
 BASELINES = ("calibrated", "nominal")
 RELINEARISATIONS = 2
 """Runs of the simulation before the last one, each about the fit to the one before; one for long records."""
+ROUNDS_OF_ROBUST = 4
+"""The same for a fit that few pieces cannot draw."""
 LEAST_FORCE = 1e-9
 """Bounds of means [g] are not taken for less."""
 MANY = 4.0
@@ -72,6 +74,7 @@ def carried_evidence(
     rates: str = "instantaneous",
     reference_bound: float | None = None,
     further: Sequence[EffectPlace] = (),
+    robust: bool = False,
 ) -> Evidence:
     """Return the evidence of a strapdown record; where nothing can be run, the list of missing data.
 
@@ -82,7 +85,8 @@ def carried_evidence(
     "nominal" is the block as delivered, its mean at rest removed. None: calibrated where gravity is the reference,
     nominal where the truth is known. `rates`, "instantaneous" or "averaged", is the meaning of a rate in the record.
     `reference_bound` is the stated largest error of the true attitude at any row [arcmin]; by default it is taken from
-    the rests. `further` are effects to be tried beside those of the catalogue.
+    the rests. `further` are effects to be tried beside those of the catalogue. `robust` linearises about a fit that few
+    pieces cannot draw.
 
     Raises an InputError if gyros and accelerometers, or truth, cannot belong together: units, order or signs of axes.
     It also raises one for an impossible reference bound, or one without true attitude.
@@ -96,7 +100,9 @@ def carried_evidence(
     block = baseline or ("nominal" if has_truth(inspection) else "calibrated")
     if lacks := missing_things(inspection):
         return Evidence.of(RecordReader(Linear(Rows.of(())), inspection, block, rates, warnings_of(inspection), lacks))
-    run = about_main_effect(linear_evidence(inspection, block, rates, further))
+    run = linear_evidence(inspection, block, rates, further, robust)
+    if not robust:
+        run = about_main_effect(run)
     reader = judged(CarriedReader(run, inspection, block, rates, warnings_of(inspection)))
     if reference_bound is not None:
         reader = as_stated(reader, ARCMIN * reference_bound)
@@ -115,14 +121,18 @@ def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace
 
 
 def linear_evidence(
-    inspection: Inspection, block: str, rates: str = "instantaneous", further: Sequence[EffectPlace] = ()
+    inspection: Inspection,
+    block: str,
+    rates: str = "instantaneous",
+    further: Sequence[EffectPlace] = (),
+    robust: bool = False,
 ) -> Carried:
     """Return the evidence about the calibrated block of a record, against its true attitude where it has one.
 
     A record without true attitude has a consistent or falsified norm calibration. `block` "calibrated" makes the gyros'
     scale factors and misalignments parameters, beside their bias; "nominal" leaves them out. With true attitude the
     nominal block is taken as delivered: only the mean at rest is removed. `rates` is as for `mean_motion`; `further`
-    are effects to be tried beside those of the catalogue.
+    are effects to be tried beside those of the catalogue; `robust` is as for `carried_evidence`.
     """
     motion = mean_motion(inspection.record, inspection.sampling, inspection.gravity, rates)
     x, model = np.zeros(0), GyroModel(bias=rest_mean(inspection))
@@ -167,15 +177,19 @@ def linear_evidence(
         starting = SEARCHED if with_effects and len(motion) <= LONG else ()
         return Carried(rows, inspection, free_effects, motion, model, attitude, reference, at_rest, starting)
 
-    for _ in range((RELINEARISATIONS if len(motion) <= LONG else 1) if free_effects else 0):
+    rounds = RELINEARISATIONS if len(motion) <= LONG else 1
+    for _ in range((ROUNDS_OF_ROBUST if robust else rounds) if free_effects else 0):
         # An hour's attitudes are large: one run's are freed before the next.
-        x, model = refined(about(x, model, with_effects=False))
+        x, model = refined(about(x, model, with_effects=False), robust)
     return about(x, model, with_effects=True)
 
 
-def refined(run: Carried) -> tuple[NDArray[np.float64], GyroModel]:
-    """Accelerometers and gyros by least squares; with scale factors and misalignments that an instrument has."""
-    step = run.rows.estimate(())
+def refined(run: Carried, robust: bool = False) -> tuple[NDArray[np.float64], GyroModel]:
+    """Accelerometers and gyros by least squares; with scale factors and misalignments that an instrument has.
+
+    `robust`: rows that misfit lose their weight.
+    """
+    step = robust_estimate(run.rows.nominal, run.rows.residual) if robust else run.rows.estimate(())
     model = with_parameters(run.gyros, run.own, step[run.of_forces :])
     # A fit with larger scale factors is wrong.
     model = replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))

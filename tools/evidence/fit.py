@@ -36,6 +36,8 @@ from .cells import Cell
 
 DETERMINED = 1e-10
 """Directions with so small a part of the largest singular value are not determined by least squares."""
+ROBUST_ROUNDS = 20
+"""Rounds of least squares in which rows that misfit lose their weight."""
 FIRST_ROWS, MORE_ROWS = 300, 100
 """Rows that a linear programme begins with, and takes in at a time."""
 TOLERANCE = 1e-9
@@ -564,6 +566,15 @@ def estimated(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0.0] = 1.0
     return np.linalg.lstsq(matrix / scale, residual, rcond=DETERMINED)[0] / scale
+
+
+def robust_estimate(matrix: NDArray, residual: NDArray, rounds: int = ROBUST_ROUNDS) -> NDArray[np.float64]:
+    """Least squares of rows (M, P) in units of their bounds, in which those that misfit lose their weight."""
+    step = estimated(matrix, residual)
+    for _ in range(rounds):
+        weight = 1.0 / np.sqrt(np.maximum(np.abs(residual - matrix @ step), 1.0))
+        step = estimated(matrix * weight[:, None], residual * weight)
+    return step
 
 
 def least_radius(

@@ -102,6 +102,8 @@ class _Origin:
         key -> value of the comment lines of its file: serial number, operator, date
     channels : Channels or None
         channel assignment of the file, where given
+    aside : ndarray of bool, shape (N,), or None
+        rows of a series that are not used
     """
 
     path: Path = Path("record")
@@ -110,6 +112,7 @@ class _Origin:
     sha256: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
     channels: Channels | None = None
+    aside: np.ndarray | None = None
 
 
 class _Record(_Origin):
@@ -147,8 +150,9 @@ class _Record(_Origin):
 
     @cached_property
     def knocks(self) -> np.ndarray:
-        """Rows (N,) with readings beyond 10 times gravity; no rest or move that contains them is used."""
-        return knocks_of(self.specific_force)
+        """Rows (N,) with readings beyond 10 times gravity, or set aside; no rest or move with them is used."""
+        knocks = knocks_of(self.specific_force)
+        return knocks if self.aside is None else knocks | self.aside
 
     def read_with(self, channels: Channels) -> Self:
         """The record as its file is read with these channels; an InputError for channels that it does not have."""

@@ -44,8 +44,7 @@ def rows_beside_effects(evidence: Evidence) -> tuple[Simple, ...]:
 def _rows_beside(table: Table, columns: NDArray) -> list[int]:
     """Return the rows (from 0) whose removal makes the model fit, next to an effect of these columns (3 N, K)."""
     matrix = np.hstack((table.matrix, columns / table.linear.bound[:, None]))
-    part = np.repeat(np.arange(len(table)), 3)
-    removal = Removal(matrix, table.target, part, table.excess, table.limit + SECOND_ORDER)
+    removal = Removal(matrix, table.target, table.belongs, table.excess, table.limit + SECOND_ORDER)
     try:
         standing = removal.of_size(1)
     except TooMany:

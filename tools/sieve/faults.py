@@ -3,12 +3,13 @@
 from ..evidence.evidence import Evidence
 from .breaks import breaks
 from .rows import wrong_rows
+from .series import wrong_pieces
 from .sigma import too_small_bounds
 from .simple import Simple
 from .stretch import wrong_stretches
 
 
 def simple_faults(evidence: Evidence) -> tuple[Simple, ...]:
-    """Return the simple faults of a falsified record: rows, stretches, breaks, a noise bound too small."""
-    rows = wrong_rows(evidence) or wrong_stretches(evidence)
+    """Return the simple faults of a falsified record: rows, stretches, pieces of a series, breaks, σ too small."""
+    rows = wrong_rows(evidence) or wrong_stretches(evidence) or wrong_pieces(evidence)
     return (*rows, *breaks(evidence), *too_small_bounds(evidence))

@@ -17,9 +17,6 @@ MOST_PROGRAMMES = 300
 """Programmes after which a search ends without an answer."""
 NAMED = 1e-9
 """A dual that is smaller, relatively to all, names nothing."""
-NO_PART = -1
-"""Rows that are never removed."""
-
 Parts = frozenset[int]
 
 
@@ -31,13 +28,13 @@ class TooMany(Exception):
 class Removal:
     """A search among the parts of linear rows.
 
-    `matrix` (M, P) and `target` (M,) are over the bounds, `part` (M,) is the number of each row's part, `excess` (K,)
-    is how much each part misses a robust fit by: the order in which parts are tried.
+    `matrix` (M, P) and `target` (M,) are over the bounds, `belongs` (M, K) marks the parts with which each row is
+    removed, `excess` (K,) is how much each part misses a robust fit by: the order in which parts are tried.
     """
 
     matrix: NDArray[np.float64]
     target: NDArray[np.float64]
-    part: NDArray[np.int_]
+    belongs: NDArray[np.bool_]
     excess: NDArray[np.float64]
     limit: float
     programmes: int = 0
@@ -87,11 +84,11 @@ class Removal:
         self.programmes += 1
         if self.programmes > MOST_PROGRAMMES:
             raise TooMany
-        kept = np.flatnonzero(~np.isin(self.part, list(removed)))
+        kept = np.flatnonzero(~self.belongs[:, list(removed)].any(axis=1))
         radius, named = held_by(self.matrix[kept], self.target[kept])
         if radius <= self.limit:
             return None
-        return frozenset(self.part[kept[named]].tolist()) - {NO_PART}
+        return frozenset(np.flatnonzero(self.belongs[kept[named]].any(axis=0)).tolist())
 
 
 def held_by(matrix: NDArray, target: NDArray) -> tuple[float, NDArray[np.int_]]:

@@ -70,8 +70,12 @@ class Table:
 
     def removal(self, slack: float = SECOND_ORDER) -> Removal:
         """The search for rows to be removed."""
-        part = np.repeat(np.arange(len(self)), 3)
-        return Removal(self.matrix, self.target, part, self.excess, self.limit + slack)
+        return Removal(self.matrix, self.target, self.belongs, self.excess, self.limit + slack)
+
+    @property
+    def belongs(self) -> NDArray[np.bool_]:
+        """Marks (3 N, N) of the row of each reading."""
+        return np.repeat(np.eye(len(self), dtype=bool), 3, axis=0)
 
     def readings_without(self, rows: NDArray) -> NDArray[np.int_]:
         """Numbers of the readings that remain without some rows."""
