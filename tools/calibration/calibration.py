@@ -59,6 +59,7 @@ from .targets import (
     error_weights,
     parameter_limits,
     with_priors,
+    words_of,
 )
 
 STANDARD_BOUNDS = (3e-3, 1e-2)
@@ -82,6 +83,8 @@ FEWEST_PASTED = 3
 SMALL_RADIUS = 0.1
 """Of so many readings beside the parameters the largest error is seldom so small a part of σ."""
 FEWEST_SPARE = 12
+FAR, MOST_FAR = 0.2, 3
+"""No parameter of an aligned bench is so large [1], [rad], [g]; so many that are larger are named."""
 GRID_STEP_DEG = 15
 WELL_DETERMINED = 2.0
 """Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
@@ -452,10 +455,13 @@ def _of_correction(record: PositionRecord) -> list[str]:
 def _remarks(linearised: Linearisation, contradicts: bool, unbounded: bool) -> list[str]:
     """Warnings: a fit far from any bench, measurements too few but contradictory already, a noise bound too small."""
     remarks = []
-    values = zip(linearised.symbols, linearised.point, strict=True)
-    large = [f"{symbol} = {digits(value, 2)}" for symbol, value in values if abs(value) > 0.2]
+    values = dict(zip(linearised.symbols, linearised.point, strict=True))
+    large = sorted((symbol for symbol in values if abs(values[symbol]) > FAR), key=lambda symbol: -abs(values[symbol]))
     if large:
-        remarks.append(f"values far from an aligned bench ({', '.join(large)}): are --mounting and --gravity right?")
+        texts = [f"{words_of(symbol)} {digits(values[symbol], 2)}" for symbol in large[:MOST_FAR]]
+        if len(large) > MOST_FAR:
+            texts.append(f"{len(large) - MOST_FAR} more")
+        remarks.append(f"values far from an aligned bench ({', '.join(texts)}): are --mounting and --gravity right?")
     if contradicts:
         remarks.append("the measurements, too few as they are, contradict the model: see the radius and the witness")
     if unbounded:

@@ -106,6 +106,12 @@ def convention_targets(p: Parametrisation, convention: str) -> list[Target]:
     return targets
 
 
+def words_of(name: str) -> str:
+    """Return a parameter in words, if it has words."""
+    target, at, mounting = name.partition("@")
+    return NAMES[target][0] + at + mounting if target in NAMES else name
+
+
 def asked_targets(expressions: Sequence[str], p: Parametrisation) -> list[Target]:
     """Return targets written as a person writes them: "X4-X5", "2*X4 + X6/3 - 0.5*X12", "X8@north".
 

@@ -321,8 +321,11 @@ def diagnose_command(
     result = measured.diagnose(run, bench=bench, **options, progress=True)
     if report is not None:
         reports.write_report(report, result, run)
-    files = [] if export is None else diagnosis.export_extended(result, export)
-    return answer(result, json, files=files)
+    lines: Sequence[Path | str] = ()
+    if export is not None:
+        lines = diagnosis.export_extended(result, export)
+        lines = lines or [f"--export {export}: nothing to write, {diagnosis.nothing_exported(result)}"]
+    return answer(result, json, files=lines)
 
 
 @with_options_of(measured.inspect)

@@ -1,5 +1,6 @@
 from .applied import applied_to as applied_to
 from .applied import export_extended as export_extended
+from .applied import nothing_exported as nothing_exported
 from .applied import read_diagnosis as read_diagnosis
 from .band import Possible as Possible
 from .beyond import Beyond as Beyond

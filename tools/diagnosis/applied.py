@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ..calibration import Applied, AppliedEffect
-from ..errors import InputError
+from ..errors import InputError, one_line
 from ..evidence.evidence import Evidence
 from ..files import LARGEST_RESULT, bytes_of, whole_folder
 from ..records import PositionRecord, StrapdownRecord
@@ -76,6 +76,8 @@ def applied_to(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, e
     if diagnosis.verdict != "explained":
         raise InputError(f"the diagnosis is {diagnosis.verdict}: it names nothing that could be applied")
     causes = diagnosis.causes_in(record.sha256)
+    if not diagnosis.causes:
+        raise InputError(f"{of_the_record(diagnosis)}; there is nothing to correct in a record")
     if not causes:
         raise InputError("the diagnosis names nothing that is the instrument's: what is a run's is of no other record")
     if missing := evidence.reader.missing():
@@ -132,6 +134,21 @@ def origin_of(diagnosis: Diagnosis) -> str:
     if source is None:
         return "a diagnosis of several records"
     return f"the diagnosis of {source.record} (SHA-256 {source.sha256 or 'none'})"
+
+
+def of_the_record(diagnosis: Diagnosis) -> str:
+    """Return the reason why a diagnosis that names a fault of its record gives no effect to any other."""
+    fault = diagnosis.explanations[0].sentence.rstrip(".")
+    return f"the diagnosis names no effect of the instrument but a fault of its record ({one_line(fault)})"
+
+
+def nothing_exported(diagnosis: Diagnosis) -> str:
+    """Return the reason why `export_extended` writes no file."""
+    if diagnosis.verdict == "explained" and not diagnosis.causes:
+        return of_the_record(diagnosis)
+    if diagnosis.verdict == "explained":
+        return f"no component simulates {' and '.join(cause.place.title for cause in diagnosis.causes)}"
+    return f"the diagnosis is {diagnosis.verdict}: it names nothing that a component could simulate"
 
 
 def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:

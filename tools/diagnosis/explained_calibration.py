@@ -17,7 +17,7 @@ from ..calibration.estimates import Solution, open_directions, solve_system
 from ..calibration.gyros import widened
 from ..calibration.model import Linearisation, determined
 from ..calibration.targets import Target, asked_priors, error_weights
-from ..errors import InputError, one_line
+from ..errors import InputError
 from ..evidence.bench import Bench, bench_evidence
 from ..evidence.bench_model import Cast, Model, Readings
 from ..evidence.evidence import Evidence
@@ -25,7 +25,7 @@ from ..evidence.fit import Fit, blocks_of, coefficient_limits, estimated, linear
 from ..records import PositionRecord
 from ..records.columns import CORRECTED_BY, CORRECTED_WITHIN
 from ..rounding import exactly
-from .applied import coefficients_of, errors_of, origin_of
+from .applied import coefficients_of, errors_of, of_the_record, origin_of
 from .cause import Cause, causes_of, stated_within
 from .result import Diagnosis
 
@@ -205,10 +205,7 @@ def _named(diagnosis: Diagnosis, record: PositionRecord, evidence: Evidence) -> 
             )
         causes[_place_in(evidence, cause, record)] = cause
     if not causes and diagnosis.explanations and not diagnosis.causes:
-        raise InputError(
-            f"--with: the diagnosis names no effect but {diagnosis.explanations[0].kind}: "
-            f"{one_line(diagnosis.explanations[0].sentence)}; mend the record, and calibrate without --with"
-        )
+        raise InputError(f"--with: {of_the_record(diagnosis)}; mend the record, and calibrate without --with")
     if not causes:
         raise InputError("--with: the diagnosis names nothing that is the instrument's; diagnose this record")
     return Named(causes, not same)

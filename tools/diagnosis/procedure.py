@@ -403,7 +403,7 @@ class Procedure:
         return self._result(
             "explained" if is_named else "ambiguous",
             evidence.reader.of_model(first, calibration, excluded) if is_named else {},
-            functions={key: value for key, value in self.functions.items() if key not in ("caution", "extension")},
+            functions=_without_caution(self.functions, "extension"),
             explanations=explanations,
             alternatives=() if is_named else tuple(finding.causes for finding in findings),
             level="quantity",
@@ -422,9 +422,10 @@ class Procedure:
         return self._result(
             "explained",
             self.evidence.reader.of_model(best.fit, calibration, excluded),
-            functions=self.functions,
+            functions=_without_caution(self.functions),
             explanations=explanations,
-            caution=self.caution,
+            # Other laws of a quantity change nothing that a person does: `level`, `laws` and `band` have them.
+            caution=self.unlisted.caution,
             level=self._level(best),
             findings=[best],
             judgement=judgement,
@@ -545,6 +546,11 @@ class Procedure:
             keys["suffices"] = tuple(Suffices.of(standing) for standing in self.dependence.standing)
             keys |= {"dependence": self.beside_catalogue, "proven": self.proven}
         return {**keys, **self.found.keys}
+
+
+def _without_caution(functions: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    """Return keys of functions without their cautions, and without some other keys."""
+    return {key: value for key, value in functions.items() if key not in ("caution", *names)}
 
 
 def _as_simple(finding: Finding, unlisted: Unlisted) -> str:

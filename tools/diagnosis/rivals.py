@@ -170,7 +170,7 @@ class Unlisted:
     percent : float or None
         by so much a larger noise bound would do without them, where that is little
     alike : tuple of Pair
-        pairs of several quantities that hold the set, as far as these rows tell
+        pairs that hold the set, as far as these rows tell, where none has all quantities of another
     compared, roughly : bool
         whether functions that are in no catalogue could be compared; whether by a linear model that may be wrong
     held : Standing or None
@@ -211,15 +211,13 @@ class Unlisted:
         if proven:
             # All fitting functions share one quantity, for this record: no rival of itself, but of a set elsewhere.
             rivals = [] if holding else rivals[:1]
-        alike: dict[object, Pair] = {}
-        for standing in reversed(holding):
-            alike[standing.pair.depends_on] = standing.pair
+        alike = _of_other_quantities([standing.pair for standing in holding])
         held = holding[0] if holding else None
         return Unlisted(
             rivals=tuple(rivals),
             same=held if len(fit.places) > 1 else None,
             percent=100.0 * (dependence.radius - 1.0) if dependence.is_near else None,
-            alike=tuple(reversed(alike.values())) if len(alike) > 1 else (),
+            alike=alike if len(alike) > 1 else (),
             compared=compared,
             roughly=not compared,
             held=held,
@@ -255,6 +253,14 @@ class Unlisted:
             if fit is not None:
                 fits.append(fit)
         return fits
+
+
+def _of_other_quantities(pairs: Sequence[Pair]) -> tuple[Pair, ...]:
+    """Return one pair for each choice of quantities; none with all quantities of another, whose functions it holds."""
+    first: dict[frozenset[str], Pair] = {}
+    for pair in pairs:
+        first.setdefault(pair.depends_on, pair)
+    return tuple(pair for quantities, pair in first.items() if not any(other < quantities for other in first))
 
 
 def _table_fit(evidence: Evidence, rival: Standing) -> Fit | None:

@@ -22,9 +22,9 @@ from ..calibrated import (
     each_by_itself,
 )
 from ..calibration.estimates import simplest_directions
-from ..calibration.targets import corners, error_weights
+from ..calibration.targets import corners, error_weights, words_of
 from ..errors import InputError, nearest
-from ..evidence.evidence import Evidence, undetermined, words_of
+from ..evidence.evidence import Evidence, undetermined
 from ..evidence.fit import Fit
 from ..evidence.joint import LEAST_PART, Joint, join
 from ..evidence.of_record import Differs, in_record, is_asked, is_of_instrument, mended, named_alike, names_of

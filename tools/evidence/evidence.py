@@ -16,7 +16,7 @@ from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, column_space, spaces_beyond
 from ..bounded.sets import Problem, Work, sets_of_size
 from ..calibrated import Calibration, Parameter, Sigma
-from ..calibration.targets import NAMES
+from ..calibration.targets import words_of
 from ..result import finite_or_none
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits, estimated, least_radius, width_of
@@ -569,12 +569,6 @@ def undetermined(basis: str) -> Calibration:
     """Return a calibration without any result, with the reason."""
     sigma = Sigma.model_validate({"value": None, "kind": "unknown", "from": basis})
     return Calibration(verdict="insufficient", sigma=sigma, radius=None, estimator=None, parameters=[])
-
-
-def words_of(name: str) -> str:
-    """Return a parameter in words, if it has words."""
-    target, at, mounting = name.partition("@")
-    return NAMES[target][0] + at + mounting if target in NAMES else name
 
 
 def rms_size(error: NDArray) -> float:

@@ -18,10 +18,11 @@ from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, Parameter, Provenance
+from ..calibration.targets import words_of
 from ..motion.norm import LARGEST
 from .bench_left_out import trials_of_each
 from .bench_model import LARGEST_OF_BENCH, relinearised, with_possible_sizes
-from .evidence import Effort, Evidence, Linear, Reader, Trial, parameters_with, words_of
+from .evidence import Effort, Evidence, Linear, Reader, Trial, parameters_with
 from .fit import Fit, blocks_of, estimated, hull, width_of
 from .of_record import Differs, InRecord, differs, in_record, is_of_instrument, plain
 from .rows import Rows, reading_at

@@ -118,7 +118,7 @@ def _better(record: Measured, grid: Grid) -> Measured:
     """The record with even stamps or with those logged, whichever gyros and gravity agree with."""
     gyros = record.gyros if isinstance(record, BenchRecord) else record
     assert isinstance(gyros, StrapdownRecord)
-    off = f"stamps are up to {digits(grid.departure / grid.period, 2)} periods off even times"
+    off = f"logged ones are up to {digits(grid.departure / grid.period, 2)} periods off"
     missed = None
     if gyros.rate is not None:
         missed = missed_angles(gyros, grid)
@@ -126,16 +126,17 @@ def _better(record: Measured, grid: Grid) -> Measured:
         is_even = grid.departure > MOST_HELD * grid.period
         because = "nothing in the record tells which are right"
     else:
-        even, logged = missed.even, missed.logged
-        is_even = even <= AS_WELL * logged
-        because = (
-            f"over {missed.pieces} {missed.words} the gyros miss by {digits(math.degrees(even) * 60.0, 3)} arcmin rms "
-            f"with even stamps, {digits(math.degrees(logged) * 60.0, 3)} as logged"
-        )
+        is_even = missed.even <= AS_WELL * missed.logged
+        even, logged = (f"{digits(math.degrees(angle) * 60.0, 3)}" for angle in (missed.even, missed.logged))
+        pieces = f"over {missed.pieces} {missed.words}"
+        because = f"{pieces} the gyros miss by {even} arcmin rms with even ones, {logged} with logged ones"
+        if even == logged:
+            because = f"{pieces} both do as well"
     if is_even:
-        line = f"time stamps: even, {_every(grid.period)} ({off}); {because}; --stamps logged takes them as they are"
+        line = f"time stamps: even, {_every(grid.period)} ({off}); {because}; --stamps logged takes logged ones"
         return _said(replace(record, time_s=grid.even), line)
-    return _said(record, f"time stamps: as logged ({off}); {because}; --stamps even takes even times")
+    off = f"up to {digits(grid.departure / grid.period, 2)} periods off even ones"
+    return _said(record, f"time stamps: as logged, {off}; {because}; --stamps even takes even ones")
 
 
 @dataclass(frozen=True)

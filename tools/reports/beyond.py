@@ -37,12 +37,13 @@ def extension_texts(result: Diagnosis) -> list[str]:
     law = result.extension
     if law is None:
         return []
-    form = law.words
+    form = f"the formula {law.words}"
     if law.knots:
-        form = f"a table of {len(law.knots)} knots" + (" of each gyro" if law.beside else "")
+        form = f"a curve through {len(law.knots)} points" + (" for each gyro" if law.beside else "")
+    where = _where(law).replace("-", " ")
     texts = [
-        f"Beyond the catalogue: {_where(law)} {form}, {_function_of(law)}, extends the model: "
-        f"radius {residual(law.radius)}{_left_out(law)}{_needed(law)}."
+        f"Beyond the catalogue: {form}, {_function_of(law)}, describes the error of the {where}, without a known "
+        f"cause. Largest error with it: {residual(law.radius)} of its bound{_left_out(law)}{_needed(law)}."
     ]
     if law.gain is not None:
         gain, unit = law.gain, result.unit or "g"
@@ -95,7 +96,7 @@ def _needed(law: BeyondCatalogue) -> str:
 def _left_out(law: StatedLaw) -> str:
     if law.left_out_rms is None or law.left_out_max is None:
         return ""
-    return f", left out rms {digits(law.left_out_rms)} of the bound, max {upwards(law.left_out_max, 3)}"
+    return f"; of readings that were left out {upwards(law.left_out_max, 3)} ({digits(law.left_out_rms)} rms)"
 
 
 def sections(result: Diagnosis) -> list[Section]:
@@ -105,7 +106,7 @@ def sections(result: Diagnosis) -> list[Section]:
         bands = (result.band,)
     if not bands or result.beyond is None:
         return []
-    texts = [sentence(text) for text in result.caution or ()]
+    texts = [sentence(text) for text in dict.fromkeys((*result.caution, *result.beyond.caution))]
     texts.append(HOW_TO_READ)
     if len(result.beyond.readings[0]):
         texts.append(POINTS)

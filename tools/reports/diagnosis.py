@@ -18,7 +18,7 @@ from .inspection import record_sections
 from .pictures import WIDTH
 from .pictures.residuals import held_out, shares_of_pieces
 from .sources import cited, versions
-from .terminal import terminal_lines
+from .terminal import detection_limit, terminal_lines
 
 ANSWERS = {
     "stands": "stands: it brings every error within its bound",
@@ -40,7 +40,7 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
     if result.sources is None:
         return _page_of_file(result)
     warnings = list(result.warnings)
-    if result.cut_off_at is not None:
+    if result.cut_off_at is not None and result.verdict != "explained":
         warnings.append(cut_off(result.cut_off_at))
     verdict = diagnosis_sentence(result)
     return Page(
@@ -62,6 +62,8 @@ def _page_of_file(result: Diagnosis) -> Page:
     rows: list[list[Cell]] = []
     texts = []
     for number, explanation in enumerate(result.explanations, start=1):
+        if explanation.kind in OF_RECORD:
+            texts.append(explanation.sentence)
         for cause in explanation.causes:
             texts.append(sentence(cause.sentence))
             for p, value, (least, most) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
@@ -405,20 +407,43 @@ LACKS = "The simulation lacks something"
 
 
 def _verdict(result: Diagnosis) -> str:
-    if result.best is not None and result.verdict == "explained" and result.best.kind in OF_RECORD:
-        return result.best.sentence
     if result.verdict == "explained":
-        return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
+        return _explained(result)
     if result.verdict == "ambiguous":
         return _ambiguous(result)
     if result.verdict == "unexplained":
         return _unexplained(result)
     if result.verdict == "insufficient":
         return f"Too little was measured to judge the simulation: {missing_words(result)}."
-    return (
+    return _consistent(result)
+
+
+def _consistent(result: Diagnosis) -> str:
+    """Return the verdict on a model that stands, with the size of the errors that could still be there."""
+    text = (
         "Consistent: the simulation explains the record within its noise; no error is more than "
         f"{residual(result.radius or 0.0)} of its bound, and no effect is named."
     )
+    limit = detection_limit(result)
+    return f"{text} Errors below {limit} could be there and not show." if limit else text
+
+
+def _explained(result: Diagnosis) -> str:
+    """Return the named explanation, with what speaks against it: an untried rival, or held-out parts."""
+    if result.best is not None and result.best.kind in OF_RECORD:
+        text = result.best.sentence
+        if result.cut_off_at is not None:
+            text += f" But {cut_off(result.cut_off_at)}."
+    else:
+        text = f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
+    gain = result.gain
+    if gain is not None and not gain.improves:
+        before, after = digits(gain.held_out_rms_before), digits(gain.held_out_rms_after)
+        text += (
+            f" But it does not predict what was held out: the rms error goes from {before} to {after} "
+            f"{gain.unit or result.unit or 'g'}."
+        )
+    return text
 
 
 def _ambiguous(result: Diagnosis) -> str:

@@ -1,10 +1,12 @@
 """The answer of a diagnosis at a terminal: verdict, evidence, certain facts, tried explanations, next step."""
 
+import re
 import textwrap
 from collections.abc import Iterator, Sequence
 
-from ..diagnosis.cause import Cause
+from ..diagnosis.cause import NO_SIZES, Cause
 from ..diagnosis.result import Diagnosis
+from ..diagnosis.shortlist import rows_in_words
 from ..document.notation import sentence, unit_text
 from ..evidence.pairs import in_words
 from ..rounding import NONE, digits, exactly, interval, residual, upwards
@@ -18,6 +20,10 @@ MOST_SIZES, MOST_RIVALS, MOST_HYPOTHESES = 4, 3, 2
 MOST_VERDICT, MOST_ENTRY = 5, 3
 """Largest number of lines of the verdict, and of an entry."""
 MORE = "..."
+WRITTEN = ("formula", "lookup", "bias-wander")
+"""Effects whose parameters have no meaning but their law."""
+OF_FORMULA = re.compile(r"^(c of [^:]*|Γ): ")
+"""The symbol of a parameter in its formula, before its meaning."""
 PLACES = {"g": "an accelerometer", "rad": "an axis", "rad/s": "a gyro"}
 
 
@@ -46,7 +52,7 @@ def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
     for text in open_texts(result):
         yield "Not certain", text
     for text in beyond.extension_texts(result)[:1]:
-        yield "Beyond", text.removeprefix("Beyond the catalogue: ")
+        yield "Beyond", sentence(text.removeprefix("Beyond the catalogue: "))
     for hypothesis in (result.hypotheses or ())[:MOST_HYPOTHESES]:
         radii = f"{residual(hypothesis.radius_before)} -> {residual(hypothesis.radius)}"
         yield "Formula", f"{hypothesis.formula}: {hypothesis.answer}; largest error over its bound {radii}."
@@ -84,44 +90,64 @@ def certain_texts(result: Diagnosis) -> list[str]:
     """Return the facts that the record proves: sizes with their intervals, or a place and a quantity."""
     texts: list[str] = []
     if result.verdict == "explained" and result.best is not None:
-        sizes: list[str] = []
-        for cause in result.best.causes:
-            sizes += _sizes(cause, several=len(result.best.causes) > 1)
-        texts += sizes[:MOST_SIZES]
-        if len(sizes) > MOST_SIZES:
-            texts[-1] += f"; {len(sizes) - MOST_SIZES} more sizes"
+        texts += _first_of(_sizes(result, may_be_zero=False), "sizes")
         if result.best.rows and not result.best.causes:
             count = (result.calibration.positions or 0) - len(result.best.rows)
-            texts.append(f"without {_rows(result.best.rows)} the other {count} fit within σ.")
+            texts.append(f"without {rows_in_words(result.best.rows)} the other {count} fit within σ.")
     proven = result.proven
     if proven is not None and result.verdict == "ambiguous":
         text = f"the error is at {proven.place.replace('-', ' ')}"
         if proven.quantity:
             text += f" and depends on {in_words(proven.quantity)} alone"
         texts.append(f"{text}.")
-    if result.verdict == "consistent":
-        texts += _detection(result)
     return texts
 
 
-def _detection(result: Diagnosis) -> list[str]:
-    """Return the detection limit of errors outside the catalogue."""
+def detection_limit(result: Diagnosis) -> str:
+    """Return the size from which an error outside the catalogue shows, by its place; empty if none surely shows."""
     sizes = []
     for unit, where in PLACES.items():
         of_unit = [entry["size"] for entry in result.power or () if entry["unit"] == unit and entry["size"] is not None]
         if of_unit:
             sizes.append(f"{upwards(max(of_unit), 2)} {unit} in {where}")
-    return [f"a smooth error above {' or '.join(sizes)} would have shown."] if sizes else []
+    return " or ".join(sizes)
 
 
-def _sizes(cause: Cause, *, several: bool) -> list[str]:
-    """Return each parameter with its interval; for several effects with the effect."""
-    texts, of = [], f"{cause.place.title}: " if several else ""
-    for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-        estimate, least, most = interval(value, low, high)
-        ends = "" if NONE in (least, most) else f", from {least} to {most}"
-        texts.append(f"{of}{parameter.name} {estimate}{ends} {unit_text(parameter.unit) or ''}".rstrip())
+def _sizes(result: Diagnosis, *, may_be_zero: bool) -> list[str]:
+    """Return each named size with its interval: those that may be zero, or the others."""
+    causes, texts = result.causes, []
+    for cause in causes:
+        of = f"{cause.place.title}: " if len(causes) > 1 else ""
+        for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+            is_open = low <= 0.0 <= high and not parameter.name.endswith(NO_SIZES)
+            if is_open != may_be_zero:
+                continue
+            estimate, least, most = interval(value, low, high)
+            unit = unit_text(parameter.unit) or ""
+            head = f"{of}{_size_in_words(cause, parameter.name)}"
+            if NONE in (least, most):
+                texts.append(f"{head}: {estimate} {unit}".rstrip())
+            elif may_be_zero:
+                texts.append(f"{head}: may be zero, from {least} to {most} {unit}".rstrip())
+            else:
+                texts.append(f"{head}: {estimate}, from {least} to {most} {unit}".rstrip())
     return texts
+
+
+def _size_in_words(cause: Cause, name: str) -> str:
+    """Return the meaning of a parameter of an effect; its name if it is one of a user's formula or of a table."""
+    if cause.effect in WRITTEN:
+        return name
+    descriptions = {p.name: p.description for p in cause.place.definition.parameters}
+    return OF_FORMULA.sub("", descriptions.get(name, name))
+
+
+def _first_of(texts: Sequence[str], noun: str) -> list[str]:
+    """Return the first of many texts, the last of these with the number of the others."""
+    first = list(texts[:MOST_SIZES])
+    if len(texts) > MOST_SIZES:
+        first[-1] += f"; {len(texts) - MOST_SIZES} more {noun}"
+    return first
 
 
 def open_texts(result: Diagnosis) -> list[str]:
@@ -132,6 +158,8 @@ def open_texts(result: Diagnosis) -> list[str]:
         texts += [sentence(text.rstrip(".")) for text in rivals[:MOST_RIVALS]]
         if len(rivals) > MOST_RIVALS:
             texts[-1] += f" And {len(rivals) - MOST_RIVALS} more."
+    if result.verdict == "explained":
+        texts += _first_of(_sizes(result, may_be_zero=True), "may be zero")
     if result.level == "quantity" and result.verdict == "explained":
         texts.append("the exact law: any curve within the band of the report fits.")
     texts += [sentence(text) for text in (result.objections or ())[:1]]
@@ -147,10 +175,11 @@ def tried_text(result: Diagnosis) -> str:
     if result.calibration.verdict != "falsified" and not result.tried:
         return ""
     texts = ["a larger σ", "wrong rows", "breaks"] if result.calibration.linearised is not None else []
-    if result.tried:
+    if result.tried and result.cut_off_at != 1:
         texts.append(f"{len(result.tried)} single effects")
-    largest = {1: "", 2: "sets of two not all", 3: "sets of three not all"}[result.cut_off_at or 1]
-    texts += [largest] if largest else []
+    if result.cut_off_at is not None:
+        largest = {1: "single effects", 2: "sets of two", 3: "sets of three"}[result.cut_off_at]
+        texts.append(f"{largest} not all")
     if result.suffices:
         texts.append("functions of one quantity")
     return f"{', '.join(texts)}."
@@ -190,12 +219,6 @@ def next_text(result: Diagnosis) -> str:
     if result.verdict == "insufficient" and result.missing:
         return f"add {'; '.join(str(gap) for gap in result.missing[:2])}."
     return ""
-
-
-def _rows(rows: Sequence[int]) -> str:
-    if len(rows) > 3 and rows[-1] - rows[0] == len(rows) - 1:
-        return f"rows {rows[0]} to {rows[-1]}"
-    return f"{'row' if len(rows) == 1 else 'rows'} {', '.join(map(str, rows))}"
 
 
 def _wrapped(text: str, label: str, most: int) -> list[str]:

@@ -179,7 +179,9 @@ def test_rows_that_are_wrong_are_no_effect():
     record = session.recorded(angles, reading)
     diagnosis = diagnosed(record)
     assert diagnosis.verdict == "explained"
-    with pytest.raises(InputError, match="names no effect but rows"):
+    with pytest.raises(
+        InputError, match=r"names no effect of the instrument but a fault of its record \(Row 13 is wrong"
+    ):
         th.calibrate(record, explained_by=diagnosis)
 
 

@@ -3,9 +3,13 @@
 import pytest
 
 from generator import SIGMA
+from generator.positions import drawn_record
 from generator.wrong_rows import with_wrong_rows, with_wrong_stretch
 from page_text import shown
-from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.cli import main
+from trihedron.tools.diagnosis import Diagnosis, diagnose, evidence_of, read_diagnosis
+from trihedron.tools.diagnosis.procedure import diagnosed
+from trihedron.tools.records import write_record
 
 SHOWN = ("bench, explained", "bench, explained, with its gain", "bench, unexplained", "block, explained",
          "block, ambiguous", "block, insufficient")  # fmt: skip
@@ -33,7 +37,71 @@ def test_wrong_rows_fit_the_screen_and_say_what_to_do(what):
     assert "Next:        Check rows " in str(diagnosis)
 
 
-def test_a_stretch_fits_the_screen():
-    diagnosis = diagnose(with_wrong_stretch(4, "channels exchanged", 36, 7).record, noise_bound=SIGMA, rerun=False)
+def verdict(diagnosis: Diagnosis) -> str:
+    """Return the verdict in one line."""
+    return " ".join(str(diagnosis).partition("Evidence:")[0].split())
+
+
+def test_the_answer_on_exchanged_columns_says_to_swap_them_back():
+    wrong = with_wrong_stretch(4, "channels exchanged", 36, 7)
+    diagnosis = diagnose(wrong.record, noise_bound=SIGMA, rerun=False)
     assert fits(diagnosis)
-    assert "exchanged" in str(diagnosis).partition("Evidence:")[0]
+    assert "exchanged" in verdict(diagnosis)
+    first, second = diagnosis.explanations[0].change["exchanged"]
+    rows = f"rows {wrong.rows[0]} to {wrong.rows[-1]}"
+    assert diagnosis.next == (f"swap {first} and {second} back in {rows}, and diagnose again",)
+
+
+def test_a_fault_beside_an_unfinished_search_is_said_to_be_so():
+    record = with_wrong_stretch(4, "channels exchanged", 36, 7).record
+    diagnosis = diagnosed(evidence_of(record, noise_bound=SIGMA), rerun=False, most_work=1.0)
+    assert (diagnosis.verdict, diagnosis.complete) == ("explained", False)
+    assert verdict(diagnosis).endswith("But the search was cut off: single effects were not all tried.")
+    assert "single effects not all" in str(diagnosis)
+    assert "cut off" not in verdict(diagnose(record, noise_bound=SIGMA, rerun=False))
+
+
+def test_a_consistent_record_says_which_errors_could_still_be_there():
+    diagnosis = diagnose(drawn_record(3, count=24), noise_bound=SIGMA)
+    assert diagnosis.verdict == "consistent"
+    largest = max(entry["size"] for entry in diagnosis.power if entry["unit"] == "g" and entry["size"] is not None)
+    text = verdict(diagnosis)
+    assert text.endswith("could be there and not show.")
+    assert float(text.partition("Errors below ")[2].split()[0]) == pytest.approx(largest, rel=0.1)
+
+
+def test_a_gain_that_fails_is_in_the_verdict():
+    diagnosis = shown("bench, explained, with its gain")[0]
+    assert "held out" not in verdict(diagnosis)
+    worse = diagnosis.gain.model_copy(update={"held_out_rms_after": 2.0 * diagnosis.gain.held_out_rms_before})
+    failed = diagnosis.model_copy(update={"gain": worse})
+    assert "But it does not predict what was held out: the rms error goes from" in verdict(failed)
+
+
+def test_a_size_that_may_be_zero_is_not_certain():
+    diagnosis = shown("bench, explained")[0]
+    (cause,) = diagnosis.causes
+    size, *others = cause.parameters
+    assert f"{size.name} {size.estimate}" not in str(diagnosis)
+    ends = {"low": -2.0 * abs(size.estimate), "high": 2.0 * abs(size.estimate)}
+    causes = (cause.model_copy(update={"parameters": (size.model_copy(update=ends), *others)}),)
+    first, *rest = diagnosis.explanations
+    explanations = (first.model_copy(update={"causes": causes}), *rest)
+    weak = str(diagnosis.model_copy(update={"causes": causes, "explanations": explanations}))
+    assert "may be zero, from -" in weak.partition("Not certain:")[2].partition("Tried:")[0]
+    assert "may be zero" not in weak.partition("Not certain:")[0]
+
+
+def test_an_export_without_an_effect_says_why_it_writes_nothing(tmp_path, capsys):
+    record = tmp_path / "r.csv"
+    write_record(with_wrong_rows(4, "angle", 24, 1).record, record)
+    options = ["--noise-bound", str(SIGMA), "--export", str(tmp_path / "x"), "--json", str(tmp_path / "d.json")]
+    assert main(["diagnose", str(record), *options]) == 0
+    assert "nothing to write, the diagnosis names no effect of the instrument" in capsys.readouterr().out
+    assert not (tmp_path / "x").exists()
+    assert main(["apply", str(tmp_path / "d.json"), str(record)]) == 2
+    assert "a fault of its record (Row " in capsys.readouterr().err
+    read = read_diagnosis(tmp_path / "d.json")
+    assert read is not None
+    page = read.report(tmp_path / "p.html").read_text(encoding="utf-8")
+    assert read.explanations[0].sentence in " ".join(page.split())
