@@ -52,6 +52,11 @@ def held_out(content: dict[str, Any]) -> float:
     return gain.get("held_out_rms_after", float("inf")) / SIGMA
 
 
+def is_alone(verdict: str, level: str | None, caution: Any) -> bool:
+    """Return true if a law is named as the only one, without a caution."""
+    return verdict == "explained" and level != "quantity" and not caution
+
+
 def judged(case: Outside, content: dict[str, Any]) -> set[str]:
     """Return the true statements of a diagnosis."""
     proven = content.get("proven") or {}
@@ -60,7 +65,8 @@ def judged(case: Outside, content: dict[str, Any]) -> set[str]:
     right = bool(pairs & same)
     expected = case.kind != "sharp" and case.positions >= MANY and case.multiple >= LARGE
     facts = {
-        "alone": content["verdict"] == "explained" and not content.get("caution") and not causes <= set(case.also),
+        "alone": is_alone(content["verdict"], content.get("level"), content.get("caution"))
+        and not causes <= set(case.also),
         "wrong": proven.get("place") not in {None, *(place for place, *_ in same)} or (bool(pairs) and not right),
         "expected": expected,
         "found": expected and right,
@@ -94,7 +100,7 @@ def test_outside_the_catalogue_of_gyros(tmp_path: Path, capsys: pytest.CaptureFi
         result: Any = diagnose(read_record(case.path, StrapdownRecord))
         proven, gain = result.proven, result.extension and result.extension.gain
         counts["falsified"] += result.verdict != "consistent"
-        counts["alone"] += result.verdict == "explained" and not result.caution
+        counts["alone"] += is_alone(result.verdict, result.level, result.caution)
         if proven is not None:
             same = proven.quantity is None or case.quantity in (proven.on, *proven.same)
             right = proven.place == case.place and same
