@@ -33,7 +33,7 @@ _FUNCTIONS = {
     ),
     "measured": (
         *("attitude_of_record", "bench_at", "calibrate", "check", "diagnose"),
-        *("calibrate_together", "diagnose_together", "import_record", "inspect"),
+        *("calibrate_together", "diagnose_together", "import_record", "inspect", "noise"),
     ),
     "planning.library": ("plan", "plan_check", "plan_imu", "plan_positions"),
     "records": ("read_record",),

@@ -25,6 +25,7 @@ from .tools.measured import diagnose as diagnose
 from .tools.measured import diagnose_together as diagnose_together
 from .tools.measured import import_record as import_record
 from .tools.measured import inspect as inspect
+from .tools.measured import noise as noise
 from .tools.orchestrator import Simulation as Simulation
 from .tools.planning.library import plan as plan
 from .tools.planning.library import plan_check as plan_check

@@ -77,6 +77,7 @@ COMMANDS = (
     command("apply calibration.json clean.csv --out out.csv --json out.json", "calibration.json", "clean.csv"),
     command("export-calibration calibration.json --to c --out out.h --json out.json", "calibration.json"),
     command("inspect strapdown.csv --json out.json --allan out.svg --plot out.html", "strapdown.csv"),
+    command("noise strapdown.csv --dwell 1 --json out.json --report out.html --kalibr out.yaml", "strapdown.csv"),
     command("attitude strapdown.csv --out out --json out.json --plot out.html", "strapdown.csv"),
     command("fmpy-input strapdown.csv --out out.csv --json out.json", "strapdown.csv"),
     command("hidden out.csv --seed 3 --answer out-answer.json --json out.json"),

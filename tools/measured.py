@@ -10,6 +10,7 @@ from typing import Any
 from . import calibration as calibrations
 from . import check as checks
 from . import diagnosis, foreign, motion, own_effects, records
+from . import noise as noises
 from .errors import InputError
 from .options import (
     Baseline,
@@ -135,6 +136,59 @@ def inspect(
     inspection = motion.inspect_record(run.gyros, gravity=gravity, trust=trust)
     at_table = calibrations.judged_at_table(run, gravity)
     return inspection.model_copy(update={"accelerometers": None, "at_table": at_table})
+
+
+def noise(
+    record: "records.Source",
+    *others: "records.Source",
+    dwell: float | None = None,
+    positions: int = 24,
+    gap: float = 0.0,
+    probability: float = 0.95,
+    skip: float = 0.0,
+    gravity: Gravity = 9.80665,
+    channels: Channels = (),
+    progress: Progress = False,
+) -> "noises.Noise":
+    """Identify the noise of gyros and accelerometers from a record of the block at rest.
+
+    White noise, quantisation, bias instability, random walk, correlated noise and ramp are fitted to the spectrum. Of a
+    record with moves its rests are taken.
+
+    Parameters
+    ----------
+    record : path, table in memory or record
+        Strapdown, bench or raw record, CSV or Parquet; an hour at rest tells most.
+    others : path, table in memory or record
+        Further records of the same instrument, of the same rate.
+    dwell : float, optional
+        Averaging time of a position [s]: the bound σ of averaged readings is told for it.
+    positions : int
+        Number of positions of that calibration.
+    gap : float
+        Time between its rests [s].
+    probability : float
+        Probability that all its readings keep the bound.
+    skip : float
+        Time at the start of each record that is left out: warm-up [s].
+
+    Returns
+    -------
+    Noise
+        Coefficients with intervals, Allan deviation, growth of attitude and velocity errors.
+
+    Raises
+    ------
+    InputError
+        for a record without a rest, or records that do not go together
+    """
+    kinds = records.StrapdownRecord, records.BenchRecord, records.RawRecord
+    runs = [records.read_record(source, *kinds, channels=channels) for source in (record, *others)]
+    result = noises.identify(runs, gravity=gravity, skip=skip, progress=progress)
+    if dwell is None:
+        return result
+    averaged = result.average(dwell, positions, gap_s=gap, probability=probability)
+    return result.model_copy(update={"averaged": averaged})
 
 
 def attitude_of_record(

@@ -85,6 +85,7 @@ GROUPS = {
         "import": commands.import_command,
         "check": commands.check_command,
         "inspect": commands.inspect_command,
+        "noise": commands.noise_command,
         "plan": plan,
         "measure": studies.measure_command,
         "instrument": studies.instrument,

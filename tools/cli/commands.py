@@ -18,6 +18,7 @@ from .. import (
     library,
     measured,
     motion,
+    noise,
     orchestrator,
     own_effects,
     records,
@@ -350,6 +351,37 @@ def inspect_command(
     if complaint:
         complaint = f"{record.name}: {complaint}. If the record is right all the same, add --trust"
     return answer(inspection, json, complaint=complaint)
+
+
+@with_options_of(measured.noise)
+def noise_command(
+    record: Path,
+    /,
+    *others: Path,
+    json: JsonFile = None,
+    report: ReportFile = None,
+    kalibr: File = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron noise static.csv --dwell 60 --positions 24 --json noise.json
+
+    Example: trihedron noise static.csv --kalibr imu.yaml --report noise.html
+
+    Parameters
+    ----------
+    others
+        Further records of the same instrument, of the same rate.
+    kalibr
+        Write the densities as kalibr's imu.yaml to this file.
+    """
+    written = {"--json": json, "--report": report, "--kalibr": kalibr}
+    distinct_files({**_files_of(record, others), **written})
+    result = measured.noise(record, *others, **options, progress=True)
+    if kalibr is not None:
+        write_text(kalibr, noise.kalibr_yaml(result))
+    if report is not None:
+        reports.write_report(report, result)
+    return answer(result, json)
 
 
 @with_options_of(measured.attitude_of_record)

@@ -42,6 +42,7 @@ PAGES = {
     "Inspection": ("inspection", "inspection_page"),
     "Installation": ("pages", "installation_page"),
     "Measured": ("measure", "measured_page"),
+    "Noise": ("noise", "noise_page"),
     "Plans": ("plan", "plans_page"),
     "PositionPlan": ("plan", "positions_page"),
     "PublishedCalibration": ("papers", "published_page"),

@@ -1,0 +1,149 @@
+"""Identification of the noise of an instrument from its readings at rest."""
+
+from collections.abc import Sequence
+
+from ...fmus.units import STANDARD_GRAVITY
+from ..errors import InvalidInput
+from ..progress import tracked
+from ..records import RawRecord, StrapdownRecord
+from .allan import allan_curve
+from .likelihood import Fit
+from .pieces import AtRest, Channel, at_rest
+from .processes import PROCESSES, Letter
+from .result import ChannelNoise, Coefficient, Drift, Noise, NoiseSource, SpectralLine
+from .selection import Selection, select
+from .spectrum import Line, bins_of
+
+MINUTE = 60.0
+NOT_TOLD = 300.0
+"""A stretch shorter than this tells little of bias instability and random walks [s]."""
+DRIFT_TIMES = (60.0, 600.0, 3600.0)
+"""Times for which the growth of errors is told [s]."""
+LONGER = 10.0
+"""A growth is told up to this many times the longest stretch."""
+
+
+def identify(
+    records: Sequence[StrapdownRecord | RawRecord],
+    *,
+    gravity: float = STANDARD_GRAVITY,
+    skip: float = 0.0,
+    progress: bool = False,
+) -> Noise:
+    """Return the noise processes of records of one instrument at rest, with their coefficients.
+
+    Parameters
+    ----------
+    records : sequence of StrapdownRecord, RawRecord or BenchRecord
+        records of one sampling rate
+    gravity : float
+        model value [m/s²]
+    skip : float
+        time at the start of each record that is left out: warm-up [s]
+    progress : bool
+        show a bar on standard error, where that is a terminal
+
+    Returns
+    -------
+    Noise
+        the coefficients
+
+    Raises
+    ------
+    InputError
+        for a record without a rest, or records that do not go together
+    """
+    if not skip >= 0.0:
+        raise InvalidInput(f"--skip {skip!r}: a time in seconds is needed, 0 or more")
+    still = at_rest(records, skip)
+    channels = []
+    for channel in tracked(still.channels, "noise", show=progress):
+        channels.append(_of_channel(channel, still))
+    sources = [NoiseSource(record=record.path.name, sha256=record.sha256) for record in records]
+    return Noise(
+        records=sources,
+        rate_hz=1.0 / still.step,
+        duration_s=still.duration,
+        stretches=len(still.channels[0].pieces),
+        static=still.static,
+        gravity_mps2=gravity,
+        channels=channels,
+        drifts=_drifts(channels, still.longest),
+        too_short_for=_too_short_for(still),
+    )
+
+
+def _of_channel(channel: Channel, still: AtRest) -> ChannelNoise:
+    """Return the noise of one channel."""
+    bins, lines = bins_of(channel.pieces, still.step)
+    selection = select(bins)
+    return ChannelNoise(
+        channel=channel.name,
+        sensor=channel.sensor,
+        unit="rad/s" if channel.sensor == "gyro" else "m/s²",
+        coefficients=_coefficients(channel, selection),
+        admissible=[" + ".join(fit.all_letters) for fit in selection.admissible],
+        band_hz=selection.band_hz,
+        filtered=selection.filtered,
+        worst_bin=selection.worst_bin,
+        lines=_lines(lines),
+        allan=allan_curve(channel.pieces, still.step, selection.likelihood, selection.fit),
+    )
+
+
+def _lines(lines: Sequence[Line]) -> list[SpectralLine]:
+    return [SpectralLine(frequency_hz=line.frequency_hz, amplitude=line.amplitude) for line in lines]
+
+
+def _coefficients(channel: Channel, selection: Selection) -> list[Coefficient]:
+    """Return the coefficients of a channel: of all processes but a trend or correlated noise that is not detected."""
+    fit, likelihood = selection.fit, selection.likelihood
+    coefficients = []
+    for letter in PROCESSES:
+        detected = letter in fit.all_letters
+        if not detected and letter in ("M", "R", "W"):
+            continue
+        if not detected and letter == "Q" and selection.filtered:
+            # above the band the spectrum is a filter's, or vibration's
+            continue
+        coefficients.append(
+            Coefficient.of(
+                letter,
+                channel.sensor,
+                fit.coefficient(letter) if detected else None,
+                likelihood.interval(fit, letter),
+                _time_constant(fit, letter),
+            )
+        )
+    return coefficients
+
+
+def _time_constant(fit: Fit, letter: Letter) -> float | None:
+    """Return the time constant of correlated noise or a warm-up [s]; None of any other process."""
+    if letter == "M":
+        return fit.constant
+    if letter == "W" and fit.trend is not None:
+        return fit.trend.constant
+    return None
+
+
+def _drifts(channels: Sequence[ChannelNoise], longest: float) -> list[Drift]:
+    """Return the growth of attitude and velocity errors at some times, not far beyond the length of a stretch."""
+    drifts = []
+    for time in DRIFT_TIMES:
+        if time > LONGER * longest:
+            break
+        turns = [one.drift(time) for one in channels if one.sensor == "gyro"]
+        speeds = [one.drift(time) for one in channels if one.sensor == "accelerometer"]
+        attitude = None
+        if turns:
+            attitude = max(turns) * PROCESSES["Q"].units["gyro"].factor / 3600.0
+        drifts.append(Drift(time_s=time, attitude_deg=attitude, velocity_mps=max(speeds)))
+    return drifts
+
+
+def _too_short_for(still: AtRest) -> list[str]:
+    """Return what the stretches are too short to tell."""
+    if still.longest >= NOT_TOLD:
+        return []
+    return ["bias instability and random walks: record the block at rest for an hour"]

@@ -1,0 +1,67 @@
+"""Noise densities as kalibr's imu.yaml has them."""
+
+from ..errors import InputError
+from .processes import Letter, Sensor
+from .result import ChannelNoise, Noise
+
+TOPIC = "/imu0"
+
+
+def kalibr_yaml(noise: Noise, topic: str = TOPIC) -> str:
+    """Return the text of kalibr's imu.yaml: continuous densities of white noise and random walk, of the worst axis.
+
+    kalibr takes N [rad/s/√Hz, m/s²/√Hz] and K [rad/s²/√Hz, m/s³/√Hz]. A random walk that the record does not show
+    stands with its upper end: kalibr needs a number above 0.
+
+    Raises
+    ------
+    InputError
+        for a record without gyros
+    """
+    gyros, accelerometers = noise.of("gyro"), noise.of("accelerometer")
+    if not gyros:
+        raise InputError("kalibr's imu.yaml needs gyros and accelerometers; the record has no gyros")
+    lines = [
+        f"# of {', '.join(source.record for source in noise.records)}, by trihedron {noise.trihedron}",
+        "# continuous-time densities; the noise of one sample is the density times the square root of update_rate",
+        f"rostopic: {topic}",
+        f"update_rate: {noise.rate_hz:.6g}",
+    ]
+    rows: tuple[tuple[str, Letter, list[ChannelNoise], Sensor], ...] = (
+        ("accelerometer_noise_density", "N", accelerometers, "accelerometer"),
+        ("accelerometer_random_walk", "K", accelerometers, "accelerometer"),
+        ("gyroscope_noise_density", "N", gyros, "gyro"),
+        ("gyroscope_random_walk", "K", gyros, "gyro"),
+    )
+    for key, letter, channels, sensor in rows:
+        value, detected = _worst(channels, letter)
+        note = "" if detected else ", upper end: not detected"
+        unit = PROCESS_UNITS[sensor, letter]
+        lines.append(f"{key}: {value:.6e}  # {unit}{note}")
+    return "\n".join(lines) + "\n"
+
+
+PROCESS_UNITS: dict[tuple[Sensor, Letter], str] = {
+    ("accelerometer", "N"): "m/s^2/sqrt(Hz)",
+    ("accelerometer", "K"): "m/s^3/sqrt(Hz)",
+    ("gyro", "N"): "rad/s/sqrt(Hz)",
+    ("gyro", "K"): "rad/s^2/sqrt(Hz)",
+}
+"""Units as kalibr writes them."""
+
+
+def _worst(channels: list[ChannelNoise], letter: Letter) -> tuple[float, bool]:
+    """Return the largest coefficient of three channels, and whether it is detected: upper ends of what is not."""
+    detected, bounds = [], []
+    for channel in channels:
+        one = channel.coefficient(letter)
+        if one is None or one.high is None:
+            continue
+        if one.estimate is not None:
+            detected.append(one.estimate)
+        bounds.append(one.high)
+    if detected:
+        return max(detected), True
+    if not bounds or max(bounds) == 0.0:
+        raise InputError("the record bounds no random walk; record the block at rest for an hour")
+    return max(bounds), False

@@ -1,0 +1,310 @@
+"""Fit of noise processes to a spectrum, by the likelihood of its cosine coefficients (Whittle).
+
+With the spectrum S_b = Σ θ_p s_p, θ ≥ 0, twice the negative logarithm of the likelihood is Σ ν_b (ln S_b + P_b / S_b):
+P_b the mean square of the ν_b coefficients of a bin.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, nnls
+
+from .processes import Letter, template
+from .spectrum import Bins
+
+ROUNDS = 60
+"""Rounds of reweighted least squares."""
+CONVERGED = 1e-7
+"""A round that changes twice the logarithm by less is the last."""
+CONSTANTS = 24
+"""Correlation times that are tried."""
+LEVEL = 3.841
+"""Rise of twice the negative logarithm at the ends of a 95 % interval."""
+LOWEST = 1e-9
+"""A process below this part of its starting size is none."""
+STEP = 0.02
+"""First step of the logarithm of θ towards an end of an interval; each further one is twice as long."""
+WIDEST = 30.0
+"""Change of the logarithm of θ beyond which no end is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trend:
+    """A trend of the mean: "R" or "W", its size (per second, or of the warm-up), its time constant [s]."""
+
+    letter: Letter
+    size: float
+    constant: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Processes fitted to a spectrum.
+
+    Attributes
+    ----------
+    letters : tuple of str
+        the processes with a spectrum
+    power : ndarray, shape (p,)
+        θ: squares of their coefficients
+    constant : float
+        correlation time of the Markov process [s]
+    trend : Trend or None
+        trend of the mean
+    cost : float
+        twice the negative logarithm of the likelihood, but for a constant
+    """
+
+    letters: tuple[Letter, ...]
+    power: NDArray[np.float64]
+    constant: float
+    trend: Trend | None
+    cost: float
+
+    @property
+    def all_letters(self) -> tuple[Letter, ...]:
+        """The processes, the trend last."""
+        if self.trend is None:
+            return self.letters
+        return (*self.letters, self.trend.letter)
+
+    def coefficient(self, letter: Letter) -> float:
+        """Return the coefficient of a process: the square root of θ, the size of a trend; 0 where it has none."""
+        if letter in self.letters:
+            return math.sqrt(float(self.power[self.letters.index(letter)]))
+        if self.trend is not None and self.trend.letter == letter:
+            return self.trend.size
+        return 0.0
+
+
+def _end(rise: Callable[[float], float], step: float) -> float:
+    """Return the first zero of a function of the logarithm of θ on the side of a step; infinite if there is none."""
+    inside, outside = 0.0, step
+    while rise(outside) < 0.0:
+        inside, outside = outside, 2.0 * outside
+        if abs(outside) > WIDEST:
+            return math.copysign(math.inf, step)
+    return float(brentq(rise, inside, outside, xtol=1e-4))
+
+
+def _cost_of(fit: Fit) -> float:
+    return fit.cost
+
+
+class Likelihood:
+    """The likelihood of a spectrum: fits of any set of processes."""
+
+    def __init__(self, bins: Bins) -> None:
+        """Take the bins of one channel."""
+        self.bins = bins
+        # sizes near one: the fits are of ratios to a smooth level
+        self.unit = float(np.exp(np.average(np.log(np.maximum(bins.power, 1e-300)), weights=bins.count)))
+        self.templates: dict[tuple[Letter, float], NDArray[np.float64]] = {}
+
+    @cached_property
+    def constants(self) -> NDArray[np.float64]:
+        """Correlation times that are tried [s]: from three steps to a quarter of the record."""
+        first = 3.0 * self.bins.step * math.pi / max(float(self.bins.angle[-1]), 1e-12)
+        last = max(self.bins.duration / 4.0, 2.0 * first)
+        return np.geomspace(first, last, CONSTANTS)
+
+    def column(self, letter: Letter, constant: float) -> NDArray[np.float64]:
+        """Return the template of a process at the bins, of size about one."""
+        key = (letter, constant if letter == "M" else 0.0)
+        if key not in self.templates:
+            self.templates[key] = template(letter, self.bins.angle, self.bins.step, constant) / self.unit
+        return self.templates[key]
+
+    def columns(self, letters: tuple[Letter, ...], constant: float) -> NDArray[np.float64]:
+        """Return the templates (B, p) of some processes."""
+        return np.stack([self.column(letter, constant) for letter in letters], axis=1)
+
+    def spectrum(self, fit: Fit, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the variance of cosine coefficients at ω [rad per reading] by fitted processes."""
+        spectrum = np.zeros(angle.shape)
+        for letter, power in zip(fit.letters, fit.power, strict=True):
+            spectrum += power * template(letter, angle, self.bins.step, fit.constant)
+        return spectrum
+
+    def fit(self, letters: tuple[Letter, ...], trend: Letter | None = None) -> Fit:
+        """Return the best fit of a set of processes, over the correlation times and then the trends of that letter."""
+        if "M" not in letters:
+            best = self.fit_at(letters, 0.0, None)
+        else:
+            best = min((self.fit_at(letters, float(constant), None) for constant in self.constants), key=_cost_of)
+            best = self._refined(best, float(self.constants[1] / self.constants[0]))
+        if trend is None:
+            return best
+        of_trend = np.flatnonzero((self.bins.constants == 0.0) == (trend == "R"))
+        return min((self.fit_at(letters, best.constant, int(column)) for column in of_trend), key=_cost_of)
+
+    def _refined(self, best: Fit, ratio: float) -> Fit:
+        """Return the fit with a better correlation time, by halving the step of the grid."""
+        step = math.sqrt(ratio)
+        for _ in range(4):
+            for constant in (best.constant * step, best.constant / step):
+                other = self.fit_at(best.letters, constant, None)
+                if other.cost < best.cost:
+                    best = other
+            step = math.sqrt(step)
+        return best
+
+    def fit_at(self, letters: tuple[Letter, ...], constant: float, trend: int | None) -> Fit:
+        """Return the fit of a set of processes with one correlation time and one trend, by its column."""
+        columns = self.columns(letters, constant)
+        power, count = self.bins.power / self.unit, self.bins.count
+        size = 0.0
+        theta = self._least_squares(columns, power, power)
+        cost = self._cost(columns @ theta, power)
+        for _ in range(ROUNDS):
+            spectrum = columns @ theta
+            if trend is not None:
+                size = self._trend_size(spectrum, trend)
+                power = self._power_without(trend, size)
+            step = self._least_squares(columns, power, spectrum)
+            theta_new, cost_new = self._shortened(columns, power, theta, step)
+            change = cost - cost_new
+            theta, cost = theta_new, cost_new
+            if abs(change) < CONVERGED * (1.0 + float(count.sum()) * 1e-6):
+                break
+        fitted = None
+        if trend is not None:
+            of = float(self.bins.constants[trend])
+            fitted = Trend("R" if of == 0.0 else "W", size, of)
+        cost += float(count.sum()) * math.log(self.unit)
+        return Fit(letters, theta, constant, fitted, cost)
+
+    def _least_squares(
+        self, columns: NDArray[np.float64], power: NDArray[np.float64], spectrum: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return θ ≥ 0 by least squares, weighted as the scatter of the power about a spectrum is."""
+        weight = np.sqrt(self.bins.count) / np.maximum(spectrum, 1e-300)
+        scale = np.linalg.norm(columns * weight[:, None], axis=0)
+        solution, _ = nnls(columns * weight[:, None] / scale, power * weight)
+        return solution / scale
+
+    def _cost(self, spectrum: NDArray[np.float64], power: NDArray[np.float64]) -> float:
+        """Return Σ ν (ln S + P / S); infinite where the spectrum vanishes."""
+        if not np.all(spectrum > 0.0):
+            return math.inf
+        return float(self.bins.count @ (np.log(spectrum) + power / spectrum))
+
+    def _shortened(
+        self,
+        columns: NDArray[np.float64],
+        power: NDArray[np.float64],
+        before: NDArray[np.float64],
+        after: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], float]:
+        """Return the step from one θ towards another that does not raise the cost, and its cost."""
+        cost = self._cost(columns @ before, power)
+        part = 1.0
+        for _ in range(12):
+            theta = before + part * (after - before)
+            cost_new = self._cost(columns @ theta, power)
+            if cost_new <= cost:
+                return theta, cost_new
+            part *= 0.5
+        return before, cost
+
+    def _trend_size(self, spectrum: NDArray[np.float64], trend: int) -> float:
+        """Return the size of a trend by least squares, weighted by the spectrum."""
+        weight = 1.0 / (spectrum[self.bins.is_single] * self.unit)
+        shape = self.bins.trend[:, trend]
+        return float((weight * shape) @ self.bins.single / ((weight * shape) @ shape))
+
+    def _power_without(self, trend: int, size: float) -> NDArray[np.float64]:
+        """Return the power of the bins without a trend."""
+        power = self.bins.power.copy()
+        power[self.bins.is_single] = (self.bins.single - size * self.bins.trend[:, trend]) ** 2
+        return power / self.unit
+
+    def interval(self, fit: Fit, letter: Letter) -> tuple[float, float]:
+        """Return the ends of the 95 % interval of a coefficient, by the profile of the likelihood.
+
+        The low end is 0 where the record does not exclude the process. The process may be one that the fit lacks.
+        """
+        letters = fit.letters if letter in fit.letters else (*fit.letters, letter)
+        trend = None
+        if fit.trend is not None:
+            trend = int(np.argmin(np.abs(self.bins.constants - fit.trend.constant)))
+        if letter in ("R", "W"):
+            return self._trend_interval(fit)
+        best = self.fit_at(letters, fit.constant, trend)
+        place = letters.index(letter)
+        # the size at which the process alone makes the power, where it is not needed
+        alone = float(np.median(self.bins.power / self.unit / self.column(letter, fit.constant)))
+        start = max(float(best.power[place]), LOWEST * alone)
+
+        def rise(logarithm: float) -> float:
+            return self._cost_with(best, place, start * math.exp(logarithm), trend) - best.cost - LEVEL
+
+        low, high = _end(rise, -STEP), _end(rise, STEP)
+        return math.sqrt(start * math.exp(low)), math.sqrt(start * math.exp(high))
+
+    def _cost_with(self, best: Fit, place: int, theta: float, trend: int | None) -> float:
+        """Return the least cost with one process of a fit fixed at a size θ."""
+        columns = self.columns(best.letters, best.constant)
+        fixed = columns[:, place] * theta
+        others = np.delete(columns, place, axis=1)
+        power = self.bins.power / self.unit
+        # a floor far below the power: nothing else may be there
+        spectrum = fixed + others @ np.delete(best.power, place) + LOWEST * float(np.median(power))
+        cost = math.inf
+        for _ in range(ROUNDS):
+            if trend is not None:
+                power = self._power_without(trend, self._trend_size(spectrum, trend))
+            step = spectrum
+            if others.shape[1]:
+                step = fixed + others @ self._least_squares(others, power - fixed, spectrum)
+            spectrum, cost_new = self._better(spectrum, step, power)
+            if abs(cost - cost_new) < 1e-6:
+                break
+            cost = cost_new
+        return cost_new + float(self.bins.count.sum()) * math.log(self.unit)
+
+    def _better(
+        self, before: NDArray[np.float64], after: NDArray[np.float64], power: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], float]:
+        """Return the spectrum on the way from one to another that does not raise the cost, and its cost."""
+        cost = self._cost(before, power)
+        part = 1.0
+        for _ in range(12):
+            spectrum = before + part * (after - before)
+            cost_new = self._cost(spectrum, power)
+            if cost_new <= cost:
+                return spectrum, cost_new
+            part *= 0.5
+        return before, cost
+
+    def _trend_interval(self, fit: Fit) -> tuple[float, float]:
+        """Return the ends of the 95 % interval of a trend's size, the spectrum as it is fitted."""
+        assert fit.trend is not None
+        trend = int(np.argmin(np.abs(self.bins.constants - fit.trend.constant)))
+        spectrum = self.columns(fit.letters, fit.constant) @ fit.power * self.unit
+        shape = self.bins.trend[:, trend]
+        deviation = 1.0 / math.sqrt(float(shape @ (shape / spectrum[self.bins.is_single])))
+        half = math.sqrt(LEVEL) * deviation
+        return fit.trend.size - half, fit.trend.size + half
+
+    def worst_bin(self, fit: Fit) -> float:
+        """Return the largest deviation of a bin from the fit, in standard deviations of a normal variable."""
+        spectrum = self.columns(fit.letters, fit.constant) @ fit.power
+        power = self.bins.power / self.unit
+        if fit.trend is not None:
+            trend = int(np.argmin(np.abs(self.bins.constants - fit.trend.constant)))
+            power = self._power_without(trend, fit.trend.size)
+        # Wilson and Hilferty: the cube root of chi-square is nearly normal
+        spread = 2.0 / (9.0 * self.bins.count)
+        return float(np.max(np.abs(np.cbrt(power / spectrum) - (1.0 - spread)) / np.sqrt(spread)))
+
+    def with_power(self, fit: Fit, power: NDArray[np.float64]) -> Fit:
+        """Return a fit with other sizes, and its cost."""
+        other = replace(fit, power=power)
+        spectrum = self.columns(fit.letters, fit.constant) @ power
+        cost = self._cost(spectrum, self.bins.power / self.unit)
+        return replace(other, cost=cost + float(self.bins.count.sum()) * math.log(self.unit))

@@ -1,0 +1,254 @@
+"""The spectrum of pieces of a record: mean squares of cosine coefficients in bins of frequency.
+
+The cosine transform makes white noise and random walks with an unknown mean independent exactly; a periodogram does
+not.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.stats import chi2
+
+SINGLE = 64
+"""Lowest coefficients that are bins of their own."""
+AN_OCTAVE = 12
+"""Bins in an octave above."""
+LINE_CHANCE = 0.01
+"""Chance that white noise shows a line anywhere."""
+ROUNDS = 4
+"""Rounds in which lines are looked for."""
+LINE_BLOCKS = 6
+"""Bins in an octave of the levels that lines are held against."""
+FEWEST_IN_LEVEL = 48
+"""Coefficients whose median is a level, at least."""
+MOST_LINES = 8
+"""Largest number of lines that are named."""
+SIDE_LOBE = 0.05
+"""A line weaker than this part of the strongest may be its side lobe."""
+WARM_UPS = 12
+"""Time constants of a warm-up that are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A line of the spectrum: its frequency [Hz], and the amplitude of its sine in the unit of the readings."""
+
+    frequency_hz: float
+    amplitude: float
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """Mean squares of the cosine coefficients of one channel, with the shapes of trends.
+
+    Attributes
+    ----------
+    angle : ndarray, shape (B,)
+        ω at the middle of each bin [rad per reading]
+    power : ndarray, shape (B,)
+        mean square of the coefficients
+    count : ndarray, shape (B,)
+        coefficients in each bin
+    step : float
+        time between readings [s]
+    single, trend : ndarray, shape (S,), (S, C)
+        coefficients of the bins with one only, in their order, and those of C trends of size one
+    is_single : ndarray of bool, shape (B,)
+        true for those bins
+    constants : ndarray, shape (C,)
+        of each trend: 0 for the ramp, else the time constant of a warm-up [s]
+    duration : float
+        length of the longest piece [s]
+    """
+
+    angle: NDArray[np.float64]
+    power: NDArray[np.float64]
+    count: NDArray[np.float64]
+    step: float
+    single: NDArray[np.float64]
+    trend: NDArray[np.float64]
+    is_single: NDArray[np.bool_]
+    constants: NDArray[np.float64]
+    duration: float
+
+    def below(self, angle: float) -> "Bins":
+        """Return the bins up to a frequency ω [rad per reading]."""
+        kept = self.angle <= angle
+        of_single = kept[self.is_single]
+        return replace(
+            self,
+            angle=self.angle[kept],
+            power=self.power[kept],
+            count=self.count[kept],
+            single=self.single[of_single],
+            trend=self.trend[of_single],
+            is_single=self.is_single[kept],
+        )
+
+
+def bins_of(pieces: Sequence[NDArray[np.float64]], step: float) -> tuple[Bins, tuple[Line, ...]]:
+    """Return the spectrum of the pieces of one channel without its lines, and the lines.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray, shape (n,)
+        readings at equal steps, each piece with a mean of its own
+    step : float
+        time between readings [s]
+    """
+    parts = []
+    lines: list[Line] = []
+    constants = trend_constants(max(len(piece) for piece in pieces) * step)
+    for piece in pieces:
+        coefficients = dct(piece - piece[0], type=2, norm="ortho")[1:]
+        masked = line_mask(coefficients)
+        if not lines:
+            lines = lines_of(coefficients, masked, step)
+        parts.append(_piece_bins(coefficients, masked, step, constants))
+    joined = parts[0]
+    if len(parts) > 1:
+        joined = _joined(parts)
+    return joined, tuple(lines)
+
+
+def trend_constants(duration: float) -> NDArray[np.float64]:
+    """Return the constants of the trends that are tried: 0 for the ramp, then those of warm-ups [s]."""
+    return np.concatenate([[0.0], np.geomspace(duration / 30.0, duration / 2.0, WARM_UPS)])
+
+
+def _piece_bins(
+    coefficients: NDArray[np.float64], masked: NDArray[np.bool_], step: float, constants: NDArray[np.float64]
+) -> Bins:
+    """Return the bins of one piece."""
+    number = np.arange(1, len(coefficients) + 1)
+    edges = bin_edges(len(coefficients))
+    kept = ~masked
+    count = np.add.reduceat(kept.astype(np.float64), edges)
+    squares = np.add.reduceat(np.where(kept, coefficients**2, 0.0), edges)
+    middle = np.add.reduceat(np.where(kept, number, 0), edges)
+    filled = count > 0.0
+    count = count[filled]
+    size = len(coefficients) + 1
+    single = np.zeros(len(edges), dtype=bool)
+    single[: min(SINGLE, len(edges))] = True
+    single = single[filled]
+    of_single = edges[filled][single]
+    return Bins(
+        angle=math.pi * (middle[filled] / count) / size,
+        power=squares[filled] / count,
+        count=count,
+        step=step,
+        single=coefficients[of_single],
+        trend=_trends(size, step, constants)[of_single],
+        is_single=single,
+        constants=constants,
+        duration=size * step,
+    )
+
+
+def bin_edges(count: int) -> NDArray[np.int64]:
+    """Return the first index of each bin of the coefficients 1 to `count`, counted from 0."""
+    edges = list(range(min(SINGLE, count)))
+    at = float(SINGLE)
+    while at < count:
+        first = round(at)
+        if edges[-1] < first < count:
+            edges.append(first)
+        at *= 2.0 ** (1.0 / AN_OCTAVE)
+    return np.array(edges, dtype=np.int64)
+
+
+def _trends(size: int, step: float, constants: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the lowest coefficients (S, C) of a ramp of 1/s and of warm-ups exp(-t/T), by their sums in closed form.
+
+    They are the sums over k of x_k cos(ω (k + 1/2)) times √(2/n).
+    """
+    angle = math.pi * np.arange(1, min(SINGLE, size - 1) + 1) / size
+    odd = np.arange(1, len(angle) + 1) % 2
+    shapes = np.empty((len(angle), len(constants)))
+    for place, constant in enumerate(constants):
+        if constant == 0.0:
+            shapes[:, place] = -odd * step * np.cos(0.5 * angle) / (2.0 * np.sin(0.5 * angle) ** 2)
+            continue
+        exponent = -step / constant + 1j * angle
+        shapes[:, place] = np.real(np.exp(0.5 * exponent) * np.expm1(exponent * size) / np.expm1(exponent))
+    return shapes * math.sqrt(2.0 / size)
+
+
+def _joined(parts: Sequence[Bins]) -> Bins:
+    """Return the bins of all pieces side by side, without trends: each piece has a mean of its own."""
+    first = parts[0]
+    angle = np.concatenate([part.angle for part in parts])
+    order = np.argsort(angle, kind="stable")
+    return replace(
+        first,
+        angle=angle[order],
+        power=np.concatenate([part.power for part in parts])[order],
+        count=np.concatenate([part.count for part in parts])[order],
+        single=np.zeros(0),
+        trend=np.zeros((0, 0)),
+        is_single=np.zeros(len(angle), dtype=bool),
+        constants=np.zeros(0),
+        duration=max(part.duration for part in parts),
+    )
+
+
+def line_mask(coefficients: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return true for the coefficients (n,) of lines and their neighbours, against the median level around them."""
+    count = len(coefficients)
+    squares = coefficients**2
+    masked = np.zeros(count, dtype=bool)
+    if count < 2 * SINGLE:
+        return masked
+    edges = _level_edges(count)
+    limit = float(chi2.isf(LINE_CHANCE / count, 1)) / float(chi2.median(1))
+    for _ in range(ROUNDS):
+        level = _levels(squares, masked, edges)
+        above = squares > limit * level
+        above[:SINGLE] = False
+        wider = above.copy()
+        wider[1:] |= above[:-1]
+        wider[:-1] |= above[1:]
+        if not np.any(wider & ~masked):
+            break
+        masked |= wider
+    return masked
+
+
+def _level_edges(count: int) -> NDArray[np.int64]:
+    """Return the first index of each block of coefficients whose median is a level."""
+    edges = [0]
+    at = float(SINGLE)
+    while at < count - FEWEST_IN_LEVEL:
+        edges.append(round(at))
+        at = max(at * 2.0 ** (1.0 / LINE_BLOCKS), at + FEWEST_IN_LEVEL)
+    return np.array(edges, dtype=np.int64)
+
+
+def _levels(squares: NDArray[np.float64], masked: NDArray[np.bool_], edges: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the median of the squares (n,) of each block that are no lines."""
+    level = np.full(len(squares), np.inf)
+    ends = [*edges[1:].tolist(), len(squares)]
+    for first, end in zip(edges.tolist(), ends, strict=True):
+        unmasked = squares[first:end][~masked[first:end]]
+        if unmasked.size:
+            level[first:end] = np.median(unmasked)
+    return level
+
+
+def lines_of(coefficients: NDArray[np.float64], masked: NDArray[np.bool_], step: float) -> list[Line]:
+    """Return the strongest lines: runs of masked coefficients, with the amplitude of one sine of their energy."""
+    size = len(coefficients) + 1
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], masked, [False]]).astype(np.int8)))
+    lines = []
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        squares = coefficients[first:end] ** 2
+        energy = float(squares.sum())
+        number = float(squares @ np.arange(first + 1, end + 1)) / energy
+        lines.append(Line(number / (2.0 * size * step), math.sqrt(2.0 * energy / size)))
+    lines.sort(key=lambda line: -line.amplitude)
+    return [line for line in lines[:MOST_LINES] if line.amplitude > SIDE_LOBE * lines[0].amplitude]

@@ -1,0 +1,155 @@
+"""Page of the noise of an instrument."""
+
+from collections.abc import Sequence
+
+from ..document.blocks import Page, Section, Table, table_of
+from ..document.notation import Cell
+from ..noise import ChannelNoise, Coefficient, Dwell, Noise
+from ..rounding import digits, upwards
+from .pictures.noise import allan_parts_picture
+
+FITS = 4.2
+"""Largest deviation of a bin of the spectrum that a right fit shows."""
+SHOWN = 3
+"""Lines of the spectrum that are shown for a channel."""
+
+
+def noise_page(result: Noise) -> Page:
+    """Return the coefficients of each channel, what follows from them, and the Allan deviation."""
+    answer = _sensor_sections(result)
+    if result.averaged is not None:
+        answer.append(Section("Averaged readings", averaged_lines(result.averaged)))
+    answer.append(Section("Growth of errors", [GROWTH], table=_drifts(result)))
+    return Page(
+        f"Noise of {result.records[0].record}",
+        _verdict(result),
+        answer,
+        lambda: _further(result),
+        warnings=warnings_of(result),
+        provenance={source.record: source.sha256 for source in result.records},
+        sources=["IEEE Std 952 and IEEE Std 1293: names and units of the coefficients"],
+    )
+
+
+FOOT = "With 95 % intervals; `<`: the record does not show the process, and excludes this size."
+CAPTION = (
+    "Allan deviation. Points: the record, with 95 % intervals. Line: the fitted processes, with the band of 95 % of "
+    "records that have them."
+)
+AXES = ("axis 1", "axis 2", "axis 3")
+EVEN = 1.25
+"""Ends of an interval whose distances from the estimate differ by less than this factor are one number."""
+GROWTH = "Standard deviation that noise alone makes, the bias taken over the minute before; the worst axis."
+
+
+def _verdict(result: Noise) -> str:
+    """Return the length of the record, and the processes of the worst channel of each sensor."""
+    kind = "at rest throughout" if result.static else f"{result.stretches} rests"
+    parts = []
+    for sensor in ("gyro", "accelerometer"):
+        channels = result.of(sensor)
+        if channels:
+            names = sorted({channel.admissible[0] for channel in channels}, key=len)
+            parts.append(f"{sensor}s {', '.join(names)}")
+    return f"Noise of {digits(result.duration_s, 4)} s at {digits(result.rate_hz, 4)} Hz, {kind}: {'; '.join(parts)}."
+
+
+def _sensor_sections(result: Noise) -> list[Section]:
+    """Return a section for each sensor: the Allan deviation, and a row for each process, a column for each axis."""
+    sections: list[Section] = []
+    for sensor, unit in (("gyro", "rad/s"), ("accelerometer", "m/s²")):
+        channels = result.of(sensor)
+        letters = dict.fromkeys(one.process for channel in channels for one in channel.coefficients)
+        rows: list[list[Cell]] = []
+        for letter in letters:
+            ones = [channel.coefficient(letter) for channel in channels]
+            first = next(one for one in ones if one is not None)
+            cells: list[Cell] = [f"{letter} {first.name}", first.data_sheet_unit]
+            rows.append(cells + [coefficient_text(one) for one in ones])
+        if rows:
+            paragraphs = [] if sections else [FOOT]
+            table = Table(["process", "unit", *AXES], rows)
+            picture = allan_parts_picture(channels, unit)
+            sections.append(Section(f"{sensor.capitalize()}s", paragraphs, picture, CAPTION, table))
+    return sections
+
+
+def coefficient_text(one: Coefficient | None) -> str | None:
+    """Return a coefficient in the unit of data sheets with its interval: "0.350 ± 0.002", "3.6 -0.8 +0.9" or "< 12"."""
+    if one is None:
+        return None
+    if one.data_sheet_estimate is None:
+        return "not bounded" if one.data_sheet_high is None else f"< {upwards(one.data_sheet_high)}"
+    text = str(digits(one.data_sheet_estimate, 3))
+    if one.data_sheet_low is not None and one.data_sheet_high is not None:
+        below, above = one.data_sheet_estimate - one.data_sheet_low, one.data_sheet_high - one.data_sheet_estimate
+        if max(below, above) < EVEN * min(below, above):
+            text += f" ± {upwards(max(below, above))}"
+        else:
+            text += f" -{upwards(below)} +{upwards(above)}"
+    if one.time_constant_s is not None:
+        text += f", {digits(one.time_constant_s, 2)} s"
+    return text
+
+
+def averaged_lines(averaged: Dwell) -> list[str]:
+    """Return the bound of averaged readings, and the best dwell."""
+    lines = [
+        f"σ = {upwards(averaged.sigma, 3)} g for {averaged.positions} positions of {digits(averaged.dwell_s, 4)} s: "
+        f"all readings keep it with a probability of {digits(averaged.probability, 4)}."
+    ]
+    if averaged.not_excluded > 1.1 * averaged.deviation:
+        least = averaged.sigma * averaged.deviation / averaged.not_excluded
+        lines.append(
+            f"By the processes in the record alone it is {upwards(least, 3)} g; a longer record at rest can show it."
+        )
+    if averaged.enough_s is not None and averaged.best_dwell_s is not None:
+        lines.append(
+            f"Best dwell {digits(averaged.best_dwell_s, 2)} s; from {digits(averaged.enough_s, 2)} s on σ is within "
+            "10 % of the least."
+        )
+    else:
+        lines.append("Longer dwells lower σ up to an hour.")
+    return lines
+
+
+def _drifts(result: Noise) -> Table:
+    columns = ("time_s", "attitude_deg", "velocity_mps")
+    return table_of(result.drifts, columns)
+
+
+def warnings_of(result: Noise) -> list[str]:
+    """Return what limits the coefficients: filters, bad fits, other sets, short records, lines."""
+    lines = [f"too short for {text}" for text in result.too_short_for]
+    for channel in result.channels:
+        lines += _channel_warnings(channel)
+    return lines
+
+
+def _channel_warnings(channel: ChannelNoise) -> list[str]:
+    lines = []
+    if len(channel.admissible) > 1:
+        lines.append(f"{channel.channel}: as few numbers explain it as {' or '.join(channel.admissible)}")
+    if channel.worst_bin > FITS:
+        lines.append(
+            f"{channel.channel}: no set of processes explains the spectrum (largest deviation "
+            f"{digits(channel.worst_bin, 2)} standard deviations): vibration, or a start that still settles?"
+        )
+    elif channel.filtered:
+        lines.append(
+            f"{channel.channel}: above {digits(channel.band_hz, 3)} Hz the spectrum is that of a filter or of "
+            "vibration; below it the coefficients hold"
+        )
+    for line in channel.lines[:SHOWN]:
+        lines.append(f"{channel.channel}: a line at {digits(line.frequency_hz, 4)} Hz is left out")
+    return lines
+
+
+def _further(result: Noise) -> Sequence[Section]:
+    """Return the coefficients in SI units."""
+    rows: list[list[Cell]] = []
+    for channel in result.channels:
+        for one in channel.coefficients:
+            numbers = [None if value is None else digits(value, 4) for value in (one.estimate, one.low, one.high)]
+            rows.append([channel.channel, one.process, *numbers, one.unit])
+    return [Section("SI units", table=Table(["channel", "process", "estimate", "low", "high", "unit"], rows))]
