@@ -9,9 +9,9 @@ from .likelihood import Fit, Likelihood
 from .processes import NUMBERS, SPECTRAL, TRENDS, Letter
 from .spectrum import Bins
 
-NEEDED = 11.5
+NEEDED, NEEDED_WITH_TRENDS = 11.5, 14.5
 """Rise of twice the negative logarithm over the largest set with which a set is admissible: 99 % of the rises of the
-true set are smaller."""
+true set are smaller, where trends are no candidates, and where they are (simulated: 12.9 N, 14.5 N + B, 13.9 N + K)."""
 LOW_BAND = 20
 """The band of the fit ends at the sampling rate over this: filters of sensors act above."""
 FEWEST = 400
@@ -91,6 +91,7 @@ def _in_whole_band(fit: Fit, of_band: Likelihood, whole: Likelihood) -> Fit | No
 
 def _admissible(likelihood: Likelihood) -> tuple[Fit, ...]:
     """Return all admissible sets of the fewest numbers, the likeliest first."""
+    needed = NEEDED_WITH_TRENDS if len(likelihood.bins.constants) else NEEDED
     largest = min(likelihood.fit(SPECTRAL, trend).cost for trend in _trends(likelihood))
     sizes: dict[int, list[tuple[tuple[Letter, ...], Letter | None]]] = {}
     for letters, trend in _sets(likelihood):
@@ -100,7 +101,7 @@ def _admissible(likelihood: Likelihood) -> tuple[Fit, ...]:
         fits = []
         for letters, trend in sizes[size]:
             fit = likelihood.fit(letters, trend)
-            if fit.cost - largest <= NEEDED and all(power > 0.0 for power in fit.power):
+            if fit.cost - largest <= needed and all(power > 0.0 for power in fit.power):
                 fits.append(fit)
         if fits:
             return tuple(sorted(fits, key=lambda fit: fit.cost))
