@@ -7,6 +7,7 @@ does, from its HTML alone.
 
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -128,10 +129,26 @@ class _Tables(HTMLParser):
 
 
 def rows_of_page(page: str) -> list[dict[str, str]]:
-    """Return every row of every table of a page's HTML, by the heads of its columns."""
+    """Return every row of every table of a page's HTML, by the heads of its columns, without their powers of ten."""
     tables = _Tables()
     tables.feed(page)
-    return tables.rows
+    return [dict(without_power(head, cell) for head, cell in row.items()) for row in tables.rows]
+
+
+def without_power(head: str, cell: str) -> tuple[str, str]:
+    """Return the head of a column without its power of ten, and a cell with it: "a [10⁻⁶ g]", "7.4" as "a [g]",
+    "7.4e-6"."""
+    match = re.fullmatch(r"(.*) \[10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+) ?(.*)\]", head)
+    if match is None:
+        return head, cell
+    name, power, unit = match.groups()
+    power = int(power.translate(_RAISED))
+    return f"{name} [{unit}]" if unit else name, cell and str(Decimal(cell).scaleb(power))
+
+
+def read_off_column(head: str, *cells: str) -> list[float | None]:
+    """Return the numbers that a column shows."""
+    return [read_off(without_power(head, cell)[1]) for cell in cells]
 
 
 NAMED = ("explained", "ambiguous")

@@ -73,7 +73,7 @@ class Compared(Result):
     columns : list of Difference
     only_first, only_second, not_compared : list of str
         columns that only one has, and those that are no numbers
-    differences, both : polars.DataFrame
+    differences : polars.DataFrame
         over `time_s`; not published
     """
 
@@ -88,7 +88,6 @@ class Compared(Result):
     only_second: list[str]
     not_compared: list[str]
     differences: pl.DataFrame = Field(default=None, exclude=True, repr=False)  # pyright: ignore[reportAssignmentType]
-    both: pl.DataFrame = Field(default=None, exclude=True, repr=False)  # pyright: ignore[reportAssignmentType]
 
     def to_polars(self) -> pl.DataFrame:
         """A row for each column, with the fields of `Difference`."""
@@ -110,14 +109,12 @@ def compare(first: Any, second: Any, within: Sequence[str]) -> Compared:
     values_of_second = _values_at(right, numbers, quaternions, places, by_time=matched == "time")
     for names in quaternions:
         _turn_to(names, values_of_first, values_of_second)
-    columns, differences, both = [], {TIME: time}, {TIME: time}
+    columns, differences = [], {TIME: time}
     for column in numbers:
         of_first, of_second = values_of_first[column], values_of_second[column]
         difference = _difference(of_first, of_second, _period(column))
         columns.append(_judged(column, time, (of_first, of_second, difference), limits[column]))
         differences[column] = difference
-        both[f"first {column}"] = of_first
-        both[f"second {column}"] = of_second
     only_first, only_second = _only(left, right), _only(right, left)
     same_rows = len(rows) == left.height == right.height
     same = same_rows and not only_first and not only_second and all(column.within for column in columns)
@@ -132,7 +129,6 @@ def compare(first: Any, second: Any, within: Sequence[str]) -> Compared:
         only_second=only_second,
         not_compared=not_compared,
         differences=pl.DataFrame(differences),
-        both=pl.DataFrame(both),
     )
 
 

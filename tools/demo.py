@@ -176,7 +176,7 @@ class Story:
         return [
             run_section(pl.read_parquet(self.run.files[0]), self.calibration.gravity, list(self.run.files)),
             *target_sections(self.calibration, self.truth),
-            *gyro_sections(self.calibration),
+            *gyro_sections(self.calibration, self.truth),
             *self._cause_section(out),
             Section("Records and full reports", files=[out / MEASURED, out / ANSWER, *reports]),
         ]

@@ -45,10 +45,15 @@ def of_a_matrix(name: str, unit: str, description: str, largest: float) -> tuple
 
 
 def sentence_of(words: str, unit: str) -> Sentence:
-    """Return a sentence that lists three values, or nine row by row: "the gyros' bias: +1.0e-03, ... rad/s"."""
+    """Return a sentence that lists three values, "the gyros' bias: +1.0e-03, ...", or names the largest of nine."""
 
     def say(place: EffectPlace, values: Mapping[str, float]) -> str:
-        return f"{words}: {listed(list(values.values()))}" + (f" {unit}" if unit else "")
+        sizes = list(values.values())
+        if len(sizes) <= 3:
+            return f"{words}: {listed(sizes)} {unit}".rstrip()
+        largest = max(range(len(sizes)), key=lambda number: abs(sizes[number]))
+        _, _, gyro = place.definition.parameters[largest].description.partition("gyro ")
+        return f"{words}: largest {sizes[largest]:+.2e} {unit}".rstrip() + f" (gyro {gyro})"
 
     return say
 
@@ -115,7 +120,7 @@ def gyro_scale_misalignment(
 SCALE_MISALIGNMENT = gyro_effect(
     gyro_scale_misalignment,
     of_a_matrix("gamma", "1", "Γ: response", 0.2),
-    sentence_of("the gyros have errors of scale (diagonal) and misalignment, row by row", ""),
+    sentence_of("the gyros have errors of scale (diagonal) and misalignment", ""),
     formula=f"Δω = {matrix_formula('gamma', '123')} ω",
 )
 
@@ -197,7 +202,7 @@ def gyro_g_sensitivity(
 G_SENSITIVITY = gyro_effect(
     gyro_g_sensitivity,
     of_a_matrix("coefficient", "rad/s/g", "bias for each g of specific force", 0.05),
-    sentence_of("the biases of the gyros depend on the specific force, row by row", "rad/s for each g"),
+    sentence_of("the biases of the gyros depend on the specific force", "rad/s for each g"),
     formula=f"Δω = {matrix_formula('coefficient', '123')} n 'rad/s'",
 )
 
@@ -241,7 +246,7 @@ G_SQUARED = gyro_effect(
         for p in (1, 2, 3)
         for i, j in PRODUCTS
     ),
-    sentence_of("the biases of the gyros depend on products of two specific forces, gyro by gyro", "rad/s for each g²"),
+    sentence_of("the biases of the gyros depend on products of two specific forces", "rad/s for each g²"),
     formula=f"Δω = {matrix_formula('coefficient', ('_12', '_13', '_23'))} (n_1 n_2, n_1 n_3, n_2 n_3) 'rad/s'",
 )
 

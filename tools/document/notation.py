@@ -7,13 +7,14 @@ script, fonts or network.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from html import escape
 
 import numpy as np
 from markupsafe import Markup
 
 from ...models.effects import EffectPlace
-from ..rounding import NONE, Number, digits, outwards, upwards
+from ..rounding import Number, digits, outwards, upwards
 
 LONG = 24
 """Number of letters from which a text in a table may be broken into lines."""
@@ -69,15 +70,51 @@ def look(column: Sequence[Cell]) -> str:
     return "words" if any(isinstance(cell, str) and len(cell) > LONG for cell in column) else ""
 
 
-def written(cell: Cell) -> str:
-    """Return the text of a cell."""
+LONGEST = 9
+"""Largest number of characters of a number without a power of ten of its own, in a column that has one."""
+
+
+def written(heading: str, column: Sequence[Cell]) -> tuple[str, list[str]]:
+    """Return the heading and the texts of a column, which has one power of ten.
+
+    A number's text is one for spreadsheets, with an ASCII minus sign; that of a missing number is empty.
+    """
+    if look(column) != "number":
+        return heading, [_text(cell) for cell in column]
+    power = 0
+    if any("e" in str(cell) for cell in column if _is_number(cell)):
+        numbers = [Decimal(str(cell)) for cell in column if cell]
+        largest = max(number.adjusted() for number in numbers if number.is_finite() and number)
+        power = 3 * (largest // 3)
+    texts = [_over(cell, power) for cell in column]
+    if not power:
+        return heading, texts
+    name, _, unit = heading.removesuffix("]").partition(" [")
+    return f"{name} [{f'{raised(power)} {unit}'.rstrip()}]", texts
+
+
+def _over(cell: Cell, power: int) -> str:
+    """Return a number over a power of ten, all its digits kept."""
+    if cell is None or cell == "":
+        return ""
+    if not power:
+        return str(cell)
+    number = Decimal(str(cell)).scaleb(-power)
+    if not number.is_finite():
+        return str(cell)
+    fixed = f"{number:f}"
+    return fixed if len(fixed) <= LONGEST or not number else f"{number:e}"
+
+
+def _text(cell: Cell) -> str:
+    """Return the text of a cell in a column that holds other things than numbers."""
     if isinstance(cell, Drawn):
         return Markup(cell.svg)
-    if cell is None or cell is NONE:
+    if cell is None or cell == "":
         return "–"
     if isinstance(cell, bool):
         return "yes" if cell else "no"
-    return typographic(plain(cell)).replace("-", "−") if _is_number(cell) else plain(cell)
+    return typographic(plain(cell)) if _is_number(cell) else plain(cell)
 
 
 def _is_number(cell: Cell) -> bool:
@@ -125,10 +162,10 @@ def half_width(low: float | None, high: float | None) -> float | None:
 
 @dataclass(frozen=True)
 class Bar:
-    """An interval about its estimate, in units of σ."""
+    """An interval about its estimate, in any unit."""
 
     error: float | None
-    """the guaranteed error: extent of the band on both sides of its middle"""
+    """the guaranteed error: extent of the band to either side of its middle"""
     low: float | None
     high: float | None
     """ends of the interval, less the estimate"""
@@ -138,8 +175,8 @@ class Bar:
     """the middle of the band, less the estimate"""
 
 
-def bars(rows: Sequence[Bar]) -> tuple[list[Drawn | None], float]:
-    """Return the cells, and the reach of their common scale to either side [σ].
+def bars(rows: Sequence[Bar], unit: str = "σ") -> tuple[list[Drawn | None], float]:
+    """Return the cells, and the reach of their common scale to either side, in the unit of the rows.
 
     Rows without a number are None.
     """
@@ -148,10 +185,21 @@ def bars(rows: Sequence[Bar]) -> tuple[list[Drawn | None], float]:
     reach = float(np.max(sizes, initial=0.0)) * 1.02
     if not np.isfinite(reach) or reach <= 0.0:
         return [None] * len(rows), 0.0
-    return [None if row.error is None and row.low is None else _drawn(row, reach) for row in rows], reach
+    return [None if row.error is None and row.low is None else _drawn(row, reach, unit) for row in rows], reach
 
 
-def _drawn(row: Bar, reach: float) -> Drawn:
+def bars_by_unit(rows: Sequence[Bar], units: Sequence[str]) -> list[Drawn | None]:
+    """Return the cells of rows in several units: rows of one unit have one scale."""
+    cells: list[Drawn | None] = [None] * len(rows)
+    for unit in dict.fromkeys(units):
+        numbers = [number for number, of_row in enumerate(units) if of_row == unit]
+        drawn, _ = bars([rows[number] for number in numbers], unit_text(unit))
+        for number, cell in zip(numbers, drawn, strict=True):
+            cells[number] = cell
+    return cells
+
+
+def _drawn(row: Bar, reach: float, unit: str) -> Drawn:
     def at(value: float) -> str:
         return f"{100.0 * value / reach:.1f}"
 
@@ -169,7 +217,7 @@ def _drawn(row: Bar, reach: float) -> Drawn:
         parts.append(f'<path class="truth" d="M{at(row.truth)} -6V6"/>')
         said.append(f"truth {digits(row.truth)}")
     parts.append('<circle class="middle" r="2.6"/>')
-    label = ", ".join(said) + " in units of σ about the estimate"
+    label = f"{', '.join(said)} {unit} about the estimate"
     head = f'<svg class="bar" viewBox="-104 -8 208 16" role="img" aria-label="{label}">'
     return Drawn(head + "".join(parts) + "</svg>")
 

@@ -89,10 +89,15 @@ def _said(text: object) -> str:
     return typographic(plain(text))
 
 
-def _cells(table: Table) -> tuple[list[str], list[list[str]]]:
-    """Return the class of each column, and the rows as texts."""
-    columns = [[row[k] for row in table.rows] for k in range(len(table.header))]
-    return list(map(look, columns)), [list(map(written, row)) for row in table.rows]
+def _cells(table: Table) -> tuple[list[tuple[str, str]], list[tuple[str, ...]]]:
+    """Return the class and the heading of each column, and the rows as texts."""
+    heads, columns = [], []
+    for k, name in enumerate(table.header):
+        column = [row[k] for row in table.rows]
+        heading, texts = written(name, column)
+        heads.append((look(column), plain(heading)))
+        columns.append(texts)
+    return heads, list(zip(*columns, strict=True))
 
 
 def _linked(file: Path | str, folder: Path | None) -> tuple[str, str]:

@@ -55,7 +55,7 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
         "What was measured",
         paragraphs,
         next_directions(record.alpha, record.beta, np.zeros(0), np.zeros(0)),
-        "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
+        "The vertical at each measured position, seen from the inner frame.",
     )
 
 
@@ -142,7 +142,9 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     )
 
 
-WOULD_DETERMINE = "Readings at these positions besides would determine what is open."
+WOULD_DETERMINE = (
+    "Readings at these positions, with those of the record, determine what is open. Or state what is known by --prior."
+)
 OPTIONAL = ("mounting", "hours", "repeats", "approach_alpha", "approach_beta")
 MOST_LABELS = 24
 """Largest number of positions that have numbers in the picture."""
@@ -300,12 +302,9 @@ def missing_texts(result: Calibration) -> list[str]:
     if not result.missing:
         return []
     if len(result.missing) == len(result.targets):
-        return ["The readings determine no target. Measure the positions named, or say what is known by --prior."]
+        return []
     names = [f"{physical_words(gap.name)} ({gap.symbol})" for gap in result.missing]
-    return [
-        f"The readings do not determine: {', '.join(names)}. Measure the positions named, or say what is known by "
-        "--prior."
-    ]
+    return [f"The readings do not determine: {', '.join(names)}."]
 
 
 def cause_lines(causes: "Sequence[Cause]") -> list[str]:

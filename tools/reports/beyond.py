@@ -238,15 +238,10 @@ def level_texts(result: Diagnosis) -> list[str]:
 
 def level_section(result: Diagnosis) -> Section | None:
     """Return the functions that suffice for any law; None if the model fits."""
-    paragraphs = [sentence(text) for text in level_texts(result)]
-    if not (result.band or result.bands):
-        # If there is a band, it has the cautions.
-        paragraphs += [sentence(text) for text in result.caution]
-    if not result.suffices and not proven_text(result):
+    if not result.suffices:
         return None
     rows: list[list[Cell]] = []
     for function in result.suffices or ():
-        complexity = str(function.complexity)
-        rows.append([function.where, function.on, function.form, complexity, residual(function.radius)])
+        rows.append([function.where, function.on, function.form, function.complexity, residual(function.radius)])
     header = ["place", "quantity", "form", "complexity", "radius"]
-    return Section("Place and quantity", paragraphs, table=Table(header, rows))
+    return Section("Place and quantity", table=Table(header, rows))

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,9 @@ from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import (
     Bar,
     Cell,
+    Drawn,
     bars,
+    bars_by_unit,
     equation,
     listed,
     symbol_text,
@@ -35,6 +36,8 @@ from .witnesses import proof_lines
 
 TONES: dict[str, Tone] = {"consistent": "good"}
 WOULD_TELL = "Measured again, these positions tell the noise bound."
+NO_RESIDUAL = 1e-6
+"""Least largest residual, over its bound, below which parameters fit any readings."""
 ERROR_BOUND = "error bound"
 """The word for a guaranteed error where σ is no bound."""
 MOST_TURNS = 5
@@ -49,12 +52,18 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
     Residuals, record, model, evidence and joint sets follow; those of the record only if it is known.
     """
     answer = target_sections(result) + effect_sections(result) + gyro_sections(result)
-    answer += open_sections(result) + levelling_sections(result)
+    answer.append(Section("Proof", proof_lines(result)))
+    if result.verdict == "insufficient":
+        answer = open_sections(result) + answer
+    else:
+        answer += open_sections(result) + levelling_sections(result)
+    has_residuals = record is not None and (result.radius or 0.0) > NO_RESIDUAL
 
     def further() -> list[Section]:
         sections: list[Section | None] = []
         if record is not None:
-            sections += [residual_section(result, record.position), bench.measured_section(record, result)]
+            sections += [residual_section(result, record.position)] if has_residuals else []
+            sections.append(bench.measured_section(record, result))
         sections.append(beside_section(result))
         if record is not None:
             sections.append(bench.proof_section(result, record.position))
@@ -103,7 +112,7 @@ def verdict_sentence(result: Calibration) -> str:
             f"{residual(result.radius)} σ{proof}."
         )
     if result.verdict == "insufficient":
-        return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
+        return f"Insufficient: the readings do not determine {bench.open_targets(result)}.{measure_words(result)}"
     if result.sigma.kind == "unknown":
         within = f"{residual(result.radius)} times the bound that their scatter within rests gives"
         said = f"{model} explains every reading within {within}"
@@ -118,6 +127,12 @@ def verdict_sentence(result: Calibration) -> str:
     if bounds:
         largest = f", and all {len(bounds)} targets are known, each to within {upwards(max(bounds))} or better"
     return f"Consistent: {model} explains every reading within {residual(result.radius)} σ{largest}."
+
+
+def measure_words(result: Calibration) -> str:
+    """Return the number of positions that would determine the open targets, in a sentence; empty without any."""
+    count = len(result.next_positions)
+    return f" Measure {count} more position{'s' * (count > 1)}." if count else ""
 
 
 def residual_section(result: Calibration, numbers: NDArray) -> Section:
@@ -142,7 +157,7 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
 
 TOGETHER = (
     "Errors hang together: where a set is narrow and aslant, a combination is known better than each target by itself. "
-    "The sets are exact, of the model linearised at the fit."
+    "The sets are exact, of the model linearised at the fit. The truth lies inside, as the estimates do."
 )
 
 
@@ -158,7 +173,7 @@ def joint_set_sections(result: Calibration) -> list[Section]:
             f"Possible together: {group}",
             [TOGETHER] if k == 0 else [],
             joint_set(pairs, estimates, result.noise_bound),
-            "Each pair of targets about its estimates, in units of σ; the truth lies inside, as the estimates do.",
+            f"Pairs of targets about their estimates, in units of σ: {group}.",
         )
         for k, (group, pairs) in enumerate(joint_sets(result.feasible).items())
     ]
@@ -237,7 +252,6 @@ def target_sections(
     if result.verdict == "falsified":
         paragraphs += beside_texts(result)
         paragraphs.append("No error is guaranteed. `trihedron diagnose` says what the model lacks.")
-        paragraphs += proof_lines(result)
         return [Section("Targets", paragraphs, table=beside_table(result), files=files)]
     if result.verdict == "noise-unknown" and not result.stands:
         return [Section("Targets", paragraphs + beside_texts(result), table=beside_table(result), files=files)]
@@ -245,11 +259,12 @@ def target_sections(
 
 
 def open_sections(result: Calibration) -> list[Section]:
-    """Return the undetermined targets, and the positions that would determine them; empty if there are none."""
-    sections = [Section("What is open", bench.missing_texts(result))]
+    """Return the positions that would determine what is open, then the undetermined targets; empty without any."""
+    sections = []
     if result.linearised is not None:
         purpose = bench.WOULD_DETERMINE if result.missing else WOULD_TELL
         sections += bench.next_sections(result.linearised, result.next_positions, purpose)
+    sections.append(Section("What is open", bench.missing_texts(result)))
     return sections
 
 
@@ -289,7 +304,7 @@ WHY_OUTSIDE = {
 def estimator_texts(result: Calibration) -> list[str]:
     """Return sentences on the kind of estimates, or on the reason for having none."""
     texts = [ESTIMATORS[result.estimator]] if result.estimator in ESTIMATORS else []
-    if result.no_estimate:
+    if result.no_estimate and len(result.missing) < len(result.targets):
         texts.append(f"No estimate{' of those' if texts else ''}: {result.no_estimate}.")
     return texts
 
@@ -318,42 +333,71 @@ def few(symbols: Sequence[str]) -> str:
 
 
 BEFORE_INTERVAL = 4
-"""Columns of the table of targets before the drawn interval."""
+"""Columns of a table of parameters before the drawn interval."""
 
 
 def target_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
-    """Return each target with its interval, drawn in units of σ about its estimate; with its true value if known."""
-    true_values = truth or {}
-    intervals = []
-    for p in result.targets:
-        band = None if p.central is None or p.guaranteed_error is None else p.guaranteed_error / result.noise_bound
-        low, high = _in_sigma(result, p, p.low), _in_sigma(result, p, p.high)
-        true_value = _in_sigma(result, p, true_values.get(p.symbol))
-        intervals.append(Bar(band, low, high, true_value, about=_in_sigma(result, p, p.a_priori) or 0.0))
-    pictures, reach = bars(intervals)
-    numbers = table_of(result.targets, ("symbol", "name", "central", "error_bound", "low", "high", "unit"), WORDS)
-    rows: list[list[Cell]] = []
-    for cells, bar, p in zip(numbers.rows, pictures, result.targets, strict=True):
-        row = list(cells)
-        row.insert(BEFORE_INTERVAL, bar)
-        row.append(to_bound(true_values.get(p.symbol), p.error_bound))
-        rows.append(row)
+    """Return each target with its interval, drawn in units of σ about its estimate; with its true value if known.
+
+    It has no rows if the readings determine none of them.
+    """
+    if len(result.missing) == len(result.targets):
+        return Table([], [])
+    pictures, reach = bars(_intervals(result.targets, truth, result.noise_bound))
     caption = ""
     if reach > 0.0:
-        caption = (
-            f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each estimate. Band: a-priori estimate and "
-            f"{promised_error(result)}; line: what the readings leave possible; dot: estimate"
-            + ("; bar: truth." if true_values else ".")
-        )
+        caption = f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each estimate. {_legend(result, truth)}"
+    return _interval_table(result.targets, truth, pictures, caption)
+
+
+def gyro_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
+    """Return each parameter of the gyros with its interval, drawn in one scale for all of one unit."""
+    units = [p.unit for p in result.of_gyros]
+    pictures = bars_by_unit(_intervals(result.of_gyros, truth, 1.0), units)
+    caption = f"Drawn about each estimate, in one scale for all of one unit. {_legend(result, truth)}"
+    return _interval_table(result.of_gyros, truth, pictures, caption if any(pictures) else "")
+
+
+def _intervals(parameters: Sequence[Parameter], truth: Mapping[str, float] | None, scale: float) -> list[Bar]:
+    """Return the intervals less their estimates, over a scale."""
+
+    def scaled(p: Parameter, value: float | None) -> float | None:
+        return None if value is None or p.central is None else (value - p.central) / scale
+
+    intervals = []
+    for p in parameters:
+        band = None if p.central is None or p.guaranteed_error is None else p.guaranteed_error / scale
+        true_value = scaled(p, (truth or {}).get(p.symbol))
+        intervals.append(Bar(band, scaled(p, p.low), scaled(p, p.high), true_value, about=scaled(p, p.a_priori) or 0.0))
+    return intervals
+
+
+def _legend(result: Calibration, truth: Mapping[str, float] | None) -> str:
+    """Return the meaning of the signs in a drawn interval."""
+    text = (
+        f"Band: a-priori estimate and {promised_error(result)}; line: what the readings leave possible; dot: estimate"
+    )
+    return f"{text}; bar: truth." if truth else f"{text}."
+
+
+def _interval_table(
+    parameters: Sequence[Parameter],
+    truth: Mapping[str, float] | None,
+    pictures: Sequence[Drawn | None],
+    caption: str,
+) -> Table:
+    """Return parameters with their drawn intervals, and with their true values if known."""
+    numbers = table_of(parameters, ("symbol", "name", "central", "error_bound", "low", "high", "unit"), WORDS)
+    rows: list[list[Cell]] = []
+    for cells, bar, p in zip(numbers.rows, pictures, parameters, strict=True):
+        row = list(cells)
+        row.insert(BEFORE_INTERVAL, bar)
+        row.append(to_bound((truth or {}).get(p.symbol), p.error_bound))
+        rows.append(row)
     header = list(numbers.header)
     header.insert(BEFORE_INTERVAL, "interval")
     header.append("truth")
     return Table(header, rows, caption)
-
-
-def _in_sigma(result: Calibration, p: Parameter, value: float | None) -> float | None:
-    """Return a value less the estimate in units of σ; None if either is unknown."""
-    return None if value is None or p.central is None else (value - p.central) / result.noise_bound
 
 
 def promised_error(result: Calibration) -> str:
@@ -367,14 +411,17 @@ def header_without_promise(result: Calibration, table: Table) -> list[str]:
 
 
 def beside_table(result: Calibration) -> Table:
-    """Return each target's estimates by the a-priori weights and by least squares."""
+    """Return each parameter's estimates by the a-priori weights and by least squares."""
     columns = ["symbol", "name", "central", "a_priori", "guaranteed_error", "least_squares", "standard_error", "unit"]
     if result.verdict == "falsified" or result.sigma.kind == "unknown":
         # Nothing is guaranteed for a falsified model, or without a bound of the readings' errors.
         columns.remove("guaranteed_error")
-    numbers = table_of(result.targets, columns, WORDS)
+    parameters = result.targets
+    if result.stands:
+        parameters = [*parameters, *result.of_gyros]
+    numbers = table_of(parameters, columns, WORDS)
     rows: list[list[Cell]] = []
-    for cells, p in zip(numbers.rows, result.targets, strict=True):
+    for cells, p in zip(numbers.rows, parameters, strict=True):
         outside = []
         if not p.possible(p.a_priori):
             outside.append("a priori")
@@ -419,17 +466,13 @@ def gyro_texts(gyros: Gyros, parameters: Sequence[Parameter]) -> list[str]:
     return texts
 
 
-def gyro_sections(result: Calibration) -> list[Section]:
-    """Return the gyros of a bench record: bias, matrix, sensitivity, lag, with their intervals."""
+def gyro_sections(result: Calibration, truth: Mapping[str, float] | None = None) -> list[Section]:
+    """Return the gyros of a bench record with their intervals: bias, matrix, sensitivity, lag."""
     if result.gyros is None:
         return []
-    columns = ("symbol", "name", "central", "error_bound", "low", "high", "guaranteed_error", "least_squares", "unit")
-    table = table_of(result.of_gyros, columns, WORDS)
     texts = gyro_texts(result.gyros, result.of_gyros)
-    shown = None
-    if result.verdict != "falsified":
-        shown = replace(table, header=header_without_promise(result, table))
-    return [Section("The gyros, in the accelerometers' axes", texts, table=shown)]
+    table = None if result.verdict == "falsified" else gyro_table(result, truth)
+    return [Section("The gyros, in the accelerometers' axes", texts, table=table)]
 
 
 HOW = {

@@ -451,14 +451,14 @@ def _detection_section(suite: Suite) -> Section:
         named_rightly.append({**ends, **rate(np.arange(bin_.cases) < bin_.named)})
         last = digits(math.inf if bin_.high is None else bin_.high)
         detected, named = digits(100.0 * bin_.detected / bin_.cases), digits(100.0 * bin_.named / bin_.cases)
-        rows.append([digits(bin_.low), last, bin_.cases, f"{detected} %", f"{named} %"])
+        rows.append([digits(bin_.low), last, bin_.cases, detected, named])
     curves = {"falsified": falsified, "named rightly": named_rightly}
     return Section(
         "From which size it is seen",
         ["Sizes are relative to that from which an effect is surely detected at its positions."],
         suites.rates_picture(curves, "size over that of sure detection", "cases", "surely detected from here"),
         "How often an effect is detected and named, over its size.",
-        Table(["size from", "to", "cases", "falsified", "named"], rows),
+        Table(["size from", "to", "cases", "falsified [%]", "named [%]"], rows),
     )
 
 

@@ -3,6 +3,8 @@
 import math
 from pathlib import Path
 
+import numpy as np
+
 from ..diagnosis.cause import Cause, Finding
 from ..diagnosis.hypothesis import Hypothesis
 from ..diagnosis.result import Diagnosis
@@ -16,7 +18,7 @@ from . import bench, beyond, calibration, evidence, witnesses
 from .bench import cause_lines, next_sections
 from .inspection import record_sections
 from .pictures import WIDTH
-from .pictures.residuals import held_out, shares_of_pieces
+from .pictures.residuals import held_out, matrix_picture, shares_of_pieces
 from .sources import cited, versions
 from .terminal import detection_limit, terminal_lines
 
@@ -43,10 +45,11 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
     if result.cut_off_at is not None and result.verdict != "explained":
         warnings.append(cut_off(result.cut_off_at))
     verdict = diagnosis_sentence(result)
+    turns = [] if result.calibration.linearised is None else witnesses.turn_sections(result)
     return Page(
         _title(result),
         verdict,
-        beyond.sections(result) + answer_of(result) + remarks_of(result),
+        turns + beyond.sections(result) + answer_of(result) + remarks_of(result),
         lambda: _record_sections(result, record) + sections_of(result),
         tone=TONES.get(result.verdict, "attention"),
         key=_key(result),
@@ -173,7 +176,20 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit", "leaves, over its bound"]
     table = Table(header, rows)
     title = "The cause" if is_named else "Causes that remain"
-    return Section(title, paragraphs, table=table, files=files, equations=equations)
+    matrix = _matrix(first_sets[0])
+    caption = "Estimate, and the interval below it. A frame marks an element that cannot be zero." if matrix else ""
+    return Section(title, paragraphs, matrix, caption, table, files, equations)
+
+
+def _matrix(finding: Finding) -> Picture | None:
+    """Return the first matrix of the gyros in a set as a picture; None without one."""
+    for cause in finding.causes:
+        if len(cause.parameters) == 9:
+            ends = np.array(cause.intervals).reshape(3, 3, 2)
+            columns = [f"by {p.description.partition(' by ')[2]}" for p in cause.place.definition.parameters[:3]]
+            values = np.reshape(cause.values, (3, 3))
+            return matrix_picture(values, ends[..., 0], ends[..., 1], columns, unit_text(cause.parameters[0].unit))
+    return None
 
 
 def _cause_remarks(result: Diagnosis) -> list[str]:

@@ -14,7 +14,9 @@ from ..document.blocks import Picture, Section, Table
 from ..document.notation import (
     Bar,
     Cell,
+    Drawn,
     bars,
+    bars_by_unit,
     half_width,
     listed,
     symbol_text,
@@ -25,7 +27,6 @@ from ..rounding import digits, exactly, interval, residual, to_bound, upwards
 from .bench import physical_words, proved
 from .inspection import own_words
 from .pictures import residuals as pictures
-from .witnesses import turn_sections
 
 MOST_RANKED = 16
 MOST_BARS = 18
@@ -43,7 +44,7 @@ def first_words(result: Diagnosis) -> str:
 
 
 def residual_sections(result: Diagnosis) -> list[Section]:
-    """Return residuals of readings without and with the effects, over the angles, over the inputs, over the turns."""
+    """Return residuals of readings without and with the effects, over the angles, over the inputs."""
     nominal = result.calibration
     linearised = nominal.linearised
     least = residual(nominal.radius)
@@ -59,7 +60,7 @@ def residual_sections(result: Diagnosis) -> list[Section]:
         over_bounds = finding.fit.left / finding.fit.allowed
         after = over_bounds[result.sources.of_positions].reshape(-1, 3)
     proof = proved(nominal, result.sources.numbers)
-    sections = [
+    return [
         Section(
             "Residuals before and after" if result.findings else "Residuals",
             [text],
@@ -73,7 +74,6 @@ def residual_sections(result: Diagnosis) -> list[Section]:
             "Residuals of each accelerometer against its own input.",
         ),
     ]
-    return sections + turn_sections(result)
 
 
 def proviso_of(result: Diagnosis) -> str:
@@ -216,21 +216,10 @@ def parameter_section(result: Diagnosis) -> Section | None:
     return Section("The block's own parameters", [text], table=Table(header, rows, caption))
 
 
-def _interval_bars(parameters: Sequence[Any]) -> list[Cell]:
+def _interval_bars(parameters: Sequence[Any]) -> list[Drawn | None]:
     """Return the interval of each parameter about its estimate, drawn in one scale for all of one unit."""
-    widest: dict[str, float] = {}
-    for p in parameters:
-        widest[p.unit] = max(widest.get(p.unit, 0.0), half_width(p.low, p.high) or 0.0)
-    drawn: list[Cell] = []
-    for p in parameters:
-        scale = widest[p.unit]
-        if not 0.0 < scale < np.inf:
-            drawn.append(None)
-            continue
-        of_unit = [q for q in parameters if q.unit == p.unit]
-        intervals = [Bar(None, (q.low - q.estimate) / scale, (q.high - q.estimate) / scale) for q in of_unit]
-        drawn.append(bars(intervals)[0][of_unit.index(p)])
-    return drawn
+    intervals = [Bar(None, p.low - p.estimate, p.high - p.estimate) for p in parameters]
+    return bars_by_unit(intervals, [p.unit for p in parameters])
 
 
 def ranking_section(result: Diagnosis) -> Section | None:
@@ -421,7 +410,7 @@ def power_section(result: Diagnosis) -> Section | None:
     sizes: dict[tuple[str, str, str], dict[str, Cell]] = {}
     for entry in result.power or ():
         key = (_quantity_words(entry, "quantity"), _quantity_words(entry, "factor"), unit_text(entry["unit"]))
-        size = "at no size" if entry["size"] is None else upwards(entry["size"], 2)
+        size = upwards(math.inf if entry["size"] is None else entry["size"], 2)
         sizes.setdefault(key, {})[entry["place"].replace("-", " ")] = size
     if not sizes:
         return None
@@ -447,7 +436,7 @@ def power_section(result: Diagnosis) -> Section | None:
             "whatever the noise within its bound. The functions are straight between knots: "
             f"{PIECES} pieces over the range of the quantity, {SECTORS} round a circle. What the model's own "
             "parameters imitate of a function does not count. A sharper function, or one of several quantities, may "
-            "hide at a larger size."
+            "hide at a larger size. inf: at no size."
         ],
         table=Table(header, rows),
     )

@@ -17,7 +17,7 @@ from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, AtTable, GyrosAtRest, Inspection, PosesSeen
 from ..motion.rests import BY_CHANCE, FEWEST_FOR_NOISE, rest_warnings
 from ..records.sigma import deviation_widening
-from ..rounding import Number, digits, downwards, exactly, outwards, residual, upwards
+from ..rounding import digits, downwards, exactly, outwards, residual, upwards
 from .pictures.records import allan_picture, attitude_picture
 
 DIGITS_OF_STAMPS = 1e-6
@@ -222,9 +222,9 @@ def _gyros(gyros: GyrosAtRest) -> Section:
         paragraphs.append(sentence(f"not tried: {reason}"))
     rows: list[list[Cell]] = []
     for model in gyros.tried:
-        chance = None if model.by_chance is None else Number(f"{digits(100.0 * model.by_chance)} %")
+        chance = None if model.by_chance is None else digits(100.0 * model.by_chance)
         rows.append([model.title, residual(model.radius), chance])
-    header = ["model of the means", "largest residual over its bound", "shuffled rests that do as well"]
+    header = ["model of the means", "largest residual over its bound", "shuffled rests that do as well [%]"]
     table = Table(header, rows)
     return Section("Gyros at rest", paragraphs, table=table)
 

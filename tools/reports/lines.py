@@ -132,7 +132,7 @@ MATCHED = {
 
 
 def compared_page(result: Compared) -> Page:
-    """Return the verdict and the differences by column; then pictures of the differences, and of both."""
+    """Return the verdict and the differences by column; then pictures of the columns that differ."""
     beyond = sum(not difference.within for difference in result.columns)
     columns = ("column", "largest", "time_s", "first", "second", "rms")
     differences = table_of(result.columns, columns)
@@ -145,9 +145,10 @@ def compared_page(result: Compared) -> Page:
     header += ["rows of one only", "allowed"]
     table = Table(header, rows)
 
+    differing = [difference.column for difference in result.columns if difference.largest > 0.0]
+
     def pictures() -> list[Section]:
-        apart = _drawn(result.differences.lazy(), {}, "Second less first")[0]
-        return apart + _drawn(result.both.lazy(), {}, "Both")[0]
+        return _drawn(result.differences.lazy().select("time_s", *differing), {}, "Second less first")[0]
 
     return Page(
         plain(f"{Path(result.second).name} against {Path(result.first).name}"),

@@ -118,7 +118,7 @@ def estimator_section(plan: Plan) -> Section:
     return Section(
         f"{symbol_text(plan.target)}: {physical_words(plan.name)}",
         picture=plan_picture(plan),
-        caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
+        caption=f"Readings of the plan for {symbol_text(plan.target)}; shaded: the input has a certain sign.",
         table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
         equations=[equation(line) for line in lines],
         download=Download(file, next_positions_csv(list(places.values())), f"{file}, to take to the table"),

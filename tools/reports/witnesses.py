@@ -8,9 +8,12 @@ from ..diagnosis.witness import EffectWitness, Witness
 from ..document.blocks import Section, Table
 from ..document.notation import Cell, listed, sentence
 from ..evidence.bench import TurnErrors
-from ..rounding import digits, residual, upwards
+from ..rounding import digits, residual, to_bound, upwards
+from .pictures.residuals import errors_of_turns
 
 MOST_TURNS = 12
+COARSE = 0.05
+"""Times [s] and turns [deg] are shown to a tenth of this and finer by one digit."""
 MOST_READINGS = 6
 """Largest number of readings in a line that prove a falsification."""
 
@@ -107,19 +110,19 @@ def turn_sections(result: Diagnosis) -> list[Section]:
     if turns is None:
         return []
     before, after = np.abs(turns.before).max(axis=1), np.abs(turns.after).max(axis=1)
-    text = (
-        "The gyros' integrals over rests, moves and parts of moves are held against the turns by the encoders. "
-        f"{two_witnesses(result)[0]} The largest errors:"
-    )
+    text = f"The gyros' integrals, less the turns by the encoders. {two_witnesses(result)[0]}"
     rows: list[list[Cell]] = []
     for k in np.argsort(-before, kind="stable")[:MOST_TURNS].tolist():
         outer, inner = np.degrees(turns.turned[k])
-        row: list[Cell] = [digits(float(turns.first[k]), 6), digits(float(turns.last[k]), 6)]
-        row += [digits(float(outer), 5), digits(float(inner), 5)]
+        row: list[Cell] = [to_bound(float(turns.first[k]), COARSE), to_bound(float(turns.last[k]), COARSE)]
+        row += [to_bound(float(outer), COARSE), to_bound(float(inner), COARSE)]
         row += [residual(float(before[k])), residual(float(after[k]))]
         rows.append(row)
-    header = ["from [s]", "to [s]", "outer turn [°]", "inner turn [°]", "error, over its bound", "with the effects"]
-    return [Section("Turns, as the gyros saw them", [text], table=Table(header, rows))]
+    header = ["from [s]", "to [s]", "outer turn [deg]", "inner turn [deg]", "error over its bound", "with the effects"]
+    middle = 0.5 * (turns.first + turns.last)
+    picture = errors_of_turns(middle, before, after if result.findings else None)
+    caption = "Largest error of each rest, move and part of a move over its bound. The table has the worst."
+    return [Section("Turns, as the gyros saw them", [text], picture, caption, Table(header, rows))]
 
 
 # A line each for the first screen

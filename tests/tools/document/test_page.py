@@ -11,10 +11,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from page_text import html_of
+from shown_bounds import read_off_column
 from trihedron.tools.cli import main
 from trihedron.tools.document import Cell, Page, Picture, Section, Table, repeatable, write_html
 from trihedron.tools.errors import InputError
-from trihedron.tools.rounding import digits, upwards
+from trihedron.tools.rounding import Number, digits, upwards
 
 HOSTILE = "</p><script>alert(1)</script><img src=x onerror=alert(2)> {{ 7*7 }} & \x00 \ud800"
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>'
@@ -97,27 +98,48 @@ def test_the_page_is_whole_and_opens_without_script_and_network() -> None:
     assert ("href", "./run-1/run%20data.parquet") in reader.attributes
     assert "run-1/run data.parquet" in reader.text
     assert "/somewhere" not in page
-    # Numbers are right-aligned, and a missing value is a dash.
-    for number in ("−1.5·10⁻⁴", "−2.5·10⁻¹⁵", "12"):
+    # Numbers are right-aligned, over one power of ten, and a missing value is an empty cell.
+    assert '<th scope="col" class="number">estimate [10⁻⁶]</th>' in page
+    for number in ("-150", "-2.5e-9", "12"):
         assert f'<td class="number">{number}</td>' in page
-    assert page.count('<td class="number">–</td>') == 2
+    assert page.count('<td class="number"></td>') == 2
 
 
 @pytest.mark.parametrize(
     ("cell", "written"),
     [
-        (upwards(1.155361e-5), "1.2·10⁻⁵"),
-        (digits(-0.00299948), "−0.00300"),
-        (digits(float("-inf")), "−inf"),
-        (-3, "−3"),
+        (upwards(1.155361e-5), "12"),
+        (digits(-0.00299948), "-0.00300"),
+        (digits(float("-inf")), "-inf"),
+        (-3, "-3"),
         (True, "yes"),
         (False, "no"),
         ("to-day", "to-day"),
     ],
 )
-def test_cells_are_written_with_the_signs_of_typography(cell: Cell, written: str) -> None:
+def test_cells_are_written_for_people_and_for_spreadsheets(cell: Cell, written: str) -> None:
     page = html_of(Page, "t", "v", [Section("s", table=Table(["a"], [[cell]]))])
     assert re.findall(r"<td[^>]*>([^<]*)</td>", page) == [written]
+
+
+COLUMNS = {
+    ("a", "1.2e-3", "9.9e-6", "0"): ("a [10⁻³]", "1.2", "0.0099", "0"),
+    ("a [g]", "7.4e-6", "1.25e-5", ""): ("a [10⁻⁶ g]", "7.4", "12.5", ""),
+    ("a", "720.00", "1.4043e-5"): ("a", "720.00", "1.4043e-5"),
+    ("a", "-0.0029992", "12"): ("a", "-0.0029992", "12"),
+    ("a [s]", "2.5e9", "inf", "3e7"): ("a [10⁹ s]", "2.5", "inf", "0.03"),
+}
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_a_column_has_one_power_of_ten_and_its_unit_in_the_head(column: tuple[str, ...]) -> None:
+    heading, *cells = column
+    page = html_of(
+        Page, "t", "v", [Section("s", table=Table([heading], [[Number(cell)] for cell in cells], fixed=True))]
+    )
+    shown = re.findall(r'<t[hd][^>]*class="number">([^<]*)<', page)
+    assert tuple(shown) == COLUMNS[column]
+    assert read_off_column(*shown) == [float(cell) if cell else None for cell in cells]
 
 
 def test_a_number_that_is_not_rounded_is_no_cell() -> None:

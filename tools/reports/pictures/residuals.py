@@ -11,8 +11,8 @@ from ....fmus.units import ARCMIN
 from ...calibrated import Calibration, ParameterChange
 from ...calibration.estimates import PairSet
 from ...calibration.model import Positions
-from ...document.notation import plain, short
-from ...rounding import downwards, residual
+from ...document.notation import minus, plain, short
+from ...rounding import downwards, interval, residual
 from . import (
     AFTER,
     ALERT,
@@ -58,7 +58,7 @@ def residuals(positions: Positions, before: NDArray, after: NDArray | None, proo
     They are in units of σ, NaN for an unused reading; `after` are those of the extended model, and `proof` (N, 3) of
     bool are the measurements that prove that no parameters fit the model.
     """
-    angles = np.degrees([positions.alpha, positions.beta])
+    angles = np.degrees([positions.alpha, positions.beta]) % 360.0
     figure, panels = sheet(5.4, 3, 2, sharex="col", sharey=True)
     reach = 1.2 * max(1.25, farthest(before, after))
     for (row, side), axes in np.ndenumerate(panels):
@@ -165,6 +165,24 @@ def held_out(before: NDArray, after: NDArray, labels: Sequence[object], width: f
     axes.set_xlabel("position that was held out" + ("; accelerometers 1, 2, 3 side by side" if width == WIDTH else ""))
     legend(figure)
     return figure, "Errors of prediction at held-out positions, before and after the model was extended"
+
+
+@drawn
+def errors_of_turns(time: NDArray, before: NDArray, after: NDArray | None) -> Drawn:
+    """Draw the largest error (S,) of each turn over its bound at the time (S,) of its middle [s].
+
+    `after` is None if nothing was found.
+    """
+    figure, ((axes,),) = sheet(2.8)
+    axes.axhspan(0.0, 1.0, color=BAND.light, linewidth=0, label="within the bound")
+    if after is not None:
+        axes.vlines(time, before, after, color=MUTED.light, linewidth=0.7)
+    axes.plot(time, before, **BEFORE, label="before")
+    if after is not None:
+        axes.plot(time, after, **AFTER, label="with the effect")
+    axes.set(xlabel="time [s]", ylabel="error over its bound", ylim=(0.0, 1.08 * max(1.25, farthest(before))))
+    legend(figure)
+    return figure, "Error of each turn over its bound, before and after"
 
 
 @drawn
@@ -442,6 +460,32 @@ def _laws(axes: "Axes", band: BandDrawn, lines: Sequence[tuple[str, NDArray]]) -
     axes.set_xlabel(band.quantity)
     if band.circle:
         one_turn(axes, band.at)
+
+
+@drawn
+def matrix_picture(values: NDArray, low: NDArray, high: NDArray, columns: Sequence[str], unit: str) -> Drawn:
+    """Draw a matrix (3, 3) of the gyros with its intervals: framed where zero is not possible."""
+    from matplotlib.patches import Rectangle
+
+    figure, ((axes,),) = sheet(2.2)
+    for (row, column), value in np.ndenumerate(values):
+        least, most = low[row, column], high[row, column]
+        is_sure = least > 0.0 or most < 0.0
+        edge = FIRST if is_sure else BAND
+        box = Rectangle((column - 0.47, row - 0.42), 0.94, 0.84, facecolor=BAND.light, edgecolor=edge.light)
+        axes.add_patch(box)
+        estimate, *ends = interval(value, least, most)
+        axes.text(column, row - 0.1, minus(estimate), ha="center", va="center", weight="bold" if is_sure else "normal")
+        words = {"ha": "center", "va": "center", "fontsize": 7.5, "color": MUTED.light}
+        axes.text(column, row + 0.22, minus(" to ".join(ends)), **words)
+    named_rows(axes, ("gyro 1", "gyro 2", "gyro 3"))
+    axes.set_xticks(range(3), columns)
+    axes.tick_params(axis="x", length=0, top=False, labelcolor=INK.light)
+    axes.grid(visible=False)
+    axes.set(xlim=(-0.55, 2.55), ylim=(2.5, -0.5), xlabel=f"[{unit}]" if unit else "")
+    for side in axes.spines.values():
+        side.set_visible(False)
+    return figure, "Matrix of the gyros with its intervals"
 
 
 MOST_ROWS = 30
