@@ -27,7 +27,7 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Size = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
 Axis = Annotated[int, Field(ge=1, le=3)]
-Verdict = Literal["consistent", "falsified", "insufficient", "noise-unknown"]
+Verdict = Literal["consistent", "falsified", "insufficient", "noise-unknown", "usable"]
 Estimator = Literal["analytic centre", "central programme", "a priori", "least squares"]
 LATENCIES = ("A", "L-A")
 """Lag of the accelerometers behind the encoders, and of the gyros behind the accelerometers."""
@@ -114,7 +114,7 @@ class Parameter(Part):
     name: Annotated[str, Quantity("meaning")]
     unit: Annotated[str, Quantity("unit")]
     determined: bool
-    estimate: Number | None
+    estimate: Annotated[Number | None, Quantity("estimate", "", "to the estimate's place")]
     standard_error: Annotated[Size | None, Quantity("standard error", "", "nearest", 2)] = None
     low: Annotated[Number | None, Quantity("low", "", "low")]
     high: Annotated[Number | None, Quantity("high", "", "high")]
@@ -152,9 +152,9 @@ class Parameter(Part):
 
     @property
     def place(self) -> float | None:
-        """The error that sets the last digit of an estimate: half of the interval, else the guaranteed error."""
+        """The error that sets the last digit of an estimate: half of the interval, else the largest or the standard."""
         if self.low is None or self.high is None or self.high == self.low:
-            return self.guaranteed_error
+            return self.standard_error if self.guaranteed_error is None else self.guaranteed_error
         return 0.5 * (self.high - self.low)
 
     def possible(self, value: float | None) -> bool:
@@ -267,6 +267,90 @@ class Provenance(Part):
     comments: dict[str, str] = Field(default={})
 
 
+class PoseError(Part):
+    """Predicted error of the norm of gravity in the worst unseen pose, and rms over all [g], one standard deviation.
+
+    `direction` is the vertical of the worst pose in the axes of the accelerometers; `words` grades the error.
+    """
+
+    worst: Size = Field(alias="worst_g")
+    rms: Size = Field(alias="rms_g")
+    direction: list[Number]
+    words: str
+
+
+class TurnError(Part):
+    """Predicted error of a turn of 90° about the worst axis [rad], one standard deviation."""
+
+    worst: Size = Field(alias="worst_rad")
+    axis: list[Number]
+
+
+class TakenSensitivity(Part):
+    """F test of the gyros' sensitivity to gravity: `f`, its probability `p`, and whether it is taken."""
+
+    f: Number
+    p: Size
+    taken: bool
+
+
+class Case(Part):
+    """Rotation of inputs into the axes of the case, known by faces, and its standard error [rad]."""
+
+    rotation: list[list[Number]]
+    standard_error: Size = Field(alias="standard_error_rad")
+
+
+class HandGain(Part):
+    """Errors of rests and moves that were not used, five contiguous parts in turn, as read and as calibrated (rms).
+
+    Of rests the norm of gravity [g], of moves, or windows with a true attitude, the carried direction [rad].
+    """
+
+    rest_before: Size = Field(alias="rest_before_g")
+    rest_after: Size = Field(alias="rest_after_g")
+    move_before: Size | None = Field(default=None, alias="move_before_rad")
+    move_after: Size | None = Field(default=None, alias="move_after_rad")
+
+
+class ByHand(Part):
+    """Basis of a calibration without a table.
+
+    Attributes
+    ----------
+    rests, moves, turns : int
+        that are used
+    pose_error : PoseError
+    turn_error : TurnError or None
+        None without gyros
+    residual_norm : float
+        rms of the norms at rest [g]
+    residual_move : float or None
+        rms of the moves, or of windows with a true attitude [rad]
+    sensitivity : TakenSensitivity or None
+    case : Case or None
+        None where no faces are known
+    gain : HandGain or None
+        None of too few rests
+    scatter_limit : float or None
+        scatter of an accelerometer at rest, over its noise, up to which rests are found; None of rests that are given
+    """
+
+    omitted: ClassVar[frozenset[str]] = frozenset({"scatter_limit", "gain"})
+
+    rests: Count
+    moves: Count = 0
+    turns: Count = 0
+    pose_error: PoseError
+    turn_error: TurnError | None = None
+    residual_norm: Size = Field(alias="residual_g")
+    residual_move: Size | None = Field(default=None, alias="residual_rad")
+    sensitivity: TakenSensitivity | None = None
+    case: Case | None = None
+    gain: HandGain | None = None
+    scatter_limit: Size | None = None
+
+
 class CalibratedEffect(Part):
     """An effect that was calibrated with the model's parameters: in words, where it acts, its own parameters."""
 
@@ -291,10 +375,13 @@ class TablePosition(TypedDict):
 class OfRecord(Part):
     """Values of one of several records that only this record has."""
 
+    omitted: ClassVar[frozenset[str]] = frozenset({"by_hand"})
+
     sigma: Sigma
     mountings: dict[str, list[list[Number]]] = Field(default={})
     parameters: list[Parameter] = Field(default=[])
     reading_errors: list[ReadingError] = Field(default=[])
+    by_hand: ByHand | None = None
     provenance: Provenance
 
 
@@ -329,7 +416,8 @@ class Calibration(Part):
     ----------
     verdict : str
         "consistent", "falsified" (no parameters keep every reading within its bound), "insufficient", or
-        "noise-unknown": nothing is guaranteed, as nothing says how large the errors are; `sigma.find` says how to know
+        "noise-unknown": nothing is guaranteed, as nothing says how large the errors are; `sigma.find` says how to know.
+        Without a table, where σ is no bound: "usable", if the predicted error of an unseen pose is small
     sigma : Sigma
     stands_with_sigma : float or None
         the least σ with which the model stands, where all bounds grow with it
@@ -355,6 +443,8 @@ class Calibration(Part):
     priors : list of KnownBefore
     gyros : Gyros or None
         of a bench record whose place is known; then all numbers are of readings and turns together
+    by_hand : ByHand or None
+        of a calibration without a table
     effects : list of CalibratedEffect
         effects that a diagnosis names and whose sizes are unknowns of the same programme; all numbers hold beside them
     explained_by : str
@@ -383,7 +473,7 @@ class Calibration(Part):
     omitted: ClassVar[frozenset[str]] = frozenset(
         {"stands_with_sigma", "gravity_mps2", "convention", "baseline", "mountings", "positions", "measurements"}
         | {"no_estimate", "gyros", "reading_errors", "open", "next_positions", "of_record", "changes", "provenance"}
-        | {"effects", "explained_by"}
+        | {"effects", "explained_by", "by_hand"}
     )
 
     schema_: Literal["trihedron.calibration/3"] = Field(default="trihedron.calibration/3", alias="schema")
@@ -404,6 +494,7 @@ class Calibration(Part):
     units: dict[str, str] = UNITS
     priors: list[KnownBefore] = Field(default=[])
     gyros: Gyros | None = None
+    by_hand: ByHand | None = None
     effects: list[CalibratedEffect] = Field(default=[])
     explained_by: str = ""
     reading_errors: list[ReadingError] = Field(default=[])

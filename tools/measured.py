@@ -4,12 +4,13 @@ As in `library`, each function is documented once and imports its modules when i
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from . import by_hand, diagnosis, foreign, motion, own_effects, records
 from . import calibration as calibrations
 from . import check as checks
-from . import diagnosis, foreign, motion, own_effects, records
 from . import noise as noises
 from .errors import InputError
 from .options import (
@@ -21,6 +22,7 @@ from .options import (
     EffectsFrom,
     ExplainedBy,
     Extend,
+    Faces,
     Gravity,
     Mounting,
     NoiseBound,
@@ -30,10 +32,13 @@ from .options import (
     Rates,
     RecordBaseline,
     ReferenceBound,
+    RestScatter,
+    RestsFile,
     Shared,
     Stamps,
     Targets,
     Trust,
+    Turns,
 )
 
 
@@ -263,13 +268,21 @@ def calibrate(
     priors: Sequence[str] = (),
     explained_by: ExplainedBy = None,
     bench: "calibrations.Bench | None" = None,
+    rates: Rates = "instantaneous",
+    rest_scatter: RestScatter = None,
+    rests: RestsFile = None,
+    faces: Faces = None,
+    turns: Turns = None,
 ) -> "calibrations.Calibration":
-    """Estimate the parameters of instrument and bench, with guaranteed errors, exact intervals and a verdict.
+    """Estimate the parameters of an instrument by any record: values with their errors, what is open, verdict.
+
+    On a table the errors are guaranteed. Without one, the norm of gravity calibrates accelerometers in any poses, and
+    the moves between these the gyros.
 
     Parameters
     ----------
     record : path, table in memory, record or Simulation
-        Position record, raw record or bench record, CSV or Parquet.
+        Position record, raw record or bench record; strapdown record, accelerometer record or pose record.
     priors : sequence of str
         Prior knowledge: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds. Repeat it for several.
     bench : Bench, optional
@@ -293,19 +306,38 @@ def calibrate(
     >>> th.calibrate(run, noise_bound=1e-5).verdict
     'consistent'
     """
-    rests = records.read_record(record, records.PositionRecord, channels=channels, stamps=stamps)
-    place = calibrations.Bench.given(rests, **({} if bench is None else vars(bench)))
+    run = records.read_record(record, *records.TO_CALIBRATE, channels=channels, stamps=stamps)
+    of_hand = {"rest_scatter": rest_scatter, "rests": rests, "faces": faces, "turns": turns}
+    if not isinstance(run, records.PositionRecord):
+        of_table = {"bench": bench, "with": explained_by, "target": tuple(targets), "prior": tuple(priors)}
+        of_table |= {"convention": convention != "A1", "baseline": baseline != "asymmetric"}
+        of_table |= {"bounds": tuple(bounds) != (3e-3, 1e-2), "mounting": mounting != "identity"}
+        _refuse(of_table, run, "a record of a table")
+        checked = motion.trusted(by_hand.parted_at_cuts(run, gravity), trust=trust, gravity=gravity)
+        run = replace(run, warnings=checked.warnings)
+        known = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "rates": rates}
+        result = by_hand.calibrate_by_hand(run, by_hand.HandRequest.told(**known, **of_hand))
+        return result.model_copy(update={"made_of": run})
+    _refuse(of_hand, run, "a record without a table")
+    place = calibrations.Bench.given(run, **({} if bench is None else vars(bench)))
     uses_gyros = place is not None and explained_by is None
-    rests = motion.trusted(rests, trust=trust, gyros=uses_gyros, gravity=gravity)
+    run = motion.trusted(run, trust=trust, gyros=uses_gyros, gravity=gravity)
     options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "convention": convention}
     options |= {"baseline": baseline, "bounds": bounds, "mounting": mounting, "targets": targets, "priors": priors}
     if explained_by is None:
-        result = calibrations.calibrate_whole(rests, place, **options)
+        result = calibrations.calibrate_whole(run, place, **options)
     else:
         if bench is not None:
             raise InputError("--with: is of readings at rest, without gyros; leave out --latitude-deg, --azimuth-deg")
-        result = diagnosis.calibrated_with(_diagnosis_of(explained_by), rests, **options)
-    return result.model_copy(update={"made_of": rests})
+        result = diagnosis.calibrated_with(_diagnosis_of(explained_by), run, **options)
+    return result.model_copy(update={"made_of": run})
+
+
+def _refuse(options: Mapping[str, Any], run: "records.Record", kind: str) -> None:
+    """Refuse the first option that was given and is of another kind of record."""
+    for name, value in options.items():
+        if value not in (None, False, ()):
+            raise InputError(f"--{name.replace('_', '-')}: is of {kind}; {run.path} is a {run.word}")
 
 
 def _diagnosis_of(found: "str | Path | Any") -> "diagnosis.Diagnosis":

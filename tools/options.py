@@ -92,6 +92,33 @@ Rates = Annotated[
     Literal["instantaneous", "averaged"],
     Option("Meaning of a rate: of the instant, or the average since the last row."),
 ]
+RestScatter = Annotated[
+    float | None,
+    Option(
+        "Without a table: an accelerometer at rest scatters at most so many times as much as its noise. By default 3, "
+        "and 5 where 3 leaves too few rests."
+    ),
+]
+RestsFile = Annotated[
+    str | Path | None,
+    Option(
+        "Without a table: a file of the rests (CSV), with the columns from_s, to_s and perhaps face.", typed=Path | None
+    ),
+]
+Faces = Annotated[
+    str | None,
+    Option(
+        "Without a table: the axis of the case that points up at each rest, in order, as +1,-1,+2,-2,+3,-3. The "
+        "columns face and part say it, too."
+    ),
+]
+Turns = Annotated[
+    str | None,
+    Option(
+        "Without a table: known turns, in order, as 1:360,2:360,3:-360 (axis and degrees, by the right hand), or 360 "
+        "for every whole turn. The columns turn and part say it, too."
+    ),
+]
 EffectsFrom = Annotated[
     str | Path | None,
     Option(

@@ -142,6 +142,8 @@ def calibrate_command(
 
     Example: trihedron calibrate bench.csv --latitude-deg 55.75 --azimuth-deg 20
 
+    Example: trihedron calibrate phone.csv --json phone.json
+
     Example: trihedron calibrate monday.csv tuesday.csv --noise-bound 1e-5
 
     Parameters
@@ -184,8 +186,13 @@ def calibrate_command(
         return answer(joint, json)
     _refuse_of_several(shared)
     circumstances = {} if about is None else reports.read_about(about)
-    run = records.read_record(record, records.PositionRecord, **_taken(options, READING))
-    bench = measured.bench_at(run, **place, rates=rates)
+    run = records.read_record(record, *records.TO_CALIBRATE, **_taken(options, READING))
+    bench = None
+    if isinstance(run, records.PositionRecord):
+        bench = measured.bench_at(run, **place, rates=rates)
+    else:
+        _refuse_of_table({**place, "strapdown": strapdown, "sheet": sheet}, run)
+        options["rates"] = rates
     if explained_by is not None and not any(value is not None for value in place.values()):
         bench = None
     result = measured.calibrate(run, bench=bench, **options)
@@ -198,6 +205,13 @@ def calibrate_command(
     if strapdown is not None:
         records.write_record(calibrations.strapdown_by_table(result, run, bench), strapdown)
     return answer(result, json)
+
+
+def _refuse_of_table(options: Mapping[str, object], run: records.Record) -> None:
+    """Refuse the first option that was given and is of a record of a table."""
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(f"--{name.replace('_', '-')}: is of a record of a table; {run.path} is a {run.word}")
 
 
 def _files_of(record: Path, others: Sequence[Path]) -> dict[str, Path | None]:

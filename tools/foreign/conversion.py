@@ -488,7 +488,7 @@ def record_columns(table: UnderstoodTable, conversion: Conversion) -> FileColumn
             table.sheet.path,
             Layout(kind, tuple(present), ()),
             {name: numbers[name] for name in present if name != MOUNTING},
-            tuple(conversion.names) if MOUNTING in present else None,
+            {MOUNTING: tuple(conversion.names)} if MOUNTING in present else {},
             conversion.row,
             sizes.get("mps2", 0.0),
             sizes.get("deg", 0.0),

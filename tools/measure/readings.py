@@ -241,7 +241,7 @@ class RecordLines:
         if not len(time):
             return good, []
         assert self.layout is not None
-        columns = FileColumns(self.path, self.layout, numbers, None, np.arange(len(time)), 0.0)
+        columns = FileColumns(self.path, self.layout, numbers, {}, np.arange(len(time)), 0.0)
         refused = []
         for fault in faults(columns):
             # times are checked below, together with earlier rows; a wrong unit is reported for a rest

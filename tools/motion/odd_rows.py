@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ...fmus.units import STANDARD_GRAVITY
-from ..records import RawRecord, StrapdownRecord
+from ..records import ForceRecord, RawRecord, StrapdownRecord
 from ..records.limits import runs_of
 from ..rounding import digits
 
@@ -49,7 +49,7 @@ def odd_rows_of_gyros(record: StrapdownRecord) -> tuple[str, ...]:
     return _lines(record, "gyro", rates, spikes, least)
 
 
-def odd_rows_of_forces(record: RawRecord | StrapdownRecord) -> tuple[str, ...]:
+def odd_rows_of_forces(record: RawRecord | StrapdownRecord | ForceRecord) -> tuple[str, ...]:
     """Describe the rows of the accelerometers that no motion can cause.
 
     A knock is motion: more than one accelerometer feels it.
@@ -69,7 +69,11 @@ def odd_rows_of_forces(record: RawRecord | StrapdownRecord) -> tuple[str, ...]:
 
 
 def _lines(
-    record: RawRecord | StrapdownRecord, name: str, channels: NDArray, spikes: NDArray[np.bool_], least: float
+    record: RawRecord | StrapdownRecord | ForceRecord,
+    name: str,
+    channels: NDArray,
+    spikes: NDArray[np.bool_],
+    least: float,
 ) -> tuple[str, ...]:
     """A line for each kind of odd rows of each channel (N, 3)."""
     period = float(np.median(np.diff(record.time_s)))

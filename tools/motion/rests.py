@@ -300,18 +300,18 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     quiet = np.ones(len(record) - size + 1, dtype=bool)
     # One channel after the other: sums over an hour at 1 kHz are large.
     for k, values in enumerate(channels):
-        noise[k] = _noise(values, size, lag)
-        quiet &= _scatter(values, size) <= QUIET * noise[k]
+        noise[k] = channel_noise(values, size, lag)
+        quiet &= window_scatter(values, size) <= QUIET * noise[k]
     if not np.isfinite(noise).any():
         least = [LAST_DIGITS * np.abs(values).max() for values in channels]
         changes = np.any([np.abs(np.diff(v, prepend=v[0])) > e for v, e in zip(channels, least, strict=True)], axis=0)
-        quiet = _window_sums(changes[1:], size - 1) == 0
+        quiet = window_sums(changes[1:], size - 1) == 0
     begun = np.concatenate([[0], np.cumsum(quiet)])
     at = np.arange(len(record))
     resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]
     resting &= ~sampling.broken
     jumps = _jumps(channels, quiet, noise, size)
-    ends = np.union1d(_parting_gaps(record.time_s) + 1, jumps)
+    ends = np.union1d(parting_gaps(record.time_s) + 1, jumps)
     still, turning = [], 0
     dropped = round(SETTLING / sampling.period)
     for first, stop in _stretches(resting, ends):
@@ -336,12 +336,12 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     return _averaged(record, sampling, tuple(usable), finite_noise, turning=turning, clipped=tuple(clipped))
 
 
-def _noise(values: NDArray, size: int, lag: int) -> float:
+def channel_noise(values: NDArray, size: int, lag: int) -> float:
     """Noise of a channel (N,), from differences over `lag` rows in the windows of `size` rows where they are least.
 
     A channel that is dead, or shows steps wider than its noise, decides nothing: its noise is infinite.
     """
-    square = _window_sums((values[lag:] - values[:-lag]) ** 2, size - lag)
+    square = window_sums((values[lag:] - values[:-lag]) ** 2, size - lag)
     most = max(1, round(QUIETEST * len(square)))
     noise = float(np.sqrt(0.5 * np.maximum(np.partition(square, most - 1)[most - 1], 0.0) / (size - lag)))
     if noise > 0.0:
@@ -349,14 +349,14 @@ def _noise(values: NDArray, size: int, lag: int) -> float:
     return np.inf
 
 
-def _scatter(values: NDArray, size: int) -> NDArray:
+def window_scatter(values: NDArray, size: int) -> NDArray:
     """Standard deviation of a channel (N,) in each window of `size` rows, shape (N - size + 1,)."""
     centred = values - values.mean()
-    mean = _window_sums(centred, size) / size
-    return np.sqrt(np.maximum(_window_sums(centred**2, size) / size - mean**2, 0.0))
+    mean = window_sums(centred, size) / size
+    return np.sqrt(np.maximum(window_sums(centred**2, size) / size - mean**2, 0.0))
 
 
-def _window_sums(values: NDArray, size: int) -> NDArray:
+def window_sums(values: NDArray, size: int) -> NDArray:
     """Sums of values (N,) over windows of `size` rows, shape (N - size + 1,)."""
     sums = np.concatenate([[0.0], np.cumsum(values)])
     return sums[size:] - sums[:-size]
@@ -372,7 +372,7 @@ def _stretches(resting: NDArray, breaks: NDArray[np.int_]) -> list[tuple[int, in
     return stretches
 
 
-def _parting_gaps(time: NDArray) -> NDArray[np.int_]:
+def parting_gaps(time: NDArray) -> NDArray[np.int_]:
     """Rows before the gaps that end a rest; of stamps with a gap every few rows only the long ones do."""
     grid = grid_of(time)
     if len(grid.gaps) <= IRREGULAR * len(time):

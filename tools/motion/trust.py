@@ -14,7 +14,7 @@ from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
-from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
+from ..records import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
 from ..result import Result
 from ..rounding import digits
 from .between_rests import (
@@ -45,7 +45,7 @@ LEAST_FORCE = 1e-3
 """Readings count as so much at least [g]."""
 FEWEST_RESTS, TOLD = 6, 0.1
 """So many rests tell accelerometers from each other where the least singular value is this part of the largest."""
-Measured = TypeVar("Measured", bound=PositionRecord | RawRecord | StrapdownRecord)
+Measured = TypeVar("Measured", bound=PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord)
 
 
 class TrustCheck(Result):
@@ -88,12 +88,17 @@ def trusted(
     return replace(record, warnings=(*record.warnings, *new)) if new else record
 
 
-def trust_of(record: PositionRecord | RawRecord | StrapdownRecord, gravity: float = STANDARD_GRAVITY) -> TrustCheck:
+def trust_of(
+    record: PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord, gravity: float = STANDARD_GRAVITY
+) -> TrustCheck:
     """Return what speaks against a record, of a table or strapdown, averaged or not; gravity in [m/s²]."""
     # a command refuses gravity that is none
     if not 1.0 <= gravity <= 100.0:
         return TrustCheck()
-    series = record.raw if isinstance(record, PositionRecord) else record
+    is_averaged = isinstance(record, PositionRecord | PoseRecord)
+    series = record
+    if is_averaged:
+        series = record.raw if isinstance(record, PositionRecord) else None
     gyros = series.gyros if isinstance(series, BenchRecord) else series
     if isinstance(gyros, StrapdownRecord) and len(gyros) >= FEWEST_ROWS:
         sampling = sampling_of(gyros)
@@ -102,7 +107,7 @@ def trust_of(record: PositionRecord | RawRecord | StrapdownRecord, gravity: floa
     if isinstance(gyros, StrapdownRecord):
         return TrustCheck(warnings=downward_warning(gyros))
     faults, warnings = list[str](), list[str]()
-    if isinstance(record, PositionRecord):
+    if is_averaged:
         _say_force(faults, warnings, record.specific_force, gravity)
     if series is not None and len(series) >= FEWEST_ROWS:
         faults += odd_rows_of_forces(series)

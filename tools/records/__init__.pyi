@@ -3,6 +3,8 @@ from .channels import Channels as Channels
 from .channels import reading_of as reading_of
 from .columns import POSITION as POSITION
 from .kinds import BenchRecord as BenchRecord
+from .kinds import ForceRecord as ForceRecord
+from .kinds import PoseRecord as PoseRecord
 from .kinds import PositionRecord as PositionRecord
 from .kinds import RawRecord as RawRecord
 from .kinds import StrapdownRecord as StrapdownRecord
@@ -13,6 +15,8 @@ from .noise import allan_deviation as allan_deviation
 from .noise import deviation_at_dwell as deviation_at_dwell
 from .noise import noise_bound_from as noise_bound_from
 from .noise import tells_noise as tells_noise
+from .read import TO_CALIBRATE as TO_CALIBRATE
+from .read import Record as Record
 from .read import Source as Source
 from .read import read_record as read_record
 from .read import significant_digits as significant_digits

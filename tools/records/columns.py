@@ -26,6 +26,12 @@ QUATERNION = ("q0", "q1", "q2", "q3")
 ANGLES = ("alpha_deg", "beta_deg")
 TEMPERATURE = "temperature_degC"
 MOUNTING = "mounting"
+FACE, TURN, PART = "face", "turn", "part"
+"""Which axis of the case points up, which turn is made, or either of them by the name of a section."""
+TEXTS = (MOUNTING, FACE, TURN, PART)
+"""Columns of words; of a series all but the mounting may be empty."""
+UP = ("up1", "up2", "up3")
+"""The vertical in the axes of the case."""
 APPROACH = ("approach_alpha", "approach_beta")
 
 LIMITS = {
@@ -62,6 +68,11 @@ ROUNDING_STEP = 1e-9
 """Readings that differ by less are the same one, converted [m/s²]."""
 GRID = 0.02
 """The part of half a last digit that readings on a grid differ by at the least, as a rule, interpolated or not."""
+UP_NORM = 1e-2
+"""How far the norm of a known vertical may be from 1."""
+_AXES = str.maketrans("xyz", "123")
+_FACE = re.compile(r"([+-]?)\s*([123xyzXYZ])[ _]?([+\-pPaA]?)")
+_TURN = re.compile(r"([123xyzXYZ])(?:\s*:\s*([+-]?\d+(?:\.\d+)?)|[ _]rot|)")
 INERTIAL = ("attitude_reference", "inertial")
 """Key and value that say of a true attitude that it is against inertial space: Earth's rotation is in it."""
 MOST_COMMENTS = 200
@@ -147,6 +158,7 @@ class RecordKind:
 
 _TIME = ("time_s",)
 _TEMPERATURES = (TEMPERATURE,)
+_PARTS = (FACE, TURN, PART)
 POSITION = RecordKind(
     "position record", ("position", "time_s", *ANGLES, *FORCE), (TEMPERATURE, *APPROACH, MOUNTING), most_rows=100_000
 )
@@ -154,14 +166,21 @@ RAW = RecordKind("raw record", _TIME + ANGLES + FORCE, _TEMPERATURES)
 BENCH_RATES = RecordKind("bench record", _TIME + ANGLES + RATE + FORCE, _TEMPERATURES)
 BENCH_INCREMENTS = RecordKind("bench record", _TIME + ANGLES + INCREMENT + FORCE, _TEMPERATURES)
 BENCH = (BENCH_RATES, BENCH_INCREMENTS)
-STRAPDOWN_RATES = RecordKind("strapdown record", _TIME + RATE + FORCE, QUATERNION + _TEMPERATURES)
-STRAPDOWN_INCREMENTS = RecordKind("strapdown record", _TIME + INCREMENT + FORCE, QUATERNION + _TEMPERATURES)
+STRAPDOWN_RATES = RecordKind("strapdown record", _TIME + RATE + FORCE, QUATERNION + _TEMPERATURES + _PARTS)
+STRAPDOWN_INCREMENTS = RecordKind("strapdown record", _TIME + INCREMENT + FORCE, QUATERNION + _TEMPERATURES + _PARTS)
 STRAPDOWN_VELOCITIES = RecordKind("strapdown record", _TIME + INCREMENT + VELOCITY, FORCE + QUATERNION + _TEMPERATURES)
 STRAPDOWN_KINDS = (POSITION, STRAPDOWN_VELOCITIES, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
 """For a reader that wants gyros, and no angles of a table: the first whose required columns are all there."""
 
-KINDS = (POSITION, *BENCH, STRAPDOWN_VELOCITIES, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
+POSES = RecordKind("pose record", ("position", *FORCE), (*_TIME, TEMPERATURE, FACE, *UP), most_rows=100_000)
+FORCES = RecordKind("accelerometer record", _TIME + FORCE, _TEMPERATURES + _PARTS)
+FORCES_ALONE = (POSES, FORCES)
+"""Kinds without gyros and without angles: a file with a column that may be one of those is none of them."""
+KINDS = (POSITION, *BENCH, STRAPDOWN_VELOCITIES, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW, *FORCES_ALONE)
 """Every kind, the most special first: the first whose required columns are all there is the record's."""
+OF_OTHERS = (*RATE, *INCREMENT, *VELOCITY, *ANGLES, *APPROACH, *QUATERNION, MOUNTING)
+"""Columns that a record of accelerometers alone has none of."""
+LOOKS_LIKE_OTHERS = re.compile(r"gyr|omega|rate|angle|alpha|beta|theta|rad|quat", re.IGNORECASE)
 
 
 class RecordError(InputError):
@@ -187,12 +206,12 @@ class Layout:
     @property
     def numbers(self) -> tuple[str, ...]:
         """The columns of numbers that are there."""
-        return tuple(absent(self.present, (MOUNTING,)))
+        return tuple(absent(self.present, TEXTS))
 
 
 @dataclass(frozen=True, eq=False)
 class FileColumns:
-    """The columns of a file as read; NaN where an empty field is allowed (`q0..q3`).
+    """The columns of a file as read; NaN where an empty field is allowed (`q0..q3`, `up1..up3`).
 
     `resolution` is half a last digit of the specific forces [m/s²], `angle_resolution` of the angles [deg],
     `temperature_resolution` of the temperature [K].
@@ -201,7 +220,7 @@ class FileColumns:
     path: Path
     layout: Layout
     numbers: dict[str, np.ndarray]
-    mounting: tuple[str, ...] | None
+    texts: Mapping[str, tuple[str, ...]]
     row: np.ndarray
     resolution: float
     angle_resolution: float = 0.0
@@ -264,21 +283,35 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
 
     present = set(names)
     kind = next((kind for kind in kinds if present.issuperset(kind.required)), None)
+    if kind is not None and kind in FORCES_ALONE and may_be_of_others(absent(names, kind.known)):
+        kind = None
     of_position = not present.isdisjoint((*APPROACH, MOUNTING))
     if kind is RAW and (of_position or get_close_matches("position", names, n=1, cutoff=0.8)):
         raise RecordError(path, row, None, _what_is_missing(names, POSITION))
     if kind is None:
-        raise RecordError(path, row, None, _what_is_missing(names, min(kinds, key=lambda k: _distance(names, k))))
+        # A file that lacks what gyros or angles need is not one of accelerometers alone.
+        larger = [kind for kind in kinds if kind not in FORCES_ALONE]
+        raise RecordError(path, row, None, _what_is_missing(names, min(larger, key=lambda k: _distance(names, k))))
     if present.issuperset(RATE + INCREMENT) and kind in (STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, *BENCH):
         what = "rates (w1_radps..) and increments (dtheta1_rad..) are both there; keep one of them"
         raise RecordError(path, row, None, what)
-    groups = {QUATERNION: "the attitude needs q0, q1, q2, q3", FORCE: "give f1_mps2..f3_mps2 or none of them"}
+    groups = {
+        QUATERNION: "the attitude needs q0, q1, q2, q3",
+        FORCE: "give f1_mps2..f3_mps2 or none of them",
+        UP: "the vertical needs up1, up2, up3",
+    }
     for group, advice in groups.items():
         missing = absent(group, present)
         if group[0] in kind.optional and 0 < len(missing) < len(group):
             raise RecordError(path, row, None, f"column '{missing[0]}' is missing: {advice}")
     columns = absent(kind.known, absent(kind.known, present))
     return Layout(kind, tuple(columns), tuple(absent(names, columns)))
+
+
+def may_be_of_others(names: Sequence[str]) -> bool:
+    """Return true if a column may be meant as one of gyros, angles or an attitude."""
+    of_others = [name for name in names if LOOKS_LIKE_OTHERS.search(name)]
+    return bool(of_others) or any(get_close_matches(name, OF_OTHERS, n=1, cutoff=0.7) for name in names)
 
 
 def absent(names: Iterable[str], present: Container[str]) -> list[str]:
@@ -382,7 +415,7 @@ def fault_of_resolution(columns: FileColumns) -> RecordError | None:
     what = ""
     if resolution > COARSEST and max(least) < AS_WRITTEN * 2.0 * resolution:
         what = "all columns are written more finely than to {}"
-    elif columns.layout.kind is not POSITION and max(usual) < GRID * resolution:
+    elif columns.layout.kind not in (POSITION, POSES) and max(usual) < GRID * resolution:
         # averages of readings on a grid are on none
         what = "readings that are written to {} do not differ by " + f"{digits(max(usual), 2)} m/s2 from row to row"
     if what:
@@ -406,7 +439,7 @@ def faults(columns: FileColumns, *, any_times: bool = False) -> Iterator[RecordE
             yield columns.fault(k, "position", what)
         if not wrong.size:
             yield from _increasing(columns, "position")
-    if not any_times or columns.layout.kind is POSITION:
+    if "time_s" in columns.numbers and (not any_times or columns.layout.kind in (POSITION, POSES)):
         yield from _increasing(columns, "time_s", SHORTEST)
     for name in APPROACH:
         values = columns.numbers.get(name, np.zeros(0))
@@ -418,6 +451,65 @@ def faults(columns: FileColumns, *, any_times: bool = False) -> Iterator[RecordE
     yield from _forces(columns)
     if QUATERNION[0] in columns.numbers:
         yield from _quaternions(columns)
+    if UP[0] in columns.numbers:
+        up = columns.group(UP)
+        known = np.isfinite(up).any(axis=1)
+        for k in np.flatnonzero(known & ~(np.abs(np.linalg.norm(up, axis=1) - 1.0) <= UP_NORM)):
+            yield columns.fault(k, _all(UP), f"is no unit vector to {UP_NORM:g}; leave all three empty where unknown")
+    yield from _words(columns)
+
+
+def _words(columns: FileColumns) -> Iterator[RecordError]:
+    """Yield faults of faces and turns that are none."""
+    readers = {FACE: face_of, TURN: turn_of, PART: part_of}
+    for name, reader in readers.items():
+        for k, text in enumerate(columns.texts.get(name, ())):
+            try:
+                reader(text)
+            except ValueError as error:
+                yield columns.fault(k, name, str(error))
+
+
+def face_of(text: str) -> tuple[float, float, float] | None:
+    """Return the vertical in the axes of the case by a face as +1, -X, y+ or z_a; None of an empty text.
+
+    Of names of sections "p" is up and "a" is down. Raises a ValueError for another text.
+    """
+    if not text:
+        return None
+    match = _FACE.fullmatch(text)
+    if match is None or (match[1] and match[3]):
+        raise ValueError(f"{quoted(text)} is no face; +1, -1, +2, -2, +3 or -3 is needed, the axis that points up")
+    up = [0.0, 0.0, 0.0]
+    sign = match[1] or match[3] or "+"
+    up["123".index(match[2].lower().translate(_AXES))] = -1.0 if sign in ("-", "a", "A") else 1.0
+    return up[0], up[1], up[2]
+
+
+def turn_of(text: str) -> tuple[int, float] | None:
+    """Return the axis of a known turn, from 1, and its angle [deg], NaN where only its size is 360; None of no text.
+
+    1:360 is a turn about axis 1 by the right hand, 1 a whole turn about it in either sense. Raises a ValueError for
+    another text.
+    """
+    if not text:
+        return None
+    match = _TURN.fullmatch(text)
+    angle = math.nan
+    if match is not None and match[2]:
+        angle = float(match[2])
+    if match is None or angle == 0.0:
+        raise ValueError(f"{quoted(text)} is no turn; 1:360 is needed, the axis and the angle in degrees")
+    return int(match[1].lower().translate(_AXES)), angle
+
+
+def part_of(text: str) -> tuple[tuple[float, float, float] | None, tuple[int, float] | None]:
+    """Return the face and the turn that the name of a section says: one of them at most."""
+    if _TURN.fullmatch(text) and not _FACE.fullmatch(text):
+        return None, turn_of(text)
+    if _FACE.fullmatch(text):
+        return face_of(text), None
+    return None, None
 
 
 def _increasing(columns: FileColumns, name: str, least: float = 0.0) -> Iterator[RecordError]:
@@ -429,7 +521,7 @@ def _increasing(columns: FileColumns, name: str, least: float = 0.0) -> Iterator
         hint = ""
         if name == "position":
             hint = " (a time series has no such column)"
-        elif columns.layout.kind is not POSITION:
+        elif columns.layout.kind not in (POSITION, POSES):
             hint = "; rows that were sampled evenly are taken with --stamps RATE_HZ"
         what = f"{value:.17g} after {before:.17g} {verb}; it must grow from row to row{hint}"
         yield columns.fault(k + 1, name, what)
@@ -445,7 +537,7 @@ def knocks_of(force: np.ndarray) -> np.ndarray:
 def _forces(columns: FileColumns) -> Iterator[RecordError]:
     """Readings that are none, and the wrong unit; knocks are of a series, not of averaged readings."""
     force = columns.group(FORCE)
-    averaged = columns.layout.kind is POSITION
+    averaged = columns.layout.kind in (POSITION, POSES)
     limit = LARGEST_FORCE if averaged else CORRUPT_FORCE
     # a component beyond the limit first: the squares of huge numbers overflow
     large = np.abs(force) > limit

@@ -18,12 +18,17 @@ from .columns import (
     ANGLES,
     APPROACH,
     CORRECTED_WITHIN,
+    FACE,
     FORCE,
     INCREMENT,
     MOUNTING,
+    PART,
     QUATERNION,
     RATE,
     TEMPERATURE,
+    TEXTS,
+    TURN,
+    UP,
     VELOCITY,
     comment_lines,
     knocks_of,
@@ -125,12 +130,16 @@ class _Record(_Origin):
     specific_force: np.ndarray
 
     def __post_init__(self) -> None:
-        count = len(self.time_s)
+        count = len(self)
         if self.row.size == 0:
             object.__setattr__(self, "row", np.arange(1, count + 1))
         for name, columns in {**self.groups, "scatter": FORCE, "row": ("row",)}.items():
             value = getattr(self, name, None)
-            if value is None or name == "mounting":
+            if value is None:
+                continue
+            if columns[0] in TEXTS:
+                if len(value) != count:
+                    raise ValueError(f"{len(value)} words of {name} for {count} rows")
                 continue
             if name in ("position", "row"):
                 number_type = np.int64
@@ -142,11 +151,11 @@ class _Record(_Origin):
             else:
                 shape = (count, len(columns))
             if array.shape != shape:
-                raise ValueError(f"{name} has the shape {array.shape}, where time_s asks for {shape}")
+                raise ValueError(f"{name} has the shape {array.shape}, where the record has {count} rows")
             object.__setattr__(self, name, array)
 
     def __len__(self) -> int:
-        return len(self.time_s)
+        return len(self.specific_force)
 
     @cached_property
     def knocks(self) -> np.ndarray:
@@ -200,7 +209,7 @@ class _Record(_Origin):
 
     def __str__(self) -> str:
         span = ""
-        if len(self):
+        if len(self) and self.time_s is not None:
             span = f", {self.time_s[-1] - self.time_s[0]:.6g} s"
         lines = (f"warning: {text}" for text in self.warnings)
         return "\n".join([f"{self.path}: {self.word} of {len(self)} rows{span}", *lines])
@@ -232,7 +241,7 @@ class _Record(_Origin):
         """Its `columns` as a table; an attitude that is not known is null."""
         import polars as pl
 
-        table = pl.DataFrame({k: list(v) if k == MOUNTING else v for k, v in self.columns().items()})
+        table = pl.DataFrame({k: list(v) if k in TEXTS else v for k, v in self.columns().items()})
         quaternion = [name for name in QUATERNION if name in table.columns]
         if quaternion:
             return table.with_columns(pl.col(quaternion).fill_nan(None))
@@ -370,11 +379,6 @@ class PositionRecord(_Record):
     raw: RawRecord | None = None
     rests: tuple[Rest, ...] = ()
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.mounting is not None and len(self.mounting) != len(self):
-            raise ValueError(f"{len(self.mounting)} names of mountings for {len(self)} rows")
-
     def bounds_with(self, noise_bound: float, gravity: float) -> np.ndarray:
         """Return the bound of each reading's error (3 N,), fractions of `gravity`: σ plus the limit of a correction."""
         text = self.about.get(CORRECTED_WITHIN, "0 0 0")
@@ -422,6 +426,8 @@ class StrapdownRecord(_Record):
         true attitude, unit quaternion, scalar first, body to reference; a row of NaN where it is not known
     temperature : ndarray, shape (N,), or None
         [°C]
+    face, turn, part : tuple of str, or None
+        axis of the case that points up in a row, as +1; known turn, as 1:360; or either by the name of a section
     path, row, warnings, sha256, about, channels
         source of the record, and the way it was read
     """
@@ -435,6 +441,9 @@ class StrapdownRecord(_Record):
         "specific_force": FORCE,
         "temperature": (TEMPERATURE,),
         "attitude": QUATERNION,
+        "face": (FACE,),
+        "turn": (TURN,),
+        "part": (PART,),
     }
 
     time_s: np.ndarray
@@ -444,6 +453,9 @@ class StrapdownRecord(_Record):
     attitude: np.ndarray | None = None
     temperature: np.ndarray | None = None
     velocity_increment: np.ndarray | None = None
+    face: tuple[str, ...] | None = None
+    turn: tuple[str, ...] | None = None
+    part: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         if (self.rate is None) == (self.increment is None):
@@ -451,12 +463,95 @@ class StrapdownRecord(_Record):
         super().__post_init__()
 
 
-def write_record(record: PositionRecord | RawRecord | StrapdownRecord, path: Path, decimals: int | None = None) -> None:
+@dataclass(frozen=True, eq=False, repr=False)
+class ForceRecord(_Record):
+    """Accelerometers of a block alone, in time, in any poses.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (N,)
+        [s]
+    specific_force : ndarray, shape (N, 3)
+        block frame [m/s²]
+    temperature : ndarray, shape (N,), or None
+        [°C]
+    face, turn, part : tuple of str, or None
+        as of StrapdownRecord
+    path, row, warnings, sha256, about, channels
+        source of the record, and the way it was read
+    """
+
+    word = "accelerometer record"
+    groups: ClassVar = {
+        "time_s": ("time_s",),
+        "specific_force": FORCE,
+        "temperature": (TEMPERATURE,),
+        "face": (FACE,),
+        "turn": (TURN,),
+        "part": (PART,),
+    }
+
+    time_s: np.ndarray
+    specific_force: np.ndarray
+    temperature: np.ndarray | None = None
+    face: tuple[str, ...] | None = None
+    turn: tuple[str, ...] | None = None
+    part: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseRecord(_Record):
+    """One averaged row of accelerometers for each pose, without a table's angles.
+
+    Attributes
+    ----------
+    position : ndarray of int, shape (N,)
+        counts the poses, from 1
+    specific_force : ndarray, shape (N, 3)
+        averaged readings, block frame [m/s²]
+    time_s : ndarray, shape (N,), or None
+        [s]
+    temperature : ndarray, shape (N,), or None
+        [°C]
+    face : tuple of str, or None
+        axis of the case that points up, as +1
+    up : ndarray, shape (N, 3), or None
+        the vertical in the axes of the case, NaN where it is not known
+    scatter : ndarray, shape (N, 3), or None
+        standard error of each mean [m/s²]
+    path, row, warnings, sha256, about, channels
+        source of the record, and the way it was read
+    """
+
+    word = "pose record"
+    groups: ClassVar = {
+        "position": ("position",),
+        "time_s": ("time_s",),
+        "specific_force": FORCE,
+        "temperature": (TEMPERATURE,),
+        "face": (FACE,),
+        "up": UP,
+    }
+
+    position: np.ndarray
+    specific_force: np.ndarray
+    time_s: np.ndarray | None = None  # type: ignore[assignment]
+    temperature: np.ndarray | None = None
+    face: tuple[str, ...] | None = None
+    up: np.ndarray | None = None
+    scatter: np.ndarray | None = None
+
+
+def write_record(
+    record: "PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord",
+    path: Path,
+    decimals: int | None = None,
+) -> None:
     """Write a record as CSV with its metadata as comment lines; unknown attitudes are empty fields.
 
     Parameters
     ----------
-    record : PositionRecord, RawRecord or StrapdownRecord
+    record : record of any kind
         the record to write; row numbers, warnings and scatter are not written
     path : Path
         appears whole or not at all
@@ -475,11 +570,11 @@ def write_record(record: PositionRecord | RawRecord | StrapdownRecord, path: Pat
             texts[name] = [str(value) for value in values]
             continue
         finite = np.isfinite(values)
-        if name not in QUATERNION and not finite.all():
+        if name not in (*QUATERNION, *UP) and not finite.all():
             raise InputError(f"{path}: not written: {name} holds a number that is not finite")
         written = [repr(v) if decimals is None else f"{v:z.{decimals}f}" for v in values.tolist()]
         texts[name] = [text if is_known else "" for text, is_known in zip(written, finite.tolist(), strict=True)]
-    time = np.array([float(text) for text in texts["time_s"]])
+    time = np.array([float(text) for text in texts.get("time_s", ())])
     if np.any(time[1:] <= time[:-1]):
         raise InputError(f"{path}: not written: time_s does not grow from row to row as it would be written")
     if Path(path).suffix.lower() == ".parquet":

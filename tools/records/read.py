@@ -29,13 +29,17 @@ from .columns import (
     ANGLES,
     BENCH,
     FORCE,
+    FORCES,
     KINDS,
     MOUNTING,
+    POSES,
     POSITION,
     QUATERNION,
     RAW,
     STRAPDOWN_KINDS,
     TEMPERATURE,
+    TEXTS,
+    UP,
     FileColumns,
     Layout,
     RecordError,
@@ -50,7 +54,7 @@ from .columns import (
     with_force,
 )
 from .even import times_unused, with_stamps
-from .kinds import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
+from .kinds import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
 from .rests import position_record_of
 
 LARGE = 30_000_000
@@ -59,11 +63,15 @@ PART = 16384
 """Rows that are taken from text to numbers at once: bounds the memory that their texts need."""
 ROUNDED_ANGLE = 1e-5
 """Half a last digit [deg] of angles up to which their digits are roundings."""
+MAY_BE_EMPTY = (*QUATERNION, *UP)
+"""Columns of numbers whose fields may be empty, where a direction is not known."""
 PACKED = b"\x1f\x8b"
 """What a file that gzip has packed begins with."""
 
 
-Record: TypeAlias = PositionRecord | RawRecord | StrapdownRecord
+Record: TypeAlias = PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord
+TO_CALIBRATE = (PositionRecord, StrapdownRecord, ForceRecord, PoseRecord)
+"""Kinds of records that can be calibrated; a series of a table is averaged."""
 Faults: TypeAlias = Generator[RecordError, None, FileColumns | None]
 """Every fault of a file; what it returns are the columns of the rows without, None where there are none."""
 Wanted = TypeVar("Wanted", PositionRecord, StrapdownRecord)
@@ -133,8 +141,8 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
     """
     table = PositionRecord in kinds
     measured: Record
-    is_read = isinstance(record, PositionRecord | RawRecord | StrapdownRecord)
-    if isinstance(record, PositionRecord | RawRecord | StrapdownRecord):
+    is_read = isinstance(record, Record)
+    if isinstance(record, Record):
         measured = record
     elif isinstance(record, Recorded):
         measured = record.position_record()
@@ -150,9 +158,10 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
     if not kinds or isinstance(measured, kinds):
         return measured
     if table:
-        what = "is a strapdown record; a position record or a raw record (alpha_deg, beta_deg) is needed"
+        what = f"is a {measured.word}; a position record or a raw record (alpha_deg, beta_deg) is needed"
         raise RecordError(measured.path, None, None, what)
-    raise InputError(f"{measured.path}: is a table record; a strapdown record (w1_radps, ...) is needed")
+    word = "table record" if isinstance(measured, RawRecord | PositionRecord) else measured.word
+    raise InputError(f"{measured.path}: is a {word}; a strapdown record (w1_radps, ...) is needed")
 
 
 def read_written(path: Path) -> Record:
@@ -249,14 +258,15 @@ def _with_import(error: RecordError, path: Path, content: bytes) -> RecordError:
 
 def record_from(columns: FileColumns) -> Record:
     """The values of columns that have no faults."""
-    classes = {POSITION: PositionRecord, RAW: RawRecord, **dict.fromkeys(BENCH, BenchRecord)}
+    classes: dict[RecordKind, type[Any]] = {POSITION: PositionRecord, RAW: RawRecord, POSES: PoseRecord}
+    classes |= {FORCES: ForceRecord, **dict.fromkeys(BENCH, BenchRecord)}
     kind = classes.get(columns.layout.kind, StrapdownRecord)
     values: dict[str, Any] = {"path": columns.path, "row": columns.row, "about": columns.comments.about}
     for name, columns_of_group in kind.groups.items():
         if columns_of_group[0] not in columns.layout.present:
             values[name] = None
-        elif columns_of_group[0] == MOUNTING:
-            values[name] = columns.mounting
+        elif columns_of_group[0] in TEXTS:
+            values[name] = columns.texts[columns_of_group[0]]
         else:
             if len(columns_of_group) == 1:
                 numbers = columns.numbers[columns_of_group[0]]
@@ -269,7 +279,7 @@ def record_from(columns: FileColumns) -> Record:
         # a row of NaN where it is not known
         values["attitude"][spoilt_attitudes(columns)] = np.nan
         values["attitude"] = values["attitude"] / np.sqrt(np.square(values["attitude"]).sum(axis=1, keepdims=True))
-    if kind is not StrapdownRecord:
+    if kind in (PositionRecord, RawRecord, BenchRecord):
         values["resolution"] = columns.resolution
     if kind is PositionRecord:
         # angles of few digits are settings, which the encoders reached
@@ -306,7 +316,7 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
         return None
     place = {name: names.index(name) for name in sorted(layout.present, key=names.index)}
     parts: dict[str, list[np.ndarray]] = {name: [] for name in layout.numbers}
-    mounting: list[str] = []
+    texts_of: dict[str, list[str]] = {name: [] for name in place if name in TEXTS}
     blocks: list[np.ndarray] = []
     digits = dict.fromkeys(layout.numbers, 0)
     for start in tracked(range(1, len(body), PART), "reading", show=len(content) >= LARGE):
@@ -326,7 +336,8 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
             parts[name].append(numbers[name])
             if start == 1:
                 digits[name] = max(map(significant_digits, texts[name]), default=0)
-        mounting += [text.strip() for text in texts.get(MOUNTING, ())]
+        for name, column in texts_of.items():
+            column += [text.strip() for text in texts[name]]
         blocks.append(where)
     if not sum(map(len, blocks)):
         return None
@@ -339,14 +350,11 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
         largest = max(float(np.abs(values[name]).max()) for name in columns)
         return written_resolution(largest, max(digits[name] for name in columns))
 
-    names_of_mountings = None
-    if MOUNTING in place:
-        names_of_mountings = tuple(mounting)
     return FileColumns(
         path,
         layout,
         values,
-        names_of_mountings,
+        {name: tuple(column) for name, column in texts_of.items()},
         np.concatenate(blocks),
         max(resolution(*FORCE), comments.resolution),
         max(resolution(*ANGLES), comments.angle),
@@ -420,11 +428,11 @@ def taken_of(
     texts = {name: columns[k] for name, k in place.items()}
     numbers = {}
     for name, column in texts.items():
-        if name == MOUNTING:
-            if any(_name_fault(text) for text in column):
+        if name in TEXTS:
+            if any(_text_fault(name, text) for text in set(column)):
                 return None
             continue
-        values = _numbers(column, may_be_empty=name in QUATERNION)
+        values = _numbers(column, may_be_empty=name in MAY_BE_EMPTY)
         if values is None:
             return None
         numbers[name] = values
@@ -442,10 +450,10 @@ def faults_of_line(path: Path, row: int, line: str, width: int, place: dict[str,
         yield RecordError(path, row, None, f"{len(fields)} fields, where the header has {width} columns")
         return
     for name, k in place.items():
-        if name == MOUNTING:
-            fault = _name_fault(fields[k])
+        if name in TEXTS:
+            fault = _text_fault(name, fields[k])
         else:
-            fault = _number_fault(fields[k], name in QUATERNION)
+            fault = _number_fault(fields[k], name in MAY_BE_EMPTY)
         if fault:
             yield RecordError(path, row, name, fault)
 
@@ -491,6 +499,13 @@ def _number_fault(text: str, may_be_empty: bool) -> str | None:
     return f"{quoted(text)} is not a number; a decimal number is needed{comma}"
 
 
+def _text_fault(name: str, text: str) -> str | None:
+    """Return the fault of a field of a column of words; all but a mounting may be empty."""
+    if name != MOUNTING and not text.strip():
+        return None
+    return _name_fault(text)
+
+
 def _name_fault(text: str, signs: str = "letters, digits and signs") -> str | None:
     if not text.strip():
         return "the field is empty; a name is needed"
@@ -528,17 +543,15 @@ def _read_parquet(path: Path, content: bytes, kinds: Sequence[RecordKind], *, tr
         # half a last binary digit of readings that are kept in single precision
         largest = max(float(np.abs(frame[name].to_numpy()).max()) for name in FORCE)
         resolution = 0.5 * float(np.spacing(np.float32(largest)))
-    mounting = None
-    if MOUNTING in layout.present:
-        mounting = _parquet_names(path, frame[MOUNTING])
-    return FileColumns(path, layout, numbers, mounting, np.arange(1, frame.height + 1), resolution)
+    texts = {name: _parquet_names(path, frame[name]) for name in layout.present if name in TEXTS}
+    return FileColumns(path, layout, numbers, texts, np.arange(1, frame.height + 1), resolution)
 
 
 def _parquet_numbers(path: Path, series: pl.Series) -> np.ndarray:
     if not series.dtype.is_numeric():
         raise RecordError(path, None, series.name, f"holds {series.dtype}; numbers are needed")
     empty = series.is_null().to_numpy()
-    if empty.any() and series.name not in QUATERNION:
+    if empty.any() and series.name not in MAY_BE_EMPTY:
         row = int(np.argmax(empty)) + 1
         raise RecordError(path, row, series.name, "the field is empty; a number is needed")
     values = np.array(series.cast(pl.Float64).to_numpy())
@@ -551,11 +564,13 @@ def _parquet_numbers(path: Path, series: pl.Series) -> np.ndarray:
 
 
 def _parquet_names(path: Path, series: pl.Series) -> tuple[str, ...]:
-    if series.dtype not in (pl.String, pl.Categorical, pl.Enum):
+    if series.dtype not in (pl.String, pl.Categorical, pl.Enum, pl.Null):
         raise RecordError(path, None, series.name, f"holds {series.dtype}; names are needed")
     names = [(name or "").strip() for name in series.cast(pl.String).to_list()]
     for row, name in enumerate(names, 1):
-        fault = _name_fault(name, "letters and digits")
+        fault = None
+        if name or series.name == MOUNTING:
+            fault = _name_fault(name, "letters and digits")
         if fault:
             raise RecordError(path, row, series.name, fault)
     return tuple(names)

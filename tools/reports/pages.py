@@ -56,6 +56,7 @@ PAGES = {
 BY_FIELD = {
     "Calibration": {
         "changes": ("several", "trend_page"),
+        "by_hand": ("by_hand", "by_hand_page"),
         "of_record": ("several", "joint_calibration_page"),
         "positions": ("calibration", "calibration_page"),
         "parameters": ("inspection", "norm_page"),

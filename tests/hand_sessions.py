@@ -1,0 +1,82 @@
+"""Simulated sessions of a block in a hand: poses without gyros, six faces with turns, moves from rest to rest."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from scipy.spatial.transform import Rotation
+
+from by_hand import GRAVITY, NAMES, Instrument
+
+PERIOD = 0.01
+FACES = ("+1", "-1", "+2", "-2", "+3", "-3")
+
+
+def truth(instrument: Instrument) -> dict[str, float]:
+    """Return the true parameters of an instrument by their symbols."""
+    values = dict(zip(NAMES, [*(instrument.matrix - np.eye(3))[np.tril_indices(3)], *instrument.bias], strict=True))
+    matrix = instrument.gyro_matrix - np.eye(3)
+    for row in range(3):
+        values[f"B{row + 1}"] = instrument.gyro_bias[row]
+        for column in range(3):
+            values[f"M{row + 1}{column + 1}"] = matrix[row, column]
+            values[f"S{row + 1}{column + 1}"] = instrument.sensitivity[row, column]
+    return values
+
+
+def directions(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Return random unit vectors (count, 3)."""
+    vectors = rng.normal(size=(count, 3))
+    return vectors / np.linalg.norm(vectors, axis=1)[:, None]
+
+
+def poses(instrument: Instrument, up: np.ndarray, errors: np.ndarray) -> pl.DataFrame:
+    """Return a pose record of verticals (N, 3) in block axes, with errors (N, 3) of the readings [g]."""
+    reading = instrument.readings(GRAVITY * up) + GRAVITY * errors
+    columns = {f"f{axis + 1}_mps2": reading[:, axis] for axis in range(3)}
+    return pl.DataFrame({"position": np.arange(1, len(up) + 1), **columns})
+
+
+def turning(rests: list[Rotation], moving_s: float, resting_s: float) -> tuple[np.ndarray, Rotation]:
+    """Return the times and attitudes (body to world) of a block that turns steadily from one rest to the next."""
+    step = int(resting_s / PERIOD), int(moving_s / PERIOD)
+    parts = [np.tile(rests[0].as_quat(), (step[0], 1))]
+    for before, after in pairwise(rests):
+        way = (before.inv() * after).as_rotvec()
+        share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, step[1] + 1) / step[1])
+        parts.append((before * Rotation.from_rotvec(share[:, None] * way)).as_quat())
+        parts.append(np.tile(after.as_quat(), (step[0], 1)))
+    quaternions = np.vstack(parts)
+    return PERIOD * np.arange(len(quaternions)), Rotation.from_quat(quaternions)
+
+
+def strapdown(
+    instrument: Instrument, time: np.ndarray, attitude: Rotation, rng: np.random.Generator, noise: tuple[float, float]
+) -> pl.DataFrame:
+    """Return a strapdown record of attitudes (body to world), with noise of a sample [g], [rad/s]."""
+    between = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / PERIOD
+    rate = np.vstack([between[:1], 0.5 * (between[1:] + between[:-1]), between[-1:]])
+    force = GRAVITY * attitude.inv().apply([0.0, 0.0, 1.0])
+    reading = instrument.readings(force) + GRAVITY * rng.normal(0.0, noise[0], force.shape)
+    rates = instrument.rates(rate, force) + rng.normal(0.0, noise[1], rate.shape)
+    columns = {f"w{axis + 1}_radps": rates[:, axis] for axis in range(3)}
+    columns |= {f"f{axis + 1}_mps2": reading[:, axis] for axis in range(3)}
+    return pl.DataFrame({"time_s": time, **columns})
+
+
+def hand_moved(seed: int, count: int = 14, *, sensitivity: bool = False) -> tuple[Instrument, pl.DataFrame]:
+    """Return an instrument and the record of its moves between random rests."""
+    rng = np.random.default_rng(seed)
+    instrument = Instrument(seed)
+    if not sensitivity:
+        instrument.sensitivity = np.zeros((3, 3))
+    rests = list(Rotation.random(count, random_state=rng))
+    time, attitude = turning(rests, 2.0, 3.0)
+    return instrument, strapdown(instrument, time, attitude, rng, (3e-3, 2e-3))
+
+
+def written(table: pl.DataFrame, path: Path) -> Path:
+    """Write a table as CSV."""
+    table.write_csv(path)
+    return path

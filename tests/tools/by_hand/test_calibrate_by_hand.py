@@ -1,0 +1,119 @@
+"""`calibrate` without a table: accelerometers alone, moves from rest to rest, faces; what is open, what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import trihedron as th
+from by_hand import GRAVITY, NAMES, Instrument
+from hand_sessions import FACES, directions, hand_moved, poses, truth
+
+SD = 4e-4
+
+
+def normal_poses(seed: int, count: int) -> tuple[Instrument, pl.DataFrame]:
+    rng = np.random.default_rng(seed)
+    instrument = Instrument(seed)
+    up = directions(rng, count)
+    return instrument, poses(instrument, up, rng.normal(0.0, SD, (count, 3)))
+
+
+def test_accelerometers_alone_have_their_true_values_within_the_guaranteed_ends() -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        instrument = Instrument(seed)
+        table = poses(instrument, directions(rng, 24), rng.uniform(-1e-3, 1e-3, (24, 3)))
+        result = th.calibrate(table, noise_bound=1e-3, gravity=GRAVITY)
+        assert result.verdict == "consistent"
+        assert result.sigma.kind == "bound"
+        for symbol in NAMES:
+            parameter, value = result[symbol], truth(instrument)[symbol]
+            assert parameter.low <= value <= parameter.high, (seed, symbol)
+            assert parameter.low <= parameter.estimate <= parameter.high
+            assert parameter.high - parameter.low < 0.03
+
+
+def test_standard_errors_of_accelerometers_alone_are_right() -> None:
+    ratios = []
+    for seed in range(60):
+        instrument, table = normal_poses(seed, 20)
+        result = th.calibrate(table, noise_sd=SD, gravity=GRAVITY)
+        for symbol in NAMES:
+            ratios.append((result[symbol].estimate - truth(instrument)[symbol]) / result[symbol].standard_error)
+    # Nine parameters of 60 sessions: their rms is known to 5 %.
+    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.12)
+
+
+def test_readings_that_no_parameters_explain_are_falsified_and_have_estimates() -> None:
+    _, table = normal_poses(3, 20)
+    spoilt = table.with_columns(f1_mps2=pl.col("f1_mps2") + pl.Series([0.1] + [0.0] * 19))
+    result = th.calibrate(spoilt, noise_bound=1e-4, gravity=GRAVITY)
+    assert result.verdict == "falsified"
+    assert result.stands_with_sigma > 1e-4
+    assert all(result[symbol].estimate is not None and result[symbol].low is None for symbol in NAMES)
+    assert th.calibrate(spoilt, noise_bound=1.01 * result.stands_with_sigma, gravity=GRAVITY).verdict == "consistent"
+
+
+def test_six_faces_leave_the_misalignments_open_and_three_edges_close_them() -> None:
+    instrument = Instrument(5)
+    rng = np.random.default_rng(5)
+    up = np.vstack([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]] + rng.normal(0.0, 0.03, (6, 3))
+    up = up / np.linalg.norm(up, axis=1)[:, None]
+    table = poses(instrument, up, np.zeros((6, 3))).with_columns(face=pl.Series(FACES))
+    result = th.calibrate(table, gravity=GRAVITY)
+    assert result.verdict == "insufficient"
+    assert {p.symbol for p in result.parameters if not p.determined} == {"gamma_21", "gamma_31", "gamma_32"}
+    asked = [entry.close_by for entry in result.open]
+    assert len(asked) == 3
+    assert all("both at 45°" in pose for pose in asked)
+    assert result.by_hand.case.rotation == pytest.approx(np.eye(3), abs=0.05)
+    edges = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]]) / np.sqrt(2.0)
+    result = th.calibrate(poses(instrument, np.vstack([up, edges]), np.zeros((9, 3))), gravity=GRAVITY)
+    assert result.verdict == "usable"
+    for symbol in NAMES:
+        assert result[symbol].estimate == pytest.approx(truth(instrument)[symbol], abs=1e-3)
+
+
+def test_gyros_and_accelerometers_of_a_block_moved_by_hand() -> None:
+    instrument, table = hand_moved(2)
+    result = th.calibrate(table, gravity=GRAVITY)
+    assert result.verdict == "usable"
+    assert (result.by_hand.rests, result.by_hand.moves) == (14, 13)
+    assert result.by_hand.gain.move_after < 0.2 * result.by_hand.gain.move_before
+    for p in result.parameters:
+        assert abs(p.estimate - truth(instrument)[p.symbol]) < 4.0 * p.standard_error + 1e-9, p.symbol
+    assert "S11" not in result
+
+
+def test_sensitivity_to_gravity_is_taken_where_it_is_proven() -> None:
+    instrument, table = hand_moved(4, 20, sensitivity=True)
+    result = th.calibrate(table, gravity=GRAVITY)
+    assert result.by_hand.sensitivity.taken
+    assert result["S11"].estimate == pytest.approx(instrument.sensitivity[0, 0], abs=3e-4)
+
+
+def test_a_block_that_rests_in_two_poses_says_what_is_open() -> None:
+    instrument = Instrument(8)
+    table = poses(instrument, np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]), np.zeros((2, 3)))
+    result = th.calibrate(table, gravity=GRAVITY)
+    assert result.verdict == "insufficient"
+    assert len(result.open) >= 5
+    assert result.by_hand.pose_error.worst > 0.02
+
+
+def test_one_line_refuses_options_of_a_table_and_columns_that_may_be_gyros(tmp_path: Path) -> None:
+    _, table = normal_poses(1, 12)
+    with pytest.raises(ValueError, match=r"convention: is of a record of a table"):
+        th.calibrate(table, convention="A2")
+    with pytest.raises(ValueError, match="2 faces are given for 12 rests"):
+        th.calibrate(table, faces="+1,-1")
+    with pytest.raises(ValueError, match="is no face"):
+        th.calibrate(table, faces=",".join(["up"] * 12))
+    with pytest.raises(ValueError, match="alpha_deg"):
+        th.calibrate(table.with_columns(alpha=pl.lit(0.0)))
+    with pytest.raises(ValueError, match="rest_scatter"):
+        th.calibrate(table, rest_scatter=3.0)
+    with pytest.raises(ValueError, match="never changes"):
+        th.calibrate(table.with_columns(f2_mps2=pl.lit(0.1)))

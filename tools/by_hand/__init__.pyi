@@ -1,0 +1,4 @@
+from .calibration import calibrate_by_hand as calibrate_by_hand
+from .run import HandRecord as HandRecord
+from .run import HandRequest as HandRequest
+from .run import parted_at_cuts as parted_at_cuts

@@ -1,0 +1,416 @@
+"""The procedure of `trihedron calibrate` without a table: from a record of any kind to a calibration."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bounded.programmes import chebyshev_radius
+from ..calibrated import (
+    UNITS,
+    ByHand,
+    Calibration,
+    Case,
+    HandGain,
+    KnownBefore,
+    Open,
+    Parameter,
+    PoseError,
+    Provenance,
+    Sigma,
+    TakenSensitivity,
+    TurnError,
+    Verdict,
+)
+from ..motion.norm import NAMES, UNITS_OF, norm_equations
+from ..records import ForceRecord, PoseRecord
+from ..rounding import digits, upwards
+from .forces import (
+    FLOOR,
+    PRIOR,
+    SPHERE,
+    USABLE,
+    Forces,
+    fitted_forces,
+    grade,
+    open_directions,
+    poses_to_close,
+    scatter_of,
+)
+from .gyros import PRIOR as GYRO_PRIOR
+from .gyros import GyroFit, fitted_gyros
+from .moves import BIAS, MATRIX
+from .possible import BOX, Possible, possible_forces
+from .run import HandRecord, HandRequest, Run, run_of
+
+WELL = 3e-3
+"""Largest predicted error of an unseen pose that asks for no further pose [g]."""
+USABLE_TURN = np.radians(1.0)
+"""Largest predicted error of a turn of 90° of gyros that are usable [rad]."""
+CHANCE = 1e-3
+"""Readings scatter by more than a given noise where chance explains it with a smaller probability."""
+FOLDS, FEWEST_FOLDED = 5, 12
+"""Contiguous parts that are left out in turn; of fewer rests none is."""
+LARGE = 0.2
+"""A parameter beyond this is said."""
+MORE = 3.0
+"""Scatter of the norms over what is taken for it that is said."""
+HALF_PRIOR = 0.5
+"""A parameter is determined where its error is below this part of the prior's."""
+CENTRINGS = 6
+GYRO_SYMBOLS = (
+    *("B1", "B2", "B3"),
+    *(f"M{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)),
+    *(f"S{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)),
+    "L",
+)
+"""Symbols of the gyros' parameters, in the order of their values."""
+MORE_RESTS = "more rests, of two seconds and more"
+
+
+@dataclass(frozen=True, eq=False)
+class HandFit:
+    """Fit of a run: accelerometers, gyros, and the scatter of the readings over what was taken for it."""
+
+    forces: Forces
+    gyros: GyroFit | None
+    deviation: NDArray[np.float64]
+    scatter: float
+    chance: float
+
+
+def fit_of(run: Run) -> HandFit:
+    """Fit accelerometers by the norm of gravity, and the gyros with these."""
+    deviation = run.deviation
+    forces = fitted_forces(run.rests.force, deviation, run.faces)
+    scatter, chance = scatter_of(forces, run.rests.force, deviation)
+    if scatter > 1.0 and (not run.basis or chance < CHANCE):
+        deviation = deviation * scatter
+        forces = fitted_forces(run.rests.force, deviation, run.faces)
+    gyros = None
+    if run.moves is not None:
+        gyros = fitted_gyros(run.rests, float(np.median(deviation)), forces, run.moves, run.turns)
+    return HandFit(forces, gyros, deviation, scatter, chance)
+
+
+def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
+    """Calibrate accelerometers, and gyros where there are any, of a block in any poses.
+
+    Parameters
+    ----------
+    record : StrapdownRecord, ForceRecord or PoseRecord
+    request : HandRequest
+
+    Returns
+    -------
+    Calibration
+        estimates, standard errors, what is open and what would close it; guaranteed intervals of the accelerometers
+        where σ is given
+
+    Raises
+    ------
+    InputError
+        for a record or options that cannot be used, in one line
+
+    Notes
+    -----
+    The accelerometers come from the norm of gravity at rest, by least squares with a weak prior; the gyros from the
+    directions of gravity before and after each move. Guaranteed is what `possible_forces` proves.
+    """
+    run = run_of(record, request)
+    return calibration_of(run, fit_of(run), request.gravity)
+
+
+def calibration_of(run: Run, fit: HandFit, gravity: float) -> Calibration:
+    """Return the calibration by a fit of a run."""
+    force = run.rests.force
+    least, centre = least_bound(fit.forces.x, force)
+    possible, values, estimator = None, fit.forces.x, "least squares"
+    if run.bound is not None:
+        possible = possible_forces(fit.forces.x, force, run.bound)
+        if possible.radius <= 1.0 and not _is_possible(values, force, run.bound) and least <= run.bound:
+            values, estimator = centre, "central programme"
+    pose = fit.forces.pose_errors()
+    verdict = _verdict(run, fit, possible, float(pose.max()))
+    return Calibration(
+        verdict=verdict,
+        sigma=_sigma(run, fit),
+        stands_with_sigma=least,
+        radius=None if run.bound is None else least / run.bound,
+        gravity_mps2=float(gravity),
+        estimator=estimator,
+        no_estimate="",
+        parameters=[*_of_forces(fit.forces, values, possible), *_of_gyros(fit.gyros)],
+        units=UNITS | {"by_hand": "as each key says"},
+        priors=_priors(possible),
+        by_hand=_basis(run, fit),
+        open=[*open_of_forces(fit), *open_of_gyros(fit.gyros)],
+        provenance=provenance_of(run.record),
+        warnings=[*run.record.warnings, *run.warnings, *_remarks(run, fit)],
+    )
+
+
+def least_bound(x: NDArray, reading: NDArray) -> tuple[float, NDArray]:
+    """Return the least bound of all readings' errors with which some parameters stand [g], and these (9,)."""
+    radius = np.inf
+    for _ in range(CENTRINGS):
+        residual, slopes, back = norm_equations(x, reading)
+        radius, step, _ = chebyshev_radius(slopes, -residual, np.abs(back).sum(axis=1), low=-PRIOR, high=PRIOR)
+        x = x + step
+        if np.abs(step).max() < 1e-9:
+            break
+    return float(radius), x
+
+
+def _is_possible(x: NDArray, reading: NDArray, bound: float) -> bool:
+    residual, _, back = norm_equations(x, reading)
+    return bool((np.abs(residual) <= bound * np.abs(back).sum(axis=1)).all())
+
+
+def _verdict(run: Run, fit: HandFit, possible: Possible | None, worst: float) -> Verdict:
+    """Return the verdict: by the set of possible parameters where there is one, and by predicted errors."""
+    if possible is not None and possible.radius > 1.0:
+        return "falsified"
+    if worst > USABLE or (fit.gyros is not None and fit.gyros.turn_error()[0] > USABLE_TURN):
+        return "insufficient"
+    return "usable" if run.bound is None else "consistent"
+
+
+def _sigma(run: Run, fit: HandFit) -> Sigma:
+    """Return σ as it was given, or three standard deviations of a mean reading, estimated."""
+    if run.bound is not None:
+        return Sigma.of(run.bound, run.basis)
+    value = min(3.0 * float(np.median(fit.deviation)), 0.99)
+    basis = f"three standard deviations of a mean at rest, {upwards(1e3 * value / 3.0, 2)} mg: {_why(run, fit)}"
+    return Sigma.model_validate({"value": value, "kind": "estimated", "from": basis})
+
+
+def _why(run: Run, fit: HandFit) -> str:
+    if fit.scatter > 1.0:
+        return "the scatter of the norms"
+    if np.median(run.deviation) > FLOOR:
+        return "the noise within the rests"
+    return f"the noise within the rests is less, real instruments leave {digits(1e3 * FLOOR)} mg"
+
+
+def name_of(symbol: str) -> str:
+    """Return a parameter in words: gamma_21 is the misalignment of accelerometer 2 towards axis 1."""
+    if symbol.startswith("bias"):
+        return f"bias of accelerometer {symbol[-1]}"
+    if symbol == "L":
+        return "lag of the gyros"
+    if symbol.startswith("B"):
+        return f"bias of gyro {symbol[-1]}"
+    row, axis = symbol[-2], symbol[-1]
+    if symbol.startswith("S"):
+        return f"sensitivity of gyro {row} to gravity along axis {axis}"
+    sensor = f"accelerometer {row}" if symbol.startswith("gamma") else f"gyro {row}"
+    return f"scale factor error of {sensor}" if row == axis else f"misalignment of {sensor} towards axis {axis}"
+
+
+def _of_forces(forces: Forces, values: NDArray, possible: Possible | None) -> list[Parameter]:
+    """Return the parameters of the accelerometers."""
+    parameters = []
+    for number, symbol in enumerate(NAMES):
+        low = high = None
+        if possible is not None and possible.low is not None and possible.high is not None:
+            low, high = float(possible.low[number]), float(possible.high[number])
+        parameters.append(
+            Parameter(
+                symbol=symbol,
+                name=name_of(symbol),
+                unit=UNITS_OF[symbol],
+                determined=bool(forces.determined[number]),
+                estimate=float(values[number]),
+                standard_error=float(forces.errors[number]),
+                low=low,
+                high=high,
+                least_squares=float(forces.x[number]),
+            )
+        )
+    return parameters
+
+
+def _of_gyros(gyros: GyroFit | None) -> list[Parameter]:
+    """Return the parameters of the gyros that were fitted."""
+    parameters: list[Parameter] = []
+    if gyros is None:
+        return parameters
+    for number in gyros.fitted.tolist():
+        error = float(gyros.errors[number])
+        symbol = GYRO_SYMBOLS[number]
+        parameters.append(
+            Parameter(
+                symbol=symbol,
+                name=name_of(symbol),
+                unit=UNIT_OF_GYROS[symbol[0]],
+                determined=error < HALF_PRIOR * float(GYRO_PRIOR[number]),
+                estimate=float(gyros.values[number]),
+                standard_error=error,
+                low=None,
+                high=None,
+                least_squares=float(gyros.values[number]),
+            )
+        )
+    return parameters
+
+
+UNIT_OF_GYROS = {"B": "rad/s", "M": "1", "S": "rad/s/g", "L": "s"}
+
+
+def _priors(possible: Possible | None) -> list[KnownBefore]:
+    """Return the box about the estimate in which the possible parameters are looked for."""
+    if possible is None or possible.low is None:
+        return []
+    return [KnownBefore(expression="any of the nine parameters of the accelerometers less its estimate", limit=BOX)]
+
+
+def _basis(run: Run, fit: HandFit) -> ByHand:
+    """Return what a calibration rests on, and how well it predicts."""
+    pose = fit.forces.pose_errors()
+    worst = int(np.argmax(pose))
+    norms = norm_equations(fit.forces.x, run.rests.force)[0]
+    gyros = fit.gyros
+    turn = sensitivity = case = missed = None
+    if gyros is not None:
+        error, axis = gyros.turn_error()
+        turn = TurnError(worst_rad=error, axis=axis.tolist())
+        if gyros.sensitivity is not None:
+            tested = gyros.sensitivity
+            sensitivity = TakenSensitivity(f=tested.f, p=tested.p, taken=tested.taken)
+        if len(gyros.missed):
+            missed = _rms(np.linalg.norm(gyros.missed, axis=1))
+    if fit.forces.case is not None:
+        case = Case(rotation=fit.forces.case.tolist(), standard_error_rad=fit.forces.case_error)
+    return ByHand(
+        rests=len(run.rests),
+        moves=0 if run.moves is None else len(run.moves),
+        turns=0 if run.turns is None else len(run.turns),
+        pose_error=PoseError(
+            worst_g=float(pose[worst]),
+            rms_g=_rms(pose),
+            direction=SPHERE[worst].tolist(),
+            words=grade(float(pose[worst])),
+        ),
+        turn_error=turn,
+        residual_g=_rms(norms),
+        residual_rad=missed,
+        sensitivity=sensitivity,
+        case=case,
+        gain=gain_of(run),
+        scatter_limit=run.rests.limit,
+    )
+
+
+def _rms(values: NDArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
+
+
+def gain_of(run: Run) -> HandGain | None:
+    """Return the errors of rests and moves that were left out, in five contiguous parts; None of too few rests."""
+    count = len(run.rests)
+    if count < FEWEST_FOLDED:
+        return None
+    before = np.linalg.norm(run.rests.force, axis=1) - 1.0
+    after, moves_before, moves_after = np.zeros(count), [], []
+    for left_out in np.array_split(np.arange(count), FOLDS):
+        used = run.those(np.setdiff1d(np.arange(count), left_out))
+        fit = fit_of(used)
+        unseen = run.those(left_out)
+        after[left_out] = norm_equations(fit.forces.x, unseen.rests.force)[0]
+        if unseen.moves is not None and fit.gyros is not None and len(unseen.moves):
+            as_read = np.zeros(len(fit.gyros.values))
+            as_read[BIAS] = fit.gyros.values[BIAS]
+            raw = replace(fit.forces, x=np.zeros(9))
+            moves_before.append(unseen.moves.rows(raw, as_read).error)
+            moves_after.append(unseen.moves.rows(fit.forces, fit.gyros.values).error)
+    sizes: list[float | None] = [None, None]
+    if moves_after:
+        sizes = [_rms(np.linalg.norm(np.vstack(errors), axis=1)) for errors in (moves_before, moves_after)]
+    return HandGain(
+        rest_before_g=_rms(before), rest_after_g=_rms(after), move_before_rad=sizes[0], move_after_rad=sizes[1]
+    )
+
+
+def open_of_forces(fit: HandFit) -> list[Open]:
+    """Return the open directions of the accelerometers, each with a pose that closes it."""
+    directions = open_directions(fit.forces.covariance, PRIOR)
+    deviation = float(np.median(fit.deviation))
+    poses = poses_to_close(fit.forces, deviation, max(WELL, 3.0 * deviation))
+    if not directions and poses:
+        values, vectors = np.linalg.eigh(fit.forces.covariance / np.outer(PRIOR, PRIOR))
+        parts = np.abs(vectors[:, int(np.argmax(values))])
+        directions = [[name for name, part in zip(NAMES, parts, strict=True) if part > 0.3 * parts.max()]]
+    entries = []
+    for number in range(max(len(directions), len(poses))):
+        parameters = directions[min(number, len(directions) - 1)] if directions else []
+        pose = f"a rest with {poses[number][0]}" if number < len(poses) else MORE_RESTS
+        entries.append(Open(parameters=parameters, close_by=pose))
+    return entries
+
+
+def open_of_gyros(gyros: GyroFit | None) -> list[Open]:
+    """Return the axes about which turns leave the gyros open."""
+    if gyros is None:
+        return []
+    entries = []
+    errors = gyros.errors[MATRIX].reshape(3, 3)
+    priors = GYRO_PRIOR[MATRIX].reshape(3, 3)
+    for axis in range(3):
+        is_open = errors[:, axis] >= HALF_PRIOR * priors[:, axis]
+        if is_open.any():
+            names = [f"M{row + 1}{axis + 1}" for row in np.flatnonzero(is_open)]
+            how = (
+                f"turns by 90° and more about axis {axis + 1}, there and back, with this axis level, from rest to rest"
+            )
+            entries.append(Open(parameters=names, close_by=how))
+    return entries
+
+
+def provenance_of(record: HandRecord) -> Provenance:
+    """Return the provenance of a calibration: record, digest, kind, temperatures, comments."""
+    extent = None
+    if record.temperature is not None:
+        extent = [float(record.temperature.min()), float(record.temperature.max())]
+    kind = "by hand"
+    if isinstance(record, ForceRecord):
+        kind = "accelerometers"
+    if isinstance(record, PoseRecord):
+        kind = "poses"
+    return Provenance(
+        record=record.path.name,
+        record_sha256=record.sha256,
+        kind=kind,
+        temperature_degC=extent,
+        comments=dict(record.about),
+    )
+
+
+def _remarks(run: Run, fit: HandFit) -> list[str]:
+    """Return warnings on the scatter, the size of parameters and the faces."""
+    remarks = []
+    if run.basis and fit.chance < CHANCE:
+        remarks.append(
+            f"the norms scatter {digits(fit.scatter, 2)} times as much as the given noise explains: the standard "
+            "errors hold that scatter"
+        )
+    elif fit.scatter > MORE:
+        remarks.append(
+            f"the norms scatter by {digits(1e3 * float(np.median(fit.deviation)), 2)} mg, {digits(fit.scatter, 2)} "
+            "times as much as the noise at rest: this model does not explain everything"
+        )
+    large = [
+        f"{name} = {digits(float(value), 2)}"
+        for name, value in zip(NAMES, fit.forces.x, strict=True)
+        if abs(value) > 0.2
+    ]
+    if large:
+        remarks.append(f"values far from an instrument's ({', '.join(large)}): are unit and --gravity right?")
+    if run.faces is not None and fit.forces.case is not None:
+        tilts = run.faces.tilts(fit.forces.x, fit.forces.case, run.rests.force)
+        for number in np.flatnonzero(tilts > np.radians(30.0)):
+            rest, angle = int(run.faces.known[number]) + 1, digits(float(np.degrees(tilts[number])), 3)
+            remarks.append(
+                f"rest {rest} is {angle}° from the face that is given for it; check the faces and their order"
+            )
+    return remarks

@@ -1,0 +1,254 @@
+"""Gyros by least squares: mean rates at rest, moves, windows with a true attitude, known turns, and a weak prior.
+
+The accelerometers are known from the norm of gravity: their covariance is a prior of their nine parameters here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from ...models.bench import EARTH_RATE
+from ..motion.norm import inputs_of
+from .forces import SPARE, Forces
+from .moves import BIAS, GYROS, LAG, MATRIX, SENSITIVITY, Moves, PieceRows, Turns, Windows
+from .still import StillRests
+
+PRIOR = np.concatenate([np.ones(3), np.where(np.eye(3) > 0.0, 0.03, 0.01).ravel(), np.full(9, 0.1), [0.1]])
+"""Weak prior, one standard deviation: scale factors 3 %, misalignments 10 mrad; in practice none of biases [rad/s],
+sensitivities [rad/s per g] and the lag [s]."""
+MOVE_ERROR, LEAST_MOVE = 2e-3, 1e-4
+"""Error of a move where too few tell it, and the least [rad]."""
+CHANCE = 1e-6
+"""Sensitivities to gravity are proven where chance explains them with a smaller probability, and they halve the
+scatter of the rates at rest."""
+FEWEST_RESTS = 7
+"""Fewer quiet rests prove no sensitivity."""
+FAR = 3.0
+"""Rates at rest farther from the others, in units of their scatter, count less."""
+UNKNOWN_RATE = 1e-3
+"""Error of a mean rate where fewer than three tell it [rad/s]."""
+ROUNDS = 15
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """F test of the gyros' sensitivity to gravity: its value, its probability, and whether it is taken."""
+
+    f: float
+    p: float
+    taken: bool
+
+
+@dataclass(frozen=True, eq=False)
+class GyroFit:
+    """Parameters of gyros with their covariance.
+
+    Attributes
+    ----------
+    values : (22,) array
+        B [rad/s], M, S [rad/s per g], L [s]
+    covariance : (22, 22) array
+        zero for parameters that are not fitted
+    fitted : (G,) array of int
+        numbers of the parameters that are fitted
+    sensitivity : Sensitivity or None
+    missed : (M, d) array
+        errors of the moves or windows [rad]
+    piece_error : float
+        standard deviation of a piece's own error [rad]
+    """
+
+    values: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    fitted: NDArray[np.int_]
+    sensitivity: Sensitivity | None
+    missed: NDArray[np.float64]
+    piece_error: float
+
+    @property
+    def errors(self) -> NDArray[np.float64]:
+        """Return standard errors (22,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def turn_error(self) -> tuple[float, NDArray[np.float64]]:
+        """Return the predicted error of a turn of 90° [rad], one standard deviation, and its worst axis (3,)."""
+        block = self.covariance[MATRIX, MATRIX].reshape(3, 3, 3, 3)
+        errors = []
+        for axis in AXES:
+            errors.append(np.linalg.eigvalsh(np.einsum("iakb,a,b->ik", block, axis, axis))[-1])
+        worst = int(np.argmax(errors))
+        return 0.5 * np.pi * float(np.sqrt(errors[worst])), AXES[worst]
+
+
+def _axes() -> NDArray[np.float64]:
+    """Return the three axes of the block, and others over half of the sphere."""
+    steps = np.arange(60) + 0.5
+    height = 1.0 - steps / 60.0
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * steps
+    radius = np.sqrt(1.0 - height**2)
+    return np.vstack([np.eye(3), np.column_stack([radius * np.cos(turn), radius * np.sin(turn), height])])
+
+
+AXES = _axes()
+
+
+def quiet_rests(rests: StillRests) -> NDArray[np.int_]:
+    """Return the half of the rests whose gyros are quietest; a hand that trembles moves a mean rate."""
+    assert rests.unrest is not None
+    return np.flatnonzero(rests.unrest <= np.median(rests.unrest))
+
+
+def sensitivity_of(rests: StillRests, forces: Forces) -> Sensitivity | None:
+    """Test whether the mean rates at quiet rests depend on gravity; None of too few rests."""
+    quiet = quiet_rests(rests)
+    if len(quiet) < FEWEST_RESTS or rests.rate is None:
+        return None
+    rate = rests.rate[quiet]
+    design = np.column_stack([np.ones(len(quiet)), inputs_of(forces.x, rests.force[quiet])])
+    if np.linalg.svd(design, compute_uv=False)[-1] < 0.3:
+        return None
+    left = rate - design @ np.linalg.lstsq(design, rate, rcond=None)[0]
+    before, after = np.square(rate - rate.mean(axis=0)).sum(), np.square(left).sum()
+    of_level, of_design = rate.size - 3, rate.size - 12
+    if not after > 0.0:
+        return None
+    f = float((before - after) / 9.0 / (after / of_design))
+    p = float(fdtrc(9, of_design, max(f, 0.0)))
+    halves = after / of_design <= 0.25 * before / of_level
+    return Sensitivity(f, p, bool(p < CHANCE and halves))
+
+
+@dataclass(frozen=True, eq=False)
+class GyroRows:
+    """Everything that tells of the gyros of a run.
+
+    Attributes
+    ----------
+    rests : StillRests
+    deviation : float
+        standard deviation of a mean reading's error [g]
+    pieces : Moves or Windows
+    turns : Turns or None
+    fitted : (G,) array of int
+        numbers of the parameters to be fitted
+    """
+
+    rests: StillRests
+    deviation: float
+    pieces: Moves | Windows
+    turns: Turns | None
+    fitted: NDArray[np.int_]
+
+    def solved(self, forces: Forces, values: NDArray) -> tuple[NDArray, NDArray, PieceRows, float]:
+        """Return values (22,) and their covariance by least squares, the pieces' errors, and a piece's own error."""
+        x, piece_error = forces.x, MOVE_ERROR
+        triangle = np.linalg.cholesky(np.linalg.inv(forces.covariance)).T
+        width = 9 + len(self.fitted)
+        for _ in range(ROUNDS):
+            current = Forces(x, forces.covariance)
+            pieces = self.pieces.rows(current, values)
+            blocks = [self._of_pieces(pieces, piece_error), self._of_rests(x, values), self._of_turns(values)]
+            of_x = np.zeros((9, width))
+            of_x[:, :9] = triangle
+            blocks.append((triangle @ (x - forces.x), of_x))
+            prior = np.zeros((len(self.fitted), width))
+            prior[:, 9:] = np.diag(1.0 / PRIOR[self.fitted])
+            blocks.append((values[self.fitted] / PRIOR[self.fitted], prior))
+            matrix = np.vstack([rows for _, rows in blocks])
+            right = np.concatenate([residual for residual, _ in blocks])
+            change = np.linalg.lstsq(matrix, -right, rcond=None)[0]
+            inverse = np.linalg.inv(matrix.T @ matrix)
+            before = piece_error
+            piece_error = self._piece_error(pieces, np.diag(inverse)[9:])
+            x = x + change[:9]
+            values = values.copy()
+            values[self.fitted] += change[9:]
+            if np.abs(change).max() < 1e-7 and abs(piece_error - before) < 0.01 * before:
+                break
+        covariance = np.zeros((GYROS, GYROS))
+        covariance[np.ix_(self.fitted, self.fitted)] = inverse[9:, 9:]
+        return values, covariance, self.pieces.rows(forces, values), piece_error
+
+    def _piece_error(self, pieces: PieceRows, variance: NDArray) -> float:
+        """Return the standard deviation of a piece's own error by the residuals [rad]."""
+        if not len(self.pieces):
+            return MOVE_ERROR
+        determined = 1.0 - variance / PRIOR[self.fitted] ** 2
+        freedom = pieces.error.size - float(determined[self.fitted >= MATRIX.start].sum())
+        if freedom < SPARE:
+            return MOVE_ERROR
+        shown = float(np.square(pieces.error).sum()) / freedom
+        by_readings = float(pieces.by_readings.mean()) * self.deviation**2
+        return float(np.sqrt(max(shown - by_readings, LEAST_MOVE**2)))
+
+    def _of_pieces(self, pieces: PieceRows, piece_error: float) -> tuple[NDArray, NDArray]:
+        """Return the pieces' errors over their standard deviations, and their slopes."""
+        weight = 1.0 / np.sqrt(piece_error**2 + pieces.by_readings * self.deviation**2).ravel()
+        rows = np.concatenate([pieces.by_forces, pieces.by_gyros[:, :, self.fitted]], axis=2)
+        return pieces.error.ravel() * weight, rows.reshape(len(weight), rows.shape[2]) * weight[:, None]
+
+    def _of_rests(self, x: NDArray, values: NDArray) -> tuple[NDArray, NDArray]:
+        """Return the mean rates at quiet rests over their scatter, and their slopes."""
+        rests = self.rests
+        quiet = quiet_rests(rests) if len(rests) else np.zeros(0, dtype=int)
+        if not len(quiet) or rests.rate is None:
+            return np.zeros(0), np.zeros((0, 9 + len(self.fitted)))
+        n = inputs_of(x, rests.force[quiet])
+        off = values[BIAS] + n @ values[SENSITIVITY].reshape(3, 3).T - rests.rate[quiet]
+        middle = np.median(off, axis=0)
+        error = np.maximum(1.4826 * np.median(np.abs(off - middle), axis=0), EARTH_RATE)
+        if len(quiet) < 3:
+            error = np.maximum(error, UNKNOWN_RATE)
+        weight = 1.0 / error / np.maximum(1.0, np.abs(off - middle) / (FAR * error))
+        slopes = np.zeros((len(quiet), 3, GYROS))
+        for axis in range(3):
+            slopes[:, axis, BIAS.start + axis] = 1.0
+            first = SENSITIVITY.start + 3 * axis
+            slopes[:, axis, first : first + 3] = n
+        rows = np.zeros((len(quiet), 3, 9 + len(self.fitted)))
+        rows[:, :, 9:] = slopes[:, :, self.fitted]
+        return (off * weight).ravel(), (rows * weight[:, :, None]).reshape(-1, rows.shape[2])
+
+    def _of_turns(self, values: NDArray) -> tuple[NDArray, NDArray]:
+        """Return the errors of known turns over that of an angle, and their slopes."""
+        if self.turns is None or not len(self.turns):
+            return np.zeros(0), np.zeros((0, 9 + len(self.fitted)))
+        error, by_gyros = self.turns.rows(values)
+        return error, np.hstack([np.zeros((len(error), 9)), by_gyros[:, self.fitted]])
+
+
+def fitted_gyros(
+    rests: StillRests, deviation: float, forces: Forces, pieces: Moves | Windows, turns: Turns | None = None
+) -> GyroFit:
+    """Fit the gyros of a run.
+
+    Parameters
+    ----------
+    rests : StillRests
+        with rates
+    deviation : float
+        standard deviation of a mean reading's error [g]
+    forces : Forces
+        the accelerometers
+    pieces : Moves or Windows
+    turns : Turns, optional
+    """
+    sensitivity = sensitivity_of(rests, forces) if len(rests) else None
+    chosen: list[int] = [*range(MATRIX.stop)]
+    if sensitivity is not None and sensitivity.taken:
+        chosen += range(SENSITIVITY.start, SENSITIVITY.stop)
+    if isinstance(pieces, Windows):
+        chosen.append(LAG)
+    values = np.zeros(GYROS)
+    if len(rests) and rests.rate is not None:
+        values[BIAS] = np.median(rests.rate[quiet_rests(rests)], axis=0)
+    rows = GyroRows(rests, deviation, pieces, turns, np.array(chosen))
+    values, covariance, last, piece_error = rows.solved(forces, values)
+    return GyroFit(values, covariance, rows.fitted, sensitivity, last.error, piece_error)
+
+
+def in_axes_of(case: NDArray, matrix: NDArray) -> NDArray[np.float64]:
+    """Return M (3, 3) of gyros in other axes: `case` (3, 3) turns those of the accelerometers into the present ones."""
+    return (np.eye(3) + matrix) @ case - np.eye(3)

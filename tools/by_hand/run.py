@@ -1,0 +1,426 @@
+"""Measurements of one record without a table: rests, moves, faces, turns, and what a reading errs by."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from ...fmus.parameters import GRAVITIES
+from ..errors import InputError
+from ..motion.rests import mean_rates, rates_of
+from ..records import ForceRecord, PoseRecord, StrapdownRecord
+from ..records.columns import face_of, part_of, turn_of
+from ..records.noise import noise_bound_of
+from ..rounding import digits, exactly
+from .forces import FACE_ERROR, FLOOR, Faces
+from .moves import Moves, Turns, Way, moves_of
+from .still import SCATTER, Series, StillRests, averaged, still_rests
+
+HandRecord: TypeAlias = StrapdownRecord | ForceRecord | PoseRecord
+NOISE = (1e-9, 5e-2)
+"""Noise bounds that can be used, fractions of g."""
+CUT = 0.2
+"""A move over which gravity turns by so much more than the gyros is a cut [rad]."""
+GAP, MOST_CUT = 10.0, 5.0
+"""Length of the gap at a cut, and of the longest move that is a cut [s]."""
+FEWEST_TOLD = 4
+"""Of fewer rests no accelerometer that reads the same at all is dead."""
+FEWEST_ROWS = 16
+"""Fewer rows have no rests."""
+HALF, STEADY = 0.5, 0.8
+"""A known turn reads at least this part of its angle, and this part of its way about one axis."""
+WHOLE = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class HandRequest:
+    """Request of a calibration without a table: options of `trihedron.calibrate`.
+
+    `noise_bound`, `noise_sd` are fractions of g; `rests` is a file of rests; `faces` and `turns` are words in the order
+    of the rests and of the turns.
+    """
+
+    noise_bound: float | None = None
+    noise_sd: float | None = None
+    gravity: float = 9.80665
+    rates: str = "instantaneous"
+    rest_scatter: float | None = None
+    rests: Path | None = None
+    faces: Sequence[str] = ()
+    turns: Sequence[str] = ()
+
+    @staticmethod
+    def told(
+        *, rests: str | Path | None = None, faces: str | None = None, turns: str | None = None, **known: Any
+    ) -> "HandRequest":
+        """Return the request with faces and turns as lists in words, separated by commas."""
+        words = [() if text is None else tuple(text.split(",")) for text in (faces, turns)]
+        return HandRequest(rests=None if rests is None else Path(rests), faces=words[0], turns=words[1], **known)
+
+    def __post_init__(self) -> None:
+        least, most = GRAVITIES
+        if not least <= self.gravity <= most:
+            raise InputError(
+                f"--gravity {exactly(self.gravity)}: must be from {least:g} to {most:g}, as 9.80665 [m/s²]"
+            )
+        if self.noise_bound is not None and self.noise_sd is not None:
+            raise InputError(f"--noise-sd {exactly(self.noise_sd)}: goes without --noise-bound; give one of them")
+        for name, value in (("noise-bound", self.noise_bound), ("noise-sd", self.noise_sd)):
+            if value is not None and not NOISE[0] <= value <= NOISE[1]:
+                raise InputError(
+                    f"--{name} {exactly(value)}: must be a fraction of g from {NOISE[0]:g} to {NOISE[1]:g}, as 1e-3"
+                )
+        if self.rest_scatter is not None and not 1.0 < self.rest_scatter <= 100.0:
+            raise InputError(f"--rest-scatter {exactly(self.rest_scatter)}: must be above 1, up to 100; 3 is usual")
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Measurements of one record.
+
+    Attributes
+    ----------
+    record : record
+    rests : StillRests
+    deviation : (K,) array
+        standard deviation of a mean reading's error [g]
+    bound : float or None
+        σ [g]; None where nothing tells it
+    basis : str
+        on what σ rests; empty where nothing tells it
+    faces : Faces or None
+    moves : Moves or None
+        None without gyros
+    turns : Turns or None
+    warnings : tuple of str
+    """
+
+    record: HandRecord
+    rests: StillRests
+    deviation: NDArray[np.float64]
+    bound: float | None
+    basis: str
+    faces: Faces | None
+    moves: Moves | None
+    turns: Turns | None
+    warnings: tuple[str, ...]
+
+    def those(self, chosen: NDArray[np.int_]) -> "Run":
+        """Return the run with some of the rests, and the moves between neighbours among them."""
+        faces = None if self.faces is None else replace(self.faces, up=self.faces.up[chosen])
+        moves = None if self.moves is None else self.moves.among(chosen, len(self.rests))
+        rests = self.rests.those(chosen)
+        return replace(self, rests=rests, deviation=self.deviation[chosen], faces=faces, moves=moves)
+
+
+def run_of(record: HandRecord, request: HandRequest) -> Run:
+    """Return the measurements of a record.
+
+    Raises
+    ------
+    InputError
+        for a record without rests, a dead accelerometer, or faces and turns that are not those of the record
+    """
+    if isinstance(record, PoseRecord):
+        return _of_poses(record, request)
+    series = series_of(record, request)
+    warnings: list[str] = []
+    if request.rests is not None:
+        rests, faces_of_file = _rests_of_file(request.rests, series)
+    else:
+        rests, faces_of_file = _with_parts(record, series, still_rests(series, request.rest_scatter)), ()
+    if not len(rests):
+        raise InputError(
+            f"{record.path}: no rests: let the block rest for two seconds and more in each of a dozen poses, or give "
+            f"--rest-scatter (now {exactly(request.rest_scatter or SCATTER)}) or --rests FILE"
+        )
+    _check_alive(record, rests.force)
+    if rests.limit is not None and request.rest_scatter is None and rests.limit > SCATTER:
+        warnings.append(
+            f"rests: a limit of {SCATTER:g} times the noise of the accelerometers leaves too few; found with "
+            f"{rests.limit:g} times"
+        )
+    words = request.faces or faces_of_file or _faces_in(record, rests)
+    moves = turns = None
+    if series.rate is not None:
+        moves, cuts = _without_cuts(moves_of(series, rests, record.knocks))
+        turns = turns_in(record, series, request) or turns_told(record, moves, request)
+        if cuts:
+            warnings.append(f"{cuts} times gravity turns and the gyros do not: the record is cut there")
+    elif request.turns:
+        raise InputError(f"--turns: {record.path} has no gyros")
+    return _with_noise(record, request, rests, words, moves, turns, warnings)
+
+
+def series_of(record: StrapdownRecord | ForceRecord, request: HandRequest) -> Series:
+    """Return the readings of a record in time, its rates at the rows."""
+    force = record.specific_force / request.gravity
+    if isinstance(record, ForceRecord):
+        return Series(record.time_s, force)
+    rate = rates_of(record)
+    if record.increment is not None or request.rates == "averaged":
+        # Means over intervals: those at the rows lie between two of them.
+        means = rate if record.increment is not None else np.vstack([rate[:1], mean_rates(record, request.rates)])
+        rate = np.vstack([0.5 * (means[:-1] + means[1:]), means[-1:]])
+    return Series(record.time_s, force, rate)
+
+
+def _of_poses(record: PoseRecord, request: HandRequest) -> Run:
+    """Return the measurements of a table of averaged readings."""
+    for name, value in (("rest-scatter", request.rest_scatter), ("rests", request.rests), ("turns", request.turns)):
+        if value:
+            raise InputError(f"--{name}: {record.path} holds averaged readings, not a series")
+    force = record.specific_force / request.gravity
+    _check_alive(record, force)
+    deviation = np.zeros(len(record))
+    if record.scatter is not None:
+        deviation = record.scatter.max(axis=1) / request.gravity
+    rests = StillRests((), force, deviation, None)
+    words = request.faces or record.face or ()
+    return _with_noise(record, request, rests, words, None, None, [])
+
+
+def _with_noise(
+    record: HandRecord,
+    request: HandRequest,
+    rests: StillRests,
+    words: Sequence[str],
+    moves: Moves | None,
+    turns: Turns | None,
+    warnings: list[str],
+) -> Run:
+    """Return a run with its faces and the errors of its readings."""
+    bound, basis = request.noise_bound, ""
+    deviation = np.maximum(rests.deviation, FLOOR)
+    if request.noise_sd is not None:
+        deviation = np.full(len(rests), request.noise_sd)
+        noise = noise_bound_of(request.noise_sd, len(rests))
+        bound, basis = noise.value, noise.basis
+    elif bound is not None:
+        basis = "given"
+        deviation = np.full(len(rests), bound / math.sqrt(3.0))
+    faces = faces_of(record, words, len(rests))
+    return Run(record, rests, deviation, bound, basis, faces, moves, turns, tuple(warnings))
+
+
+def _check_alive(record: HandRecord, force: NDArray) -> None:
+    """Refuse a record whose accelerometer never changes though the others do."""
+    spread = np.ptp(force, axis=0)
+    for axis in np.flatnonzero(spread == 0.0):
+        if len(force) >= FEWEST_TOLD and spread.max() > 0.1:
+            raise InputError(f"{record.path}: column f{axis + 1}_mps2: never changes while the others do; is it dead?")
+
+
+def faces_of(record: HandRecord, words: Sequence[str], count: int) -> Faces | None:
+    """Return the known directions at rests by faces in words, or by the columns up1, up2, up3.
+
+    Raises
+    ------
+    InputError
+        for another number of faces than rests, or a word that is no face
+    """
+    up = np.full((count, 3), np.nan)
+    if isinstance(record, PoseRecord) and record.up is not None and not words:
+        up = record.up / np.linalg.norm(record.up, axis=1)[:, None]
+    elif words and len(words) != count:
+        raise InputError(f"{record.path}: {len(words)} faces are given for {count} rests; give one for each, in order")
+    for number, word in enumerate(words):
+        try:
+            direction = face_of(word.strip())
+        except ValueError as error:
+            raise InputError(f"--faces {word}: {error}") from error
+        if direction is not None:
+            up[number] = direction
+    if not np.isfinite(up).all(axis=1).any():
+        return None
+    return Faces(up, FACE_ERROR)
+
+
+def _faces_in(record: StrapdownRecord | ForceRecord, rests: StillRests) -> list[str]:
+    """Return the face of each rest by the columns `face` and `part`; an empty list without them."""
+    words = record.face
+    if words is None and record.part is not None:
+        words = tuple(part if part_of(part)[0] is not None else "" for part in record.part)
+    if words is None:
+        return []
+    faces = []
+    for rows in rests.rows:
+        inside = {word for word in words[rows] if word}
+        faces.append(inside.pop() if len(inside) == 1 else "")
+    return faces
+
+
+def _with_parts(record: StrapdownRecord | ForceRecord, series: Series, rests: StillRests) -> StillRests:
+    """Return the rests, parted where the column `part` or `face` changes within one."""
+    words = record.part or record.face
+    if words is None:
+        return rests
+    changes = np.flatnonzero(np.array(words[1:]) != np.array(words[:-1])) + 1
+    rows = []
+    for at in rests.rows:
+        edges = [at.start, *changes[(changes > at.start) & (changes < at.stop)].tolist(), at.stop]
+        for first, last in pairwise(edges):
+            if (last - first) * series.period >= 0.5:
+                rows.append(slice(first, last))
+    return averaged(series, rows, rests.limit)
+
+
+def _rests_of_file(path: Path, series: Series) -> tuple[StillRests, Sequence[str]]:
+    """Return the rests of a file with the columns from_s, to_s and perhaps face, and their faces.
+
+    Raises
+    ------
+    InputError
+        for a file that has no such columns, or a rest without readings
+    """
+    try:
+        table = pl.read_csv(path, comment_prefix="#", infer_schema=False)
+        begins, ends = (table[name].str.strip_chars().cast(pl.Float64).to_list() for name in ("from_s", "to_s"))
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise InputError(f"--rests {path}: needs a CSV file with numbers in the columns from_s, to_s") from error
+    rows = []
+    for number, (begin, end) in enumerate(zip(begins, ends, strict=True), start=1):
+        if begin is None or end is None:
+            raise InputError(f"--rests {path}, row {number}: from_s or to_s is empty")
+        first, last = np.searchsorted(series.time_s, [begin, end])
+        if last - first < 2 or begin < series.time_s[0] - series.period or end > series.time_s[-1] + series.period:
+            raise InputError(
+                f"--rests {path}, row {number}: {exactly(begin)} to {exactly(end)} s holds no readings; the record is "
+                f"from {digits(float(series.time_s[0]), 6)} to {digits(float(series.time_s[-1]), 6)} s"
+            )
+        if rows and first < rows[-1].stop:
+            raise InputError(f"--rests {path}, row {number}: begins before the rest above it ends")
+        rows.append(slice(int(first), int(last)))
+    faces = table["face"].fill_null("").to_list() if "face" in table.columns else ()
+    return averaged(series, rows, None), faces
+
+
+def _without_cuts(moves: Moves) -> tuple[Moves, int]:
+    """Return the moves over which the gyros can turn gravity as it turned, and the number of the others."""
+    cut = cut_moves(moves)
+    return moves.those(np.flatnonzero(~cut)), int(cut.sum())
+
+
+def cut_moves(moves: Moves) -> NDArray[np.bool_]:
+    """Return the moves (M,) over which gravity turned farther than the gyros can have turned it."""
+    before, after = (ends / np.linalg.norm(ends, axis=1)[:, None] for ends in (moves.before, moves.after))
+    turned = np.arctan2(np.linalg.norm(np.cross(before, after), axis=1), np.einsum("ij,ij->i", before, after))
+    return turned > 1.2 * moves.way.angle + CUT
+
+
+def parted_at_cuts(record: HandRecord, gravity: float) -> HandRecord:
+    """Return a record with gyros with a gap in its time stamps where it is cut: where gravity jumps and they do not.
+
+    What is checked of the record is then checked of each section.
+    """
+    if not isinstance(record, StrapdownRecord) or len(record) < FEWEST_ROWS:
+        return record
+    series = series_of(record, HandRequest(gravity=gravity))
+    rests = still_rests(series)
+    moves = moves_of(series, rests, record.knocks)
+    shift = np.zeros(len(record))
+    for first, last in moves.way.ends[cut_moves(moves)].tolist():
+        steps = np.linalg.norm(np.diff(series.force[first : last + 1], axis=0), axis=1)
+        if last - first < MOST_CUT / series.period:
+            shift[first + 1 + int(np.argmax(steps)) :] += GAP
+    return replace(record, time_s=record.time_s + shift) if shift.any() else record
+
+
+def turns_in(record: StrapdownRecord | ForceRecord, series: Series, request: HandRequest) -> Turns | None:
+    """Return the known turns by the columns `turn` and `part`; None without them, or where turns are given in words."""
+    if request.turns or not isinstance(record, StrapdownRecord):
+        return None
+    words = record.turn
+    if words is None and record.part is not None:
+        words = tuple(part if part_of(part)[1] is not None else "" for part in record.part)
+    if words is None:
+        return None
+    edges = np.flatnonzero(np.array(words[1:]) != np.array(words[:-1])) + 1
+    ends, known = [], []
+    for first, stop in zip([0, *edges.tolist()], [*edges.tolist(), len(words)], strict=True):
+        turn = turn_of(words[first])
+        if turn is not None and stop - first > 2:
+            ends.append((first, stop - 1))
+            known.append(turn)
+    if not ends:
+        return None
+    return _checked(record, Way.of(series, np.array(ends)), known)
+
+
+def turns_told(record: HandRecord, moves: Moves, request: HandRequest) -> Turns | None:
+    """Return the known turns among the moves, told in words in their order: 1:360, or 360 for every whole turn.
+
+    Raises
+    ------
+    InputError
+        for another number of turns than the record has, or a word that is no turn
+    """
+    if not request.turns:
+        return None
+    vectors = moves.way.turn.sum(axis=0)
+    angles = np.linalg.norm(vectors, axis=1)
+    steady = angles >= STEADY * moves.way.angle
+    if len(request.turns) == 1 and _is_number(request.turns[0]):
+        angle = abs(float(request.turns[0]))
+        if not 0.0 < angle <= 36000.0:
+            raise InputError(f"--turns {request.turns[0]}: an angle in degrees is needed, as 360")
+        chosen = np.flatnonzero(steady & (angles >= 0.8 * np.radians(angle)) & (angles <= 1.25 * np.radians(angle)))
+        if not len(chosen):
+            raise InputError(f"--turns {request.turns[0]}: {record.path} has no move of about {exactly(angle)} degrees")
+        known = [(int(np.argmax(np.abs(vectors[number]))) + 1, math.nan) for number in chosen]
+        return _checked(record, moves.way.those(chosen), known, angle)
+    known = []
+    for word in request.turns:
+        try:
+            turn = turn_of(word.strip())
+        except ValueError as error:
+            raise InputError(f"--turns {word}: {error}") from error
+        if turn is not None:
+            known.append(turn)
+    sizes = [360.0 if math.isnan(angle) else abs(angle) for _, angle in known]
+    least = HALF * np.radians(min(sizes, default=360.0))
+    axes = np.argmax(np.abs(vectors), axis=1) + 1
+    chosen, number = [], 0
+    for move in np.flatnonzero(steady & (angles >= least)).tolist():
+        if number < len(known) and axes[move] == known[number][0] and angles[move] >= HALF * np.radians(sizes[number]):
+            chosen.append(move)
+            number += 1
+    if number < len(known):
+        axis, _ = known[number]
+        raise InputError(
+            f"--turns {','.join(request.turns)}: {record.path} has no turn {number + 1} between two rests, about axis "
+            f"{axis} by about {exactly(sizes[number])} degrees"
+        )
+    return _checked(record, moves.way.those(np.array(chosen)), known)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.strip() not in ("1", "2", "3")
+
+
+def _checked(record: HandRecord, way: Way, known: Sequence[tuple[int, float]], whole: float = 360.0) -> Turns:
+    """Return known turns; raise an InputError for one that the gyros contradict."""
+    angles = []
+    rate = way.turn.sum(axis=0)
+    for number, (axis, angle) in enumerate(known):
+        read = math.degrees(float(rate[number, axis - 1]))
+        size = whole if math.isnan(angle) else abs(angle)
+        wrong_sense = not math.isnan(angle) and read * angle < 0.0
+        if wrong_sense or not HALF * size <= abs(read) <= size / HALF:
+            told = size if math.isnan(angle) else angle
+            raise InputError(
+                f"{record.path}: turn {number + 1} about axis {axis} is {exactly(told)} degrees, and its gyro reads "
+                f"{digits(read, 3)}; check the axis, the sense and the unit"
+            )
+        angles.append(math.radians(size))
+    return Turns(way, np.array(angles))

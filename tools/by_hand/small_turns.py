@@ -1,0 +1,30 @@
+"""Rotation matrices, cross products and directions across others, for many vectors at once."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def rotations(turn: NDArray) -> NDArray[np.float64]:
+    """Return rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
+    angle = np.linalg.norm(turn, axis=-1)[..., None, None]
+    cross = cross_matrices(turn)
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    return np.eye(3) + first * cross + second * (cross @ cross)
+
+
+def cross_matrices(vector: NDArray) -> NDArray[np.float64]:
+    """Return the matrices (..., 3, 3) of the cross product by vectors (..., 3)."""
+    matrix = np.zeros((*vector.shape[:-1], 3, 3))
+    for first, second, third in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrix[..., second, first] = vector[..., third]
+        matrix[..., first, second] = -vector[..., third]
+    return matrix
+
+
+def across(direction: NDArray) -> NDArray[np.float64]:
+    """Return two unit vectors (M, 2, 3) across each direction (M, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(direction), axis=1)]
+    first = np.cross(direction, least)
+    first = first / np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(direction, first)], axis=1)

@@ -1,0 +1,191 @@
+"""Rests of a block in a hand or on a desk: one rule for series with gyros and without.
+
+A window of half a second is still when each accelerometer scatters in it at most three times as much as its noise.
+Neighbouring rows belong to one rest where one still window holds both, so that a jump between two poses parts them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..motion.rests import LAG, SETTLING, SHORTEST, WINDOW, channel_noise, parting_gaps, window_scatter, window_sums
+from ..records.columns import LARGEST_FORCE
+from ..records.limits import runs_of
+from ..records.stamps import grid_of
+
+SCATTER = 3.0
+"""An accelerometer at rest scatters at most so many times as much as its noise."""
+WIDER = 5.0
+"""The limit of a second pass, where the first leaves fewer than `FEWEST` rests."""
+FEWEST = 9
+SAME_RATE = np.radians(2.0)
+"""A still window turns by at most so much more than the stillest ones [rad/s]."""
+STILLEST = 0.1
+"""Part of the still windows, those of least scatter, that shows what gyros read at rest."""
+LEAST_ROWS = 8
+"""Fewest rows of a window."""
+END = 2.0
+"""Length of the ends of a rest that show gravity's direction before and after a move [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Readings in time.
+
+    Attributes
+    ----------
+    time_s : (N,) array
+        [s]
+    force : (N, 3) array
+        specific force [g]
+    rate : (N, 3) array or None
+        of gyros [rad/s]
+    """
+
+    time_s: NDArray[np.float64]
+    force: NDArray[np.float64]
+    rate: NDArray[np.float64] | None = None
+
+    @property
+    def period(self) -> float:
+        """The time between samples [s]."""
+        return grid_of(self.time_s).period
+
+
+@dataclass(frozen=True, eq=False)
+class StillRests:
+    """Rests of a series.
+
+    Attributes
+    ----------
+    rows : tuple of slice
+        the rows that are averaged, K; empty of readings that are averages already
+    force : (K, 3) array
+        mean readings [g]
+    deviation : (K,) array
+        standard deviation of a mean by the noise within the rests, the largest of the three [g]
+    limit : float or None
+        largest scatter in units of the noise with which they were found; None of rests that are given
+    rate : (K, 3) array or None
+        mean rates [rad/s]
+    unrest : (K,) array or None
+        scatter of the gyros, the largest of the three in units of the quietest tenth
+    """
+
+    rows: tuple[slice, ...]
+    force: NDArray[np.float64]
+    deviation: NDArray[np.float64]
+    limit: float | None
+    rate: NDArray[np.float64] | None = None
+    unrest: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    def those(self, chosen: NDArray[np.int_]) -> "StillRests":
+        """Return some of the rests."""
+        rate = None if self.rate is None else self.rate[chosen]
+        unrest = None if self.unrest is None else self.unrest[chosen]
+        rows = tuple(self.rows[number] for number in chosen.tolist()) if self.rows else ()
+        return StillRests(rows, self.force[chosen], self.deviation[chosen], self.limit, rate, unrest)
+
+
+def still_rests(series: Series, limit: float | None = None) -> StillRests:
+    """Find the rests of a series and average them.
+
+    Parameters
+    ----------
+    series : Series
+    limit : float, optional
+        Largest scatter of an accelerometer at rest in units of its noise; by default 3, and 5 where that leaves fewer
+        than nine rests and 5 leaves more.
+    """
+    if limit is not None:
+        return averaged(series, _still_rows(series, limit), limit)
+    rows = _still_rows(series, SCATTER)
+    if len(rows) < FEWEST:
+        wider = _still_rows(series, WIDER)
+        if len(wider) > len(rows):
+            return averaged(series, wider, WIDER)
+    return averaged(series, rows, SCATTER)
+
+
+def _still_rows(series: Series, limit: float) -> list[slice]:
+    """Return the rows of each rest, without its ends."""
+    time = series.time_s
+    if len(time) < 2 * LEAST_ROWS:
+        return []
+    period = series.period
+    size = max(LEAST_ROWS, round(WINDOW / period))
+    if len(time) < 2 * size:
+        return []
+    lag = max(1, min(round(LAG / period), size // 4))
+    most = LARGEST_FORCE / 9.0
+    channels = np.clip(series.force, -most, most).T
+    still = np.ones(len(time) - size + 1, dtype=bool)
+    scatter = np.zeros(len(still))
+    for values in channels:
+        noise = channel_noise(values, size, lag)
+        ratio = window_scatter(values, size) / noise
+        still &= ratio <= limit
+        scatter = np.maximum(scatter, ratio)
+    if series.rate is not None and still.any():
+        still &= _turns_as_the_stillest(series.rate, still, scatter, size)
+    begun = np.concatenate([[0], np.cumsum(still)])
+    at = np.arange(len(time) - 1)
+    # A window that holds rows k and k + 1 begins between k + 2 - size and k.
+    joined = begun[np.minimum(at + 1, len(still))] > begun[np.clip(at + 2 - size, 0, len(still))]
+    joined[parting_gaps(time)] = False
+    begins, ends = runs_of(joined)
+    dropped = round(SETTLING / period)
+    rows = []
+    for first, last in zip(begins.tolist(), ends.tolist(), strict=True):
+        if time[last] - time[first] >= SHORTEST - 0.5 * period:
+            rows.append(slice(first + dropped, last + 1 - dropped))
+    return rows
+
+
+def _turns_as_the_stillest(rate: NDArray, still: NDArray[np.bool_], scatter: NDArray, size: int) -> NDArray[np.bool_]:
+    """Return the windows whose mean rate is near that of the stillest windows."""
+    means = np.column_stack([window_sums(values, size) / size for values in rate.T])
+    least = np.quantile(scatter[still], STILLEST)
+    usual = np.median(means[still & (scatter <= least)], axis=0)
+    return np.linalg.norm(means - usual, axis=1) <= SAME_RATE
+
+
+def averaged(series: Series, rows: Sequence[slice], limit: float | None) -> StillRests:
+    """Return the means over rests."""
+    count = len(rows)
+    force = np.zeros((count, 3))
+    deviation = np.zeros(count)
+    for number, at in enumerate(rows):
+        values = series.force[at]
+        force[number] = values.mean(axis=0)
+        deviation[number] = _deviation_of_mean(values)
+    if count:
+        # One rest tells its own noise badly: the median, as white noise falls with the length.
+        lengths = np.array([at.stop - at.start for at in rows])
+        deviation = np.median(deviation) * np.sqrt(np.median(lengths) / lengths)
+    if series.rate is None:
+        return StillRests(tuple(rows), force, deviation, limit)
+    rate = np.zeros((count, 3))
+    spread = np.zeros((count, 3))
+    for number, at in enumerate(rows):
+        rate[number] = series.rate[at].mean(axis=0)
+        spread[number] = series.rate[at].std(axis=0)
+    unrest = np.ones(count)
+    if count:
+        quiet = np.quantile(spread, 0.1, axis=0)
+        unrest = (spread / np.where(quiet > 0.0, quiet, 1.0)).max(axis=1)
+    return StillRests(tuple(rows), force, deviation, limit, rate, unrest)
+
+
+def _deviation_of_mean(values: NDArray) -> float:
+    """Return the standard deviation of the mean of rows (n, 3), by the means of its eighths: noise has a memory."""
+    parts = np.array_split(values, min(8, len(values)))
+    means = np.array([part.mean(axis=0) for part in parts])
+    if len(means) < 2:
+        return 0.0
+    return float(means.std(axis=0, ddof=1).max() / np.sqrt(len(means)))
