@@ -26,6 +26,7 @@ from .options import (
     Gravity,
     Mounting,
     NoiseBound,
+    NoiseResult,
     NoiseSd,
     Own,
     Progress,
@@ -256,6 +257,7 @@ def calibrate(
     *,
     noise_bound: NoiseBound = None,
     noise_sd: NoiseSd = None,
+    noise_result: NoiseResult = None,
     gravity: Gravity = 9.80665,
     convention: Convention = "A1",
     baseline: Baseline = "asymmetric",
@@ -309,7 +311,13 @@ def calibrate(
     run = records.read_record(record, *records.TO_CALIBRATE, channels=channels, stamps=stamps)
     of_hand = {"rest_scatter": rest_scatter, "rests": rests, "faces": faces, "turns": turns}
     if not isinstance(run, records.PositionRecord):
-        of_table = {"bench": bench, "with": explained_by, "target": tuple(targets), "prior": tuple(priors)}
+        of_table = {
+            "bench": bench,
+            "with": explained_by,
+            "target": tuple(targets),
+            "prior": tuple(priors),
+            "noise": noise_result,
+        }
         of_table |= {"convention": convention != "A1", "baseline": baseline != "asymmetric"}
         of_table |= {"bounds": tuple(bounds) != (3e-3, 1e-2), "mounting": mounting != "identity"}
         _refuse(of_table, run, "a record of a table")
@@ -319,6 +327,7 @@ def calibrate(
         result = by_hand.calibrate_by_hand(run, by_hand.HandRequest.told(**known, **of_hand))
         return result.model_copy(update={"made_of": run})
     _refuse(of_hand, run, "a record without a table")
+    noise_sd = _deviation(run, noise_result, noise_bound, noise_sd)
     place = calibrations.Bench.given(run, **({} if bench is None else vars(bench)))
     uses_gyros = place is not None and explained_by is None
     run = motion.trusted(run, trust=trust, gyros=uses_gyros, gravity=gravity)
@@ -338,6 +347,25 @@ def _refuse(options: Mapping[str, Any], run: "records.Record", kind: str) -> Non
     for name, value in options.items():
         if value not in (None, False, ()):
             raise InputError(f"--{name.replace('_', '-')}: is of {kind}; {run.path} is a {run.word}")
+
+
+def _deviation(
+    record: "records.PositionRecord | records.StrapdownRecord",
+    noise_result: "str | Path | noises.Noise | None",
+    noise_bound: float | None,
+    noise_sd: float | None,
+) -> float | None:
+    """Return the standard deviation of averaged readings as given, or by a noise result; None where neither is given.
+
+    Raises InputError where σ is given twice, or the record is not of positions.
+    """
+    if noise_result is None:
+        return noise_sd
+    if noise_bound is not None or noise_sd is not None:
+        raise InputError("--noise: σ is given twice; leave out --noise-bound and --noise-sd")
+    if not isinstance(record, records.PositionRecord):
+        raise InputError(f"--noise: {record.path} is a strapdown record, which tells its own bounds; leave it out")
+    return noises.deviation_for(noise_result, record)
 
 
 def _diagnosis_of(found: "str | Path | Any") -> "diagnosis.Diagnosis":
@@ -404,6 +432,7 @@ def diagnose(
     *,
     noise_bound: NoiseBound = None,
     noise_sd: NoiseSd = None,
+    noise_result: NoiseResult = None,
     gravity: Gravity = 9.80665,
     baseline: RecordBaseline = None,
     bounds: Bounds = (3e-3, 1e-2),
@@ -453,6 +482,7 @@ def diagnose(
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels, stamps=stamps)
+    noise_sd = _deviation(run, noise_result, noise_bound, noise_sd)
     place = calibrations.Bench.given(run, **({} if bench is None else vars(bench)))
     is_table = isinstance(run, records.PositionRecord)
     run = motion.trusted(run, trust=trust, gyros=not is_table or place is not None, gravity=gravity)

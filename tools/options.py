@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from .result import Result as Diagnosis
+    from .result import Result as Noise
 else:
-    ArrayLike, Diagnosis = Any, Any
+    ArrayLike, Diagnosis, Noise = Any, Any, Any
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,15 @@ NoiseSd = Annotated[
     Option(
         "Standard deviation of the error of one averaged reading, as a fraction of g. It replaces σ by an estimate: "
         "2.5 times as large for 24 positions, 2.7 for 48, 3 for 100."
+    ),
+]
+NoiseResult = Annotated[
+    str | Path | Noise | None,
+    Option(
+        "A result of `trihedron noise` (JSON), in the place of σ: σ is that of its standard deviation for the record's "
+        "dwell, as with --noise-sd.",
+        name="--noise",
+        typed=Path | None,
     ),
 ]
 Gravity = Annotated[float, Option("Model value of gravity [m/s²].")]

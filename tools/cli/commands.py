@@ -159,7 +159,8 @@ def calibrate_command(
     """
     written = {"--json": json, "--ssv": ssv, "--strapdown": strapdown, "--report": report, "--sheet": sheet}
     explained_by = options.get("explained_by")
-    distinct_files({**_files_of(record, others), **written, "--about": about, "--with": explained_by})
+    read = {"--about": about, "--with": explained_by, "--noise": options.get("noise_result")}
+    distinct_files({**_files_of(record, others), **written, **read})
     if about is not None and sheet is None:
         raise InputError(f"--about {about}: is for a sheet; give --sheet, too")
     shared = _taken(options, ("shared", "own"))
@@ -175,6 +176,7 @@ def calibrate_command(
             "sheet": sheet,
         }
         of_one |= {"target": options.pop("targets", None), "prior": options.pop("priors", None)}
+        of_one["noise"] = options.pop("noise_result", None)
         _refuse_of_one(of_one)
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
@@ -324,7 +326,8 @@ def diagnose_command(
         _refuse_of_one(place)
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
-        _refuse_of_one({"hypothesis": options.pop("hypotheses", None)})
+        of_one = {"hypothesis": options.pop("hypotheses", None), "noise": options.pop("noise_result", None)}
+        _refuse_of_one(of_one)
         several = measured.diagnose_together(record, *others, **shared, **options, progress=True)
         if report is not None:
             reports.write_report(report, several)

@@ -6,3 +6,5 @@ from .result import ChannelNoise as ChannelNoise
 from .result import Coefficient as Coefficient
 from .result import Dwell as Dwell
 from .result import Noise as Noise
+from .sigma import deviation_for as deviation_for
+from .sigma import read_noise as read_noise

@@ -1,0 +1,59 @@
+"""The loop: static record, noise, σ, calibration. σ from the noise hardly ever falsifies clean records."""
+
+import json
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from generator.noise import GRAVITY, noise_series, static_record
+from generator.positions import Session
+from trihedron.tools.cli import main
+from trihedron.tools.records import write_record
+
+STEP, ROWS, POSITIONS = 0.1, 200, 24
+SIZES = {"N": 1e-3, "B": 3e-5}
+
+
+@pytest.fixture(scope="module")
+def noise():
+    return th.noise(static_record(36_000, STEP, {"N": 1e-4}, SIZES, seed=3), dwell=STEP * ROWS, positions=POSITIONS)
+
+
+def averaged_record(seed: int, count: int = POSITIONS):
+    """Return a clean record of positions whose averages have the noise of the same instrument."""
+    series = [noise_series(count * ROWS, STEP, SIZES, 100 * seed + axis) for axis in range(3)]
+    means = np.stack(series, axis=1).reshape(count, ROWS, 3).mean(axis=1)
+    session = Session.drawn(np.random.default_rng(seed), count)
+    return session.record(error=(means - means.mean(axis=0)) / GRAVITY)
+
+
+def test_clean_records_of_the_instrument_are_consistent(noise):
+    verdicts = [th.calibrate(averaged_record(seed), noise_result=noise).verdict for seed in range(40)]
+    assert verdicts.count("consistent") >= 39
+
+
+def test_sigma_is_not_needlessly_wide(noise):
+    radii = [th.calibrate(averaged_record(seed), noise_result=noise).radius for seed in range(10)]
+    assert np.median(radii) > 0.25
+
+
+def test_commands_take_the_file(noise, tmp_path, capsys):
+    told, record = tmp_path / "noise.json", tmp_path / "positions.csv"
+    told.write_text(noise.json_text())
+    write_record(averaged_record(1), record)
+    (tmp_path / "copy.csv").write_bytes(record.read_bytes())
+    out = tmp_path / "calibration.json"
+    assert main(["calibrate", str(record), "--noise", str(told), "--json", str(out)]) == 0
+    assert json.loads(out.read_text())["sigma"]["kind"] == "estimated"
+    assert main(["diagnose", str(record), "--noise", str(told)]) == 0
+    capsys.readouterr()
+    for words, text in (
+        (["--noise", str(told), "--noise-bound", "1e-5"], "σ is given twice"),
+        (["--noise", str(told.with_name("copy.csv"))], "is not JSON text"),
+        (["--noise", str(out)], "is no result of `trihedron noise`"),
+        (["--noise", str(tmp_path / "missing.json")], "cannot be read"),
+    ):
+        assert main(["calibrate", str(record), *words]) == 2
+        assert text in capsys.readouterr().err
+    assert main(["calibrate", str(record), "--noise", str(told), "--json", str(told)]) == 2
