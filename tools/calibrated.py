@@ -254,9 +254,12 @@ class KnownBefore(Part):
 
 
 class Provenance(Part):
-    """Source of a calibration: the record's file and its SHA-256 (empty without a file), bounds of (1.7)."""
+    """Source of a calibration: the record's file and its SHA-256 (empty without a file), bounds of (1.7).
 
-    omitted: ClassVar[frozenset[str]] = frozenset({"kind", "temperature_degC", "comments"})
+    `angle_steps_deg` are the steps of both encoders whose rounding is in the bounds; None where it is not.
+    """
+
+    omitted: ClassVar[frozenset[str]] = frozenset({"kind", "temperature_degC", "angle_steps_deg", "comments"})
 
     trihedron: str = Field(default_factory=version)
     record: str
@@ -264,6 +267,7 @@ class Provenance(Part):
     bounds: list[Number] = Field(default=[])
     kind: str = ""
     temperature: list[Number] | None = Field(default=None, alias="temperature_degC")
+    angle_steps_deg: list[Number] | None = None
     comments: dict[str, str] = Field(default={})
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import highspy
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lstsq, qr
+from scipy.linalg import lstsq, qr, svd
 
 from .exchange import Corner, exchanged, least_of
 
@@ -475,7 +475,12 @@ def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:
 def column_space(columns: NDArray) -> NDArray[np.float64]:
     """Return an orthonormal basis of the space that columns span; their units do not matter."""
     size = np.linalg.norm(columns, axis=0)
-    u, values, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    scaled = columns / np.where(size > 0.0, size, 1.0)
+    try:
+        u, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    except np.linalg.LinAlgError:
+        # The faster algorithm fails on some finite matrices.
+        u, values, _ = svd(scaled, full_matrices=False, lapack_driver="gesvd")
     return u[:, values > DEPENDENT * values.max(initial=0.0)] if values.max(initial=0.0) > 0.0 else u[:, :0]
 
 

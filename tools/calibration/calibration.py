@@ -39,7 +39,8 @@ from ..records.channels import (
 from ..records.columns import CORRECTED_BY, CORRECTED_WITHIN
 from ..records.noise import NoiseBound, noise_bound_from, noise_bound_of
 from ..records.sigma import Fitted
-from ..rounding import digits, exactly, residual, upwards
+from ..records.steps import AngleSteps
+from ..rounding import digits, exactly, upwards
 from .estimates import Solution, fit, open_directions, solve_system
 from .model import (
     Linearisation,
@@ -76,6 +77,14 @@ SAY_THE_NOISE = (
 """What to do where nothing tells σ."""
 ROUNDING = 2e-15
 """What the evaluation of readings and model may be wrong by, as a fraction of g."""
+WIDE = 2.0
+"""Steps of the encoders may falsify a model if they move readings by so many σ."""
+MOST_ALONG = 0.3
+"""Of the misfit by errors of angles so small a part is along gravity: what other parameters make of it."""
+LEAST_OF_ROUNDING, MOST_OF_ROUNDING = 0.5, 1.6
+"""The least and the largest misfit over that of rounding, rms."""
+COARSE = 0.5
+"""Steps of readings are said if half of one is more than this part of σ."""
 NOTICEABLE = 0.1
 """The part of σ from which on it is said that a comment line adds to it."""
 FEWEST_PASTED = 3
@@ -178,12 +187,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
             f"σ may be too large: no error of this record has to be more than {upwards(solution.radius * sigma, 2)} g; "
             "a smaller σ gives closer intervals and hides fewer effects"
         )
-    if not solution.contradicted and solution.radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
-        warnings.append(
-            "the readings are written too coarsely for this noise bound: half a last digit is "
-            f"{upwards(resolution)} g, and the verdict and the intervals allow for it, so that a radius of "
-            f"{residual(solution.radius)} falsifies nothing"
-        )
+    warnings += _of_steps(record, sigma, request.gravity, noise.complete)
     if linearised.deficient and noise.complete:
         # undetermined directions hide it from the radius
         limit = 2.0 * (sigma + reading_uncertainty(resolution)) * (1.0 + RELATIVE_TOLERANCE)
@@ -199,7 +203,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     return Calibration(
         verdict=verdict,
         sigma=sigma_of(noise),
-        stands_with_sigma=solution.radius * sigma,
+        stands_with_sigma=max(solution.radius * (sigma + record.steps.error) - record.steps.error, 0.0),
         radius=solution.radius,
         gravity_mps2=float(request.gravity),
         convention=request.convention,
@@ -220,6 +224,55 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         linearised=linearised,
         feasible=solution.feasible,
     )
+
+
+def calibrate_by_encoders(record: PositionRecord, **options: Any) -> Calibration:
+    """Calibrate as `calibrate` does; where exact angles falsify the model and rounding explains it, with steps.
+
+    The rounding of the encoders is in the bounds if the misfit is as large as it makes. Options and errors are those of
+    `calibrate`.
+    """
+    exact = calibrate(record, **options)
+    if exact.verdict != "falsified":
+        return exact
+    stepped = record.with_steps
+    error = stepped.steps.error
+    if error < WIDE * exact.noise_bound:
+        return exact
+    linearised = exact.linearised
+    freedom = len(linearised.residual) - linearised.span.shape[1]
+    if Misfit(linearised.residual, linearised.reading, freedom).is_rounding(stepped.steps, exact.noise_bound):
+        rounded = calibrate(stepped, **options)
+        if rounded.verdict != "falsified":
+            return rounded
+    line = (
+        f"the angles are in steps of {stepped.steps}: if the encoders read so coarsely, and the table did not stand at "
+        f"these angles exactly, add {upwards(error)} g to the noise bound"
+    )
+    return exact.model_copy(update={"warnings": [*exact.warnings, line]})
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Errors (3 N,) of a fit to readings (N, 3), fractions of gravity, and their degrees of freedom."""
+
+    errors: NDArray[np.float64]
+    reading: NDArray[np.float64]
+    freedom: int
+
+    def is_rounding(self, steps: AngleSteps, sigma: float) -> bool:
+        """Return true if the errors are as large, rms, as steps of the encoders make them, and turn gravity."""
+        if self.freedom < FEWEST_SPARE:
+            return False
+        size = float(np.sqrt(np.square(self.errors).sum() / self.freedom))
+        # An error of an angle turns gravity: two ninths of its square are in each reading.
+        square = (sigma**2 + 2.0 / 9.0 * (0.25 * steps.outer**2 + 0.25 * steps.inner**2)) / 3.0
+        if not LEAST_OF_ROUNDING <= size / float(np.sqrt(square)) <= MOST_OF_ROUNDING:
+            return False
+        errors = self.errors.reshape(-1, 3)
+        along = (errors * self.reading).sum(axis=1) / np.linalg.norm(self.reading, axis=1)
+        most = MOST_ALONG * float(np.sqrt(np.square(errors).sum(axis=1).mean())) + sigma
+        return float(np.sqrt(np.square(along).mean())) <= most
 
 
 HOW_TO_FIND = "measure some positions again, or give --noise-sd or --noise-bound"
@@ -255,6 +308,7 @@ def provenance_of(record: PositionRecord, bounds: tuple[float, float]) -> Proven
         bounds=[float(bound) for bound in bounds],
         kind=kind,
         temperature_degC=extent,
+        angle_steps_deg=list(record.steps.degrees) if record.steps.error else None,
         comments=dict(record.about),
     )
 
@@ -416,6 +470,33 @@ def _of_resolution(record: PositionRecord, sigma: float, gravity: float) -> list
                 f"the comment line `# {key}: {record.about[key]}` counts: it adds {upwards(size)} g to the noise bound "
                 f"of {upwards(sigma, 3)} g"
             )
+    return lines
+
+
+def _of_steps(record: PositionRecord, sigma: float, gravity: float, complete: bool) -> list[str]:
+    """Return sentences on steps of readings and angles in the bounds, and on rests that scatter too much for σ."""
+    lines, reading = [], record.resolution / gravity
+    if reading > COARSE * sigma and "resolution_mps2" not in record.about:
+        lines.append(
+            f"the readings are in steps of {digits(2.0 * record.resolution)} m/s²: half a step, {upwards(reading)} g, "
+            f"is added to the noise bound of {upwards(sigma, 3)} g"
+        )
+    if record.steps.error:
+        lines.append(
+            f"the angles are in steps of {record.steps}: half a step, which moves a reading by up to "
+            f"{upwards(record.steps.error)} g, is added to the noise bound of {upwards(sigma, 3)} g"
+        )
+    if record.scatter is None or record.raw is None or not complete:
+        return lines
+    deviation = float(np.sqrt(np.max(np.mean(np.square(record.scatter), axis=0)))) / gravity
+    times = Fitted(len(record)).largest * deviation / sigma
+    if times > 1.0:
+        longer = digits(times**2, 2)
+        lines.append(
+            f"the rests are too short for their scatter: the mean of a rest has a standard deviation of "
+            f"{upwards(deviation)} g, and σ of {upwards(sigma, 3)} g does not bound so many readings; rests that are "
+            f"{longer} times as long do, or a σ of {upwards(times * sigma)} g"
+        )
     return lines
 
 

@@ -24,7 +24,7 @@ from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
 from ..records.columns import INERTIAL
 from ..records.rests import position_record_of, without_turns
 from ..rounding import exactly, upwards
-from .calibration import Asked, calibrate, reading_uncertainty, wanted_targets, without_guarantee
+from .calibration import Asked, calibrate, calibrate_by_encoders, reading_uncertainty, wanted_targets, without_guarantee
 from .estimates import Solution, open_directions, solve_system
 from .in_motion import InMotion, lag_targets, with_motion
 from .model import Linearisation
@@ -133,7 +133,7 @@ def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **option
     """
     is_of_bench = isinstance(record.raw, BenchRecord)
     if bench is None:
-        calibration = calibrate(record, **options)
+        calibration = calibrate_by_encoders(record, **options)
         warning = f"{record.path}: its gyros are not looked at; --latitude-deg and --azimuth-deg calibrate them too"
         return (
             calibration.model_copy(update={"warnings": [*calibration.warnings, warning]})

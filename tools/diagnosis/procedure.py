@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
-from ..sieve import LEAST_OF_TWO, Simple, tells_two_things, wrong_pieces
+from ..sieve import LEAST_OF_TWO, Simple, tells_two_things, with_rounding, wrong_pieces
 from .beyond import Beyond, keys_of
 from .candidates import Candidates, named
 from .cause import Finding, causes_of, centred, excluded_sizes, finding_of
@@ -89,6 +89,7 @@ def diagnosed(
 
     `most_work` is that of the search, others as for `diagnose`.
     """
+    evidence = with_rounding(evidence)
     return Procedure(evidence, rerun, extend, progress, most_work).diagnosis()
 
 

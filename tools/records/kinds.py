@@ -33,6 +33,7 @@ from .columns import (
     comment_lines,
     knocks_of,
 )
+from .steps import AngleSteps, angle_steps
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -339,6 +340,8 @@ class PositionRecord(_Record):
         half a last digit of the angles as they were written [rad]; 0 where they are exact
     temperature_resolution : float
         half a last digit of the temperature as it was written [K]
+    steps : AngleSteps
+        steps of the encoders whose rounding is in the bounds; none by default
     path, row, warnings, sha256, about, channels
         source of the record, and the way it was read
     scatter : ndarray, shape (N, 3), or None
@@ -374,18 +377,27 @@ class PositionRecord(_Record):
     resolution: float = 0.0
     angle_resolution: float = 0.0
     temperature_resolution: float = 0.0
+    steps: AngleSteps = field(default_factory=AngleSteps)
     scatter: np.ndarray | None = None
     dwell_noise: DwellNoise | None = None
     raw: RawRecord | None = None
     rests: tuple[Rest, ...] = ()
 
     def bounds_with(self, noise_bound: float, gravity: float) -> np.ndarray:
-        """Return the bound of each reading's error (3 N,), fractions of `gravity`: σ plus the limit of a correction."""
+        """Return the bound of each reading's error (3 N,), fractions of `gravity`.
+
+        It is σ, the limit of a correction, and half a step of the encoders.
+        """
         text = self.about.get(CORRECTED_WITHIN, "0 0 0")
         within = np.array([float(number) for number in text.split()])
         if self.channels is not None:
             within = np.full(3, within.max())
-        return np.tile(noise_bound + within / gravity, len(self))
+        return np.tile(noise_bound + self.steps.error + within / gravity, len(self))
+
+    @property
+    def with_steps(self) -> Self:
+        """The record with the rounding of its encoders in the bounds, if their steps show in its angles."""
+        return replace(self, steps=angle_steps(self.alpha, self.beta))
 
     def written_to(self, gravity: float) -> float:
         """Return the largest effect of rounding on paper on a reading and its two angles, fractions of `gravity`."""

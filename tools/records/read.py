@@ -56,6 +56,7 @@ from .columns import (
 from .even import times_unused, with_stamps
 from .kinds import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
 from .rests import position_record_of
+from .steps import reading_step
 
 LARGE = 30_000_000
 """From so many bytes on reading shows its progress."""
@@ -281,6 +282,8 @@ def record_from(columns: FileColumns) -> Record:
         values["attitude"] = values["attitude"] / np.sqrt(np.square(values["attitude"]).sum(axis=1, keepdims=True))
     if kind in (PositionRecord, RawRecord, BenchRecord):
         values["resolution"] = columns.resolution
+        if kind is PositionRecord:
+            values["resolution"] = max(columns.resolution, 0.5 * reading_step(values["specific_force"]))
     if kind is PositionRecord:
         # angles of few digits are settings, which the encoders reached
         rounded = columns.angle_resolution <= ROUNDED_ANGLE

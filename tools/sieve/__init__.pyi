@@ -7,3 +7,4 @@ from .series import wrong_pieces as wrong_pieces
 from .sigma import too_small_bounds as too_small_bounds
 from .simple import Simple as Simple
 from .simple import calibration_of as calibration_of
+from .steps import with_rounding as with_rounding

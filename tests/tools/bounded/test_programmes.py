@@ -145,3 +145,15 @@ def test_what_goes_round_in_circles_is_a_stated_failure(monkeypatch: pytest.Monk
     monkeypatch.setattr(programmes, "MOST_ITERATIONS", 0)
     with pytest.raises(SolverError, match="limit"):
         farthest()
+
+
+def test_a_space_is_there_where_the_faster_decomposition_fails(monkeypatch: pytest.MonkeyPatch):
+    columns = np.random.default_rng(1).normal(size=(30, 4))
+
+    def failing(*_, **__):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    expected = programmes.column_space(columns)
+    monkeypatch.setattr(np.linalg, "svd", failing)
+    space = programmes.column_space(columns)
+    assert space @ space.T == pytest.approx(expected @ expected.T, abs=1e-12)

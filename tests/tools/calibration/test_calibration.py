@@ -238,7 +238,7 @@ def test_readings_written_too_coarsely_for_the_noise_bound_are_said_to_be():
     result = calibrate(record(force / 9.80665, ALPHA, BETA, resolution=0.005), noise_bound=SIGMA)
     assert result.verdict == "consistent"
     assert (result.radius or 0.0) > 1.0
-    assert "half a last digit is 5.1e-4 g" in result.warnings[-1]
+    assert "in steps of 0.01 m/s²: half a step, 5.1e-4 g, is added to the noise bound" in result.warnings[-1]
 
 
 def positions_with_inputs_at_zero(bench, rng) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,54 @@
+"""Encoders that read more coarsely than the noise: their rounding goes into the bounds if it explains the misfit."""
+
+import numpy as np
+
+from ..calibration.calibration import Misfit
+from ..errors import InputError
+from ..evidence.bench import Bench
+from ..evidence.evidence import Evidence
+from ..records import PositionRecord
+from .leading import Candidates
+
+LEAST = 0.3
+"""Steps that move readings by a smaller part of σ are not looked at."""
+WIDE = 4.0
+"""Steps that move readings by so many σ are told from noise by the size of the misfit."""
+
+
+def with_rounding(evidence: Evidence) -> Evidence:
+    """Return the evidence with half a step of the encoders in the bounds, where exact angles falsify the model.
+
+    The misfit must look like noise, or as large as rounding makes it beside the effect that explains most. Otherwise
+    the evidence is returned as it is.
+    """
+    source, model = evidence.source, evidence.model
+    if source is None or not isinstance(model, Bench) or not isinstance(source.record, PositionRecord):
+        return evidence
+    if not model.falsified or source.record.steps.error:
+        return evidence
+    stepped, sigma = source.record.with_steps, model.calibration.noise_bound
+    if stepped.steps.error < LEAST * sigma:
+        return evidence
+    candidates = Candidates(evidence)
+    is_noise = candidates.is_noise(candidates.residual)
+    if not is_noise and not _is_rounding(evidence, candidates, stepped):
+        return evidence
+    try:
+        wider = source.again(stepped)
+    except InputError:
+        return evidence
+    if is_noise and wider.model.falsified:
+        return evidence
+    return wider
+
+
+def _is_rounding(evidence: Evidence, candidates: Candidates, stepped: PositionRecord) -> bool:
+    """Return true if wide steps explain what the effect that explains most leaves."""
+    model, columns = evidence.model, list(candidates.effects.values())
+    sigma, remaining = model.calibration.noise_bound, candidates.residual
+    if stepped.steps.error < WIDE * sigma:
+        return False
+    if columns:
+        remaining = remaining.beside(columns[int(np.argmax(remaining.of_blocks(columns)))])
+    errors = evidence.rows.bound * remaining.left
+    return Misfit(errors, model.here.reading, remaining.freedom).is_rounding(stepped.steps, sigma)
