@@ -310,6 +310,13 @@ def calibrate(
     """
     run = records.read_record(record, *records.TO_CALIBRATE, channels=channels, stamps=stamps)
     of_hand = {"rest_scatter": rest_scatter, "rests": rests, "faces": faces, "turns": turns}
+    if isinstance(run, records.StrapdownRecord) and explained_by is not None:
+        of_table = {"bench": bench, "target": tuple(targets), "prior": tuple(priors), **of_hand}
+        _refuse(of_table, run, "a record of a table")
+        run = motion.trusted(run, trust=trust, gravity=gravity)
+        known = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "rates": rates}
+        result = diagnosis.calibrated_with(_diagnosis_of(explained_by), run, **known)
+        return result.model_copy(update={"made_of": run})
     if not isinstance(run, records.PositionRecord):
         of_table = {
             "bench": bench,
@@ -329,16 +336,16 @@ def calibrate(
     _refuse(of_hand, run, "a record without a table")
     noise_sd = _deviation(run, noise_result, noise_bound, noise_sd)
     place = calibrations.Bench.given(run, **({} if bench is None else vars(bench)))
-    uses_gyros = place is not None and explained_by is None
-    run = motion.trusted(run, trust=trust, gyros=uses_gyros, gravity=gravity)
+    if explained_by is not None and bench is None and (targets or priors or convention != "A1"):
+        # These are of readings at rest; nobody asked for the gyros.
+        place = None
+    run = motion.trusted(run, trust=trust, gyros=place is not None, gravity=gravity)
     options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "convention": convention}
     options |= {"baseline": baseline, "bounds": bounds, "mounting": mounting, "targets": targets, "priors": priors}
     if explained_by is None:
         result = calibrations.calibrate_whole(run, place, **options)
     else:
-        if bench is not None:
-            raise InputError("--with: is of readings at rest, without gyros; leave out --latitude-deg, --azimuth-deg")
-        result = diagnosis.calibrated_with(_diagnosis_of(explained_by), run, **options)
+        result = diagnosis.calibrated_with(_diagnosis_of(explained_by), run, place, **options)
     return result.model_copy(update={"made_of": run})
 
 

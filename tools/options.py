@@ -163,8 +163,8 @@ Own = Annotated[
 ExplainedBy = Annotated[
     str | Path | Diagnosis | None,
     Option(
-        "Diagnosis (JSON) with effects to solve for together with the parameters. In the record of the diagnosis their "
-        "sizes are unknown; in another record its intervals hold.",
+        "Diagnosis (JSON): its wrong rows are left out; its breaks and effects are solved together with the "
+        "parameters. In the record of the diagnosis their sizes are unknown; in another record its intervals hold.",
         name="--with",
         typed=Path | None,
     ),

@@ -246,6 +246,11 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
     For a calibration of several records the correction is that of the record with this SHA-256, else of the last one.
     """
     record = ""
+    if isinstance(calibration, Mapping) and calibration.get("effects") and not calibration.get("reading_errors"):
+        raise InputError(
+            f"{where}: states parameters beside effects in motion, and no errors of readings to correct by; apply the "
+            "diagnosis, or a calibration of rests without --with"
+        )
     try:
         of_all, calibration = calibration, of_one_record(calibration, sha256)
         if isinstance(of_all, Mapping) and calibration_of(of_all).get("of_record"):

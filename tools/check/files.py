@@ -365,6 +365,8 @@ def _check_calibration(content: Mapping[str, Any], findings: Findings) -> None:
 def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
     if kind == "calibration" and content.get("of_record"):
         return f"{len(content['of_record'])} records, {content['verdict']}"
+    if kind == "calibration" and content["sigma"]["value"] is None:
+        return f"{content['verdict']}, of a record in motion"
     if kind == "calibration":
         positions, sigma = content.get("positions", 0), upwards(content["sigma"]["value"], 3)
         return f"{content['verdict']}, {positions} positions, σ = {sigma} g"

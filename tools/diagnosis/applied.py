@@ -131,6 +131,8 @@ def _corrected(
 def origin_of(diagnosis: Diagnosis) -> str:
     """Return which diagnosis it is, by the record that it was made from."""
     source = diagnosis.calibration.provenance
+    if source is None and diagnosis.record is not None:
+        return f"the diagnosis of the record with SHA-256 {diagnosis.record.sha256 or 'none'}"
     if source is None:
         return "a diagnosis of several records"
     return f"the diagnosis of {source.record} (SHA-256 {source.sha256 or 'none'})"

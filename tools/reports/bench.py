@@ -89,7 +89,10 @@ def key_figures(result: Calibration) -> dict[str, object]:
     figures: dict[str, object] = {}
     if result.positions is not None:
         figures |= {"positions": result.positions, "readings": result.measurements}
-    figures["noise bound σ"] = f"{upwards(result.noise_bound, 3)} g ({basis(result)})"
+    if result.sigma.value is None:
+        figures["bounds from"] = result.sigma.basis
+    else:
+        figures["noise bound σ"] = f"{upwards(result.noise_bound, 3)} g ({basis(result)})"
     figures["least largest residual"] = f"{residual(result.radius)} σ"
     return figures
 

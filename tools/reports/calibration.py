@@ -61,13 +61,15 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
 
     def further() -> list[Section]:
         sections: list[Section | None] = []
-        if record is not None:
-            sections += [residual_section(result, record.position)] if has_residuals else []
-            sections.append(bench.measured_section(record, result))
+        # A calibration of a record in motion has no readings at positions.
+        at_rest = None if result.linearised is None else record
+        if at_rest is not None:
+            sections += [residual_section(result, at_rest.position)] if has_residuals else []
+            sections.append(bench.measured_section(at_rest, result))
         sections.append(beside_section(result))
-        if record is not None:
-            sections.append(bench.proof_section(result, record.position))
-            sections += rest_sections(record)
+        if at_rest is not None:
+            sections.append(bench.proof_section(result, at_rest.position))
+            sections += rest_sections(at_rest)
         sections += joint_set_sections(result)
         return [section for section in sections if section is not None]
 
@@ -185,7 +187,8 @@ def levelling_sections(result: Calibration) -> list[Section]:
     There is none without a guaranteed error, or beside effects of accelerometers, which the equations do not
     correct.
     """
-    if not result.stands or any(error.low is None for error in result.reading_errors):
+    errors = result.reading_errors
+    if not (result.stands and errors) or any(error.low is None for error in errors):
         return []
     if any(effect.in_readings for effect in result.effects):
         return []
@@ -468,9 +471,9 @@ def gyro_texts(gyros: Gyros, parameters: Sequence[Parameter]) -> list[str]:
 
 def gyro_sections(result: Calibration, truth: Mapping[str, float] | None = None) -> list[Section]:
     """Return the gyros of a bench record with their intervals: bias, matrix, sensitivity, lag."""
-    if result.gyros is None:
+    if result.gyros is None and not (result.explained_by and result.of_gyros):
         return []
-    texts = gyro_texts(result.gyros, result.of_gyros)
+    texts = [] if result.gyros is None else gyro_texts(result.gyros, result.of_gyros)
     table = None if result.verdict == "falsified" else gyro_table(result, truth)
     return [Section("The gyros, in the accelerometers' axes", texts, table=table)]
 

@@ -59,6 +59,7 @@ BY_FIELD = {
         "by_hand": ("by_hand", "by_hand_page"),
         "of_record": ("several", "joint_calibration_page"),
         "positions": ("calibration", "calibration_page"),
+        "explained_by": ("calibration", "calibration_page"),
         "parameters": ("inspection", "norm_page"),
     },
     "Diagnosis": {"records": ("several", "several_page")},

@@ -28,6 +28,8 @@ ROUNDS = 8
 """Rounds of least squares in which rows that misfit lose their weight."""
 MOST_SLACK = 200.0
 """The linear model, about a fit to most of the rows, may be wrong by so many bounds at most."""
+MOST_SLACK_OF_TWO = 2.0
+"""The same for two breaks."""
 MOST_EXACT = 6
 """So many gaps in a row, the most promising first, are fitted without success."""
 MANY_ROWS, FEWEST_OF_FEW = 24, 4
@@ -294,6 +296,24 @@ class Search:
                 break
         return sorted(standing, key=lambda one: one.fit.radius)
 
+    def gaps_with(self, groups: Sequence[Group], effects: Sequence[EffectPlace]) -> Iterator[tuple[Gap, ...]]:
+        """Yield the gaps of breaks, in the order of time, with which the exact model fits beside linear effects."""
+        options: list[tuple[Group, Gap]] = []
+        columns: list[NDArray] = []
+        for group in dict.fromkeys(groups):
+            options += [(group, gap) for gap in self.gaps]
+            columns += self.columns(group)
+        beside = signature_columns(effects, self.rows) / self.model.rows.bound[:, None]
+        nominal = column_space(np.hstack((self.problem.nominal, beside)))
+        problem = Problem.of(self.problem.residual, nominal, columns)
+        slack = self.slack if len(groups) == 1 else min(self.slack, MOST_SLACK_OF_TWO)
+        for chosen in sets_of_size(problem, len(groups), slack, 0, self.work):
+            broken = sorted((options[number] for number in chosen.effects), key=lambda one: one[1].hours)
+            gaps = tuple(gap for _, gap in broken)
+            in_order = [group for group, _ in broken] == list(groups)
+            if in_order and self.fitted((*jumping_at(groups, gaps), *effects)) is not None:
+                yield gaps
+
     def fitted(self, places: Sequence[EffectPlace]) -> Fit | None:
         """Return the exact model with a change; None if it does not fit."""
         try:
@@ -369,6 +389,14 @@ class Search:
         circumstances = self.model.readings.circumstances
         begin, end = circumstances.began + 3600.0 * self.hours[self.order[[first, last]]]
         return f"{rows} ({exactly(round(begin))} s to {exactly(round(end))} s)"
+
+
+def jumping_at(groups: Sequence[Group], gaps: Sequence[Gap]) -> tuple[EffectPlace, ...]:
+    """Return the changes of groups at gaps, as effects."""
+    places: list[EffectPlace] = []
+    for group, gap in zip(groups, gaps, strict=True):
+        places += group.jumping(gap.hours)
+    return tuple(places)
 
 
 def said(group: Group, sizes: Sequence[Stated]) -> str:

@@ -13,7 +13,7 @@ from ..bounded.sets import CutOff, EffectSet, Problem, Work, linear_radius, sets
 from ..evidence.bench import Bench
 from ..evidence.bench_visits import is_linear, signature_columns
 from ..evidence.evidence import Evidence
-from .breaks import ALONE, NEAR, Beside, Gap, Group, Search, Standing
+from .breaks import ALONE, MOST_SLACK_OF_TWO, NEAR, Beside, Gap, Group, Search, Standing, jumping_at
 from .simple import Simple
 
 FEWEST_ROWS, MOST_ROWS = 24, 120
@@ -28,8 +28,6 @@ FARTHER = 2
 """Pairs that need so many numbers more than the simplest are no rivals."""
 LEAST_OF_TWO = 4
 """The least numbers that a pair needs."""
-MOST_SLACK = 2.0
-"""The linear model may be wrong by so many bounds at most."""
 MOST_NUMBERS = 3
 """Of two breaks each changes so many numbers at most."""
 
@@ -124,7 +122,7 @@ class Joint:
 
     def _of(self, options: Sequence[Option], columns: Sequence[NDArray], alike: int) -> Iterator[Pair]:
         problem = Problem.of(self.search.problem.residual, self.search.problem.nominal, columns, alike=alike)
-        for chosen in sets_of_size(problem, 2, min(self.search.slack, MOST_SLACK), 0, self.search.work):
+        for chosen in sets_of_size(problem, 2, min(self.search.slack, MOST_SLACK_OF_TWO), 0, self.search.work):
             first, second = (options[number] for number in chosen.effects)
             # Breaks come last; two at one gap are one of a larger group.
             if second.gaps and first.gaps != second.gaps:
@@ -169,10 +167,7 @@ class Joint:
         return tuple(faults)
 
     def _places(self, pair: Pair) -> tuple[EffectPlace, ...]:
-        places: list[EffectPlace] = []
-        for group, gap in zip(pair.groups, pair.gaps, strict=True):
-            places += group.jumping(gap.hours)
-        places += pair.beside.effects
+        places = [*jumping_at(pair.groups, pair.gaps), *pair.beside.effects]
         for row in pair.beside.rows:
             places += [place_of(row, p) for p in (1, 2, 3)]
         return tuple(places)

@@ -171,20 +171,6 @@ def test_a_formula_is_solved_with_the_parameters():
     assert size.low <= 3e-4 <= size.high
 
 
-def test_rows_that_are_wrong_are_no_effect():
-    rng = np.random.default_rng(7)
-    session = Session.drawn(rng, 36)
-    angles, reading = session.read([], rng.uniform(-SIGMA, SIGMA, (36, 3)))
-    angles[12, 0] += 0.007
-    record = session.recorded(angles, reading)
-    diagnosis = diagnosed(record)
-    assert diagnosis.verdict == "explained"
-    with pytest.raises(
-        InputError, match=r"names no effect of the instrument but a fault of its record \(Row 13 is wrong"
-    ):
-        th.calibrate(record, explained_by=diagnosis)
-
-
 def test_what_cannot_be_solved_together_is_refused(tmp_path):
     case = drawn(0)
     consistent = th.diagnose(Session.drawn(np.random.default_rng(1), 40).record(), noise_bound=SIGMA)
