@@ -206,7 +206,7 @@ def test_a_strapdown_record_is_calibrated_beside_an_effect_of_its_gyros():
     for parameter, value in zip(effect.parameters, sensitivity.ravel(), strict=True):
         assert parameter.low <= value <= parameter.high
     assert "gyro-g-sensitivity" in str(result)
-    with pytest.raises(InputError, match="target: is of a record of a table"):
+    with pytest.raises(InputError, match="targets: is of a record of a table"):
         th.calibrate(record, explained_by=diagnosis, targets=["X4-X5"])
 
 
