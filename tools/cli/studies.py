@@ -108,11 +108,11 @@ def hidden_command(
     baseline
         Scale factors of the truth: two for each accelerometer, or one. symmetric can hide scale-asymmetry.
     suite
-        A suite of scenarios/hidden/suites.toml: clean, single, between, pairs, detection, triples, clean-triples.
-        quick- before one of the first four is shorter. --cases and --seed override its own.
+        A suite of scenarios/hidden/suites.toml: clean, single, between, pairs, detection, faults, beside, turns,
+        triples, clean-triples. quick- before one of the first four is shorter. --cases and --seed override its own.
     mode
         Suite: hide no effect (clean), one that excludes every rival (single, the default), one that is only detected
-        (between), or two (pairs).
+        (between), two (pairs), a wrong row or a break (faults), or one of these beside an effect (beside).
     records
         Suite: number of records of one instrument in each case, diagnosed together. One effect is in all, another in
         one alone; with mode clean there is none.

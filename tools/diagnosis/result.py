@@ -59,6 +59,8 @@ class Explanation(Told):
         ends of the possible values of a change, where σ is a bound
     before_row, time_s : int, float
         place of a break
+    between_rows : tuple of int
+        rows, or rests of a series, between which a break may be
     """
 
     kind: KindOfExplanation
@@ -74,6 +76,7 @@ class Explanation(Told):
     within: Mapping[str, tuple[Number, Number]] | None = None
     before_row: int | None = None
     time_s: Number | None = None
+    between_rows: tuple[int, int] | None = None
 
     @staticmethod
     def of(finding: Finding, calibration: Calibration | None = None) -> "Explanation":
@@ -97,7 +100,8 @@ class Explanation(Told):
     @staticmethod
     def of_simple(simple: Simple) -> "Explanation":
         """Return a simple fault of the record, with its accompanying effects."""
-        keys = {name: getattr(simple, name) for name in ("rows", "change", "within", "before_row", "time_s")}
+        names = ("rows", "change", "within", "before_row", "time_s", "between_rows")
+        keys = {name: getattr(simple, name) for name in names}
         return Explanation(
             kind=simple.kind,
             numbers=simple.numbers,

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..evidence.evidence import Evidence
 from ..rounding import exactly
 from ..sieve import Simple, joint_faults, rows_beside_effects, simple_faults, too_small_bounds
@@ -60,8 +62,7 @@ class Shortlist:
         broken = {fault.where for fault in faults if fault.kind == "break"}
         functions = []
         for standing in dependence.standing if dependence else ():
-            # A break is a function of time.
-            is_break = standing.pair.quantity == "hours" and (standing.pair.where,) in broken
+            is_break = (standing.pair.where,) in broken and _is_of_time(standing)
             if standing.complexity <= least and not is_break:
                 functions.append(standing)
         return Shortlist(faults, findings, functions)
@@ -89,6 +90,14 @@ class Shortlist:
         """Return the faults and the functions as results have them; findings need their calibrations, too."""
         explanations = [Explanation.of_simple(fault) for fault in self.faults]
         return explanations + [Explanation.of_function(standing) for standing in self.functions]
+
+
+def _is_of_time(standing: Standing) -> bool:
+    """Return true if a function is one of time, as a break is; or a step of a quantity that is one between two rows."""
+    if standing.form.kind != "jump":
+        return standing.pair.quantity == "hours"
+    is_after = standing.pair.values > standing.form.at
+    return int(np.count_nonzero(is_after[1:] != is_after[:-1])) == 1
 
 
 def next_step(fault: Simple) -> tuple[str, ...]:

@@ -343,6 +343,8 @@ class Search:
             sentences.append(f"{sentence}{'' if k else '; before and after one bench fits'}. {group.supposed}".strip())
             numbers += self.numbers_of(group, gap)
         gap = best.gaps[0]
+        first, last = min(one.gaps[0].before for one in standing), max(one.gaps[0].after for one in standing)
+        between = int(self.order[first]) + 1, int(self.order[last]) + 1
         return Simple(
             kind="break",
             numbers=numbers,
@@ -354,6 +356,7 @@ class Search:
             change=change,
             within=ends if self.model.calibration.sigma.kind == "bound" else {},
             before_row=None if self.of_rests else self.row_after(gap),
+            between_rows=between,
             time_s=float(self.model.readings.circumstances.began + 3600.0 * gap.hours),
             fit=fit,
             beside=beside.effects,

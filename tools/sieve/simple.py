@@ -37,6 +37,8 @@ class Simple:
         ends of the possible values of a change, where σ is a bound
     before_row, time_s : int, float
         place of a break
+    between_rows : tuple of int
+        rows, or rests of a series, between which a break may be: around all gaps that fit
     fit : Fit or None
         effects beside the fault, fitted to its evidence
     beside : tuple of EffectPlace
@@ -54,6 +56,7 @@ class Simple:
     within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     before_row: int | None = None
     time_s: float | None = None
+    between_rows: tuple[int, int] | None = None
     fit: Fit | None = None
     beside: tuple[EffectPlace, ...] = ()
 

@@ -7,9 +7,12 @@ from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, Ef
 from ..errors import InputError, nearest
 from ..own_effects import OwnEffects
 from .bench import TrialBench, measured_on_days
+from .faults import Fault
 from .sizes import Hidden
 
-MODES = ("clean", "single", "between", "pairs")
+MODES = ("clean", "single", "between", "pairs", "faults", "beside")
+WITH_FAULT = ("faults", "beside")
+"""Modes with a wrong row or a break: alone, and beside an effect of `single`."""
 NOISES = ("uniform", "edge", "correlated")
 NOT_DRAWN = ("exchanged-readings",)
 """Effects that no suite of a table's positions hides: exchanged channels have no size near that of detection."""
@@ -36,6 +39,8 @@ class Case:
     """hidden effects; empty for a clean record"""
     redrawn: int = 0
     """number of effects that were drawn and rejected because no possible size fits"""
+    fault: Fault | None = None
+    """a wrong row or a break, done to the record"""
     days: tuple[TrialBench, ...] = ()
     """for several records of one block: the bench of each day; the first one is the instrument"""
 
@@ -51,7 +56,8 @@ class Case:
         """Return the record, of positions or strapdown, or several by label, as a laboratory would hand it over."""
         if self.days:
             return measured_on_days(self.days, self.seed, self.index, self.hidden, progress=progress)
-        return self.instrument.measured(self.seed, self.index, self.hidden, progress=progress)
+        record = self.instrument.measured(self.seed, self.index, self.hidden, progress=progress)
+        return record if self.fault is None else self.fault.done_to(record, self.instrument)
 
     def answer(self) -> dict[str, Any]:
         """Return the secret, for a comparison."""
@@ -65,7 +71,7 @@ class Options:
     mode: str = "single"
     """one of `MODES`: "clean"; "single", one effect at `ABOVE` times the size that excludes every rival, in a block one
     of `BLOCK_SIZES`; for benches "between", one between that size and the size of sure detection; "pairs", two at
-    these sizes"""
+    these sizes; "faults", a wrong row or a break; "beside", one of these beside one effect"""
     effects: tuple[str, ...] = ()
     """names to draw from; empty: all that a record can hide"""
     positions: tuple[int, int] = (12, 100)

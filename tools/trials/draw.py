@@ -41,8 +41,18 @@ from .block import (
     draw_instruments,
     draw_motion,
 )
-from .case import NOISES, TAKEN_OUT, Case, Options, check_seed
-from .hiding import TRIES, Drawing, draw_place, draw_shared_and_own, faultless_model, hidden_in
+from .case import NOISES, TAKEN_OUT, WITH_FAULT, Case, Options, check_seed
+from .faults import draw_fault
+from .hiding import (
+    TRIES,
+    Drawing,
+    draw_place,
+    draw_shared_and_own,
+    expected,
+    faultless_model,
+    faultless_record,
+    hidden_in,
+)
 from .sizes import Hidden, KnownBench, draw_direction, drawn_time
 
 BLOCK_TRIES = 40
@@ -80,6 +90,13 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
         clean = _clean_bench(rng, options, noise, Case(seed, index, None))
         if options.mode == "clean":
             return replace(clean, redrawn=redrawn)
+        if options.mode in WITH_FAULT:
+            clean = _with_fault(rng, clean)
+            if clean.fault is None:
+                redrawn += 1
+                continue
+            if options.mode == "faults":
+                return replace(clean, redrawn=redrawn)
         for hidden in _tried(rng, options, clean):
             if hidden is not None:
                 return replace(_as_it_can_be_read(clean, hidden), hidden=hidden, redrawn=redrawn)
@@ -94,6 +111,14 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
         of = f"--mode {options.mode}: no bench of {MOST_BENCHES} with {few} to {many} positions can hide such an effect"
         change = "; allow more --positions, or other --effects"
     raise InputError(f"{of} at such a size{change}")
+
+
+def _with_fault(rng: np.random.Generator, clean: Case) -> Case:
+    """Return a clean case with a wrong row or a break; without one if its bench allows none."""
+    known = expected(clean.instrument)
+    if known.model.deficient:
+        return clean
+    return replace(clean, fault=draw_fault(rng, known, clean.instrument, faultless_record(clean.instrument)))
 
 
 def _clean_bench(rng: np.random.Generator, options: Options, noise: str, case: Case) -> Case:
@@ -122,7 +147,8 @@ def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[
         for _ in range(0 if joint.reader.missing() else TRIES):
             yield draw_shared_and_own(rng, joint.model, options.effects)
     else:
-        drawing = Drawing.of(rng, options, clean.instrument)
+        of_effects = replace(options, mode="single") if options.mode in WITH_FAULT else options
+        drawing = Drawing.of(rng, of_effects, clean.instrument)
         if drawing.known.model.deficient:
             yield None
             return

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.bench import elementary_reading
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, Effect, EffectPlace
 from ...models.effects.last_stage import place_of
 from ..calibration.calibration import Asked, fit_record
@@ -31,9 +30,9 @@ from .bench import (
     STEP_S,
     TrialBench,
     temperature_at,
-    true_elementary,
 )
 from .case import Options, hidden_effects
+from .faults import readings_of
 from .sizes import (
     Hidden,
     KnownBench,
@@ -56,11 +55,7 @@ TRIES = 10
 
 def faultless_record(bench: TrialBench) -> PositionRecord:
     """Return the bench's record without secret and noise, in approximately the circumstances of its run."""
-    reading = np.zeros((len(bench.alpha), 3))
-    for k, name in enumerate(bench.mountings):
-        rows = bench.mounting == k
-        parameters = true_elementary(bench.truth, bench.mounting_errors[k])
-        reading[rows] = elementary_reading(parameters, bench.alpha[rows], bench.beta[rows], PRESETS[name])
+    reading = readings_of(bench)
     ways = np.stack([np.diff(angle, prepend=angle[0] - START_APART) for angle in (bench.alpha, bench.beta)], axis=1)
     size = np.abs(ways)
     long = RATE**2 / ACCELERATION

@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ...models.effects import EffectPlace
-from ..diagnosis import Cause, Diagnosis, NamedEffect, diagnose, diagnosed_together
+from ..diagnosis import Cause, Diagnosis, Explanation, NamedEffect, diagnose, diagnosed_together
 from ..result import ABSENT, Told
 from .bench import NOISE_BOUND
 from .case import Case
+from .faults import Fault
 from .sizes import Hidden, Secret
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
@@ -30,6 +32,10 @@ NOTHING = "nothing"
 """Word for the secret of a clean record."""
 
 
+OF_RECORD = ("sigma", "rows", "stretch", "break")
+"""Kinds of explanations that name a fault of the record."""
+
+
 class Outcome(Told):
     """Outcome of a case. Keys of only one kind of record, a table's or a block's, are left out of the other's."""
 
@@ -47,6 +53,8 @@ class Outcome(Told):
     """reference of a block moved by hand: "gravity" or "truth"; so are the next keys up to `rows`, except `hidden`"""
     hidden: tuple[Secret, ...] | dict[str, Any] | None
     """effects of a table; the effect of a block as in a scenario file"""
+    fault: Fault | None = ABSENT
+    """wrong row or break that is hidden in a table's record"""
     size: float = ABSENT
     """size relative to that of sure detection"""
     stamps_jitter_periods: float = ABSENT
@@ -64,6 +72,8 @@ class Outcome(Told):
     """one of `KINDS`"""
     named: tuple[NamedEffect, ...]
     """the named set, or the best of the remaining ones"""
+    named_fault: str | None = ABSENT
+    """the sentence on a fault of the record, if one is named"""
     inside: bool | None
     """True if the true parameters are inside their intervals; None if the effect was not named by its own name"""
     errors: tuple[float, ...] = ABSENT
@@ -90,6 +100,11 @@ class Outcome(Told):
         return (NamedEffect.model_validate(self.hidden).place,)
 
     @property
+    def is_clean(self) -> bool:
+        """True if nothing is hidden."""
+        return not self.places and self.fault is None
+
+    @property
     def relative_size(self) -> float | None:
         """Size of the first effect over that of sure detection; None for a clean record."""
         if not self.places:
@@ -110,7 +125,7 @@ class Outcome(Told):
     @property
     def hidden_words(self) -> str:
         """Names of the hidden effects."""
-        return _names(self.places) or NOTHING
+        return " + ".join([*([self.fault.what] if self.fault else []), *_sorted(self.places)]) or NOTHING
 
     @property
     def named_words(self) -> str:
@@ -122,7 +137,7 @@ class Outcome(Told):
         if self.verdict == "explained":
             if self.outcome == "right":
                 return self.hidden_words
-            return _names(self.named)
+            return " + ".join([*(["a fault of the record"] if self.named_fault else []), *_sorted(self.named)])
         if self.verdict == "consistent":
             return NOTHING
         return self.verdict
@@ -130,12 +145,16 @@ class Outcome(Told):
     def titles(self, *, named: bool, between: str = " + ") -> str:
         """Return effects and places of the secret or of the diagnosis, as a title."""
         if named:
-            return between.join(effect.place.title for effect in self.named)
-        return between.join(place.title for place in self.places)
+            titles = [self.named_fault] if self.named_fault else []
+            titles += [effect.place.title for effect in self.named]
+        else:
+            titles = [self.fault.title] if self.fault else []
+            titles += [place.title for place in self.places]
+        return between.join(titles)
 
 
-def _names(effects: Iterable[EffectPlace | NamedEffect]) -> str:
-    return " + ".join(sorted(effect.effect for effect in effects))
+def _sorted(effects: Iterable[EffectPlace | NamedEffect]) -> list[str]:
+    return sorted(effect.effect for effect in effects)
 
 
 def diagnosed_case(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis:
@@ -154,6 +173,8 @@ def judged_case(case: Case, result: Diagnosis) -> Outcome:
         kind = outcome_kind(case.places, result.verdict, sets)
     else:
         kind = outcome_kind(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
+        if case.fault is not None or _names_fault(result):
+            kind = kind_with_fault(case, result)
         secrets = instrument.as_recorded(case.hidden, result.sources)
     inside, errors = _held_against(secrets, kind, sets, instrument.table)
     fields = instrument.told(case.seed, case.index or 0, secrets)
@@ -168,8 +189,12 @@ def judged_case(case: Case, result: Diagnosis) -> Outcome:
             error = errors[0]
         fields |= {"error": error, "why": why}
     named = ()
-    if sets:
-        named = tuple(NamedEffect.of(cause.place) for cause in sets[0])
+    if sets or result.causes:
+        named = tuple(NamedEffect.of(cause.place) for cause in result.causes or sets[0])
+    if case.fault is not None:
+        fields["fault"] = case.fault
+    if _names_fault(result):
+        fields["named_fault"] = result.explanations[0].sentence
     return Outcome(
         **fields,
         redrawn=case.redrawn,
@@ -179,6 +204,61 @@ def judged_case(case: Case, result: Diagnosis) -> Outcome:
         named=named,
         inside=inside,
     )
+
+
+def _names_fault(result: Diagnosis) -> bool:
+    """Return True if a diagnosis names a fault of the record."""
+    return result.verdict == "explained" and bool(result.explanations) and result.explanations[0].kind in OF_RECORD
+
+
+def kind_with_fault(case: Case, result: Diagnosis) -> str:
+    """Return one of `KINDS` for a hidden fault of the record, or for one that is named.
+
+    A row, or a break with everything that changes there, is right only with the effects beside it. Of hidden readings
+    that are off, the right rows are right.
+    """
+    if result.verdict in ("consistent", "insufficient", "unexplained"):
+        return result.verdict
+    right = [_is_right(case, explanation) for explanation in result.explanations]
+    if result.verdict == "ambiguous":
+        return "candidate" if any(right) else "wrong"
+    if right[0]:
+        return "right"
+    return "part" if _is_part(case, result.explanations[0]) else "wrong"
+
+
+def _is_right(case: Case, explanation: Explanation) -> bool:
+    """Return True if an explanation is the hidden fault with the hidden effects, and nothing else."""
+    if explanation.kind == "sigma":
+        return False
+    rows, effects = _rows_and_effects(case.places)
+    if case.fault is None or case.fault.kind == "rows":
+        is_fault = explanation.kind != "break"
+        rows |= {case.fault.row} if case.fault is not None else set()
+    else:
+        is_fault = case.fault.is_break_of(explanation)
+    named_rows, _ = _rows_and_effects([cause.place for cause in explanation.causes])
+    causes = [cause for cause in explanation.causes if cause.effect != "outlier"]
+    return is_fault and named_rows | set(explanation.rows or ()) == rows and _is_same(causes, effects)
+
+
+def _rows_and_effects(places: Sequence[EffectPlace]) -> tuple[set[int], list[EffectPlace]]:
+    """Return the rows whose readings are off, and the other effects."""
+    rows, effects = set(), []
+    for place in places:
+        if place.effect == "outlier":
+            rows.add(int(place.where.removeprefix("position-")))
+        else:
+            effects.append(place)
+    return rows, effects
+
+
+def _is_part(case: Case, explanation: Explanation) -> bool:
+    """Return True if an explanation names the hidden fault or the hidden effects alone."""
+    if case.fault is None or not case.places:
+        return False
+    fault_alone, effects_alone = replace(case, hidden=()), replace(case, fault=None)
+    return _is_right(fault_alone, explanation) or _is_right(effects_alone, explanation)
 
 
 def outcome_kind(

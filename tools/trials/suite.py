@@ -229,7 +229,7 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     """Return a suite from the outcomes of its cases, in their order."""
     clean = []
     for outcome in outcomes:
-        if not outcome.places:
+        if outcome.is_clean:
             clean.append(outcome)
     size_errors: list[float] = []
     inside = []
@@ -311,7 +311,7 @@ def detection(outcomes: Sequence[Outcome]) -> list[Detection]:
     """Return counts of single effects by their size relative to sure detection; ranges without cases are left out."""
     singles = []
     for outcome in outcomes:
-        if len(outcome.secrets) == 1:
+        if len(outcome.secrets) == 1 and outcome.fault is None:
             singles.append(outcome)
     ranges = []
     for low, high in pairwise(BINS):
