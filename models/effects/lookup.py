@@ -33,7 +33,9 @@ TILTS = (TILT, OUTER_TILT)
 outer one."""
 TURNS = ("turn 1", "turn 2", "turn 3")
 """Words in place of a factor: the block turns about one of its axes."""
-WAYS = (*TILTS, *TURNS)
+ALL_ACCELEROMETERS, SCALE = "accelerometers", "scale"
+"""Place of all accelerometers together, and the word in place of its factor: the scale factor of all alike."""
+WAYS = (*TILTS, *TURNS, SCALE)
 FROM = {"temperature": NOMINAL_TEMPERATURE}
 """Origins of factors that do not count from zero."""
 MOST_KNOTS = 128
@@ -79,7 +81,7 @@ OF_TABLE = {
 OF_MOUNTING = OF_TABLE | {name: AT_REST[name] for name in ("n1", "n2", "n3")}
 """The same for turns of the block on the table."""
 PLACES = {
-    **dict.fromkeys(ACCELEROMETERS, ("g", AT_REST)),
+    **dict.fromkeys((*ACCELEROMETERS, ALL_ACCELEROMETERS), ("g", AT_REST)),
     **dict.fromkeys((*AXES, BASE), ("rad", OF_TABLE)),
     MOUNTING: ("rad", OF_MOUNTING),
     GYRO_BLOCK: ("rad/s", IN_MOTION),
@@ -212,6 +214,12 @@ class Home:
         for name in (table.quantity, table.factor):
             if name and name not in WAYS and not text_of(name, texts):
                 raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(texts)}")
+        if (place.where == ALL_ACCELEROMETERS) != (table.factor == SCALE):
+            raise ValueError(
+                f"law {place.law!r}: {SCALE} is the factor of {ALL_ACCELEROMETERS} alone, and its only one"
+            )
+        if table.factor == SCALE:
+            return Home("AccelerometerBlock", "reading_effects", 0, "n", "added", texts)
         if place.where == MOUNTING:
             if table.factor not in TURNS:
                 raise ValueError(f"law {place.law!r}: of the {MOUNTING} only these are functions: {', '.join(TURNS)}")
@@ -280,6 +288,9 @@ def lookup_at(place: EffectPlace) -> Effect:
         if table.factor and table.factor not in WAYS:
             factor = home.read(table.factor, rows) - FROM.get(table.factor, 0.0)
             entries = entries * factor[:, None]
+        if table.factor == SCALE:
+            alike = [at_port(PORTS[home.stage], p, entries * rows.n[:, p, None]) for p in range(len(ACCELEROMETERS))]
+            return np.sum(alike, axis=0)
         return at_port(PORTS[home.stage], home.port, entries)
 
     kernel = _kernel(place, table, home)
@@ -296,6 +307,9 @@ def _kernel(place: EffectPlace, table: Table, home: Home) -> Callable[..., None]
     lines = [f"def {name}({', '.join(arguments)}, {home.added}: Vector) -> None:", f'    """{place.law}"""']
     text, _ = home.texts[table.quantity]
     lines += [f"    {line}" for line in table.source(text)]
+    if table.factor == SCALE:
+        lines += [f"    added[{p}] = added[{p}] + f * n[{p}]" for p in range(len(ACCELEROMETERS))]
+        return written_kernel("\n".join(lines) + "\n")
     target = f"{home.added}[{home.port}]"
     addition = f"    {target} = {target} + f"
     if factor := text_of(table.factor, home.texts):
@@ -310,6 +324,8 @@ def _kernel(place: EffectPlace, table: Table, home: Home) -> Callable[..., None]
 def _unit(place: EffectPlace, table: Table) -> str:
     """Return the unit of the values of a table."""
     unit, texts = PLACES[place.where]
+    if table.factor == SCALE:
+        return "1"
     if table.factor not in texts:
         return unit
     _, of_factor = texts[table.factor]

@@ -20,6 +20,7 @@ GROUPS = (
     "mounting",
     "scale factors",
     "biases and mounting",
+    "common scale",
 )
 
 
@@ -50,6 +51,8 @@ def changed(stand: Any, group: str, change: np.ndarray, rng: np.random.Generator
         return replace(stand, plus=stand.plus + one, minus=stand.minus + one)
     if group == "scale factors":
         return replace(stand, plus=stand.plus + change[:3], minus=stand.minus + change[:3])
+    if group == "common scale":
+        return replace(stand, plus=stand.plus + change[0], minus=stand.minus + change[0])
     if group == "outer zero":
         return replace(stand, alpha_error=stand.alpha_error + change[0])
     if group == "inner zero":
@@ -82,12 +85,20 @@ class TwoThings:
 
 
 def two_things(
-    seed: int, groups: tuple[str, ...], count: int = 48, hidden: tuple[Sized, ...] = (), *, wrong_row: bool = False
+    seed: int,
+    groups: tuple[str, ...],
+    count: int = 48,
+    hidden: tuple[Sized, ...] = (),
+    *,
+    wrong_row: bool = False,
+    at_once: bool = False,
 ) -> TwoThings:
     """A record of a drawn session with one or two breaks, effects, and a row that was disturbed."""
     rng = np.random.default_rng([seed, count, 50])
     session = Session.drawn(rng, count)
     rows = np.sort(rng.choice(np.arange(count // 6, count - count // 6), 2, replace=False))
+    if at_once:
+        rows[1] = rows[0]
     stands, stand = [], session.stand
     for group in groups:
         stand = changed(stand, group, sizes(rng, NUMBERS.get(group, 1), 8.0), rng)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.columns import is_inner_axis
 from ...models.effects.definition import ACCELEROMETERS, AXES
+from ...models.effects.lookup import ALL_ACCELEROMETERS, SCALE
 from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import Interval, SolverError, column_space
 from ..bounded.sets import EffectSet, Problem, Work, linear_radius, sets_of_size
@@ -60,11 +61,13 @@ class Part:
 
 BIASES = tuple(Part(where, "", f"bias_{p}_g", "g") for p, where in enumerate(ACCELEROMETERS, start=1))
 SCALES = tuple(Part(where, f"n{p}", f"scale_factor_{p}", "") for p, where in enumerate(ACCELEROMETERS, start=1))
+COMMON_SCALE = Part(ALL_ACCELEROMETERS, SCALE, "scale_factor", "")
 ANGLES = tuple(Part(MOUNTING, f"turn {k}", f"mounting_{k}_rad", "rad") for k in (1, 2, 3))
 OUTER_ZERO = Part(AXES[0], "", "alpha_zero_rad", "rad")
 INNER_ZERO = Part(AXES[1], "", "beta_zero_rad", "rad")
 PUT_BACK = "Taken off and put back, or slipped."
 SWITCHED = "Switched off and on, or knocked."
+ANOTHER_GRAVITY = "Another value of gravity, another unit or range."
 LOST_COUNTS = "An encoder that lost counts, or slipped."
 
 
@@ -115,6 +118,8 @@ def groups_of(rows: Rows) -> tuple[Group, ...]:
             groups.append(Group(f"the mounting about axis {k + 1} of the block", (angle,), PUT_BACK))
     groups.append(Group("the zero of the outer axis", (OUTER_ZERO,), LOST_COUNTS))
     groups.append(Group(inner, (INNER_ZERO,), LOST_COUNTS, same=tuple(same)))
+    alike = "the scale factor of all accelerometers alike"
+    groups.append(Group(alike, (COMMON_SCALE,), ANOTHER_GRAVITY, same=SCALES))
     groups.append(Group("the biases", BIASES, SWITCHED))
     groups.append(Group("the scale factors", SCALES, ""))
     groups.append(Group("the mounting", ANGLES, PUT_BACK, "mounting-slip"))

@@ -124,9 +124,14 @@ class Joint:
         problem = Problem.of(self.search.problem.residual, self.search.problem.nominal, columns, alike=alike)
         for chosen in sets_of_size(problem, 2, min(self.search.slack, MOST_SLACK_OF_TWO), 0, self.search.work):
             first, second = (options[number] for number in chosen.effects)
-            # Breaks come last; two at one gap are one of a larger group.
-            if second.gaps and first.gaps != second.gaps:
+            # Breaks come last.
+            if second.gaps and not (first.gaps == second.gaps and self._are_of_one_group(first, second)):
                 yield self._pair(first, second, linear_radius(problem, EffectSet(chosen.effects)))
+
+    def _are_of_one_group(self, first: Option, second: Option) -> bool:
+        """Return true if one larger group makes both changes."""
+        (one,), (other,) = first.groups, second.groups
+        return any(one.is_part_of(group) and other.is_part_of(group) for group in self.search.every_group)
 
     def _pair(self, first: Option, second: Option, radius: float) -> Pair:
         broken = zip(first.groups + second.groups, first.gaps + second.gaps, strict=True)

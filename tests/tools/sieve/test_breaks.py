@@ -19,6 +19,7 @@ KEYS = {
     "outer zero": ("alpha_zero_rad",),
     "inner zero": ("beta_zero_rad",),
     "biases": ("bias_1_g", "bias_2_g", "bias_3_g"),
+    "common scale": ("scale_factor",),
     "scale factors": ("scale_factor_1", "scale_factor_2", "scale_factor_3"),
     "biases and mounting": (
         *("bias_1_g", "bias_2_g", "bias_3_g"),
@@ -46,7 +47,7 @@ def assert_broken(result: Any, broken: Broken) -> None:
 
 
 CASES = [("outer zero", 1, 48), ("inner zero", 2, 36), ("biases", 3, 24), ("scale factors", 4, 48)]
-CASES += [("biases and mounting", 5, 48)]
+CASES += [("biases and mounting", 5, 48), ("common scale", 6, 36)]
 
 
 @pytest.mark.parametrize(("group", "seed", "count"), CASES)

@@ -16,6 +16,7 @@ LONG = pytest.mark.acceptance
     [
         (1, ("outer zero", "biases"), 48),
         (2, ("bias", "bias"), 36),
+        pytest.param(6, ("common scale", "bias"), 48, marks=LONG),
         pytest.param(3, ("scale factors", "inner zero"), 100, marks=LONG),
         pytest.param(4, ("mounting angle", "outer zero"), 48, marks=LONG),
         pytest.param(5, ("mounting", "bias"), 60, marks=LONG),
@@ -59,6 +60,14 @@ def test_a_break_and_a_wrong_row_are_named(seed, group, count):
     first = result.explanations[0]
     assert (result.verdict, first.kind) == ("explained", "break"), str(result)
     assert (first.before_row, first.rows) == (two.before_row, (two.further_row,))
+
+
+def test_two_things_that_change_at_one_gap_are_named():
+    two = two_things(1, ("outer zero", "biases"), 48, at_once=True)
+    result = diagnosed(two.record)
+    first = result.explanations[0]
+    assert (result.verdict, first.kind, first.before_row) == ("explained", "break", two.before_row)
+    assert set(first.where) == {"outer-axis", "accelerometer-1", "accelerometer-2", "accelerometer-3"}
 
 
 def test_two_effects_are_no_break():
