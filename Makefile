@@ -33,6 +33,7 @@ lint: $(READY) build/typing/trihedron
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --no-cache > build/floors.txt || { cat build/floors.txt; exit 1; }
 	$(BIN)/pyright
+	$(BIN)/python tests/docs/plain_english.py
 
 docs: $(READY)
 	$(BIN)/python docs/builders/reference.py docs

@@ -400,7 +400,7 @@ def measure(
     source : path
         Source of the readings: a growing file, or - for standard input.
     out : path
-        The raw record (CSV), which grows with the readings; its companion files stand beside it.
+        The raw record (CSV), which grows with the readings; its companion files are in the same folder.
     noise_bound : float
         σ: bound of the error of one averaged reading, as a fraction of g.
     gravity : float

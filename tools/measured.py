@@ -168,7 +168,7 @@ def noise(
     others : path, table in memory or record
         Further records of the same instrument, of the same rate.
     dwell : float, optional
-        Averaging time of a position [s]: the bound σ of averaged readings is told for it.
+        Averaging time of a position [s], for which the answer gives the bound σ of averaged readings.
     positions : int
         Number of positions of that calibration.
     gap : float
@@ -276,7 +276,7 @@ def calibrate(
     faces: Faces = None,
     turns: Turns = None,
 ) -> "calibrations.Calibration":
-    """Estimate the parameters of an instrument by any record: values with their errors, what is open, verdict.
+    """Estimate the parameters of an instrument by any record: values with errors, open parameters, verdict.
 
     On a table the errors are guaranteed. Without one, the norm of gravity calibrates accelerometers in any poses, and
     the moves between these the gyros.

@@ -105,7 +105,7 @@ Rates = Annotated[
 RestScatter = Annotated[
     float | None,
     Option(
-        "Without a table: an accelerometer at rest scatters at most so many times as much as its noise. By default 3, "
+        "Without a table: the largest scatter of an accelerometer at rest, in units of its noise. By default 3, "
         "and 5 where 3 leaves too few rests."
     ),
 ]

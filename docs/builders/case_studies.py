@@ -5,7 +5,6 @@ folder that gets the pages and, in ``pictures``, the pictures.
 """
 
 import math
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -129,7 +128,7 @@ def sets_of(result: Diagnosis) -> list[Sequence[Cause]]:
 
 
 def stated_text(stated: Sequence[Diagnosis]) -> str:
-    """Return the causes for each assumed error of the cameras, and the first explanation in detail."""
+    """Return the causes for each assumed error of the cameras."""
     rows = [
         [
             digits(diagnosis.reference_bound_arcmin),
@@ -143,20 +142,7 @@ def stated_text(stated: Sequence[Diagnosis]) -> str:
         ]
         for diagnosis in stated
     ]
-    bounds = table(["stated [arcmin at a row]", "bound [arcmin]", "verdict", "sets"], rows)
-    explained = next((diagnosis for diagnosis in stated if diagnosis.verdict == "explained"), None)
-    if explained is None:
-        return bounds
-    sizes = []
-    for cause in explained.causes:
-        for p, ends in zip(cause.parameters, cause.intervals, strict=True):
-            unit = "" if p.unit == "1" else p.unit
-            sizes.append([cause.effect, p.name, *interval(p.estimate, *ends), unit])
-    return f"""{bounds}
-
-With {digits(explained.reference_bound_arcmin)} arcmin stated:
-
-{table(["effect", "parameter", "estimate", "low", "high", "unit"], sizes)}"""
+    return table(["stated [arcmin at a row]", "bound [arcmin]", "verdict", "sets"], rows)
 
 
 def broad_page(result: Diagnosis, stated: Sequence[Diagnosis], pictures: str) -> str:
@@ -173,17 +159,6 @@ def broad_page(result: Diagnosis, stated: Sequence[Diagnosis], pictures: str) ->
         else ""
     )
     left_in = digits((result.bias_at_rest and result.bias_at_rest.rms_if_left_in_arcmin) or 0.0)
-    rows = [
-        [
-            length.over,
-            length.pieces,
-            upwards(length.noise_bound_arcmin, 3),
-            residual(length.radius),
-            "; ".join(" + ".join(p.effect for p in places) for places in length.smallest_sets[:3]) or "none",
-        ]
-        for length in result.lengths or ()
-    ]
-    orders = [[length.over, order_text(length.order)] for length in result.lengths or ()]
     stable = "the same at every length" if result.order_stable else "not stable over the lengths"
     quoted = result.gain.to_json() if result.gain is not None else {}
     ends = (quoted.get(f"held_out_rms_{when}", math.nan) for when in ("before", "after"))
@@ -220,11 +195,7 @@ The FMUs of gyro compensation and attitude computer carry the attitude through t
 turn over windows with the true one. The nominal block leaves at least {residual(result.radius)} bounds.
 Bounds come from {result.calibration.sigma.basis}.
 
-{table(["windows", "pieces", "bound [arcmin]", "radius", "smallest sets"], rows)}
-
-The effects help left-out parts in this order (rms error in arcminutes). It is {stable}.
-
-{table(["windows", "order"], orders)}
+The picture of left-out parts shows the order in which effects help. It is {stable}.
 
 {pictures}
 
@@ -256,18 +227,6 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
         for name, r in zip(names, results, strict=True)
         for length in (r.lengths or ())[:1]
     ]
-    block = []
-    for number, parameter in enumerate(results[0].stated.parameters):
-        if not re.search(r"bias|gamma_(11|22|33)", parameter.name):
-            continue
-        values = [r.stated.parameters[number] for r in results]
-        cells = [
-            "{} ({} to {})".format(*interval(p.estimate, p.low, p.high))
-            if p.low is not None and p.high is not None
-            else "–"
-            for p in values
-        ]
-        block.append([parameter.name, *cells, "" if parameter.unit == "1" else parameter.unit])
     compared = [
         [
             name,
@@ -305,12 +264,6 @@ A radius below one: some parameters of the block bring every error within its bo
 
 {pictures}
 
-## The block's own parameters
-
-Estimates, and in brackets the intervals of possible values (misalignments: `diagnose --json`):
-
-{table(["parameter", *names, "unit"], block)}
-
 ## Value of the gyros' calibration
 
 The same logs with scale factors and misalignments of the gyros held at zero (`--baseline nominal`). The last column is
@@ -344,6 +297,8 @@ def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
     sizes = []
     for number, (p, ends) in enumerate(zip(cause.parameters, cause.intervals, strict=True)):
         axis, by = divmod(number, 3)
+        if ends[0] <= 0.0 <= ends[1]:
+            continue
         at_means = "–" if at_rest is None else digits(at_rest.coefficients[axis][1 + by], 2)
         sizes.append([p.name, *interval(p.estimate, *ends), at_means, p.unit])
     zero = sum(low > 0.0 or high < 0.0 for low, high in cause.intervals)
@@ -358,7 +313,7 @@ def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
         ]
         for length in lengths
     ]
-    rivals = [[name, residual(radius)] for name, radius in result.tried[:6]]
+    rivals = [[name, residual(radius)] for name, radius in result.tried[:2]]
     assert isinstance(result.judgement, tuple)
     witness = result.judgement[0]
     quoted = result.gain.to_json() if result.gain is not None else {}
@@ -392,12 +347,11 @@ Over one, two and three moves together:
 
 ## The effect
 
-The diagnosis tried every effect of the catalogue alone. The smallest radii (at most 1 fits):
+The diagnosis tried every effect of the catalogue alone. {rivals[0][0]} leaves a radius of {rivals[0][1]},
+the next best, {rivals[1][0]}, {rivals[1][1]}; at most 1 fits.
 
-{table(["effect", "radius"], rivals)}
-
-So the biases of the gyros depend on the specific force: ω read = ω + b + G f. Of the nine coefficients {zero} cannot
-be zero. Intervals come from moves and rests together, the column "at rest" from the means at rest alone
+So the biases of the gyros depend on the specific force: ω read = ω + b + G f. Of the nine coefficients these
+{zero} cannot be zero. Intervals come from moves and rests together, the column "at rest" from the means at rest alone
 (`trihedron inspect`).
 
 {table(["coefficient", "estimate", "low", "high", "at rest", "unit"], sizes)}
@@ -407,12 +361,6 @@ Of left-out parts the error, in bounds, falls from {fall}. Of {witness.shuffles.
 {witness.shuffles.as_good} do as well.
 
 {pictures}
-
-## Gain
-
-The exported FMUs with the effect, with parameters from other parts of the record [arcmin]:
-
-{gain_table(result) if result.gain is not None else ""}
 
 With scale factors and misalignments of the gyros held at zero (`--baseline nominal`) the radius is
 {residual(nominal.radius)}: {nominal.verdict} by {nominal_causes}.

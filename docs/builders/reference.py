@@ -71,9 +71,14 @@ REACH = 3.1
 
 INTRODUCTION = """# Reference: components and effects
 
-`make docs` writes this page from the source. Start value and unit of a variable are in brackets. Vectors have
-elements `name[1]`, `name[2]`, ... Parameters are fixed unless marked *tunable*. The archive of an FMU has
-`documentation/index.html` with the inputs that the component refuses.
+`make docs` writes this page from the source. Units, start values, meanings and equations of the variables are in
+`documentation/index.html` of each FMU (`trihedron export NAME`). The built site has them on the page *Components*.
+"""
+
+COMPONENTS_INTRODUCTION = """# Components
+
+Start value and unit of a variable are in brackets. Vectors have elements `name[1]`, `name[2]`, ... Parameters are fixed
+unless marked *tunable*.
 """
 
 EFFECTS_INTRODUCTION = """## Effects
@@ -83,7 +88,7 @@ Dead zone and rounding are 0.2 g, saturation is 0.8 g, harmonics are of second o
 
 ![Effects](pictures/effects.svg)
 
-The tables give the largest size that the diagnosis considers.
+The tables give the largest size that the diagnosis considers; t is the time in hours, p the axis.
 """
 
 ALGORITHM = "the number of a row of the [table of algorithms](attitude-algorithms.md#orders)"
@@ -93,11 +98,14 @@ GROUPS = (("Inputs", "input"), ("Parameters", "parameter"), ("Outputs", "output"
 
 
 def reference_page() -> str:
-    """Return the components with their variables, and the catalogue of effects, in Markdown."""
+    """Return the components with the names of their variables, and the catalogue of effects, in Markdown."""
     parts = [INTRODUCTION]
-    described: dict[tuple, str] = {}
     for component in components().values():
-        parts += component_lines(component, described)
+        parts += [f"## {component.name}", "", f"{component.description}.", ""]
+        for title, causality in GROUPS:
+            names = [name_text(v) for v in component.interface if v.causality == causality]
+            parts += [f"- {title}: {', '.join(names)}"] if names else []
+        parts.append("")
     parts.append(EFFECTS_INTRODUCTION)
     by_place: dict[str, list[str]] = {}
     for effect in CATALOGUE.values():
@@ -105,6 +113,15 @@ def reference_page() -> str:
             by_place.setdefault(place_text(effect), []).append(effect_line(effect))
     for place, lines in by_place.items():
         parts += [f"### {place}", "", "| effect | change | parameters |", "|---|---|---|", *lines, ""]
+    return "\n".join(parts)
+
+
+def components_page() -> str:
+    """Return the components with equations and variables, in Markdown."""
+    parts = [COMPONENTS_INTRODUCTION]
+    described: dict[tuple, str] = {}
+    for component in components().values():
+        parts += component_lines(component, described)
     return "\n".join(parts)
 
 
@@ -176,7 +193,9 @@ def effect_line(effect: Effect) -> str:
         limits.setdefault((p.unit, p.largest), []).append(p.name)
     texts = []
     for (unit, largest), names in limits.items():
-        shown = f"{names[0]} to {names[-1]}" if len(names) > 3 else ", ".join(names)
+        stem = names[0].rstrip("0123456789_")
+        numbered = len(names) > 2 and all(name.startswith(f"{stem}_") for name in names)
+        shown = f"{names[0]}..{names[-1].removeprefix(f'{stem}_')}" if numbered else ", ".join(names)
         limit = "π" if largest == math.pi else f"{largest:g}"
         texts.append(f"{shown} ≤ {limit} {unit.removeprefix('1')}".strip())
     sizes = ", ".join(texts).replace("_", "\\_")
@@ -189,13 +208,19 @@ def formula_text(effect: Effect) -> str:
     names = {p.name: p.name for place in effect.places for p in effect.at(place).parameters}
     names |= {p.name: p.name for p in effect.parameters}
     formulas = dict.fromkeys(effect.at(place).formula for place in effect.places or ())
-    texts = [
-        formula.format(**letters, **names).replace("'", "").replace("(phase)", "phase")
-        for formula in formulas or {effect.formula: None}
-    ]
-    # A matrix is shown by its first and its last element.
-    texts = [re.sub(r"\[(\w+) ;.*; (\w+)\]", r"[\1 … \2]", text) for text in texts]
+    texts = [formula.format(**letters, **names).replace("'", "") for formula in formulas or {effect.formula: None}]
+    texts = [re.sub(r"\((\w*phase)\)", r"\1", text) for text in texts]
+    # A matrix is shown by its first and its last element, a vector by its element p.
+    texts = [re.sub(r"\[(\w+) ;.*; (\w+)\]", r"[\1 … \2]", text).replace(", t in hours", "") for text in texts]
+    texts = [re.sub(r"\(([^(,]*_1[^(,]*), [^(]*_2[^(,]*, [^(]*_3[^(]*?\)", element_text, text) for text in texts]
     return "; ".join(text.replace("|", "\\|").replace("_", "\\_").replace("*", "\\*") for text in texts if text)
+
+
+def element_text(vector: re.Match) -> str:
+    """Return the element p of a vector in brackets; the vector itself if its elements differ in more than the index."""
+    elements = vector.group().strip("()").split(", ")
+    general = [element.replace(f"_{k}", "_p") for k, element in enumerate(elements, 1)]
+    return general[0] if len(set(general)) == 1 else vector.group()
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Pages that are made with every build of the site: commands, library, a notebook, the gallery, the changes.
+"""Pages that are made with every build of the site: commands, components, library, notebook, gallery, changes.
 
 mkdocs calls the functions that begin with `on_` (mkdocs.yml, `hooks`).
 """
@@ -17,6 +17,7 @@ from rich.console import Console
 
 import gallery
 import notebooks
+import reference
 
 WIDTH = 80
 """Width of the commands' help [characters]."""
@@ -194,6 +195,7 @@ def on_files(files: Any, config: Any) -> Any:
         "first-look.md": notebooks.page_of(notebook, execute=not quick),
         "gallery.md": gallery.gallery_page(),
         "changes.md": changes_page(),
+        "components.md": reference.components_page(),
         **dict(gallery.pages(quick=quick)),
     }
     for name, text in made.items():

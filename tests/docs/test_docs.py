@@ -175,19 +175,23 @@ def test_every_page_of_the_gallery_has_its_verdict_and_the_notebook_what_its_cel
 def test_every_command_answers_a_question():
     from trihedron.tools.cli import app
 
-    table = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8").partition("## Begin")[0]
+    table = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8").partition("## Templates")[0]
     documented = {word for cell in re.findall(r"`([^`]+)`", table) for word in cell.split()}
     assert [name for name in app if not name.startswith("-") and name not in documented] == []
 
 
 def test_commands_and_library_are_described_from_the_code(site):
     from trihedron import __all__
+    from trihedron.fmus import components
     from trihedron.tools.cli import app
 
     commands = (site / "commands.html").read_text(encoding="utf-8")
     missing = [name for name in app if not name.startswith("-") and f'<h2 id="{name}">' not in commands]
     assert missing == []
     assert "--noise-bound" in commands
+    described = (site / "components.html").read_text(encoding="utf-8")
+    assert [name for name in components() if f'<h2 id="{name.lower()}">' not in described] == []
+    assert "dip of the outer axis below the horizon" in described
     library = (site / "api.html").read_text(encoding="utf-8")
     assert [name for name in __all__ if not name.startswith("__") and f">th.{name}<" not in library] == []
 

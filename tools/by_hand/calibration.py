@@ -104,7 +104,7 @@ def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
     Returns
     -------
     Calibration
-        estimates, standard errors, what is open and what would close it; guaranteed intervals of the accelerometers
+        estimates, standard errors, open parameters and how to close them; guaranteed intervals of the accelerometers
         where σ is given
 
     Raises

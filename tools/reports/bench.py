@@ -146,7 +146,7 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
 
 
 WOULD_DETERMINE = (
-    "Readings at these positions, with those of the record, determine what is open. Or state what is known by --prior."
+    "Readings at these positions, with those of the record, determine the open targets. Or state a prior by --prior."
 )
 OPTIONAL = ("mounting", "hours", "repeats", "approach_alpha", "approach_beta")
 MOST_LABELS = 24
