@@ -317,6 +317,16 @@ class HandGain(Part):
     move_after: Size | None = Field(default=None, alias="move_after_rad")
 
 
+class PooledTest(Part):
+    """F test whether several runs are of one instrument: its value `f`, the probability `p` of a larger one by chance,
+    `growth` of the residuals' rms when the runs are pooled, and the answer."""
+
+    f: Number
+    p: Size
+    growth: Size
+    one_instrument: bool
+
+
 class ByHand(Part):
     """Basis of a calibration without a table.
 
@@ -336,11 +346,13 @@ class ByHand(Part):
         None where no faces are known
     gain : HandGain or None
         None of too few rests
+    pooled : PooledTest or None
+        of several records
     scatter_limit : float or None
         scatter of an accelerometer at rest, over its noise, up to which rests are found; None of rests that are given
     """
 
-    omitted: ClassVar[frozenset[str]] = frozenset({"scatter_limit", "gain"})
+    omitted: ClassVar[frozenset[str]] = frozenset({"scatter_limit", "gain", "pooled"})
 
     rests: Count
     moves: Count = 0
@@ -352,6 +364,7 @@ class ByHand(Part):
     sensitivity: TakenSensitivity | None = None
     case: Case | None = None
     gain: HandGain | None = None
+    pooled: PooledTest | None = None
     scatter_limit: Size | None = None
 
 

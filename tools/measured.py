@@ -528,13 +528,14 @@ def calibrate_together(
     trust: Trust = False,
     shared: Shared = (),
     own: Own = (),
+    rest_scatter: RestScatter = None,
 ) -> "calibrations.Calibration":
     """Calibrate several records of one instrument in one programme: its scale factors and misalignments have one value.
 
     Parameters
     ----------
     first, others : path, table in memory or record
-        Position records or raw records, two at least.
+        Records of a table (positions or raw), or all without one, two at least.
 
     Returns
     -------
@@ -546,7 +547,21 @@ def calibrate_together(
     InputError
         for anything that cannot be done, in one line
     """
-    runs = _several((first, *others), (records.PositionRecord,), channels, stamps)
+    runs = _several((first, *others), records.TO_CALIBRATE, channels, stamps)
+    of_table = [isinstance(run, records.PositionRecord) for run in runs.values()]
+    if not any(of_table):
+        refused = {"baseline": baseline != "asymmetric", "bounds": tuple(bounds) != (3e-3, 1e-2)}
+        refused |= {"mounting": mounting != "identity"}
+        for label, run in runs.items():
+            _refuse(refused, run, "records of a table")
+            checked = motion.trusted(by_hand.parted_at_cuts(run, gravity), trust=trust, gravity=gravity)
+            runs[label] = replace(run, warnings=checked.warnings)
+        request = by_hand.HandRequest(
+            noise_bound=noise_bound, noise_sd=noise_sd, gravity=gravity, rest_scatter=rest_scatter
+        )
+        return by_hand.calibrate_runs_by_hand(runs, request, shared, own)
+    if not all(of_table):
+        raise InputError("some records are of a table and others are not: calibrate each kind by itself")
     for run in runs.values():
         if noise_bound is None and noise_sd is None and not records.tells_noise(run):
             raise InputError(f"{run.path}: does not tell its noise bound; {calibrations.SAY_THE_NOISE}")

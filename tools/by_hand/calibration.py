@@ -121,8 +121,8 @@ def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
     return calibration_of(run, fit_of(run), request.gravity)
 
 
-def calibration_of(run: Run, fit: HandFit, gravity: float) -> Calibration:
-    """Return the calibration by a fit of a run."""
+def calibration_of(run: Run, fit: HandFit, gravity: float, *, with_gain: bool = True) -> Calibration:
+    """Return the calibration by a fit of a run, with its gain at rests that are left out."""
     force = run.rests.force
     least, centre = least_bound(fit.forces.x, force)
     possible, values, estimator = None, fit.forces.x, "least squares"
@@ -143,7 +143,7 @@ def calibration_of(run: Run, fit: HandFit, gravity: float) -> Calibration:
         parameters=[*_of_forces(fit.forces, values, possible), *_of_gyros(fit.gyros)],
         units=UNITS | {"by_hand": "as each key says"},
         priors=_priors(possible),
-        by_hand=_basis(run, fit),
+        by_hand=_basis(run, fit, gain_of(run) if with_gain else None),
         open=[*open_of_forces(fit), *open_of_gyros(fit.gyros)],
         provenance=provenance_of(run.record),
         warnings=[*run.record.warnings, *run.warnings, *_remarks(run, fit)],
@@ -265,7 +265,7 @@ def _priors(possible: Possible | None) -> list[KnownBefore]:
     return [KnownBefore(expression="any of the nine parameters of the accelerometers less its estimate", limit=BOX)]
 
 
-def _basis(run: Run, fit: HandFit) -> ByHand:
+def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
     """Return what a calibration rests on, and how well it predicts."""
     pose = fit.forces.pose_errors()
     worst = int(np.argmax(pose))
@@ -297,7 +297,7 @@ def _basis(run: Run, fit: HandFit) -> ByHand:
         residual_rad=missed,
         sensitivity=sensitivity,
         case=case,
-        gain=gain_of(run),
+        gain=gain,
         scatter_limit=run.rests.limit,
     )
 

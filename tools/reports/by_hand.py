@@ -21,6 +21,7 @@ def by_hand_page(result: Calibration, _: object = None) -> Page:
     if result.open:
         sections.append(Section("What is open", open_lines(result)))
     sections.append(parameter_section(result))
+    sections += record_sections(result)
     record = "" if result.provenance is None else f" by {result.provenance.record}"
     return Page(
         f"Calibration{record}",
@@ -37,6 +38,11 @@ def verdict_sentence(result: Calibration) -> str:
     basis = result.by_hand
     assert basis is not None
     worst = f"{digits(1e3 * basis.pose_error.worst, 2)} mg"
+    if basis.pooled is not None and not basis.pooled.one_instrument:
+        return (
+            f"Not one instrument: together the records leave {digits(basis.pooled.growth, 2)} times as much as each "
+            f"alone (F = {digits(basis.pooled.f, 3)}). Each is calibrated by itself."
+        )
     if result.verdict == "falsified":
         return (
             f"Falsified: no parameters keep every reading within σ = {exactly(result.noise_bound)} g; σ = "
@@ -68,6 +74,9 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
     if basis.residual_move is not None:
         left += f", the moves by {_arcmin(basis.residual_move)} arcmin"
     lines = [f"{', '.join(counts)}; calibrated {left}"]
+    if basis.pooled is not None:
+        f = digits(basis.pooled.f, 2)
+        lines.append(f"pooled, the records leave {digits(basis.pooled.growth, 2)} times as much as alone (F = {f})")
     sigma = result.sigma
     if sigma.value is not None:
         lines.append(f"σ = {upwards(sigma.value, 2)} g ({sigma.basis})")
@@ -91,6 +100,18 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
     return lines
 
 
+def record_sections(result: Calibration) -> list[Section]:
+    """Return what each of several records has of its own."""
+    sections = []
+    for label, record in result.of_record.items():
+        assert record.by_hand is not None
+        basis = record.by_hand
+        worst = digits(1e3 * basis.pose_error.worst, 2)
+        text = f"{basis.rests} rests; |f| in an unseen pose is known to {worst} mg (1 sd)"
+        sections.append(Section(label, [text], table=parameter_table(record.parameters)))
+    return sections
+
+
 def _arcmin(angle: float) -> str:
     return digits(math.degrees(angle) * 60.0, 2)
 
@@ -109,13 +130,14 @@ def parameter_section(result: Calibration) -> Section:
     """Return the parameters with their errors."""
     gravity = exactly(result.gravity)
     equations = [f"reading/g = (I + Γ) n + b with n = f/g, g = {gravity} m/s²; accelerometer 1 is axis 1."]
-    if result.of_gyros:
+    if result.by_hand is not None and result.by_hand.turn_error is not None:
         equations.append("Gyros: reading = (I + M) ω + S n + B in the same axes.")
     if any(not p.determined for p in result.parameters):
         equations.append(
             "Where the prior decides, the record tells next to nothing: 5 %, 30 mrad, 100 mg; gyros 3 %, 10 mrad."
         )
-    return Section("Parameters", equations, table=parameter_table(result.parameters))
+    title = "What the records share" if result.of_record else "Parameters"
+    return Section(title, equations, table=parameter_table(result.parameters))
 
 
 def parameter_table(parameters: Sequence[Parameter]) -> Table:
