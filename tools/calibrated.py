@@ -311,8 +311,8 @@ class HandGain(Part):
     Of rests the norm of gravity [g], of moves, or windows with a true attitude, the carried direction [rad].
     """
 
-    rest_before: Size = Field(alias="rest_before_g")
-    rest_after: Size = Field(alias="rest_after_g")
+    rest_before: Size | None = Field(default=None, alias="rest_before_g")
+    rest_after: Size | None = Field(default=None, alias="rest_after_g")
     move_before: Size | None = Field(default=None, alias="move_before_rad")
     move_after: Size | None = Field(default=None, alias="move_after_rad")
 
@@ -339,8 +339,10 @@ class ByHand(Part):
         None without gyros
     residual_norm : float
         rms of the norms at rest [g]
-    residual_move : float or None
-        rms of the moves, or of windows with a true attitude [rad]
+    residual_move, largest_move : float or None
+        rms of the moves, or of windows with a true attitude, and the largest [rad]: with such a bound the gyros stand
+    axes : str
+        those of the gyros' matrix: "accelerometers", or "true attitude" where nothing ties these together
     sensitivity : TakenSensitivity or None
     case : Case or None
         None where no faces are known
@@ -352,7 +354,7 @@ class ByHand(Part):
         scatter of an accelerometer at rest, over its noise, up to which rests are found; None of rests that are given
     """
 
-    omitted: ClassVar[frozenset[str]] = frozenset({"scatter_limit", "gain", "pooled"})
+    omitted: ClassVar[frozenset[str]] = frozenset({"scatter_limit", "gain", "pooled", "largest_rad"})
 
     rests: Count
     moves: Count = 0
@@ -361,6 +363,8 @@ class ByHand(Part):
     turn_error: TurnError | None = None
     residual_norm: Size = Field(alias="residual_g")
     residual_move: Size | None = Field(default=None, alias="residual_rad")
+    largest_move: Size | None = Field(default=None, alias="largest_rad")
+    axes: Literal["accelerometers", "true attitude"] = "accelerometers"
     sensitivity: TakenSensitivity | None = None
     case: Case | None = None
     gain: HandGain | None = None

@@ -38,8 +38,8 @@ from .forces import (
     scatter_of,
 )
 from .gyros import PRIOR as GYRO_PRIOR
-from .gyros import GyroFit, fitted_gyros
-from .moves import BIAS, MATRIX
+from .gyros import GyroFit, fitted_gyros, in_axes_of_forces
+from .moves import BIAS, MATRIX, Moves, Windows
 from .possible import BOX, Possible, possible_forces
 from .run import HandRecord, HandRequest, Run, run_of
 
@@ -89,7 +89,8 @@ def fit_of(run: Run) -> HandFit:
         forces = fitted_forces(run.rests.force, deviation, run.faces)
     gyros = None
     if run.moves is not None:
-        gyros = fitted_gyros(run.rests, float(np.median(deviation)), forces, run.moves, run.turns)
+        usual = float(np.median(deviation)) if len(deviation) else FLOOR
+        gyros = fitted_gyros(run.rests, usual, forces, run.moves, run.turns)
     return HandFit(forces, gyros, deviation, scatter, chance)
 
 
@@ -124,14 +125,20 @@ def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
 def calibration_of(run: Run, fit: HandFit, gravity: float, *, with_gain: bool = True) -> Calibration:
     """Return the calibration by a fit of a run, with its gain at rests that are left out."""
     force = run.rests.force
-    least, centre = least_bound(fit.forces.x, force)
+    least, centre = least_bound(fit.forces.x, force) if len(force) else (0.0, fit.forces.x)
     possible, values, estimator = None, fit.forces.x, "least squares"
-    if run.bound is not None:
+    if run.bound is not None and len(force):
         possible = possible_forces(fit.forces.x, force, run.bound)
         if possible.radius <= 1.0 and not _is_possible(values, force, run.bound) and least <= run.bound:
             values, estimator = centre, "central programme"
     pose = fit.forces.pose_errors()
     verdict = _verdict(run, fit, possible, float(pose.max()))
+    gyros, axes = fit.gyros, "accelerometers"
+    if isinstance(run.moves, Windows):
+        axes = "true attitude"
+        if gyros is not None and fit.forces.case is not None and pose.max() <= USABLE:
+            gyros, axes = in_axes_of_forces(gyros, fit.forces), "accelerometers"
+    basis = _basis(run, fit, gain_of(run) if with_gain else None).model_copy(update={"axes": axes})
     return Calibration(
         verdict=verdict,
         sigma=_sigma(run, fit),
@@ -140,10 +147,10 @@ def calibration_of(run: Run, fit: HandFit, gravity: float, *, with_gain: bool = 
         gravity_mps2=float(gravity),
         estimator=estimator,
         no_estimate="",
-        parameters=[*_of_forces(fit.forces, values, possible), *_of_gyros(fit.gyros)],
+        parameters=[*_of_forces(fit.forces, values, possible), *_of_gyros(gyros)],
         units=UNITS | {"by_hand": "as each key says"},
         priors=_priors(possible),
-        by_hand=_basis(run, fit, gain_of(run) if with_gain else None),
+        by_hand=basis,
         open=[*open_of_forces(fit), *open_of_gyros(fit.gyros)],
         provenance=provenance_of(run.record),
         warnings=[*run.record.warnings, *run.warnings, *_remarks(run, fit)],
@@ -180,7 +187,8 @@ def _sigma(run: Run, fit: HandFit) -> Sigma:
     """Return σ as it was given, or three standard deviations of a mean reading, estimated."""
     if run.bound is not None:
         return Sigma.of(run.bound, run.basis)
-    value = min(3.0 * float(np.median(fit.deviation)), 0.99)
+    usual = float(np.median(fit.deviation)) if len(fit.deviation) else FLOOR
+    value = min(3.0 * usual, 0.99)
     basis = f"three standard deviations of a mean at rest, {upwards(1e3 * value / 3.0, 2)} mg: {_why(run, fit)}"
     return Sigma.model_validate({"value": value, "kind": "estimated", "from": basis})
 
@@ -188,7 +196,7 @@ def _sigma(run: Run, fit: HandFit) -> Sigma:
 def _why(run: Run, fit: HandFit) -> str:
     if fit.scatter > 1.0:
         return "the scatter of the norms"
-    if np.median(run.deviation) > FLOOR:
+    if len(run.deviation) and np.median(run.deviation) > FLOOR:
         return "the noise within the rests"
     return f"the noise within the rests is less, real instruments leave {digits(1e3 * FLOOR)} mg"
 
@@ -271,7 +279,7 @@ def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
     worst = int(np.argmax(pose))
     norms = norm_equations(fit.forces.x, run.rests.force)[0]
     gyros = fit.gyros
-    turn = sensitivity = case = missed = None
+    turn = sensitivity = case = missed = largest = None
     if gyros is not None:
         error, axis = gyros.turn_error()
         turn = TurnError(worst_rad=error, axis=axis.tolist())
@@ -279,7 +287,8 @@ def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
             tested = gyros.sensitivity
             sensitivity = TakenSensitivity(f=tested.f, p=tested.p, taken=tested.taken)
         if len(gyros.missed):
-            missed = _rms(np.linalg.norm(gyros.missed, axis=1))
+            sizes = np.linalg.norm(gyros.missed, axis=1)
+            missed, largest = _rms(sizes), float(sizes.max())
     if fit.forces.case is not None:
         case = Case(rotation=fit.forces.case.tolist(), standard_error_rad=fit.forces.case_error)
     return ByHand(
@@ -295,6 +304,7 @@ def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
         turn_error=turn,
         residual_g=_rms(norms),
         residual_rad=missed,
+        largest_rad=largest,
         sensitivity=sensitivity,
         case=case,
         gain=gain,
@@ -308,34 +318,55 @@ def _rms(values: NDArray) -> float:
 
 def gain_of(run: Run) -> HandGain | None:
     """Return the errors of rests and moves that were left out, in five contiguous parts; None of too few rests."""
+    if isinstance(run.moves, Windows):
+        return _gain_of_windows(run, run.moves)
     count = len(run.rests)
     if count < FEWEST_FOLDED:
         return None
     before = np.linalg.norm(run.rests.force, axis=1) - 1.0
     after, moves_before, moves_after = np.zeros(count), [], []
     for left_out in np.array_split(np.arange(count), FOLDS):
-        used = run.those(np.setdiff1d(np.arange(count), left_out))
-        fit = fit_of(used)
+        fit = fit_of(run.those(np.setdiff1d(np.arange(count), left_out)))
         unseen = run.those(left_out)
         after[left_out] = norm_equations(fit.forces.x, unseen.rests.force)[0]
         if unseen.moves is not None and fit.gyros is not None and len(unseen.moves):
-            as_read = np.zeros(len(fit.gyros.values))
-            as_read[BIAS] = fit.gyros.values[BIAS]
-            raw = replace(fit.forces, x=np.zeros(9))
-            moves_before.append(unseen.moves.rows(raw, as_read).error)
+            moves_before.append(_as_read(unseen.moves, fit))
             moves_after.append(unseen.moves.rows(fit.forces, fit.gyros.values).error)
-    sizes: list[float | None] = [None, None]
-    if moves_after:
-        sizes = [_rms(np.linalg.norm(np.vstack(errors), axis=1)) for errors in (moves_before, moves_after)]
+    sizes = _sizes(moves_before), _sizes(moves_after)
     return HandGain(
         rest_before_g=_rms(before), rest_after_g=_rms(after), move_before_rad=sizes[0], move_after_rad=sizes[1]
     )
 
 
+def _gain_of_windows(run: Run, windows: Windows) -> HandGain:
+    """Return the errors of windows with a true attitude that were left out."""
+    before, after = [], []
+    for left_out in np.array_split(np.arange(len(windows)), FOLDS):
+        used = windows.those(np.setdiff1d(np.arange(len(windows)), left_out))
+        fit, unseen = fit_of(replace(run, moves=used)), windows.those(left_out)
+        assert fit.gyros is not None
+        before.append(_as_read(unseen, fit))
+        after.append(unseen.rows(fit.forces, fit.gyros.values).error)
+    return HandGain(move_before_rad=_sizes(before), move_after_rad=_sizes(after))
+
+
+def _as_read(pieces: Moves | Windows, fit: HandFit) -> NDArray[np.float64]:
+    """Return the errors (M, d) of pieces by instruments as they read, but for the biases of the gyros."""
+    assert fit.gyros is not None
+    values = np.zeros(len(fit.gyros.values))
+    values[BIAS] = fit.gyros.values[BIAS]
+    return pieces.rows(replace(fit.forces, x=np.zeros(9)), values).error
+
+
+def _sizes(errors: list[NDArray]) -> float | None:
+    """Return the rms size of errors (M, d) of several parts; None of none."""
+    return _rms(np.linalg.norm(np.vstack(errors), axis=1)) if errors else None
+
+
 def open_of_forces(fit: HandFit) -> list[Open]:
     """Return the open directions of the accelerometers, each with a pose that closes it."""
     directions = open_directions(fit.forces.covariance, PRIOR)
-    deviation = float(np.median(fit.deviation))
+    deviation = float(np.median(fit.deviation)) if len(fit.deviation) else FLOOR
     poses = poses_to_close(fit.forces, deviation, max(WELL, 3.0 * deviation))
     if not directions and poses:
         values, vectors = np.linalg.eigh(fit.forces.covariance / np.outer(PRIOR, PRIOR))

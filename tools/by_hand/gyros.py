@@ -3,7 +3,7 @@
 The accelerometers are known from the norm of gravity: their covariance is a prior of their nine parameters here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -249,6 +249,17 @@ def fitted_gyros(
     return GyroFit(values, covariance, rows.fitted, sensitivity, last.error, piece_error)
 
 
-def in_axes_of(case: NDArray, matrix: NDArray) -> NDArray[np.float64]:
-    """Return M (3, 3) of gyros in other axes: `case` (3, 3) turns those of the accelerometers into the present ones."""
-    return (np.eye(3) + matrix) @ case - np.eye(3)
+def in_axes_of_forces(gyros: GyroFit, forces: Forces) -> GyroFit:
+    """Return gyros against a true attitude in the axes of the accelerometers, which `forces.case` turns into its axes.
+
+    The error of that rotation adds to those of M.
+    """
+    assert forces.case is not None
+    values, covariance = gyros.values.copy(), gyros.covariance.copy()
+    matrix = np.eye(3) + values[MATRIX].reshape(3, 3)
+    values[MATRIX] = (matrix @ forces.case - np.eye(3)).ravel()
+    by_turn = np.kron(np.eye(3), forces.case.T)
+    covariance[MATRIX, :] = by_turn @ covariance[MATRIX, :]
+    covariance[:, MATRIX] = covariance[:, MATRIX] @ by_turn.T
+    covariance[MATRIX, MATRIX] += forces.case_error**2 * np.eye(9)
+    return replace(gyros, values=values, covariance=covariance)

@@ -10,16 +10,18 @@ from typing import Any, TypeAlias
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ...fmus.parameters import GRAVITIES
 from ..errors import InputError
-from ..motion.rests import mean_rates, rates_of
+from ..motion.rests import mean_rates, rates_of, sampling_of
+from ..motion.truth import known_rows, usable_in, windows_between
 from ..records import ForceRecord, PoseRecord, StrapdownRecord
 from ..records.columns import face_of, part_of, turn_of
 from ..records.noise import noise_bound_of
 from ..rounding import digits, exactly
 from .forces import FACE_ERROR, FLOOR, Faces
-from .moves import Moves, Turns, Way, moves_of
+from .moves import Moves, Turns, Way, Windows, moves_of
 from .still import SCATTER, Series, StillRests, averaged, still_rests
 
 HandRecord: TypeAlias = StrapdownRecord | ForceRecord | PoseRecord
@@ -35,7 +37,10 @@ FEWEST_ROWS = 16
 """Fewer rows have no rests."""
 HALF, STEADY = 0.5, 0.8
 """A known turn reads at least this part of its angle, and this part of its way about one axis."""
-WHOLE = 2.0 * np.pi
+WINDOW, FEWEST_WINDOWS = 2.0, 12
+"""Length of a window with a true attitude [s], and the fewest."""
+TRUTH_ERROR = np.radians(0.5)
+"""A vertical by a true attitude is wrong by so much [rad]."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +100,8 @@ class Run:
     basis : str
         on what σ rests; empty where nothing tells it
     faces : Faces or None
-    moves : Moves or None
-        None without gyros
+    moves : Moves or Windows or None
+        windows where a true attitude is known; None without gyros
     turns : Turns or None
     warnings : tuple of str
     """
@@ -107,14 +112,16 @@ class Run:
     bound: float | None
     basis: str
     faces: Faces | None
-    moves: Moves | None
+    moves: Moves | Windows | None
     turns: Turns | None
     warnings: tuple[str, ...]
 
     def those(self, chosen: NDArray[np.int_]) -> "Run":
         """Return the run with some of the rests, and the moves between neighbours among them."""
         faces = None if self.faces is None else replace(self.faces, up=self.faces.up[chosen])
-        moves = None if self.moves is None else self.moves.among(chosen, len(self.rests))
+        moves = self.moves
+        if isinstance(moves, Moves):
+            moves = moves.among(chosen, len(self.rests))
         rests = self.rests.those(chosen)
         return replace(self, rests=rests, deviation=self.deviation[chosen], faces=faces, moves=moves)
 
@@ -135,20 +142,27 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
         rests, faces_of_file = _rests_of_file(request.rests, series)
     else:
         rests, faces_of_file = _with_parts(record, series, still_rests(series, request.rest_scatter)), ()
-    if not len(rests):
+    windows = truth_windows(record, series)
+    if not len(rests) and windows is None:
         raise InputError(
             f"{record.path}: no rests: let the block rest for two seconds and more in each of a dozen poses, or give "
             f"--rest-scatter (now {exactly(request.rest_scatter or SCATTER)}) or --rests FILE"
         )
-    _check_alive(record, rests.force)
+    if len(rests):
+        _check_alive(record, rests.force)
     if rests.limit is not None and request.rest_scatter is None and rests.limit > SCATTER:
         warnings.append(
             f"rests: a limit of {SCATTER:g} times the noise of the accelerometers leaves too few; found with "
             f"{rests.limit:g} times"
         )
     words = request.faces or faces_of_file or _faces_in(record, rests)
-    moves = turns = None
-    if series.rate is not None:
+    moves: Moves | Windows | None = None
+    turns = None
+    if windows is not None:
+        moves, turns = windows, turns_in(record, series, request)
+        if request.turns:
+            raise InputError(f"--turns: {record.path} has a true attitude, which tells more")
+    elif series.rate is not None:
         moves, cuts = _without_cuts(moves_of(series, rests, record.knocks))
         turns = turns_in(record, series, request) or turns_told(record, moves, request)
         if cuts:
@@ -191,7 +205,7 @@ def _with_noise(
     request: HandRequest,
     rests: StillRests,
     words: Sequence[str],
-    moves: Moves | None,
+    moves: Moves | Windows | None,
     turns: Turns | None,
     warnings: list[str],
 ) -> Run:
@@ -206,7 +220,33 @@ def _with_noise(
         basis = "given"
         deviation = np.full(len(rests), bound / math.sqrt(3.0))
     faces = faces_of(record, words, len(rests))
+    if faces is None and isinstance(moves, Windows):
+        faces = _verticals(record, rests)
     return Run(record, rests, deviation, bound, basis, faces, moves, turns, tuple(warnings))
+
+
+def truth_windows(record: StrapdownRecord | ForceRecord, series: Series) -> Windows | None:
+    """Return windows of two seconds, side by side, between rows of known true attitude; None of too few."""
+    if not isinstance(record, StrapdownRecord) or record.attitude is None:
+        return None
+    usable = usable_in(record, sampling_of(record))
+    ends = windows_between(known_rows(record), usable, series.period, WINDOW)
+    if len(ends) < FEWEST_WINDOWS:
+        return None
+    begin, end = (Rotation.from_quat(record.attitude[rows], scalar_first=True) for rows in ends.T)
+    return Windows(Way.of(series, ends), (begin.inv() * end).as_matrix())
+
+
+def _verticals(record: HandRecord, rests: StillRests) -> Faces | None:
+    """Return the verticals at rests in the axes of the true attitude, NaN where it is not known; None of none."""
+    assert isinstance(record, StrapdownRecord)
+    assert record.attitude is not None
+    up = np.full((len(rests), 3), np.nan)
+    for number, rows in enumerate(rests.rows):
+        known = record.attitude[rows][np.isfinite(record.attitude[rows]).all(axis=1)]
+        if len(known):
+            up[number] = Rotation.from_quat(known, scalar_first=True).mean().inv().apply([0.0, 0.0, 1.0])
+    return Faces(up, TRUTH_ERROR) if np.isfinite(up).all(axis=1).any() else None
 
 
 def _check_alive(record: HandRecord, force: NDArray) -> None:

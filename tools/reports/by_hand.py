@@ -65,14 +65,16 @@ def verdict_sentence(result: Calibration) -> str:
 
 def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
     """Return rests and moves, what they leave, and the gain at those that were left out, in lines."""
+    with_truth = any(p.symbol == "L" for p in result.parameters)
+    pieces = "windows with a true attitude" if with_truth else "moves"
     counts = [f"{basis.rests} rests"]
     if basis.turn_error is not None:
-        counts.append(f"{basis.moves} moves")
+        counts.append(f"{basis.moves} {pieces}")
     if basis.turns:
         counts.append(f"{basis.turns} known turns")
     left = f"the norms of gravity differ by {digits(1e3 * basis.residual_norm, 2)} mg rms"
     if basis.residual_move is not None:
-        left += f", the moves by {_arcmin(basis.residual_move)} arcmin"
+        left += f", the {pieces} by {_arcmin(basis.residual_move)} arcmin"
     lines = [f"{', '.join(counts)}; calibrated {left}"]
     if basis.pooled is not None:
         f = digits(basis.pooled.f, 2)
@@ -80,13 +82,20 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
     sigma = result.sigma
     if sigma.value is not None:
         lines.append(f"σ = {upwards(sigma.value, 2)} g ({sigma.basis})")
-    if basis.gain is not None:
-        gain = basis.gain
+    gain = basis.gain
+    if gain is not None and gain.rest_before is not None and gain.rest_after is not None:
         text = f"{digits(1e3 * gain.rest_before, 3)} mg as read, {digits(1e3 * gain.rest_after, 2)} mg calibrated"
         lines.append(f"rests that were not used (five parts in turn): {text}, rms")
-        if gain.move_before is not None and gain.move_after is not None:
-            text = f"{_arcmin(gain.move_before)} arcmin as read, {_arcmin(gain.move_after)} arcmin calibrated"
-            lines.append(f"moves that were not used: {text}, rms")
+    if gain is not None and gain.move_before is not None and gain.move_after is not None:
+        text = f"{_arcmin(gain.move_before)} arcmin as read, {_arcmin(gain.move_after)} arcmin calibrated"
+        lines.append(f"{pieces} that were not used: {text}, rms")
+    if basis.largest_move is not None and with_truth:
+        bound = digits(math.degrees(basis.largest_move) * 60.0, 3)
+        lines.append(
+            f"the gyros stand with a bound of {bound} arcmin of a window's error; below it they do not explain all"
+        )
+    if basis.axes == "true attitude":
+        lines.append("M is in the axes of the true attitude: the rests do not tie the accelerometers to them")
     if basis.turn_error is not None:
         error = _arcmin(basis.turn_error.worst)
         lines.append(f"a turn of 90° about the worst axis is known to {error} arcmin (1 sd)")

@@ -1,0 +1,144 @@
+"""Sessions of a laboratory without a table: faces and known turns, cut sections, rests of a file, a true attitude."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.spatial.transform import Rotation
+
+import trihedron as th
+from by_hand import GRAVITY, NAMES, Instrument
+from hand_sessions import FACES, PERIOD, hand_moved, strapdown, truth, turning, written
+
+NOISE = (2e-3, 1e-3)
+
+
+def ferraris(seed: int) -> tuple[Instrument, pl.DataFrame]:
+    """Return an instrument, and its session of six faces and three whole turns about the vertical, with its parts."""
+    rng = np.random.default_rng(seed)
+    instrument = Instrument(seed)
+    instrument.sensitivity = np.zeros((3, 3))
+    faces = []
+    for word in FACES:
+        axis = np.zeros(3)
+        axis[int(word[1]) - 1] = 1.0 if word[0] == "+" else -1.0
+        up = axis + rng.normal(0.0, 0.03, 3)
+        faces.append(Rotation.align_vectors([[0.0, 0.0, 1.0]], [up / np.linalg.norm(up)])[0])
+    tables, parts, start = [], [], 0.0
+    for word, face in zip(FACES, faces, strict=True):
+        time, attitude = turning([face, face], 0.5, 2.0)
+        tables.append(strapdown(instrument, start + time, attitude, rng, NOISE))
+        parts += [word] * len(time)
+        start += float(time[-1]) + PERIOD
+    for axis in range(3):
+        up = faces[2 * axis]
+        stops = [Rotation.from_rotvec([0.0, 0.0, angle]) * up for angle in np.radians([0, 120, 240, 360])]
+        sections = [turning([first, second], 1.5, 0.02) for first, second in pairwise(stops)]
+        attitude = Rotation.concatenate([section[1] for section in sections])
+        time = PERIOD * np.arange(len(attitude))
+        tables.append(strapdown(instrument, start + time, attitude, rng, NOISE))
+        parts += [f"{axis + 1}:360"] * len(time)
+        start += float(time[-1]) + PERIOD
+    return instrument, pl.concat(tables).with_columns(part=pl.Series(parts))
+
+
+def test_six_faces_and_three_turns_by_their_parts() -> None:
+    instrument, table = ferraris(3)
+    result = th.calibrate(table, gravity=GRAVITY)
+    assert (result.by_hand.rests, result.by_hand.turns) == (6, 3)
+    assert result.by_hand.case is not None
+    known = truth(instrument)
+    for symbol in ("gamma_11", "gamma_22", "gamma_33", "bias_1", "bias_2", "bias_3"):
+        # The open misalignments, times the tilt of a face, are in the standard error.
+        assert result[symbol].standard_error < 3e-3
+        assert result[symbol].estimate == pytest.approx(known[symbol], abs=3.0 * result[symbol].standard_error)
+    for symbol in ("M11", "M22", "M33"):
+        # A hand's turn is good to 2°: 0.6 % of 360°.
+        assert result[symbol].estimate == pytest.approx(known[symbol], abs=4e-3)
+        assert result[symbol].standard_error == pytest.approx(np.radians(2.0) / (2.0 * np.pi), rel=0.2)
+    assert not result["gamma_21"].determined
+
+
+def test_a_turn_in_the_wrong_sense_is_refused_in_one_line() -> None:
+    _, table = ferraris(4)
+    wrong = table.with_columns(part=pl.col("part").replace({"2:360": "2:-360"}))
+    with pytest.raises(ValueError, match=r"turn 2 about axis 2 is -360 degrees, and its gyro reads"):
+        th.calibrate(wrong, gravity=GRAVITY)
+    with pytest.raises(ValueError, match="row 1, column turn"):
+        th.calibrate(table.drop("part").with_columns(turn=pl.lit("once round")), gravity=GRAVITY)
+
+
+def test_known_turns_are_found_among_the_moves_where_words_tell_them() -> None:
+    rng = np.random.default_rng(6)
+    instrument = Instrument(6)
+    instrument.sensitivity = np.zeros((3, 3))
+    level = Rotation.from_euler("x", 0.0)
+    stops = [level]
+    for axis in range(3):
+        for angle in (120.0, 240.0, 359.9):
+            turn = np.zeros(3)
+            turn[axis] = np.radians(angle)
+            stops.append(level * Rotation.from_rotvec(turn))
+    pieces = []
+    for axis in range(3):
+        way = stops[3 * axis : 3 * axis + 4]
+        way[0] = level
+        for first, second in pairwise(way):
+            pieces.append(turning([first, second], 1.0, 0.01)[1])
+        pieces.append(turning([level, level], 0.5, 2.0)[1])
+    attitude = Rotation.concatenate([turning([level, level], 0.5, 2.0)[1], *pieces])
+    table = strapdown(instrument, PERIOD * np.arange(len(attitude)), attitude, rng, NOISE)
+    told = th.calibrate(table, gravity=GRAVITY, turns="1:360,2:360,3:360")
+    assert told.by_hand.turns == 3
+    assert th.calibrate(table, gravity=GRAVITY, turns="360").by_hand.turns == 3
+    assert told["M33"].estimate == pytest.approx(truth(instrument)["M33"], abs=4e-3)
+    with pytest.raises(ValueError, match="no turn 4"):
+        th.calibrate(table, gravity=GRAVITY, turns="1:360,2:360,3:360,1:360")
+
+
+def test_sections_that_are_cut_together_are_separate_rests() -> None:
+    instrument, table = ferraris(7)
+    cut = table.drop("part")[: 6 * 450]
+    result = th.calibrate(cut, gravity=GRAVITY)
+    assert result.by_hand.rests == 6
+    assert result.by_hand.moves == 0
+    assert any("cut there" in line for line in result.warnings)
+    assert result["bias_1"].estimate == pytest.approx(truth(instrument)["bias_1"], abs=1e-3)
+
+
+def test_rests_of_a_file_and_a_wider_limit(tmp_path: Path) -> None:
+    instrument, table = hand_moved(9)
+    begins = [5.0 * number + 0.3 for number in range(14)]
+    rests = pl.DataFrame({"from_s": begins, "to_s": [begin + 2.4 for begin in begins]})
+    result = th.calibrate(table, gravity=GRAVITY, rests=str(written(rests, tmp_path / "rests.csv")))
+    assert result.by_hand.rests == 14
+    assert result.by_hand.scatter_limit is None
+    for symbol in NAMES:
+        p = result[symbol]
+        assert abs(p.estimate - truth(instrument)[symbol]) < 4.0 * p.standard_error
+    assert th.calibrate(table, gravity=GRAVITY, rest_scatter=4.0).by_hand.scatter_limit == 4.0
+    late = written(rests.with_columns(from_s=pl.col("from_s") + 1e4, to_s=pl.col("to_s") + 1e4), tmp_path / "late.csv")
+    with pytest.raises(ValueError, match=r"row 1: .* holds no readings"):
+        th.calibrate(table, gravity=GRAVITY, rests=str(late))
+    with pytest.raises(ValueError, match="from_s, to_s"):
+        th.calibrate(table, gravity=GRAVITY, rests=str(written(table, tmp_path / "table.csv")))
+
+
+def test_a_true_attitude_tells_gyros_and_their_lag() -> None:
+    rng = np.random.default_rng(11)
+    instrument = Instrument(11)
+    instrument.sensitivity = np.zeros((3, 3))
+    time, attitude = turning(list(Rotation.random(30, random_state=rng)), 1.0, 0.5)
+    table = strapdown(instrument, time, attitude, rng, NOISE)
+    quaternion = attitude.as_quat(scalar_first=True)
+    late = 1
+    shifted = table.with_columns(
+        [pl.col(f"w{axis}_radps").shift(late).fill_null(strategy="backward") for axis in (1, 2, 3)]
+    )
+    shifted = shifted.with_columns([pl.Series(f"q{number}", quaternion[:, number]) for number in range(4)])
+    result = th.calibrate(shifted, gravity=GRAVITY)
+    assert result["L"].estimate == pytest.approx(late * PERIOD, abs=1.5e-3)
+    assert result.by_hand.gain.move_after < 0.3 * result.by_hand.gain.move_before
+    assert result.by_hand.largest_move >= result.by_hand.residual_move
