@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from .component import Component, Variable
-from .units import base_unit, number_text, unit_named
+from .units import base_unit, has_base, number_text, unit_named
 
 LOG_CATEGORIES = {
     "logStatusWarning": "what may be wrong",
@@ -78,7 +78,8 @@ def add_unit_definitions(root: Element, component: Component) -> None:
     for name in unit_names:
         unit = unit_named(name)
         element = SubElement(units, "Unit", name=name)
-        SubElement(element, "BaseUnit", base_unit(unit))
+        if has_base(unit):
+            SubElement(element, "BaseUnit", base_unit(unit))
         for display, factor in unit.display.items():
             SubElement(element, "DisplayUnit", name=display, factor=number_text(factor))
 

@@ -7,7 +7,7 @@ angle increments; VelocityComputer, velocity beside it.
 
 import math
 
-from ..models import accelerometer, gyro
+from ..models import accelerometer, gyro, noise
 from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, PRODUCTS, computer, velocity
 from ..models.attitude_algorithms.computer import PROGRESS_SIZE, STEP_SIZE, TABLE_SIZE
 from ..models.attitude_algorithms.iteration import SPACE_SIZE
@@ -24,6 +24,18 @@ def _gamma(row: int, column: int) -> Variable:
         within=(-0.5, 0.5),
     )
 
+
+def _noise(name: str, description: str, unit: str, least: float | None = 0.0) -> Variable:
+    return fixed(name, description, 3, unit, within=(least, None))
+
+
+_NOISE_MEMORY = (
+    state("noise_memory", "walks, remainders and flicker of the noise", noise.MEMORY_SIZE),
+    state("noise_generator", "state of its random numbers", GENERATOR_SIZE),
+    state("noise_spare", "the second of a pair of normal numbers", noise.SPARE_SIZE),
+    work("noise", "noise of the mean reading over the step", 3),
+)
+_UNBOUNDED = "noise beside ρ, without a bound where not 0: white N, flicker B, random walk K, ramp R, quantisation Q"
 
 ACCELEROMETER_BLOCK = Component(
     name="AccelerometerBlock",
@@ -79,6 +91,12 @@ ACCELEROMETER_BLOCK = Component(
         work("n", "inputs in g", 3),
         work("added", "what effects add", 3),
         work("own", "what each accelerometer's own input adds to its reading [g]", 3),
+        _noise("velocity_random_walk", "N: density of white noise, m/s2/sqrt(Hz)", "m/s/sqrt(s)"),
+        _noise("bias_instability", "B: flicker noise; its Allan deviation is 0.664 B", "m/s2"),
+        _noise("acceleration_random_walk", "K: random walk of the bias", "m/s2/sqrt(s)"),
+        _noise("acceleration_ramp", "R: ramp of the bias", "m/s3", None),
+        _noise("velocity_quantisation", "Q: quantisation of velocity increments, its remainder carried on", "m/s"),
+        *_NOISE_MEMORY,
     ),
     model=(accelerometer.initialise_accelerometers, accelerometer.step_accelerometers, accelerometer.respond),
     messages=(
@@ -91,6 +109,7 @@ ACCELEROMETER_BLOCK = Component(
         "n = specific force / g",
         "reading = g (n + Γ n + b + ρ), Γ diagonal: Γ⁺ for n > 0, Γ⁻ for n ≤ 0",
         "|ρ| ≤ noise bound: a part held over a rest and a white part",
+        _UNBOUNDED,
     ),
     source="Golovan, Matasov, Tarygin 2022, (1.1)",
 )
@@ -186,6 +205,12 @@ GYRO_BLOCK = Component(
         state("carried", "what the quanta left of the increments [rad]", 3),
         work("added", "what effects add", 3),
         work("own", "what each gyro's own input adds to its reading [rad/s]", 3),
+        _noise("angle_random_walk", "N: density of white noise, rad/s/sqrt(Hz)", "rad/sqrt(s)"),
+        _noise("bias_instability", "B: flicker noise; its Allan deviation is 0.664 B", "rad/s"),
+        _noise("rate_random_walk", "K: random walk of the bias", "rad/s/sqrt(s)"),
+        _noise("rate_ramp", "R: ramp of the bias", "rad/s2", None),
+        _noise("angle_quantisation", "Q: quantisation of angle increments, its remainder carried on", "rad"),
+        *_NOISE_MEMORY,
     ),
     model=(gyro.initialise_gyros, gyro.step_gyros),
     messages=(
@@ -198,6 +223,7 @@ GYRO_BLOCK = Component(
     equations=(
         "ω: mean of the true rate over the step, increment / h",
         "rate reading = ω + Γ ω + b + ρ, |ρ| ≤ noise bound",
+        _UNBOUNDED,
         "increment reading = h · rate reading + remainder, in whole quanta; the rest is the next remainder",
     ),
     source='Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd ed. 2013, 4.4',

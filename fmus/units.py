@@ -42,6 +42,11 @@ def number_text(value: float) -> str:
     return repr(float(value))
 
 
+def has_base(unit: Unit) -> bool:
+    """Return true if a unit is a product of whole powers of base units; the densities of noise are none."""
+    return bool(unit.exponents) or unit.name == "1"
+
+
 def base_unit(unit: Unit) -> dict[str, str]:
     """Attributes of a BaseUnit: exponents, factor and offset where they are others than 1 and 0."""
     base = {key: str(power) for key, power in unit.exponents.items()}
@@ -73,6 +78,11 @@ UNITS = {
         Unit("rad/s/g2", "radpspg2", {"rad": 1, "s": 3, "m": -2}, factor=1.0 / STANDARD_GRAVITY**2),
         Unit("s/rad", "sprad", {"s": 1, "rad": -1}),
         Unit("s2/rad2", "s2prad2", {"s": 2, "rad": -2}),
+        Unit("rad/sqrt(s)", ""),
+        Unit("m/s/sqrt(s)", ""),
+        Unit("rad/s/sqrt(s)", ""),
+        Unit("m/s2/sqrt(s)", ""),
+        Unit("m/s3", "mps3", {"m": 1, "s": -3}),
         Unit("m/s2", "mps2", {"m": 1, "s": -2}, display={"g": 1.0 / STANDARD_GRAVITY}),
         Unit("degC", "degC", {"K": 1}, offset=273.15),
         Unit("g", "g", {"m": 1, "s": -2}, factor=STANDARD_GRAVITY),

@@ -9,6 +9,7 @@ chosen by the sign s of its own input: (1.1), solved for the input.
 
 import math
 
+from .noise import draw_noise, seed_noise
 from .random_numbers import seed_generator, symmetric
 from .restricted import (
     ALPHA,
@@ -166,6 +167,9 @@ def initialise_accelerometers(
     kept: Vector,
     waiting: Vector,
     increment_reading: Vector,
+    noise_memory: Vector,
+    noise_generator: Vector,
+    noise_spare: Vector,
 ) -> int:
     """Draw the first errors; returns 0 or the number of a message."""
     if not gravity > 0.0:
@@ -173,6 +177,7 @@ def initialise_accelerometers(
     start[0] = time
     context[HOURS] = 0.0
     seed_generator(seed, 2.0, generator)
+    seed_noise(seed, 12.0, noise_memory, noise_generator, noise_spare)
     for p in range(3):
         held[p] = symmetric(generator)
         # The first input is a change from none.
@@ -213,6 +218,15 @@ def step_accelerometers(
     before: Vector,
     kept: Vector,
     waiting: Vector,
+    velocity_random_walk: Vector,
+    bias_instability: Vector,
+    acceleration_random_walk: Vector,
+    acceleration_ramp: Vector,
+    velocity_quantisation: Vector,
+    noise_memory: Vector,
+    noise_generator: Vector,
+    noise_spare: Vector,
+    noise: Vector,
 ) -> int:
     """Draw the errors of a new sample, the held ones at each new dwell; returns 0 or the number of a message."""
     for p in range(3):
@@ -235,6 +249,23 @@ def step_accelerometers(
         for p in range(3):
             held[p] = symmetric(generator)
     draw_error(noise_bound, held_fraction, held, generator, error)
+    # A step of 1e-14 s, with which some masters end, is no sample.
+    if step > 1e-9:
+        draw_noise(
+            step,
+            time + step - start[0],
+            velocity_random_walk,
+            bias_instability,
+            acceleration_random_walk,
+            acceleration_ramp,
+            velocity_quantisation,
+            noise_memory,
+            noise_generator,
+            noise_spare,
+            noise,
+        )
+        for p in range(3):
+            error[p] = error[p] + noise[p] / gravity
     waiting[0] = step
     return 0
 

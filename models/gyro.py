@@ -14,6 +14,7 @@ Source: P. Groves, "Principles of GNSS, inertial, and multisensor integrated nav
 
 import math
 
+from .noise import draw_noise, seed_noise
 from .random_numbers import seed_generator, symmetric
 from .restricted import (
     HOURS,
@@ -126,6 +127,9 @@ def initialise_gyros(
     context: Vector,
     added: Vector,
     own: Vector,
+    noise_memory: Vector,
+    noise_generator: Vector,
+    noise_spare: Vector,
 ) -> int:
     """Read the rates at the start; there are no increments yet. Returns 0 or the number of a message."""
     if not gravity > 0.0:
@@ -133,6 +137,7 @@ def initialise_gyros(
     start[0] = time
     last_step[0] = 0.0
     seed_generator(seed, 4.0, generator)
+    seed_noise(seed, 14.0, noise_memory, noise_generator, noise_spare)
     for p in range(3):
         if not math.fabs(rate[p]) < 1e300:
             return 3
@@ -187,6 +192,15 @@ def step_gyros(
     context: Vector,
     added: Vector,
     own: Vector,
+    angle_random_walk: Vector,
+    bias_instability: Vector,
+    rate_random_walk: Vector,
+    rate_ramp: Vector,
+    angle_quantisation: Vector,
+    noise_memory: Vector,
+    noise_generator: Vector,
+    noise_spare: Vector,
+    noise: Vector,
 ) -> int:
     """Read the rates and the increments over (time, time + step]; returns 0 or the number of a message.
 
@@ -218,6 +232,21 @@ def step_gyros(
         keep_rate(1, rate_of_step, context)
     last_step[0] = step
     draw_error(noise_bound, generator, error)
+    draw_noise(
+        step,
+        time + step - start[0],
+        angle_random_walk,
+        bias_instability,
+        rate_random_walk,
+        rate_ramp,
+        angle_quantisation,
+        noise_memory,
+        noise_generator,
+        noise_spare,
+        noise,
+    )
+    for p in range(3):
+        error[p] = error[p] + noise[p]
     hours = (time + step - start[0]) / 3600.0
     describe_step(hours, step, temperature, specific_force, interval, gravity, scale_misalignment, context)
     read_rates(scale_misalignment, bias, effect, error, rate_of_step, context, rate_reading, added, own)

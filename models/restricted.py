@@ -5,7 +5,8 @@ So it uses only
 
 * float scalars, integer indices and flat arrays of floats (`Vector`: a list in plain Python, an array elsewhere);
 * ``+ - * /``, comparisons, ``if``, ``for ... in range``, ``while``;
-* ``math.sqrt``, ``math.exp``, ``math.sin``, ``math.cos``, ``math.atan2``, ``math.floor``, ``math.fabs``, ``math.pi``;
+* ``math.sqrt``, ``math.exp``, ``math.log``, ``math.sin``, ``math.cos``, ``math.atan2``, ``math.floor``, ``math.fabs``,
+  ``math.pi``;
 * calls to other kernels and module constants in capitals;
 
 and no ``**``, ``%``, ``//``, ``round``, objects, slices or keyword arguments. Changed arguments are arrays, even of one

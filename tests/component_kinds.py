@@ -113,6 +113,8 @@ def draw_parameters(component: Component, rng: random.Random) -> dict[str, float
                 values[element] = rng.uniform(0.0, 0.1)
             elif v.name == "encoder_fluctuation_bound":
                 values[element] = rng.uniform(0.0, 1e-5)
+            elif v.within[0] == 0.0:
+                values[element] = rng.uniform(0.0, 0.01)
             else:
                 values[element] = rng.uniform(-0.01, 0.01)
     return values

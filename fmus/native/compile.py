@@ -30,6 +30,7 @@ FLAGS = (
     "-fno-builtin-sin",
     "-fno-builtin-cos",
     "-fno-builtin-exp",
+    "-fno-builtin-log",
     "-fno-builtin-atan2",
     "-fno-math-errno",
     # Pairs of numbers that were stored one by one would be waited for.

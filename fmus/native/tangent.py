@@ -318,6 +318,7 @@ class _Tangent:
             "sqrt": _called("slope_of_root", x),
             "fabs": _called("slope_of_size", x),
             "exp": value,
+            "log": ast.BinOp(ast.Constant(1.0), ast.Div(), x),
             "sin": _of_math("cos", x),
             "cos": ast.UnaryOp(ast.USub(), _of_math("sin", x)),
         }

@@ -11,7 +11,7 @@ from ..source import SourcePart
 FLOAT, INT, VECTOR, WHOLE, NOTHING = "float", "int", "Vector", "whole", "None"
 """A number, an index, an array; a whole number that `math.floor` made, held as a number; no value."""
 
-MATH = {"sqrt": 1, "exp": 1, "sin": 1, "cos": 1, "atan2": 2, "floor": 1, "fabs": 1}
+MATH = {"sqrt": 1, "exp": 1, "log": 1, "sin": 1, "cos": 1, "atan2": 2, "floor": 1, "fabs": 1}
 """Functions of `math` that kernels may call, with their numbers of arguments."""
 
 
@@ -22,7 +22,7 @@ UNARY, ATOM = 7, 9
 RESERVED = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
-atan2 cos exp fabs floor sin sqrt whole
+atan2 cos exp fabs floor log sin sqrt whole
 """
 """The words of C, and the functions of the translated source, that no variable may have for its name."""
 

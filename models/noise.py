@@ -1,0 +1,140 @@
+"""Noise of an inertial sensor as its own processes: white, flicker, random walk, ramp and quantisation.
+
+The readings of a step h are means over it. White noise adds N w/√h; a random walk adds the mean of b over the step; the
+ramp adds R t; quantisation adds (q_k - q_(k-1))/h with the remainder q of standard deviation Q. Flicker is a sum of
+first-order Markov processes, two a decade, whose times begin at the first step h: with variances (B²/π) ln r, times
+h r^i, r = √10, and a random walk and white noise that close its two ends, its Allan deviation is 0.664 B within 2 %
+from two steps to a million. Every process starts stationary: B is in the first minute, too.
+
+Source: coefficients and spectra of IEEE Std 952-1997, annex C.
+"""
+
+import math
+
+from .random_numbers import seed_generator, symmetric, uniform
+from .restricted import Vector
+
+STATES = 12
+"""Markov processes of flicker for each axis."""
+RATIO = 3.1622776601683795
+"""√10: ratio of their correlation times."""
+LONGEST = 316227.7660168379
+"""RATIO to the power of STATES - 1: longest correlation time over the first step."""
+SHARE = 0.6053658393399102
+"""Root of ln(r)/π: standard deviation of each of them over B."""
+LONG_END = 0.5983290118618385
+"""Root of 2/(π √r): coefficient of the random walk at the long end over B/√T."""
+HELD = 20.0
+"""A Markov process is advanced whenever its time over this has passed."""
+FIRST_STEP, WALK, REMAINDER, FLICKER, WAITED = 0, 1, 4, 7, 43
+"""Places in the memory of noise: the first step [s]; for each axis the walk, the remainder, the Markov processes; the
+time since each of these was advanced [s]."""
+MEMORY_SIZE = 55
+SPARE_SIZE = 2
+
+
+def gaussian(generator: Vector, spare: Vector) -> float:
+    """Draw a normal number of standard deviation one, by Box and Muller; `spare` (2,) keeps the second of a pair."""
+    if spare[0] > 0.0:
+        spare[0] = 0.0
+        return spare[1]
+    size = math.sqrt(-2.0 * math.log(uniform(generator)))
+    angle = 2.0 * math.pi * uniform(generator)
+    spare[0] = 1.0
+    spare[1] = size * math.sin(angle)
+    return size * math.cos(angle)
+
+
+def advance_flicker(step: float, instability: Vector, memory: Vector, generator: Vector, spare: Vector) -> None:
+    """Advance the Markov processes of all axes by a step [s].
+
+    A process that hardly changes over a step waits: it is advanced when a part of its time has passed, exactly.
+    """
+    time = memory[FIRST_STEP]
+    for i in range(STATES):
+        waited = memory[WAITED + i] + step
+        memory[WAITED + i] = waited
+        if waited * HELD >= time:
+            memory[WAITED + i] = 0.0
+            decay = math.exp(-waited / time)
+            spread = SHARE * math.sqrt(1.0 - decay * decay)
+            for p in range(3):
+                if instability[p] > 0.0:
+                    at = FLICKER + STATES * p + i
+                    memory[at] = decay * memory[at] + spread * instability[p] * gaussian(generator, spare)
+        time = time * RATIO
+
+
+def seed_noise(seed: float, stream: float, memory: Vector, generator: Vector, spare: Vector) -> None:
+    """Prepare the noise of a component with a seed and a stream of its own; the first step draws its processes."""
+    seed_generator(seed, stream, generator)
+    memory[FIRST_STEP] = 0.0
+    spare[0] = 0.0
+
+
+def start_noise(step: float, instability: Vector, memory: Vector, generator: Vector, spare: Vector) -> None:
+    """Draw the processes as they stand at the first step [s]; `instability` (3,) is B."""
+    memory[FIRST_STEP] = step
+    for p in range(3):
+        memory[WALK + p] = 0.0
+        memory[REMAINDER + p] = 0.0
+        for i in range(STATES):
+            memory[WAITED + i] = 0.0
+            memory[FLICKER + STATES * p + i] = 0.0
+            if instability[p] > 0.0:
+                memory[FLICKER + STATES * p + i] = SHARE * instability[p] * gaussian(generator, spare)
+
+
+def draw_noise(
+    step: float,
+    elapsed: float,
+    white: Vector,
+    instability: Vector,
+    walk: Vector,
+    ramp: Vector,
+    quantisation: Vector,
+    memory: Vector,
+    generator: Vector,
+    spare: Vector,
+    noise: Vector,
+) -> None:
+    """Draw the noise (3,) of the mean reading over a step.
+
+    Parameters
+    ----------
+    step, elapsed : float
+        length of the step, and time since the start at its end [s]
+    white, instability, walk, ramp, quantisation : (3,)
+        N, B, K, R, Q
+    memory, generator, spare : (55,), (6,), (2,)
+        advanced; a first step of 0 in the memory: nothing was drawn yet
+    noise : (3,)
+        overwritten
+    """
+    if not memory[FIRST_STEP] > 0.0:
+        start_noise(step, instability, memory, generator, spare)
+    if instability[0] > 0.0 or instability[1] > 0.0 or instability[2] > 0.0:
+        advance_flicker(step, instability, memory, generator, spare)
+    for p in range(3):
+        value = ramp[p] * (elapsed - 0.5 * step)
+        density = white[p] * white[p]
+        wander = walk[p] * walk[p]
+        if instability[p] > 0.0:
+            for i in range(STATES):
+                value = value + memory[FLICKER + STATES * p + i]
+            closing = LONG_END * instability[p]
+            density = density + closing * closing * memory[FIRST_STEP]
+            wander = wander + closing * closing / (LONGEST * memory[FIRST_STEP])
+        if density > 0.0:
+            value = value + math.sqrt(density / step) * gaussian(generator, spare)
+        if wander > 0.0:
+            first = gaussian(generator, spare)
+            second = gaussian(generator, spare)
+            size = math.sqrt(wander * step)
+            value = value + memory[WALK + p] + size * (0.5 * first + 0.28867513459481287 * second)
+            memory[WALK + p] = memory[WALK + p] + size * first
+        if quantisation[p] > 0.0:
+            remainder = quantisation[p] * 1.7320508075688772 * symmetric(generator)
+            value = value + (remainder - memory[REMAINDER + p]) / step
+            memory[REMAINDER + p] = remainder
+        noise[p] = value
