@@ -78,6 +78,20 @@ def losing(rows: int) -> Callable[[np.ndarray], np.ndarray]:
     return change
 
 
+def stuck_from_start(rows: int, *, at_zero: bool, axes: slice = slice(0, 3)) -> Callable[[np.ndarray], np.ndarray]:
+    """Make gyros repeat one value, that of the rest or zero, from the start of the fastest turn on."""
+
+    def change(rate: np.ndarray) -> np.ndarray:
+        middle = fastest_row(rate, axes.start)
+        still = np.flatnonzero(np.linalg.norm(rate[:middle], axis=1) < 0.05)
+        start = int(still[-1])
+        end = max(start + rows, (start + middle) // 2)
+        rate[start:end, axes] = 0.0 if at_zero else rate[start, axes]
+        return rate
+
+    return change
+
+
 GYROS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "degrees": np.degrees,
     "reversed": np.negative,
@@ -93,6 +107,8 @@ GYROS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "two-spikes": spiked(2, rows=2),
     "overflow": overflowing(0.85),
     "lost": losing(20),
+    "zero-from-start": stuck_from_start(30, at_zero=True),
+    "stuck-from-start": stuck_from_start(30, at_zero=False, axes=slice(0, 1)),
 }
 """Wrongly read gyros: each makes results wrong, with and without a true attitude."""
 ATTITUDES: dict[str, Callable[[np.ndarray], np.ndarray]] = {

@@ -29,8 +29,11 @@ TOWARDS = 5.0
 """And by more than so many times the usual change, towards the end of the range."""
 LONGEST_LOSS = 0.5
 """Zeros for longer in a record without noise are no lost readings but a rest [s]."""
+STUCK, SELDOM = 6, 0.02
+"""So many rows in a row at one value are stuck where no larger part of the other rows repeats the one before."""
 OVERFLOW = "an overflow to the opposite end of the range and back; choose a larger range"
 LOST = "lost readings, exactly 0 between readings that are not"
+HELD = "stuck at one value, though the readings change from row to row elsewhere"
 SPIKE = "unlike their neighbours, as no motion is (a spike)"
 
 
@@ -77,12 +80,13 @@ def _lines(
 ) -> tuple[str, ...]:
     """A line for each kind of odd rows of each channel (N, 3)."""
     period = float(np.median(np.diff(record.time_s)))
-    lines = list[str]()
+    lines, moving = list[str](), ~_repeated_together(record)
     for axis, values in enumerate(channels.T, start=1):
         overflowed = overflowed_rows(values)
         lost = lost_rows(values, period, least) & ~overflowed
-        alone = spikes[:, axis - 1] & ~overflowed & ~lost
-        for words, rows in ((OVERFLOW, overflowed), (LOST, lost), (SPIKE, alone)):
+        stuck = stuck_rows(values, moving, least) & ~overflowed & ~lost
+        alone = spikes[:, axis - 1] & ~overflowed & ~lost & ~stuck
+        for words, rows in ((OVERFLOW, overflowed), (LOST, lost), (HELD, stuck), (SPIKE, alone)):
             if rows.any():
                 lines.append(f"{name} {axis}: {_counted(record, rows)}: {words}")
     return tuple(lines)
@@ -140,6 +144,41 @@ def lost_rows(values: NDArray[np.float64], period: float, least: float) -> NDArr
         nearest = min(abs(before), abs(after))
         lost[begin:end] = before * after > 0.0 and nearest > UNLIKE * usual and nearest * (end - begin) > least
     return lost
+
+
+def stuck_rows(values: NDArray[np.float64], moving: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
+    """Rows (N,) at one value while others change, from which the channel jumps by what times the rows is `least`.
+
+    `moving` (N,): rows in which some channel does not repeat the row before. A channel that often repeats a value is
+    coarse, and one at its largest or least value is at its limit.
+    """
+    stuck = np.zeros(len(values), dtype=bool)
+    repeated = np.append(False, np.diff(values) == 0.0) & moving
+    begins, ends = runs_of(repeated)
+    is_long = ends - begins >= STUCK - 1
+    usual = repeated.copy()
+    for begin, end in zip(begins[is_long], ends[is_long], strict=True):
+        usual[begin:end] = False
+    if not is_long.any() or usual.mean() > SELDOM:
+        return stuck
+    scatter = float(np.median(np.abs(np.diff(values, 2))))
+    extremes = (values.min(), values.max())
+    for begin, end in zip(begins[is_long], ends[is_long], strict=True):
+        value = values[begin]
+        around = values[[max(begin - 2, 0), min(end, len(values) - 1)]]
+        jump = float(np.abs(around - value).max())
+        if value not in extremes and jump > UNLIKE * scatter and jump * (end - begin) > least:
+            stuck[begin - 1 : end] = True
+    return stuck
+
+
+def _repeated_together(record: RawRecord | StrapdownRecord) -> NDArray[np.bool_]:
+    """Rows (N,) in which all channels repeat the row before: a rest without noise, or a row that is held."""
+    channels = [record.specific_force]
+    if isinstance(record, StrapdownRecord):
+        channels.append(record.increment if record.rate is None else record.rate)
+    changes = np.diff(np.hstack(channels), axis=0)
+    return np.append(False, np.all(changes == 0.0, axis=1))
 
 
 def _beside(rows: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -63,6 +63,8 @@ EXPECTED = {
     "two-spikes": "unlike their neighbours",
     "overflow": "an overflow",
     "lost": "lost readings",
+    "zero-from-start": "stuck at one value",
+    "stuck-from-start": "gyro 1: ",
     "scalar-last": "body to reference, scalar last",
     "inverse": "where q0..q3 are reference to body",
     "force-twice": "times gravity: a factor of 2",
