@@ -50,7 +50,7 @@ def apply(
     if not isinstance(result, diagnosis.Diagnosis):
         measured = motion.trusted(records.read_record(record, channels=channels, stamps=stamps), trust=trust)
         applied = calibrations.apply_calibration(result, measured, noise_bound=noise_bound)
-        if applied.correction is None or isinstance(measured, records.StrapdownRecord):
+        if applied.correction is None or not isinstance(measured, records.RawRecord | records.PositionRecord):
             return applied
         warnings = checks.channels_warning(applied.record, applied.correction.mounting)
         return applied.model_copy(update={"warnings": [*applied.warnings, *warnings]})

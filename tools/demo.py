@@ -173,14 +173,19 @@ class Story:
             write_text(out / f"{name}.json", result.json_text())
             write_report(out / f"{name}.html", result, record)
             reports += [out / f"{name}.html", out / f"{name}.json"]
-        sections = [
+        return [
             run_section(pl.read_parquet(self.run.files[0]), self.calibration.gravity, list(self.run.files)),
             *target_sections(self.calibration, self.truth),
             *gyro_sections(self.calibration, self.truth),
-            cause_section(self.diagnosis, sorted((out / "extended").iterdir())),
+            *self._cause_section(out),
             Section("Records and full reports", files=[out / MEASURED, out / ANSWER, *reports]),
         ]
-        return [section for section in sections if section is not None]
+
+    def _cause_section(self, out: Path) -> list[Section]:
+        """Return the diagnosed effect as formula and table, with the extended simulation; empty without one."""
+        section = cause_section(self.diagnosis, sorted((out / "extended").iterdir()))
+        # Its sentence is on a card.
+        return [] if section is None else [replace(section, paragraphs=())]
 
     def page(self, out: Path) -> Page:
         """Return the page: three cards, then details."""

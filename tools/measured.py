@@ -353,7 +353,7 @@ def _refuse(options: Mapping[str, Any], run: "records.Record", kind: str) -> Non
     """Refuse the first option that was given and is of another kind of record."""
     for name, value in options.items():
         if value not in (None, False, ()):
-            raise InputError(f"--{name.replace('_', '-')}: is of {kind}; {run.path} is a {run.word}")
+            raise InputError(f"--{name.replace('_', '-')}: is of {kind}; {run.path} is no such record")
 
 
 def _deviation(

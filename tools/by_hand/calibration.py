@@ -368,15 +368,11 @@ def open_of_forces(fit: HandFit) -> list[Open]:
     directions = open_directions(fit.forces.covariance, PRIOR)
     deviation = float(np.median(fit.deviation)) if len(fit.deviation) else FLOOR
     poses = poses_to_close(fit.forces, deviation, max(WELL, 3.0 * deviation))
-    if not directions and poses:
-        values, vectors = np.linalg.eigh(fit.forces.covariance / np.outer(PRIOR, PRIOR))
-        parts = np.abs(vectors[:, int(np.argmax(values))])
-        directions = [[name for name, part in zip(NAMES, parts, strict=True) if part > 0.3 * parts.max()]]
     entries = []
-    for number in range(max(len(directions), len(poses))):
-        parameters = directions[min(number, len(directions) - 1)] if directions else []
-        pose = f"a rest with {poses[number][0]}" if number < len(poses) else MORE_RESTS
-        entries.append(Open(parameters=parameters, close_by=pose))
+    for pose in poses:
+        entries.append(Open(parameters=list(pose.parameters), close_by=f"a rest with {pose.words}"))
+    for parameters in directions[len(poses) :]:
+        entries.append(Open(parameters=parameters, close_by=MORE_RESTS))
     return entries
 
 

@@ -31,6 +31,10 @@ WORDS = ((1e-3, "determined"), (3e-3, "determined to {}"), (1e-2, "usable"), (3e
 UNDETERMINED = "not determined"
 USABLE = 1e-2
 """Largest predicted error of an unseen pose of accelerometers that are usable [g]."""
+POWER = 8
+"""Power of the predicted errors whose mean a further pose is to lessen."""
+MAIN_PART = 0.3
+"""Parts of a direction below this, of its largest, are not named."""
 MOST_POSES = 6
 """Largest number of poses that are asked for."""
 
@@ -215,8 +219,17 @@ def grade(worst: float) -> str:
     return UNDETERMINED
 
 
-def poses_to_close(forces: Forces, deviation: float, least: float) -> list[tuple[str, float]]:
-    """Return poses, each that lessens the worst predicted error most, with the error that is left behind it [g].
+@dataclass(frozen=True)
+class ClosingPose:
+    """A pose in words, the parameters that a rest in it makes known, and the worst predicted error behind it [g]."""
+
+    words: str
+    parameters: tuple[str, ...]
+    left: float
+
+
+def poses_to_close(forces: Forces, deviation: float, least: float) -> list[ClosingPose]:
+    """Return poses, each that lessens the predicted errors most.
 
     Parameters
     ----------
@@ -227,15 +240,16 @@ def poses_to_close(forces: Forces, deviation: float, least: float) -> list[tuple
         the predicted error that needs no further pose [g]
     """
     poses: Mapping[str, NDArray] = candidate_poses()
-    chosen: list[tuple[str, float]] = []
+    chosen: list[ClosingPose] = []
     while len(chosen) < MOST_POSES and forces.pose_errors().max() > least:
         after = {name: forces.with_pose(direction, deviation) for name, direction in poses.items()}
-        worst = {name: float(other.pose_errors().max()) for name, other in after.items()}
-        best = min(worst, key=lambda name: (round(worst[name], 12), name))
-        if worst[best] >= 0.999 * float(forces.pose_errors().max()) and chosen:
-            break
+        # A high power stands for the worst case, and tells poses apart where several directions are equally open.
+        size = {name: float(np.mean(other.pose_errors() ** POWER)) for name, other in after.items()}
+        best = min(size, key=lambda name: (float(f"{size[name]:.9g}"), name))
+        gain = (np.diag(forces.covariance) - np.diag(after[best].covariance)) / PRIOR**2
+        known = tuple(name for name, part in zip(NAMES, gain, strict=True) if part > MAIN_PART * gain.max())
         forces = after[best]
-        chosen.append((best, worst[best]))
+        chosen.append(ClosingPose(best, known, float(forces.pose_errors().max())))
     return chosen
 
 
@@ -248,6 +262,6 @@ def open_directions(covariance: NDArray, prior: NDArray, names: Sequence[str] = 
         if value <= OPEN_PART:
             break
         parts = np.abs(vector)
-        moved = [name for name, part in zip(names, parts, strict=True) if part > 0.3 * parts.max()]
+        moved = [name for name, part in zip(names, parts, strict=True) if part > MAIN_PART * parts.max()]
         directions.append(moved)
     return directions

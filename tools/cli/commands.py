@@ -213,7 +213,7 @@ def _refuse_of_table(options: Mapping[str, object], run: records.Record) -> None
     """Refuse the first option that was given and is of a record of a table."""
     for name, value in options.items():
         if value is not None:
-            raise InputError(f"--{name.replace('_', '-')}: is of a record of a table; {run.path} is a {run.word}")
+            raise InputError(f"--{name.replace('_', '-')}: is of a record of a table; {run.path} is no such record")
 
 
 def _files_of(record: Path, others: Sequence[Path]) -> dict[str, Path | None]:

@@ -15,11 +15,13 @@ from ..records.columns import (
     ANGLES,
     FORCE,
     INCREMENT,
-    MOUNTING,
+    POSES,
     POSITION,
     QUATERNION,
     RATE,
     TEMPERATURE,
+    TEXTS,
+    UP,
     Comments,
     FileColumns,
     Layout,
@@ -68,6 +70,8 @@ WRAPPED = 20.0
 """Largest step of a counter that wraps [usual steps]."""
 EPOCH = 1e8
 """Time above which times count from an epoch [s]: the first row is subtracted, since doubles would lose digits."""
+MAY_LACK = (*QUATERNION, *UP, *TEXTS[1:])
+"""Columns whose fields may be empty."""
 RESOLUTIONS = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
 """LaboratoryUnit in the names of columns -> columns whose last digit is examined."""
 
@@ -80,8 +84,8 @@ class Conversion:
     ----------
     numbers : dict
         column -> values (N,) in the record's units
-    names : list of str
-        mountings
+    words : dict
+        column of words, as mounting and face -> its texts
     row : ndarray of int, shape (N,)
         lines of the file; the first line of averaged rows
     left_out : dict
@@ -95,7 +99,7 @@ class Conversion:
     """
 
     numbers: dict[str, NDArray[np.float64]] = field(default_factory=dict)
-    names: list[str] = field(default_factory=list)
+    words: dict[str, list[str]] = field(default_factory=dict)
     row: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     left_out: dict[str, list[int]] = field(default_factory=dict)
     resolution: dict[str, float] = field(default_factory=dict)
@@ -118,10 +122,10 @@ def converted(table: UnderstoodTable) -> Conversion:
     for column, origin in table.origins.items():
         if column == TIMES:
             numbers[TIMES] = _times(table, texts, lines)
-        elif origin.form == NAME and column != MOUNTING:
+        elif origin.form == NAME and column not in TEXTS:
             labels = np.array(texts[column])
             numbers[column] = np.cumsum(np.append(True, labels[1:] != labels[:-1]))
-        elif column not in (MOUNTING, DATE):
+        elif column not in (*TEXTS, DATE):
             values = _counts(table, column, _values(table, column, texts[column], lines))
             values = (values - origin.offset) * origin.sign
             # Units of angle give degrees; only the columns of increments are in radians.
@@ -129,7 +133,9 @@ def converted(table: UnderstoodTable) -> Conversion:
             if origin.unit is not None:
                 values = values * (origin.unit.factor * size) + origin.unit.offset
             numbers[column] = values
-    if TIMES not in numbers:
+    if table.kind is POSES:
+        numbers.setdefault("position", np.arange(1.0, len(lines) + 1.0))
+    elif TIMES not in numbers:
         period = scaled_unit(table.mapping.units.get(TIME) or table.sheet.stated.time or "1 s") or LaboratoryUnit(
             TIME, 1.0
         )
@@ -137,8 +143,8 @@ def converted(table: UnderstoodTable) -> Conversion:
     if QUATERNION[0] in numbers and table.whole_mapping.attitude == "reference to body":
         for column in QUATERNION[1:]:
             numbers[column] = -numbers[column]
-    mountings = [text.strip() for text in texts.get(MOUNTING, [])]
-    conversion = Conversion(numbers, mountings, np.array(lines), left_out, _resolutions(table, texts))
+    words = {column: [text.strip() for text in texts[column]] for column in TEXTS if column in texts}
+    conversion = Conversion(numbers, words, np.array(lines), left_out, _resolutions(table, texts))
     if table.kind is POSITION:
         _average(table, conversion)
     return conversion
@@ -172,7 +178,7 @@ def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dic
             lacking, why = [], "comments" if is_comment else ""
             # a text that ends with a digit is not missing
             if not why and (missing or not all(text[-1:].isdigit() for text in cells.values())):
-                lacking = [c for c, text in cells.items() if c not in QUATERNION and is_missing(text, missing)]
+                lacking = [c for c, text in cells.items() if c not in MAY_LACK and is_missing(text, missing)]
                 if lacking:
                     why = "a number is missing"
                 elif all(table.reading(column, cells[column]) is None for column in numeric):
@@ -436,8 +442,8 @@ def _average(table: UnderstoodTable, conversion: Conversion) -> None:
         conversion.readings = sizes
         conversion.scatter = _scatter(numbers, means, sizes)
     conversion.numbers, conversion.row = means, conversion.row[begins]
-    if conversion.names:
-        conversion.names = np.array(conversion.names)[begins].tolist()
+    for column, texts in conversion.words.items():
+        conversion.words[column] = np.array(texts)[begins].tolist()
 
 
 def _moved(numbers: dict[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
@@ -478,7 +484,7 @@ def record_columns(table: UnderstoodTable, conversion: Conversion) -> FileColumn
     numbers, kind, sizes = conversion.numbers, table.kind, conversion.resolution
     present = []
     for name in kind.known:
-        if name in numbers or (name == MOUNTING and conversion.names):
+        if name in numbers or name in conversion.words:
             present.append(name)
     scatter = ()
     if conversion.scatter is not None:
@@ -487,8 +493,8 @@ def record_columns(table: UnderstoodTable, conversion: Conversion) -> FileColumn
         FileColumns(
             table.sheet.path,
             Layout(kind, tuple(present), ()),
-            {name: numbers[name] for name in present if name != MOUNTING},
-            {MOUNTING: tuple(conversion.names)} if MOUNTING in present else {},
+            {name: numbers[name] for name in present if name not in conversion.words},
+            {name: tuple(conversion.words[name]) for name in present if name in conversion.words},
             conversion.row,
             sizes.get("mps2", 0.0),
             sizes.get("deg", 0.0),

@@ -10,10 +10,12 @@ from ..errors import InputError, nearest
 from ..records.columns import (
     ANGLES,
     APPROACH,
+    FACE,
     FORCE,
+    FORCES,
     INCREMENT,
     KINDS,
-    MOUNTING,
+    POSES,
     POSITION,
     QUATERNION,
     RATE,
@@ -21,6 +23,8 @@ from ..records.columns import (
     STRAPDOWN_INCREMENTS,
     STRAPDOWN_RATES,
     STRAPDOWN_VELOCITIES,
+    TEXTS,
+    UP,
     VELOCITY,
     quoted,
 )
@@ -68,7 +72,7 @@ MOST_ODD, NOTATION = 2, re.compile(r"\d[.,]\d|^0x|^[\da-fA-F]{4,}$")
 """Largest number of texts in another notation, such as (1.5), 1.5- or 0x1F; more are refused."""
 OTHER_MARK = {".": ",", ",": "."}
 """Decimal mark -> mark between thousands beside it."""
-COLUMNS = QUANTITY_OF.keys() | {"position", DATE, MOUNTING} | set(QUATERNION + APPROACH)
+COLUMNS = QUANTITY_OF.keys() | {"position", DATE} | set(QUATERNION + APPROACH + UP + TEXTS)
 """Columns of a record that a mapping may name."""
 
 
@@ -230,6 +234,9 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
         if field not in columns:
             free.append(field.label)
     name = table.mapping.kind.replace(OPEN, "")
+    if not name and not of_table and not of_block and not free and fields.keys() >= set(FORCE):
+        # nothing is left that could be angles or gyros
+        name = _kind_of_forces(fields)
     if not name and not of_table and not of_block:
         # two unknown columns can be angles alone, three can be gyros: the question below decides
         angles = sum(field.quantity == ANGLE for field in table.fields)
@@ -240,10 +247,12 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     required: Sequence[str] | None = None
     if not name:
         if of_table == of_block:
-            why = "neither angles of a table nor gyros are known"
-            if of_table:
-                why = "angles of a table and gyros are both there"
-            table.ask("kind", ("position record", "strapdown record"), why)
+            kinds = (POSITION.name, STRAPDOWN_RATES.name)
+            why = "angles of a table and gyros are both there"
+            if not of_table:
+                kinds += (POSES.name, FORCES.name)
+                why = "neither angles of a table nor gyros are known"
+            table.ask("kind", kinds, why)
             required = FORCE
         if of_block and not of_table:
             name = STRAPDOWN_RATES.name
@@ -261,11 +270,20 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
             table.ask(f"columns.{column}", free[:3] or ("NAME",), f"which column is {column}")
 
 
+def _kind_of_forces(fields: dict[str, Field]) -> str:
+    """Return the kind of a table of accelerometers alone: averaged poses, or a series; empty where it may be either."""
+    if "position" in fields or (FACE in fields and TIMES not in fields and SAMPLE not in fields):
+        return POSES.name
+    if TIMES in fields or SAMPLE in fields:
+        return FORCES.name
+    return ""
+
+
 def _decide_marks(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     """Decide the decimal mark and the mark between thousands from numbers that prove them."""
     marks = Marks()
     for column, field in fields.items():
-        if column not in (MOUNTING, DATE):
+        if column not in (*TEXTS, DATE):
             for text in field.texts:
                 marks.see(bare(text))
     answer = table.mapping.decimal.replace(OPEN, "")
@@ -325,7 +343,7 @@ def _decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
 
 def _ask_for_time(table: UnderstoodTable) -> None:
     """Ask for the source of times in a table without a known column of times."""
-    if table.mapping.time == "order" or table.is_asked("kind"):
+    if table.mapping.time == "order" or table.is_asked("kind") or table.kind is POSES:
         return
     _refuse_period(table, "no column is known as a time")
     is_position, has_unit = table.kind is POSITION, TIME in table.mapping.units
@@ -397,7 +415,7 @@ def _decide_dates(table: UnderstoodTable, field: Field) -> None:
 
 def _origin(table: UnderstoodTable, column: str, field: Field) -> Origin:
     """Return a column's origin as far as its own head and the mapping define it."""
-    is_name = column == MOUNTING or (column == "position" and _are_labels(field))
+    is_name = column in TEXTS or (column == "position" and _are_labels(field))
     source = table.mapping.of(column)
     beside = table.beside.get(column, ())
     return Origin(field, NAME if is_name else NUMBER, sign=source.sign, offset=source.offset, beside=beside)

@@ -92,7 +92,9 @@ class Mapping(Section):
     """
 
     schema_: Literal["trihedron.mapping/1"] = Field(alias="schema", default=SCHEMA)
-    kind: Literal["position record", "raw record", "strapdown record", "?", ""] = ""
+    kind: Literal[
+        "position record", "raw record", "strapdown record", "accelerometer record", "pose record", "?", ""
+    ] = ""
     sheet: str = ""
     encoding: str = ""
     separator: str = ""

@@ -8,7 +8,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..records.columns import ANGLES, APPROACH, INCREMENT, MOUNTING, QUATERNION
+from ..records.columns import ANGLES, APPROACH, INCREMENT, QUATERNION, TEXTS, UP
 from ..records.columns import FORCE as FORCES
 from ..records.columns import RATE as RATES
 from ..records.columns import TEMPERATURE as TEMPERATURES
@@ -133,8 +133,10 @@ class Heading:
 def heading(text: str) -> Heading:
     """Split the head of a column, and find the column of a record that it means."""
     text = " ".join(text.split())
-    if text in (POSITION, *APPROACH, MOUNTING, *QUATERNION, *OWN_UNIT):
+    if text in (POSITION, *APPROACH, *QUATERNION, *UP, *OWN_UNIT):
         return Heading(text, text, OWN_UNIT.get(text, ""), text)
+    if text.casefold() in TEXTS:
+        return Heading(text, text, "", text.casefold())
     if text.casefold() in _NAMED_BY_UNIT:
         return Heading(text, text, _NAMED_BY_UNIT[text.casefold()], TIMES)
     # gyro[0] has a number, not the unit 0

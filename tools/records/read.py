@@ -158,11 +158,18 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
         measured = position_record_of(measured)
     if not kinds or isinstance(measured, kinds):
         return measured
+    if isinstance(measured, ForceRecord | PoseRecord):
+        raise InputError(f"{measured.path}: is {with_article(measured.word)}, which `trihedron calibrate` takes")
     if table:
-        what = f"is a {measured.word}; a position record or a raw record (alpha_deg, beta_deg) is needed"
+        what = f"is {with_article(measured.word)}; a position record or a raw record (alpha_deg, beta_deg) is needed"
         raise RecordError(measured.path, None, None, what)
     word = "table record" if isinstance(measured, RawRecord | PositionRecord) else measured.word
-    raise InputError(f"{measured.path}: is a {word}; a strapdown record (w1_radps, ...) is needed")
+    raise InputError(f"{measured.path}: is {with_article(word)}; a strapdown record (w1_radps, ...) is needed")
+
+
+def with_article(word: str) -> str:
+    """Return a kind of record with its article."""
+    return f"an {word}" if word[0] in "aeiou" else f"a {word}"
 
 
 def read_written(path: Path) -> Record:
