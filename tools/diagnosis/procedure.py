@@ -290,7 +290,8 @@ class Procedure:
         if fault.evidence is not self.evidence:
             # What the model with the fault says against itself does not count.
             diagnosis = self._result("explained", {}, **keys)
-            return diagnosis.model_copy(update={"warnings": tuple(fault.evidence.reader.head().get("warnings", ()))})
+            warnings = (*fault.evidence.reader.head().get("warnings", ()), *self._not_tried)
+            return diagnosis.model_copy(update={"warnings": warnings, "remaining": fault.evidence})
         if fault.kind == "break" or fault.fit is None:
             return self._result("explained", {}, **keys)
         # Single readings that are off are effects of the model.
@@ -522,10 +523,15 @@ class Procedure:
             content["causes"] = explanations[0].causes
         if "calibration" not in content:
             content["calibration"] = self.evidence.reader.calibration_of()
-        unsolved = list(self.found.warnings if self.evidence.model.falsified and not self.missing else ())
-        unsolved += [f"not tried, since the solver failed: {what}" for what in dict.fromkeys(self._untried)]
-        content["warnings"] = (*self.head.get("warnings", ()), *model_keys.get("warnings", ()), *unsolved)
+        warnings = *self.head.get("warnings", ()), *model_keys.get("warnings", ())
+        content["warnings"] = (*warnings, *self._not_tried)
         return Diagnosis.model_validate({**content, "verdict": verdict})
+
+    @property
+    def _not_tried(self) -> list[str]:
+        """Sentences on sets of effects and stages on which the solver failed."""
+        unsolved = list(self.found.warnings if self.evidence.model.falsified and not self.missing else ())
+        return unsolved + [f"not tried, since the solver failed: {what}" for what in dict.fromkeys(self._untried)]
 
     @cached_property
     def _power(self) -> Mapping[str, Any]:

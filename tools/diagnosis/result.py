@@ -284,12 +284,13 @@ class Helps(Result):
 class OneRecord(Result):
     """One of several records: its label, its file's SHA-256, its own diagnosis.
 
-    `left_out`: why it is not judged with the others.
+    `left_out`: why it is not judged with the others; `set_aside`: its fault, without which it is.
     """
 
     record: str
     sha256: str
     left_out: str | None
+    set_aside: str | None = None
     diagnosis: "Diagnosis"
 
 
@@ -361,6 +362,8 @@ class Diagnosis(Told):
         other records that each effect found improves
     evidence : Evidence
         evidence of the record, or of all that are judged together
+    remaining : Evidence or None
+        evidence without the rows that are named wrong, or with the larger noise bound that is named
     findings : tuple of Finding
         sets of the catalogue that were named, or that remain, the best first, with their models
     unshown : tuple of Finding
@@ -423,6 +426,7 @@ class Diagnosis(Told):
     warnings: tuple[str, ...] = ()
 
     evidence: Any = Field(default=None, exclude=True)
+    remaining: Any = Field(default=None, exclude=True)
     made_of: Any = Field(default=None, exclude=True)
     findings: tuple[Any, ...] = Field(default=(), exclude=True)
     unshown: tuple[Any, ...] = Field(default=(), exclude=True)

@@ -1,5 +1,6 @@
 """Joint diagnosis of several records of one instrument: effects of the instrument, and effects of one run."""
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -33,6 +34,7 @@ from .helps import cross_gains
 from .procedure import diagnosed
 from .result import Diagnosis, Explanation, OneRecord, Whose, simplest_first
 from .search import MOST_WORK
+from .set_aside import ROW, SetAside
 
 MOST_TRIED = 4
 """So many sets of one record that are not sought in several are tried beside the others."""
@@ -96,30 +98,63 @@ def diagnosed_together(
     `shared`, `own` are as for `join`; `left_out` has reasons why records are not judged with the others, by label;
     `rerun`: simulate each record with the effects found in others; `most_work` is that of the search.
     """
-    reasons = {label: (left_out or {}).get(label) or reason_apart(diagnosis) for label, diagnosis in alone.items()}
-    joint = _joined(alone, reasons, shared, own)
+
+    def joined(judged: Mapping[str, Diagnosis]) -> tuple[dict[str, str | None], Evidence | None]:
+        reasons = {label: (left_out or {}).get(label) or reason_apart(one) for label, one in judged.items()}
+        return reasons, _joined(judged, reasons, shared, own)
+
+    aside = SetAside.of(alone)
+    reasons, joint = joined(aside.diagnoses)
+    together = None if joint is None else _diagnosed(joint, progress, most_work)
+    if together is None or not _is_simpler_than_row(together):
+        further = aside.beside(shared, own, left_out or {})
+        if further is not None:
+            aside = further
+            reasons, joint = joined(aside.diagnoses)
+            together = None if joint is None else _diagnosed(joint, progress, most_work)
+    judged = aside.diagnoses
     records = []
     for label, diagnosis in alone.items():
+        fault = aside.sentences.get(label) if reasons[label] is None else None
         digest = (sha256 or {}).get(label, "")
-        records.append(OneRecord(record=label, sha256=digest, left_out=reasons[label], diagnosis=diagnosis))
+        records.append(
+            OneRecord(record=label, sha256=digest, left_out=reasons[label], set_aside=fault, diagnosis=diagnosis)
+        )
     keys: dict[str, Any] = {"records": tuple(records), "cross_gain": (), "helps": ()}
     if rerun:
-        keys["cross_gain"], keys["helps"] = cross_gains(alone)
-    if joint is None:
+        keys["cross_gain"], keys["helps"] = cross_gains(judged)
+    if joint is None or together is None:
         return Diagnosis(
             verdict="insufficient",
             calibration=undetermined("fewer than two records can be judged together"),
             causes=(),
             baseline_model="shared parameters",
             not_named=("fewer than two records can be judged together",),
-            repeatability=repeated(alone, None, (), shared, own),
+            repeatability=repeated(judged, None, (), shared, own),
             **keys,
         )
     try:
-        diagnosis = diagnosed(joint, rerun=False, progress=progress, most_work=most_work)
-        return diagnosis.model_copy(update={**keys, **Together(joint, alone, diagnosis).keys})
+        return together.model_copy(update={**keys, **Together(joint, judged, together).keys})
     except SolverError as error:
-        raise InputError(f"{', '.join(joint.model.labels)}: {error}; {joint.reader.too_large}") from error
+        raise _unsolved(joint, error) from error
+
+
+def _diagnosed(joint: Evidence, progress: bool, most_work: float) -> Diagnosis:
+    """Diagnose a joint; an InputError where the solver fails."""
+    try:
+        return diagnosed(joint, rerun=False, progress=progress, most_work=most_work)
+    except SolverError as error:
+        raise _unsolved(joint, error) from error
+
+
+def _unsolved(joint: Evidence, error: SolverError) -> InputError:
+    return InputError(f"{', '.join(joint.model.labels)}: {error}; {joint.reader.too_large}")
+
+
+def _is_simpler_than_row(together: Diagnosis) -> bool:
+    """Return true if a set of effects needs no more numbers than a wrong row, or one more."""
+    sets = [explanation.numbers for explanation in together.explanations]
+    return min(sets, default=math.inf) <= ROW + 1
 
 
 def reason_apart(diagnosis: Diagnosis) -> str | None:
@@ -127,6 +162,8 @@ def reason_apart(diagnosis: Diagnosis) -> str | None:
     evidence = diagnosis.evidence
     if not evidence.rows.names and not evidence.rows.parts:
         return "nothing can be run: " + "; ".join(map(str, diagnosis.missing or ()))
+    if diagnosis.verdict == "explained" and not diagnosis.findings and not evidence.reader.read_off:
+        return f"explained by itself: {diagnosis.explanations[0].sentence.rstrip('.')}"
     if diagnosis.verdict == "unexplained" and not diagnosis.unshown:
         return f"unexplained by itself: {(diagnosis.not_named or ('no set of effects mends it',))[0]}"
     if evidence.reader.read_off:

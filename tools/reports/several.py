@@ -58,7 +58,19 @@ def verdict_line(result: Diagnosis) -> str:
         text += "; each by itself is insufficient, together they are not"
     if result.radius is not None and left_out:
         text += f"; not judged with the others: {', '.join(left_out)}"
+    faulty = [entry.record for entry in result.records or () if entry.set_aside is not None]
+    if faulty:
+        text += f"; a fault of {' and '.join(faulty)} is set aside"
     return text
+
+
+def set_aside(result: Diagnosis) -> list[str]:
+    """Return the faults of single records, without which they are judged with the others."""
+    texts = []
+    for entry in result.records or ():
+        if entry.set_aside is not None:
+            texts.append(f"{entry.record}: {entry.set_aside} It is set aside.")
+    return texts
 
 
 def sentences(result: Diagnosis) -> list[str]:
@@ -100,7 +112,7 @@ def _in_unit(number: str, unit: str) -> str:
 
 def several_page(result: Diagnosis) -> Page:
     """Return the result of all records, of each by itself, repeatability, and the shared parameters."""
-    texts = sentences(result)
+    texts = set_aside(result) + sentences(result)
     texts += result.not_named or ()
     texts += result.caution
     together = [sentence(text) for text in texts]

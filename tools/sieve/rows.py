@@ -34,10 +34,23 @@ def wrong_rows(evidence: Evidence) -> tuple[Simple, ...]:
         return ()
     faults = []
     for wrong in standing_sets(table, most)[:MOST_SETS]:
-        about = table.about(wrong)
-        changes = [Mending(about, int(row), wrong).best for row in wrong]
-        faults += _faults(evidence, wrong, changes)
+        faults += _faults(evidence, wrong, _changes_of(table, wrong))
     return tuple(faults)
+
+
+def fault_of_row(evidence: Evidence, row: int) -> Simple | None:
+    """Return the fault of a row (from 0) that is wrong for other reasons; None if the others do not fit."""
+    table = Table.of(evidence)
+    if table is None:
+        return None
+    wrong = np.array([row])
+    return _of_whole_rows(evidence, wrong, _changes_of(table, wrong))
+
+
+def _changes_of(table: Table, wrong: NDArray[np.int_]) -> list[Change]:
+    """Return the change that makes each of the rows fit."""
+    about = table.about(wrong)
+    return [Mending(about, int(row), wrong).best for row in wrong]
 
 
 def most_rows(table: Table) -> int:
@@ -69,17 +82,24 @@ def _faults(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> li
     channels = [change.reading for change in changes if change.reading is not None]
     if len(channels) == len(changes):
         return _of_readings(evidence, wrong, channels)
+    fault = _of_whole_rows(evidence, wrong, changes)
+    return [] if fault is None else [fault, *_near_inputs(fault, channels)]
+
+
+def _of_whole_rows(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> Simple | None:
+    """Return rows that are set aside; None if the others do not fit."""
+    assert evidence.source is not None
     record = evidence.source.record
     kept = np.setdiff1d(np.arange(len(record)), wrong)
     try:
         sigma = evidence.model.calibration.noise_bound
         remaining = evidence.source.again(record.selected(kept), noise_bound=sigma)
     except InputError:
-        return []
+        return None
     if remaining.model.falsified:
-        return []
+        return None
     numbers = tuple(int(row) + 1 for row in wrong)
-    fault = Simple(
+    return Simple(
         kind="rows",
         numbers=sum(change.numbers for change in changes),
         where=tuple(f"row-{number}" for number in numbers),
@@ -89,7 +109,6 @@ def _faults(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> li
         rows=numbers,
         change=_changes(numbers, changes),
     )
-    return [fault, *_near_inputs(fault, channels)]
 
 
 def _of_readings(evidence: Evidence, wrong: NDArray, channels: Sequence[int]) -> list[Simple]:
