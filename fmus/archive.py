@@ -132,7 +132,7 @@ def initially_known(component: Component) -> set[str]:
 
 
 def variable_attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
-    """What both versions say of a variable, whatever its type."""
+    """Return the attributes of a variable that both versions of FMI have, for any type."""
     attributes = {
         "name": name,
         "valueReference": str(reference),
@@ -148,7 +148,7 @@ def variable_attributes(variable: Variable, name: str, reference: int) -> dict[s
 
 
 def type_attributes(variable: Variable) -> dict[str, str]:
-    """What both versions say of a variable's type: its name, units, limits."""
+    """Return the attributes of a variable's type that both versions have: name, units, limits."""
     attributes: dict[str, str] = {}
     declared = type_name(variable)
     if declared is not None:
@@ -241,7 +241,7 @@ def description_element(component: Component, fmi: int, sources: Sequence[str]) 
 
 
 def _values(variable: Variable, fmi: int) -> list[tuple[str, tuple[float, ...]]]:
-    """What has a value reference, a variable or in FMI 2.0 each of its elements, with its start values."""
+    """Return the items with a value reference: variables, in FMI 2.0 their elements, with start values."""
     if fmi == 3:
         return [(variable.name, variable.starts)]
     return [(name, (start,)) for name, start in zip(variable.elements, variable.starts, strict=True)]
@@ -263,7 +263,7 @@ def variable_element(variable: Variable, fmi: int, name: str, reference: int, st
 
 
 def _add_structure(root: Element, component: Component, fmi: int, references: Mapping[str, list[int]]) -> None:
-    """ModelStructure: what the outputs depend on in a step, and when the initialisation ends."""
+    """Add ModelStructure: dependencies of the outputs in a step, and at the end of the initialisation."""
     structure = SubElement(root, "ModelStructure")
     if fmi == 2:
         # The standard counts variables from 1 here, the time too.
@@ -292,7 +292,7 @@ def _add_structure(root: Element, component: Component, fmi: int, references: Ma
 
 
 def identity(component: Component, content: bytes, *, fmi: int = 2, sources: Sequence[str] = ()) -> str:
-    """GUID or instantiation token: the hash of the model description and of what the FMU runs.
+    """Return the GUID or instantiation token: the hash of the model description and of the FMU's code.
 
     Parameters
     ----------
@@ -358,7 +358,7 @@ def _cells(tag: str, texts: list[str]) -> str:
 
 
 def documentation(component: Component) -> str:
-    """The page of a component: what it is, its equations, its variables, its effects, why it refuses."""
+    """Return the page of a component: description, equations, variables, effects, refused inputs."""
     lines = [
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
         f"<title>{escape(component.name)}</title>\n<style>{STYLE}</style>\n</head>\n<body>",
@@ -415,7 +415,7 @@ def terminals(component: Component) -> bytes:
 
 
 def licence() -> str:
-    """Text of Trihedron's licence: from the checkout, else from what was installed."""
+    """Return the text of Trihedron's licence, from the checkout or the installed package."""
     path = Path(__file__).resolve().parents[1] / "LICENSE"
     if path.is_file():
         return path.read_text(encoding="utf-8")

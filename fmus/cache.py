@@ -1,4 +1,4 @@
-"""What was made once is kept: binaries, FMUs, the compiled loop; each with its digest, where nobody else can write."""
+"""Cache of binaries, FMUs and the compiled loop, each with its digest, in a folder that only its owner can write."""
 
 import hashlib
 import os
@@ -13,7 +13,7 @@ _DIGEST = hashlib.sha256().digest_size
 
 
 def cache_folder() -> Path:
-    """Where things are kept: TRIHEDRON_CACHE, or the folder that the system has for such things."""
+    """Return the folder of the cache: TRIHEDRON_CACHE, or the system's folder for caches."""
     folder = os.environ.get("TRIHEDRON_CACHE")
     if folder:
         return Path(folder)
@@ -46,7 +46,7 @@ def others_can_write(folder: Path) -> Path | None:
 
 
 def _of_others(status: os.stat_result, *, sticky: bool = False) -> bool:
-    """Whether a file or folder belongs to another user than this one and root, or others can write to it."""
+    """Return True if a file or folder belongs to a user other than this one and root, or if others can write to it."""
     if not hasattr(os, "geteuid"):
         return False
     open_to_others = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not sticky
@@ -81,7 +81,7 @@ def _content_of(path: Path) -> bytes:
 
 
 def stored(kind: str, name: str) -> bytes | None:
-    """What is kept under a name in a folder of the cache; None where nothing is, or it is damaged or not trusted."""
+    """Return the content of a name in a folder of the cache; None if it is missing, damaged or not trusted."""
     folder = _trusted_folder(kind)
     if folder is None:
         return None
@@ -110,7 +110,7 @@ def store(kind: str, name: str, content: bytes) -> None:
 
 
 def kept(kind: str, name: str, make: Callable[[], bytes]) -> bytes:
-    """What is kept under a name; where it is not, or is damaged, it is made, and kept where that can be.
+    """Return the content of a name in the cache; make and store it if it is missing or damaged.
 
     Parameters
     ----------

@@ -156,11 +156,11 @@ class Component:
 
     @property
     def derivatives(self) -> bool:
-        """Whether its native FMUs give directional derivatives: not of what is rounded."""
+        """Return True if its native FMUs give directional derivatives: none of its outputs is rounded."""
         return self.smooth and not any(place.definition.rounds for place in self.effects)
 
     def capabilities(self, *, native: bool) -> dict[str, bool]:
-        """What its FMUs of a flavour can do, as FMI 3.0 names it; PythonFMU has no derivatives."""
+        """Return the capabilities of its FMUs of a flavour, by their names in FMI 3.0; PythonFMU has no derivatives."""
         return {
             "providesDirectionalDerivatives": native and self.derivatives,
             "canHandleVariableCommunicationStepSize": self.any_step,
@@ -189,7 +189,7 @@ class Component:
 
     @property
     def effect_count(self) -> int:
-        """How many parameters its effects have; they stand last in the table."""
+        """Number of parameters of its effects; they are last in the table."""
         return sum(len(place.definition.parameters) for place in self.effects)
 
     @property
@@ -231,7 +231,7 @@ READ_AT = {
 
 
 def inputs_read(component: Component, effects: Sequence[EffectPlace]) -> dict[str, EffectPlace]:
-    """Inputs of a component, besides what it reads itself at each step, with an effect that reads each."""
+    """Return the inputs of a component that effects read, each with the first such effect."""
     places_of_inputs = {}
     for place in effects:
         names: set[str] = set()
@@ -245,7 +245,7 @@ def inputs_read(component: Component, effects: Sequence[EffectPlace]) -> dict[st
 
 
 def can_extend(component: Component, place: EffectPlace) -> bool:
-    """Whether an effect extends a component: its own, or the inverse of its own where all that it does is add."""
+    """Return True if an effect extends a component, or if the component can subtract it."""
     effect = place.definition
     undone = bool(component.undoes) and effect.component == component.undoes and effect.stage == "reading_effects"
     return undone or effect.component == component.name

@@ -1,4 +1,4 @@
-"""What moves an instrument: TurntableMotion, what commands it, and HarmonicMotion.
+"""Motion of an instrument: TurntableMotion, its commands, and HarmonicMotion.
 
 PositionProgramme, timed rows and TableController command the table; the Euler-Krylov angles of HarmonicMotion are
 sums of harmonics.

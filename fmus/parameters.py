@@ -196,7 +196,7 @@ def _of_joint_schema(content: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def of_one_record(calibration: Any, sha256: str = "") -> Any:
-    """Return what a calibration says of one record, in the present schema; an object of anything else as it is.
+    """Return a calibration of one record in the present schema; other objects unchanged.
 
     Of several records it is the one whose file has that SHA-256, else the last. A ValueError for one that is not as its
     schema says.
@@ -269,7 +269,7 @@ def calibrated_intervals(calibration: Any) -> dict[str, Interval]:
 
 
 def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]] | None:
-    """Parameters of the gyros, and what is possible of their scalars, that a calibration tells; None where none.
+    """Return the gyros' parameters and intervals of their scalars in a calibration; None without any.
 
     Raises
     ------
@@ -312,7 +312,7 @@ def elements_of(values: Parameters) -> dict[str, float]:
 
 
 def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
-    """Estimates by the symbols of case (A1), whatever the calibration's convention and baseline.
+    """Return the estimates by the symbols of case (A1), for any convention and baseline of the calibration.
 
     They are the central ones; of the first schema the a-priori ones.
 
@@ -356,12 +356,12 @@ def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
 
 
 def gives_parameters(verdict: object, estimator: object) -> bool:
-    """Whether a calibration of this verdict and estimator gives parameters: the model keeps every reading in bounds."""
+    """Return True if a calibration of this verdict and estimator gives parameters."""
     return verdict == "consistent" or (verdict == "noise-unknown" and estimator != "least squares")
 
 
 def checked_number(value: Any, what: str) -> float:
-    """The value, when it is a number of a possible size; else a ValueError that begins with what it is."""
+    """Return the value if it is a number of a possible size; else raise a ValueError that begins with its name."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
         text = repr(value)
         raise ValueError(f"{what} is {text if len(text) <= 40 else text[:37] + '...'}, not a number")
@@ -401,7 +401,7 @@ def _gravity(calibration: Mapping[str, Any]) -> float:
 
 @contextmanager
 def _complete(verdict: object = None) -> Iterator[None]:
-    """Says which key or target of a calibration is missing, and what is right where its verdict tells why."""
+    """Raise an error that names the missing key or target of a calibration, with the reason if its verdict has one."""
     try:
         yield
     except KeyError as error:

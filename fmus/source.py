@@ -174,7 +174,7 @@ class Instance:
         return values[i]
 
     def preview(self, reference: int) -> float:
-        """What an output would be if the initialisation ended now; ValueError when it cannot."""
+        """Return an output as if the initialisation ended now; raise ValueError if it cannot."""
         state = self.get_state()
         try:
             if self.initialise(self.time):
@@ -283,7 +283,7 @@ def called_names(function: Callable[..., Any]) -> list[str]:
 
 
 def hook_source(hook: Callable[..., Any], component: Component) -> str:
-    """Source of a stage's hook that calls the kernels of the effects at that stage after what the nominal one does.
+    """Return the source of a stage's hook, which calls the nominal kernel and then those of the effects.
 
     Where the nominal hook zeroes what is added, what each effect adds is evaluated on the un-extended values of the
     stage and summed, so their order does not matter; where it does nothing, they change the last argument in turn. A

@@ -75,7 +75,7 @@ MODEL_H = """/* {description}. Made by Trihedron. */
 
 @dataclass(frozen=True)
 class Row:
-    """What a value reference stands for: a variable, an element of an array in FMI 2.0, or an effect's parameter."""
+    """Item of a value reference: a variable, an element of an array in FMI 2.0, or an effect's parameter."""
 
     variable: Variable
     name: str
@@ -144,7 +144,7 @@ def _starts(component: Component) -> list[float]:
 
 
 def _arguments(component: Component, kernel: str, signature: Signature, memory: str = "memory") -> list[str]:
-    """What a kernel is called with: its times, and places of the memory, or of another of the same layout.
+    """Return the arguments of a kernel: its times, and places of the memory or of another of the same layout.
 
     A TypeError where the table has a scalar and the kernel a vector, or the reverse.
     """

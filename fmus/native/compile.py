@@ -66,7 +66,7 @@ MANIFEST = "made.json"
 
 @dataclass(frozen=True)
 class Platform:
-    """Where a binary runs.
+    """Platform of a binary.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ def host_name() -> str:
 
 
 def all_flags() -> list[str]:
-    """Everything that decides what the cross compiler makes of sources, beside its version."""
+    """Return the flags of the cross compiler, which with its version determine the binary."""
     flags = list(FLAGS + SMALL + WINDOWS_LIBRARIES)
     flags += [platform.target for platform in PLATFORMS.values()]
     return flags
@@ -135,7 +135,7 @@ def zig_version() -> str | None:
 
 @cache
 def host_compiler() -> tuple[str, str] | None:
-    """The host's C compiler, CC or cc, and what it says of itself; None where there is none that runs."""
+    """Return the host's C compiler, CC or cc, and its version text; None if no compiler runs."""
     path = shutil.which(os.environ.get("CC") or "cc")
     if path is None:
         return None
@@ -172,7 +172,7 @@ def chosen_platforms(choice: str) -> tuple[Platform, ...]:
 
 
 def compiles(name: str) -> bool:
-    """Whether something here compiles for a platform."""
+    """Return True if a compiler for a platform is installed."""
     return zig_version() is not None or (name == host_name() and host_compiler() is not None)
 
 
@@ -223,12 +223,12 @@ def _command(*parts: Sequence[str]) -> list[str]:
 
 
 def prebuilt_folder() -> Path:
-    """Where a wheel has them."""
+    """Return the folder of the native FMUs in a wheel."""
     return Path(__file__).resolve().parents[1] / "prebuilt"
 
 
 def has_prebuilt() -> bool:
-    """Whether native FMUs came with the package."""
+    """Return True if the package contains native FMUs."""
     return (prebuilt_folder() / MANIFEST).is_file()
 
 

@@ -43,12 +43,12 @@ def slope_of_angle(y: float, y_dot: float, x: float, x_dot: float) -> float:
 
 
 def tangent_name(kernel: str) -> str:
-    """What the tangent of a kernel is called."""
+    """Return the name of the tangent of a kernel."""
     return f"tangent_{kernel}"
 
 
 def tangents(parts: Sequence[SourcePart], kernel_names: Sequence[str]) -> list[SourcePart]:
-    """The tangents of kernels and of what they call, each before its use.
+    """Return the tangents of kernels and of the kernels that they call, each before its use.
 
     Parameters
     ----------
@@ -233,13 +233,13 @@ class _Tangent:
         self.out.append(ast.Assign([target], primal))
 
     def plain(self, node: ast.expr) -> None:
-        """Refuse what a condition does beside deciding: then its calls have to be done with their derivatives."""
+        """Refuse a condition with side effects: the derivatives of its calls would be missing."""
         for inner in ast.walk(node):
             if isinstance(inner, ast.Call) and isinstance(inner.func, ast.Name) and self.changes(inner.func.id):
                 raise self.refuse(inner, "changes a vector in a condition: give its value a name before")
 
     def changes(self, kernel: str) -> bool:
-        """Whether a kernel writes into a vector."""
+        """Return True if a kernel writes into a vector."""
         if kernel not in self.kernels:
             return False
         nodes = list(ast.walk(self.kernels[kernel]))

@@ -28,19 +28,19 @@ atan2 cos exp fabs floor log sin sqrt whole
 
 
 def kernel_name(name: str) -> str:
-    """What a kernel is called in C: `remainder`, say, is a function of C's own."""
+    """Return the name of a kernel in C, which differs from names of C's library such as `remainder`."""
     return f"kernel_{name}"
 
 
 def variable_name(name: str) -> str:
-    """What an argument or a variable is called in C."""
+    """Return the name of an argument or a variable in C."""
     if name in RESERVED.split():
         return f"{name}_"
     return name
 
 
 def constant_name(name: str) -> str:
-    """What a constant is called in C."""
+    """Return the name of a constant in C."""
     return f"k_{name}"
 
 
@@ -50,7 +50,7 @@ class RestrictionError(TypeError):
 
 @dataclass(frozen=True)
 class Signature:
-    """How a kernel is called.
+    """Signature of a kernel.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class Value(NamedTuple):
 
 @dataclass
 class Scope:
-    """What a kernel's body knows: constants, kernels before it, its arguments and variables.
+    """Names in a kernel's body: constants, kernels before it, its arguments and variables.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ class Scope:
         return Value(f"{first} {sign} {second.bound(level + 1)}", level, kind)
 
     def call(self, node: ast.Call) -> Value:
-        """A call; what it returns may be nothing."""
+        """Return a call in C; its value may be nothing."""
         if node.keywords or any(isinstance(a, ast.Starred) for a in node.args):
             raise self.refuse(node, "keyword arguments are not in restricted Python")
         match node.func:
@@ -211,7 +211,7 @@ class Scope:
             yield value.text
 
     def condition(self, node: ast.expr) -> str:
-        """What `if` and `while` decide by, in C."""
+        """Return the condition of `if` and `while` in C."""
         match node:
             case ast.BoolOp(op=op, values=values):
                 texts = [f"({self.condition(v)})" if isinstance(v, ast.BoolOp) else self.condition(v) for v in values]
@@ -475,7 +475,7 @@ class _Function:
 
 
 def _returns(body: Sequence[ast.stmt]) -> bool:
-    """Whether every way through these statements ends with a return."""
+    """Return True if every way through these statements ends with a return."""
     last = body[-1]
     if isinstance(last, ast.If):
         return bool(last.orelse) and _returns(last.body) and _returns(last.orelse)

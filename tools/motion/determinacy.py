@@ -48,7 +48,7 @@ def slopes_of(up: NDArray) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Determinacy:
-    """How well rests determine the nine parameters.
+    """Determinacy of the nine parameters by rests.
 
     Attributes
     ----------

@@ -262,7 +262,7 @@ def target_sections(
 
 
 def open_sections(result: Calibration) -> list[Section]:
-    """Return the positions that would determine what is open, then the undetermined targets; empty without any."""
+    """Return the positions that would determine the open targets, then these targets; empty without any."""
     sections = []
     if result.linearised is not None:
         purpose = bench.WOULD_DETERMINE if result.missing else WOULD_TELL

@@ -52,7 +52,7 @@ class Piece:
 
     @property
     def numbers(self) -> int:
-        """Numbers that a piece needs of which nothing is known."""
+        """Count of numbers that an unknown piece needs."""
         return MOVE if self.kind == "move" else ROW
 
 

@@ -43,7 +43,7 @@ def with_rounding(evidence: Evidence) -> Evidence:
 
 
 def _is_rounding(evidence: Evidence, candidates: Candidates, stepped: PositionRecord) -> bool:
-    """Return true if wide steps explain what the effect that explains most leaves."""
+    """Return True if wide steps explain the remainder of the best effect."""
     model, columns = evidence.model, list(candidates.effects.values())
     sigma, remaining = model.calibration.noise_bound, candidates.residual
     if stepped.steps.error < WIDE * sigma:
