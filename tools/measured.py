@@ -168,7 +168,7 @@ def noise(
     others : path, table in memory or record
         Further records of the same instrument, of the same rate.
     dwell : float, optional
-        Averaging time of a position [s], for which the answer gives the bound σ of averaged readings.
+        Averaging time of a position [s]; the result gives σ for it.
     positions : int
         Number of positions of that calibration.
     gap : float

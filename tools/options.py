@@ -56,8 +56,8 @@ NoiseSd = Annotated[
 NoiseResult = Annotated[
     str | Path | Noise | None,
     Option(
-        "A result of `trihedron noise` (JSON), in the place of σ: σ is that of its standard deviation for the record's "
-        "dwell, as with --noise-sd.",
+        "Result of `trihedron noise` (JSON). It gives the standard deviation for the record's dwell, as --noise-sd "
+        "does.",
         name="--noise",
         typed=Path | None,
     ),
@@ -105,28 +105,29 @@ Rates = Annotated[
 RestScatter = Annotated[
     float | None,
     Option(
-        "Without a table: the largest scatter of an accelerometer at rest, in units of its noise. By default 3, "
-        "and 5 where 3 leaves too few rests."
+        "Largest scatter of an accelerometer at rest, as a multiple of its noise. Default: 3, or 5 if 3 leaves too few "
+        "rests."
     ),
 ]
 RestsFile = Annotated[
     str | Path | None,
     Option(
-        "Without a table: a file of the rests (CSV), with the columns from_s, to_s and perhaps face.", typed=Path | None
+        "File of the rests (CSV), with the columns from_s, to_s and, if known, face.",
+        typed=Path | None,
     ),
 ]
 Faces = Annotated[
     str | None,
     Option(
-        "Without a table: the axis of the case that points up at each rest, in order, as +1,-1,+2,-2,+3,-3. The "
-        "columns face and part say it, too."
+        "Axis of the case that points up at each rest, in order: +1,-1,+2,-2,+3,-3. The columns face and part can give "
+        "it, too."
     ),
 ]
 Turns = Annotated[
     str | None,
     Option(
-        "Without a table: known turns, in order, as 1:360,2:360,3:-360 (axis and degrees, by the right hand), or 360 "
-        "for every whole turn. The columns turn and part say it, too."
+        "Known turns, in order, as axis:degrees by the right hand: 1:360,2:360,3:-360. 360 alone: every turn is a "
+        "whole one. The columns turn and part can give them, too."
     ),
 ]
 EffectsFrom = Annotated[

@@ -117,7 +117,8 @@ class Asked:
     σ and `noise_sd` are fractions of g, gravity in [m/s²]; the bounds are u^max [rad] and v^0max of (1.7); mountings
     are a preset, the path of a TOML file, or Q (3, 3) by name; targets are linear combinations of X1..X18 beside those
     of the convention, priors "X16=1e-3" for |X16| ≤ 1e-3 or "bounds" for all by (1.7): constraints like readings.
-    `positions` are those of all records that are taken together, by default the record's own.
+    `positions` are those of all records that are taken together, by default the record's own. With `residuals_tell` the
+    residuals of the fit give σ where the record tells none; such a σ judges no model.
     """
 
     noise_bound: float | None = None
@@ -130,6 +131,7 @@ class Asked:
     targets: Sequence[str] = ()
     priors: Sequence[str] = ()
     positions: int | None = None
+    residuals_tell: bool = False
 
     def __post_init__(self) -> None:
         if self.noise_bound is not None and self.noise_sd is not None:
@@ -275,6 +277,8 @@ class Misfit:
         return float(np.sqrt(np.square(along).mean())) <= most
 
 
+OF_RESIDUALS = "from the residuals of the fit"
+"""Basis of σ where the record does not tell its noise."""
 HOW_TO_FIND = "measure some positions again, or give --noise-sd or --noise-bound"
 """How to find a bound of errors that hold over a rest."""
 
@@ -398,10 +402,7 @@ def noise_bound_for(record: PositionRecord, request: Asked) -> NoiseBound:
     p = parametrise(mountings_for(record, request.mounting), symmetric=request.baseline == "symmetric")
     noise = noise_bound_from(record, Fitted(positions, len(p.symbols)))
     if noise is None:
-        raise InputError(
-            f"{record.path}: no position is repeated and no scatter is known, so the record does not say how large "
-            f"the noise is; {SAY_THE_NOISE}"
-        )
+        noise = _of_residuals(record, request)
     least, most = NOISE_BOUNDS
     if not least <= noise.value <= most:
         raise InputError(
@@ -409,6 +410,26 @@ def noise_bound_for(record: PositionRecord, request: Asked) -> NoiseBound:
             f"where {exactly(least)} to {exactly(most)} can be used; {SAY_THE_NOISE}"
         )
     return noise
+
+
+def _of_residuals(record: PositionRecord, request: Asked) -> NoiseBound:
+    """Return σ by the residuals of the fit, which cannot speak against the model; an InputError where few are left."""
+    untold = InputError(
+        f"{record.path}: no position is repeated and no scatter is known, so the record does not say how large the "
+        f"noise is; {SAY_THE_NOISE}"
+    )
+    if not request.residuals_tell:
+        raise untold
+    linearised = fit_record(record, NOISE_BOUNDS[1], request)
+    residuals = linearised.residual
+    spare = len(residuals) - linearised.span.shape[1]
+    if spare < FEWEST_SPARE:
+        raise untold
+    deviation = float(np.sqrt(np.sum(residuals**2) / spare))
+    factor = Fitted(request.positions or len(record), linearised.span.shape[1]).factor(spare)
+    value = max(factor * deviation, float(np.abs(residuals).max()), record.resolution / STANDARD_GRAVITY)
+    basis = f"{OF_RESIDUALS}, standard deviation {upwards(deviation)} g"
+    return NoiseBound(value, basis, complete=False)
 
 
 def _of_deviation(deviation: float, positions: int) -> NoiseBound:

@@ -4,13 +4,15 @@ import atexit
 import os
 import sys
 from contextlib import suppress
+from dataclasses import replace
 
 from cyclopts import App, Group, Parameter
 
 from . import commands, studies
-from .answer import exit_status, no_working_folder, refuse, say, too_little_memory
+from .answer import Answer, exit_status, no_working_folder, refuse, say, too_little_memory
 from .completion import add_completion
 from .help_page import HelpPage
+from .next_step import Call, next_command
 from .plan_commands import plan
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -140,7 +142,18 @@ def main(arguments: list[str] | None = None) -> int:
         advice = no_working_folder() or too_little_memory()
     if advice:
         return refuse(advice)
-    return exit_status(lambda: say(lambda: app(words, exit_on_error=False, print_error=False), quiet=quiet))
+    return exit_status(lambda: say(lambda: carried_out(words), quiet=quiet))
+
+
+def carried_out(words: list[str]) -> object:
+    """Carry out a command; return its answer, which ends with the command to run next."""
+    command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
+    outcome = command(*bound.args, **bound.kwargs)
+    if not isinstance(outcome, Answer) or outcome.result is None or outcome.wanted:
+        return outcome
+    names, _, _ = app.parse_commands(words)
+    following = next_command(Call(app, " ".join(names), bound.arguments), outcome.result)
+    return replace(outcome, text=f"{outcome.text}\n\nNext: {following}")
 
 
 def gone_option(words: list[str]) -> str:

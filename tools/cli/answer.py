@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from io import StringIO, TextIOWrapper
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from cyclopts import CycloptsError, Parameter
 
-from .. import document
+from .. import document, reports
 from ..errors import InputError, full, one_line, shortage
 from ..files import inputs_kept, json_text, ordinary_file, ordinary_folder, together, write_text
 from ..options import Option, docstring_words, option_of
@@ -38,6 +38,8 @@ LONG_S = 20.0
 """Who has waited so long without numba is told of it [s]."""
 INTERRUPTED = 130
 """128 and the number of the signal, as shells count."""
+COLOURS = {"good": "bold green", "attention": "bold yellow", "neutral": "bold"}
+"""Style of a verdict on a terminal, by the tone of its page."""
 STANDARD_OUTPUT = Path("-")
 """Where `--json -` writes: the object takes the place of the text."""
 
@@ -54,6 +56,11 @@ class Answer:
     wanted: bool = False
     complaint: str = ""
     status: int = 0
+    result: Any = None
+    """the result with a verdict that the text shows; None of an object or a list of files"""
+    tone: str = "neutral"
+    head: str = ""
+    """the verdict, with which the text begins"""
 
 
 def answer(
@@ -79,7 +86,12 @@ def answer(
             return Answer(text.rstrip("\n"), wanted=True, complaint=complaint, status=status)
         write_text(json, text)
     lines = [str(result), *map(str, files)]
-    return Answer("\n".join(lines), complaint=complaint, status=status)
+    shown = Answer("\n".join(lines), complaint=complaint, status=status)
+    page = None if isinstance(result, str) else reports.page_of(result)
+    if page is None:
+        return shown
+    head, _, _ = shown.text.partition("\n\n" if page.screen else "\n")
+    return replace(shown, result=result, tone=page.tone, head=head)
 
 
 def say(command: Callable[[], object], *, quiet: bool) -> int:
@@ -101,10 +113,23 @@ def say(command: Callable[[], object], *, quiet: bool) -> int:
     if not isinstance(outcome, Answer):
         return 0
     if outcome.text and (outcome.wanted or not quiet):
-        print(outcome.text)
+        _print(outcome)
     if outcome.complaint:
         print(f"trihedron: {one_line(outcome.complaint)}", file=sys.stderr)
     return outcome.status
+
+
+def _print(outcome: Answer) -> None:
+    """Print an answer, its verdict in colour on a terminal, unless NO_COLOR is set."""
+    if not outcome.head or os.environ.get("NO_COLOR") or not sys.stdout.isatty():
+        print(outcome.text)
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    text = Text(outcome.text)
+    text.stylize(COLOURS[outcome.tone], 0, len(outcome.head))
+    Console(soft_wrap=True, highlight=False).print(text)
 
 
 def exit_status(command: Callable[[], int]) -> int:

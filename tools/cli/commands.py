@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
+from dataclasses import replace
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
@@ -83,7 +84,8 @@ def simulate_command(scenario: Path, /, *, json: JsonFile = None, **options: Any
 @with_options_of(library.export)
 def export_command(*components: str, fmi: Literal["2", "3"] = "2", json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron export TurntableMotion --flavour native --fmi 3 --out fmus"""
-    return answer(library.export(*components, fmi=2 if fmi == "2" else 3, **options), json)
+    exported = library.export(*components, fmi=2 if fmi == "2" else 3, **options)
+    return answer(str(exported), json, exported.to_json())
 
 
 @with_options_of()
@@ -272,7 +274,7 @@ def apply_command(
         if result.record is None:
             raise InputError(f"--out {out}: nothing that was found can be taken out of readings")
         records.write_record(result.record, out)
-    return answer(text, json, result.to_json())
+    return replace(answer(text, json, result.to_json()), result=result)
 
 
 @with_options_of(corrections.export_calibration)
@@ -287,7 +289,7 @@ def export_calibration_command(
 ) -> Answer:
     """Example: trihedron export-calibration calibration.json --to imucal --out imu.json
 
-    Example: trihedron export-calibration calibration.json --to kalibr --noise noise.json --out imu.yaml
+    Example: trihedron export-calibration calibration.json --to matlab --out imu.mat
     """
     distinct_files({"the calibration": calibration, "--noise": options.get("noise"), "--out": out, "--json": json})
     return answer(corrections.export_calibration(calibration, to, out, **options), json)
@@ -389,7 +391,7 @@ def noise_command(
     others
         Further records of the same instrument, of the same rate.
     kalibr
-        Write the densities as kalibr's imu.yaml to this file.
+        Write the noise densities as kalibr's imu.yaml to this file.
     """
     written = {"--json": json, "--report": report, "--kalibr": kalibr}
     distinct_files({**_files_of(record, others), **written})

@@ -22,6 +22,7 @@ GROUPS = {
         *("--target", "--prior", "--with", "--effects-from", "--hypothesis", "--extend"),
     ),
     "Bench with gyros": ("--latitude-deg", "--azimuth-deg", "--gyro-noise", "--encoder-bound"),
+    "Without a table": ("--rest-scatter", "--rests", "--faces", "--turns"),
     "Several records": ("--shared", "--own"),
     "Table": ("--rate-dps", "--acceleration-dps2", "--keep-out", "--reserve", "--resolution", "--order", "--repeat"),
     "Search": ("--starts", "--cuts", "--exchanges"),

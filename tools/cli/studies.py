@@ -112,7 +112,7 @@ def hidden_command(
         triples, clean-triples. quick- before one of the first four is shorter. --cases and --seed override its own.
     mode
         Suite: hide no effect (clean), one that excludes every rival (single, the default), one that is only detected
-        (between), two (pairs), a wrong row or a break (faults), or one of these beside an effect (beside).
+        (between), or two (pairs). Or hide a wrong row or a break (faults), also beside an effect (beside).
     records
         Suite: number of records of one instrument in each case, diagnosed together. One effect is in all, another in
         one alone; with mode clean there is none.

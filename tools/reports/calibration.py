@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..calibrated import Calibration, Gyros, Parameter
 from ..calibration.applied import Applied
-from ..calibration.calibration import HOW_TO_FIND
+from ..calibration.calibration import HOW_TO_FIND, OF_RESIDUALS
 from ..calibration.correction import Correction, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
 from ..calibration.gyros import said_of_place
@@ -102,6 +102,12 @@ def effect_sections(result: Calibration) -> list[Section]:
     return [Section("Effects", [text], table=Table(header, rows))]
 
 
+WITHOUT_NOISE = (
+    "Noise bound unknown: σ comes from the residuals of the fit, so they cannot show a wrong model. Nothing is "
+    "guaranteed."
+)
+
+
 def verdict_sentence(result: Calibration) -> str:
     """Return the verdict in a sentence with its figures."""
     model = "the model"
@@ -116,6 +122,8 @@ def verdict_sentence(result: Calibration) -> str:
     if result.verdict == "insufficient":
         return f"Insufficient: the readings do not determine {bench.open_targets(result)}.{measure_words(result)}"
     if result.sigma.kind == "unknown":
+        if result.sigma.basis.startswith(OF_RESIDUALS):
+            return f"{WITHOUT_NOISE} To find the bound, {HOW_TO_FIND}."
         within = f"{residual(result.radius)} times the bound that their scatter within rests gives"
         said = f"{model} explains every reading within {within}"
         if not result.stands:

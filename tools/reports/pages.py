@@ -1,11 +1,12 @@
 """The page of each kind of result: source of terminal, notebook, HTML, PDF and figures."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ..document.blocks import Page, Section, Table
+from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell
 from ..document.page import notebook, text, write_page
 from ..errors import InputError
@@ -180,6 +181,10 @@ def plain_page(title: str, verdict: str, lines: Sequence[str] = (), warnings: Se
     return Page(title, verdict, [Section(title, lines)], warnings=warnings)
 
 
+def _tone(*, good: bool) -> Tone:
+    return "good" if good else "attention"
+
+
 # Results that need few words
 
 
@@ -193,7 +198,8 @@ def check_page(result: "Check") -> Page:
         lines.append(f"... and {result.not_listed} more")
     for line in result.summary:
         lines.append(f"  {line}")
-    return plain_page(f"Check of {result.file}", result.verdict, lines, result.warnings)
+    page = plain_page(f"Check of {result.file}", result.verdict, lines, result.warnings)
+    return replace(page, tone=_tone(good=result.good))
 
 
 def exported_page(result: "Exported") -> Page:
@@ -216,7 +222,8 @@ def installation_page(result: "Installation") -> Page:
     verdict = f"does not work: {', '.join(wrong)}" if wrong else "everything works"
     marks = {True: "yes", False: "NO", None: "-"}
     rows: list[list[Cell]] = [[marks[one.good], one.subject, one.state] for one in result.findings]
-    return Page("Installation", verdict, [Section("Installation", table=Table(["good", "what", "state"], rows))])
+    section = Section("Installation", table=Table(["good", "what", "state"], rows))
+    return Page("Installation", verdict, [section], tone=_tone(good=not wrong))
 
 
 def import_page(result: "Imported") -> Page:

@@ -1,4 +1,4 @@
-"""The answer of a diagnosis at a terminal: verdict, evidence, certain facts, tried explanations, next step."""
+"""The answer of a diagnosis at a terminal: verdict, evidence, certain facts, tried explanations, advice."""
 
 import re
 import textwrap
@@ -12,8 +12,8 @@ from ..evidence.pairs import in_words
 from ..rounding import NONE, digits, exactly, interval, residual, upwards
 from . import beyond
 
-WIDTH, LINES = 80, 25
-"""Columns and lines of a screen."""
+WIDTH, LINES = 80, 23
+"""Columns and lines of the answer; the next command takes two lines more of a screen."""
 LABEL = 13
 """Width of the labels [columns]."""
 MOST_SIZES, MOST_RIVALS, MOST_HYPOTHESES = 4, 3, 2
@@ -28,7 +28,7 @@ PLACES = {"g": "an accelerometer", "rad": "an axis", "rad/s": "a gyro"}
 
 
 def terminal_lines(result: Diagnosis, verdict: str, warnings: Sequence[str]) -> list[str]:
-    """Return at most 25 lines of at most 80 columns."""
+    """Return the answer in lines of at most 80 columns, a screen with the next command."""
     lines = textwrap.wrap(verdict, WIDTH, max_lines=MOST_VERDICT, placeholder=f" {MORE}", break_on_hyphens=False)
     lines.append("")
     before = ""
@@ -38,10 +38,7 @@ def terminal_lines(result: Diagnosis, verdict: str, warnings: Sequence[str]) -> 
             before = label
     for text in warnings:
         lines += _wrapped(text, "warning:", MOST_ENTRY)
-    if len(lines) >= LINES:
-        lines = lines[: LINES - 1]
-    lines.append("All figures: add --report page.html, or --json FILE.")
-    return lines
+    return lines[:LINES]
 
 
 def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
@@ -58,7 +55,7 @@ def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
         yield "Formula", f"{hypothesis.formula}: {hypothesis.answer}; largest error over its bound {radii}."
     yield "Tried", tried_text(result)
     yield "Gain", gain_text(result)
-    yield "Next", next_text(result)
+    yield "Advice", advice_text(result)
 
 
 def evidence_text(result: Diagnosis) -> str:
@@ -199,8 +196,8 @@ def gain_text(result: Diagnosis) -> str:
     return f"none on held-out {pieces}: the rms error goes from {before} to {after} {unit}."
 
 
-def next_text(result: Diagnosis) -> str:
-    """Return one next step."""
+def advice_text(result: Diagnosis) -> str:
+    """Return one advice."""
     if result.next:
         return sentence(result.next[0])
     positions = result.next_positions or ()
@@ -209,13 +206,13 @@ def next_text(result: Diagnosis) -> str:
         more = f", and {len(positions) - 1} more positions" if len(positions) > 1 else ""
         return f"measure at α {exactly(first['alpha_deg'])}°, β {exactly(first['beta_deg'])}°{more}."
     if result.verdict == "explained" and result.best is not None and result.best.causes:
-        return "put it into the simulation: add --export FOLDER."
+        return "put the effect into the simulation."
     if result.verdict == "consistent" and result.calibration.linearised is not None:
-        return "take the parameters from trihedron calibrate."
+        return "take the parameters from a calibration."
     if result.verdict == "ambiguous":
         return "measure again with a smaller σ: longer, or each position more often."
     if result.verdict == "unexplained":
-        return "look at the residuals: add --report page.html. Repeat the worst positions."
+        return "look at the residuals on the report, and repeat the worst positions."
     if result.verdict == "insufficient" and result.missing:
         return f"add {'; '.join(str(gap) for gap in result.missing[:2])}."
     return ""

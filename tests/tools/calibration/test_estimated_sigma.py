@@ -68,15 +68,34 @@ def test_several_records_have_the_sigma_of_all_their_positions():
     assert several.verdict == "consistent"
 
 
-@pytest.mark.parametrize("command", ["calibrate", "diagnose"])
-def test_a_record_that_does_not_tell_its_noise_is_refused_with_both_options(command, tmp_path, capsys):
+@pytest.mark.parametrize(("command", "positions"), [("calibrate", 8), ("diagnose", 24)])
+def test_a_record_that_does_not_tell_its_noise_is_refused_with_both_options(command, positions, tmp_path, capsys):
     path = tmp_path / "record.csv"
-    write_record(clean_record(5, 24, "Gaussian"), path)
+    write_record(clean_record(5, positions, "Gaussian"), path)
     assert main([command, str(path)]) == 2
     message = capsys.readouterr().err
     assert "no position is repeated" in message
     for words in ("--noise-sd", "--noise-bound", "static record"):
         assert words in message
+
+
+def test_the_residuals_tell_a_noise_that_guarantees_nothing(tmp_path, capsys):
+    """The standard deviation over 20 records is the true one; estimates are those of the same σ as a bound."""
+    deviations = []
+    for seed in range(20):
+        record = clean_record(seed, 24, "Gaussian")
+        result = th.calibrate(record)
+        assert result.verdict == "noise-unknown"
+        assert result.sigma.kind == "unknown"
+        assert all(parameter.guaranteed_error is None for parameter in result.parameters)
+        deviations.append(float(result.sigma.basis.split()[-2]))
+        close = th.calibrate(record, noise_bound=result.sigma.value)
+        assert [p.estimate for p in result.parameters] == [p.estimate for p in close.parameters]
+    assert np.sqrt(np.mean(np.square(deviations))) == pytest.approx(DEVIATION, rel=0.05)
+    path = tmp_path / "record.csv"
+    write_record(clean_record(5, 24, "Gaussian"), path)
+    assert main(["calibrate", str(path)]) == 0
+    assert "Nothing is guaranteed." in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, c
     assert out.startswith("The simulation lacked this: ")
     assert "Gain:        on " in out
     assert len(out.partition("extended/")[0].splitlines()) <= 25
-    assert max(len(line) for line in out.splitlines()) <= 80
+    assert max(len(line) for line in out.partition("\nNext: ")[0].splitlines()) <= 80
     titles = json.loads(Path("d.json").read_text())["causes"][0]
     hidden = json.loads(record.with_name("answer.json").read_text())["hidden"]
     assert (titles["effect"], titles["where"]) == (hidden["effect"], hidden["where"])

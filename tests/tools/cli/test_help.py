@@ -48,7 +48,8 @@ def test_options_stand_in_groups(capsys):
     text = shown("calibrate", capsys)
     headings = re.findall(r"(?m)^([A-Z][A-Za-z ]+):$", text)
     assert headings[1:] == [
-        "Arguments", "Noise", "Reading the file", "Model", "Bench with gyros", "Several records", "Results",
+        "Arguments", "Noise", "Reading the file", "Model", "Bench with gyros", "Without a table",
+        "Several records", "Results",
     ]  # fmt: skip
     assert "  --json PATH" in text.partition("\nResults:\n")[2]
 

@@ -1,0 +1,107 @@
+"""Every verdict ends with one command that can be run as printed; on a terminal the verdict has a colour."""
+
+import io
+import json
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from command_table import QUICK, Command
+from trihedron.tools import cli
+
+WITHOUT_VERDICT = ("new", "simulate", "export", "export-ssp", "export-notebook", "completion", "plot", "fmpy-input")
+"""Commands that print the names of files, or text for another program."""
+BEGINNINGS = (
+    "import foreign.csv --out record.csv",
+    "check clean.csv",
+    "calibrate clean.csv --noise-bound 1e-5",
+    "calibrate measured.csv --noise-bound 1e-5",
+    "calibrate clean.csv measured.csv --noise-bound 1e-5 --own *",
+    "diagnose measured.csv --noise-bound 1e-5",
+    "diagnose clean.csv --noise-bound 1e-5 --channels 1,2,3 --bounds 3e-3 1e-2",
+    "inspect strapdown.csv",
+    "plan positions 6 --starts 1 --cuts 0 --keep-out alpha:-10:-5",
+    "instrument list unit",
+)
+
+
+def next_of(text: str) -> str:
+    """Return the command that an answer ends with."""
+    lines = text.rstrip("\n").split("\n")
+    assert [line for line in lines if line.startswith("Next:")] == lines[-1:], text
+    assert lines[-2] == ""
+    return lines[-1].removeprefix("Next: ")
+
+
+def run(line: str, capsys: pytest.CaptureFixture[str]) -> str:
+    words = shlex.split(line)
+    assert words[0] == "trihedron"
+    assert cli.main(words[1:]) == 0, f"{line}: {capsys.readouterr().err}"
+    return capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("no_pictures", "here")
+@pytest.mark.parametrize("command", QUICK, ids=lambda c: c.title)
+def test_every_verdict_ends_with_a_command_that_runs(command: Command, capsys):
+    cli.main(list(command.arguments))
+    text = capsys.readouterr().out
+    name = command.arguments[0]
+    if name in WITHOUT_VERDICT or command.title == "hidden out.csv":
+        assert "Next:" not in text
+    else:
+        run(next_of(text), capsys)
+
+
+@pytest.mark.usefixtures("no_pictures", "here")
+@pytest.mark.parametrize("beginning", BEGINNINGS)
+def test_a_reader_who_follows_the_commands_comes_to_an_end(beginning: str, capsys):
+    line, done = f"trihedron {beginning}", []
+    while line not in done and not line.startswith("trihedron help"):
+        done.append(line)
+        assert len(done) < 8, done
+        line = next_of(run(line, capsys)) if "demo" not in line else line
+
+
+@pytest.mark.usefixtures("no_pictures", "here")
+def test_a_calibration_leads_to_a_corrected_record_in_two_more_commands(capsys):
+    first = next_of(run("trihedron calibrate clean.csv --noise-bound 1e-5", capsys))
+    assert first == "trihedron calibrate clean.csv --noise-bound 1e-5 --json calibration.json"
+    second = next_of(run(first, capsys))
+    assert second == "trihedron apply calibration.json clean.csv --noise-bound 1e-5 --out corrected.csv"
+    run(second, capsys)
+    assert Path("corrected.csv").is_file()
+
+
+@pytest.mark.usefixtures("here")
+def test_json_on_standard_output_has_no_next_command(capsys):
+    assert cli.main(["apply", "calibration.json", "clean.csv", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"] > 0
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(("file", "colour"), [("clean.csv", "1;32"), ("about.toml", "1;33")])
+def test_a_verdict_has_its_colour_on_a_terminal_alone(file: str, colour: str, monkeypatch, capsys):
+    cli.main(["check", file])
+    plain = capsys.readouterr().out
+    assert "\x1b" not in plain
+    shown = {}
+    for name, value in (("without", ""), ("with", "1")):
+        terminal = Terminal()
+        monkeypatch.setattr(sys, "stdout", terminal)
+        monkeypatch.setenv("NO_COLOR", value)
+        monkeypatch.setenv("TERM", "xterm")
+        cli.main(["check", file])
+        shown[name] = terminal.getvalue()
+    verdict, _, _ = plain.partition("\n")
+    assert shown["with"] == plain
+    assert shown["without"].startswith(f"\x1b[{colour}m{verdict}\x1b[0m")
+    assert re.sub(r"\x1b\[[\d;]*m", "", shown["without"]) == plain
+    assert "\x1b" not in shown["without"].partition("\n")[2]
