@@ -35,7 +35,7 @@ _FUNCTIONS = {
         *("attitude_of_record", "bench_at", "calibrate", "check", "diagnose"),
         *("calibrate_together", "diagnose_together", "import_record", "inspect", "noise"),
     ),
-    "planning.library": ("plan", "plan_check", "plan_imu", "plan_positions"),
+    "planning.library": ("plan", "plan_check", "plan_hand", "plan_imu", "plan_positions"),
     "records": ("read_record",),
 }
 _HOME = _TYPES | dict(sorted((name, module) for module, names in _FUNCTIONS.items() for name in names))

@@ -29,6 +29,7 @@ from .tools.measured import noise as noise
 from .tools.orchestrator import Simulation as Simulation
 from .tools.planning.library import plan as plan
 from .tools.planning.library import plan_check as plan_check
+from .tools.planning.library import plan_hand as plan_hand
 from .tools.planning.library import plan_imu as plan_imu
 from .tools.planning.library import plan_positions as plan_positions
 from .tools.records import read_record as read_record

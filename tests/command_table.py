@@ -90,6 +90,7 @@ COMMANDS = (
     command("export-ssp run.toml --out out.ssp --flavour python --json out.json", "run.toml"),
     command("plan target X4 --grid 15 --json out.json --report out.html --picture out.svg"),
     command("plan positions 6 --starts 1 --cuts 0 --out out --json out.json --report out.html"),
+    command("plan hand --measured strapdown.csv --json out.json --report out.html", "strapdown.csv"),
     command("plan imu --minutes 15 --exchanges 0 --out out --json out.json --report out.html", slow=True),
     command("plan check angles.csv --json out.json", "angles.csv"),
     command("import foreign.csv --out out.csv --json out.json", "foreign.csv"),

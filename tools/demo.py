@@ -173,19 +173,14 @@ class Story:
             write_text(out / f"{name}.json", result.json_text())
             write_report(out / f"{name}.html", result, record)
             reports += [out / f"{name}.html", out / f"{name}.json"]
-        return [
+        sections = [
             run_section(pl.read_parquet(self.run.files[0]), self.calibration.gravity, list(self.run.files)),
             *target_sections(self.calibration, self.truth),
             *gyro_sections(self.calibration, self.truth),
-            *self._cause_section(out),
+            cause_section(self.diagnosis, sorted((out / "extended").iterdir())),
             Section("Records and full reports", files=[out / MEASURED, out / ANSWER, *reports]),
         ]
-
-    def _cause_section(self, out: Path) -> list[Section]:
-        """Return the diagnosed effect as formula and table, with the extended simulation; empty without one."""
-        section = cause_section(self.diagnosis, sorted((out / "extended").iterdir()))
-        # Its sentence is on a card.
-        return [] if section is None else [replace(section, paragraphs=())]
+        return [section for section in sections if section is not None]
 
     def page(self, out: Path) -> Page:
         """Return the page: three cards, then details."""

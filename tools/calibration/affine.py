@@ -106,8 +106,9 @@ def _about(correction: Correction) -> dict[str, str]:
     if correction.gyros is None:
         about["gyros"] = "not calibrated"
     else:
-        lag = digits(1e3 * correction.gyros.lag, 3)
-        about["gyros"] = f"w = G omega + D f + c (readings w, angular rate omega); a lag of {lag} ms stays"
+        about["gyros"] = "w = G omega + D f + c (readings w, angular rate omega)"
+        if correction.gyros.lag:
+            about["lag_ms"] = f"{digits(1e3 * correction.gyros.lag, 3)}, which stays in the readings of the gyros"
     about["verdict"] = correction.verdict
     if correction.pose_error is not None:
         about["standard_error"] = f"{digits(1e3 * correction.pose_error, 2)} mg of |f| at rest in the worst pose"

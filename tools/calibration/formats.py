@@ -43,7 +43,11 @@ def _lost(model: Model, *, gyros: bool = True) -> list[str]:
 
 
 def _comments(about: Mapping[str, str], mark: str = "#") -> str:
-    return "".join(f"{mark} {key}: {text}\n" for key, text in about.items())
+    """Return keys and texts as comment lines; each text on one line, whatever it holds."""
+    lines = []
+    for key, text in about.items():
+        lines.append(f"{mark} {key}: {' '.join(text.split())}\n")
+    return "".join(lines)
 
 
 def _number(value: float) -> str:
@@ -355,13 +359,15 @@ def imu_tk(model: Model, request: Request) -> Written:
     turned, upper = np.linalg.qr(np.linalg.inv(model.accelerometers.matrix))
     signs = np.sign(np.diag(upper))
     turned, upper = turned * signs, upper * signs[:, None]
-    about = dict(model.about) | {"imu_tk": "X' = T K (X - B); first T, then K, then B", "its axes": _row(turned.T)}
+    about = dict(model.about) | {
+        "imu_tk": "X' = T K (X - B); first T, then K, then B",
+        "its axes": f"f' = R f, R row by row {_row(turned.T)}",
+    }
     contents = {"": _imu_tk_triad(upper, model.accelerometers.bias, about)}
     angle = np.arccos(np.clip(0.5 * (np.trace(turned) - 1.0), -1.0, 1.0))
     lost = _lost(model, gyros=False)
     lost.append(
-        f"the axes are turned by {digits(1e3 * angle, 3)} mrad, as T is upper triangular: f' = R f with R = "
-        f"{_row(turned.T)}, row by row"
+        f"the axes are turned by {digits(1e3 * angle, 3)} mrad, as T is upper triangular; the file has the rotation"
     )
     if model.gyros is not None:
         back = turned.T @ np.linalg.inv(model.gyros.matrix)
@@ -404,9 +410,7 @@ def px4(model: Model, request: Request) -> Written:
             lost.append(f"the gyros' sensitivity to specific force: up to {digits(largest, 2)} rad/s at 1 g")
     for name, value in values.items():
         lines.append(f"1\t1\t{name}\t{float(value)!r}\t{REAL32}\n")
-    equation = [
-        "accelerometers: f = (r - OFF) SCALE, axis by axis; gyros: ω = w - OFF; CAL_ACC0_ID stays that of yours"
-    ]
+    equation = ["accelerometers: f = (r - OFF) SCALE, axis by axis; gyros: ω = w - OFF; leave CAL_ACC0_ID as it is"]
     return Written({"": "".join(lines).encode()}, equation, lost)
 
 

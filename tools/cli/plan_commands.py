@@ -158,16 +158,31 @@ def imu(
     return answer(programme, json, files=files)
 
 
+@plan.command
+@with_options_of(library.plan_hand)
+def hand(*, json: JsonFile = None, report: ReportFile = None, **options: Any) -> Answer:
+    """Example: trihedron plan hand --accuracy 1mg --turn-accuracy 10arcmin
+
+    Example: trihedron plan hand --accuracy 0.5mg --measured monday.csv
+    """
+    measured = options.get("measured")
+    distinct_files({"--measured": None if measured is None else Path(measured), "--json": json, "--report": report})
+    steps = library.plan_hand(**options)
+    if report is not None:
+        reports.write_report(report, steps)
+    return answer(steps, json)
+
+
 @plan.default
 def former(*words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]) -> Answer:
     """Refuse the spelling of `plan` with options alone, and answer with the command that it is now."""
-    commands = ("target", "positions", "check", "imu")
+    commands = ("target", "positions", "check", "imu", "hand")
     if words and not words[0].startswith("-"):
         raise InputError(f"plan {words[0]}: is no command; {nearest(words[0], commands)}")
     spelling = present_spelling(words)
     plan.parse_args(spelling, exit_on_error=False, print_error=False)
     command = shlex.join(["trihedron", "plan", *spelling])
-    raise InputError(f"plan has four commands, {', '.join(commands)}: write {command}")
+    raise InputError(f"plan has five commands, {', '.join(commands)}: write {command}")
 
 
 def present_spelling(words: Sequence[str]) -> list[str]:

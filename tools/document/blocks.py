@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ..quantity import cells_of, quantities_of
-from ..rounding import NONE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,7 +66,7 @@ class Table:
         rows: list[list[Cell]] = [[] for _ in self.rows]
         for k, heading in enumerate(self.header):
             cells = [row[k] for row in self.rows]
-            if all(cell is None or cell is NONE for cell in cells):
+            if all(cell is None or cell == "" for cell in cells):
                 continue
             header.append(heading)
             for row, cell in zip(rows, cells, strict=True):

@@ -14,7 +14,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ...models.effects import EffectPlace
-from ..rounding import Number, digits, outwards, upwards
+from ..rounding import NONE, Number, digits, outwards, upwards
 
 LONG = 24
 """Number of letters from which a text in a table may be broken into lines."""
@@ -54,8 +54,8 @@ def raised(power: int) -> str:
 
 
 def typographic(text: str) -> str:
-    """Return a text with typographic signs and powers of ten: -1.09e-03 as −1.09·10⁻³."""
-    return _MINUS.sub("−", _WRITTEN_POWER.sub(_power, text))
+    """Return a text with typographic signs and powers of ten: -1.09e-03 -> 0 as −1.09·10⁻³ → 0."""
+    return _MINUS.sub("−", _WRITTEN_POWER.sub(_power, text.replace("->", "→")))
 
 
 def _power(number: re.Match[str]) -> str:
@@ -110,7 +110,7 @@ def _text(cell: Cell) -> str:
     """Return the text of a cell in a column that holds other things than numbers."""
     if isinstance(cell, Drawn):
         return Markup(cell.svg)
-    if cell is None or cell == "":
+    if cell is None or cell is NONE:
         return "–"
     if isinstance(cell, bool):
         return "yes" if cell else "no"

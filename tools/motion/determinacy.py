@@ -24,6 +24,8 @@ LEAST_SD = 3e-4
 4.1e-4 g."""
 OPEN = 0.25
 """A direction of the parameters is open where the rests leave more than this part of the variance before."""
+DETERMINED, USABLE = 1e-3, 1e-2
+"""Predicted standard errors of |f| [g] in the worst pose up to which a calibration is determined, and of use."""
 MOST_POSES = 24
 """Largest number of poses that are asked for."""
 

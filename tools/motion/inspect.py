@@ -14,7 +14,8 @@ from ..calibrated import Calibration, Verdict
 from ..errors import InputError
 from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
-from .norm import calibrate_by_norm, inputs_of, norm_values
+from .determinacy import DETERMINED, LEAST_SD, Determinacy, closing_poses
+from .norm import calibrate_by_norm, inputs_of, norm_equations, norm_values, standard_deviations
 from .rest_noise import RestNoise, factor_for, gyro_noise, rest_lengths
 from .rests import RecordSampling, Rests, quiet_rests, rates_of, sampling_of
 from .trust import TrustCheck, judged, turning_of
@@ -106,6 +107,25 @@ class Move(Result):
     turn_rad: float
 
 
+class PosesSeen(Result):
+    """What the poses of a record's rests are worth for the accelerometers.
+
+    Attributes
+    ----------
+    worst_error_g, rms_error_g : float
+        predicted standard error of |f| in poses that were not measured: in the worst, and over all
+    missing : tuple of str
+        poses that make the accelerometers determined, the most useful first
+    error_with_these_g : float
+        predicted standard error in the worst pose when these are measured, too
+    """
+
+    worst_error_g: float
+    rms_error_g: float
+    missing: tuple[str, ...]
+    error_with_these_g: float
+
+
 class RecordSeen(Result):
     """The record that was inspected, as its JSON names it."""
 
@@ -143,13 +163,15 @@ class Inspection(Result):
         between rests
     excitation : (3,) array
         rms of each gyro's rate outside the rests [rad/s]
+    poses : PosesSeen or None
+        None where there are no rests
     accelerometers : Calibration or None
         None where there are no rests, their noise cannot be told, or a table tells more
     at_table : AtTable or None
         of a bench record; None for any other
     """
 
-    omitted: ClassVar[frozenset[str]] = frozenset({"at_table"})
+    omitted: ClassVar[frozenset[str]] = frozenset({"at_table", "poses"})
 
     schema_: Literal["trihedron.inspection/1"] = Field(default="trihedron.inspection/1", alias="schema")
     seen: RecordSeen = Field(alias="record")
@@ -163,6 +185,7 @@ class Inspection(Result):
     excitation: Array = Field(alias="rate_rms_radps")
     turning: TurningCheck
     trust: TrustCheck = TrustCheck()
+    poses: PosesSeen | None = None
     accelerometers: Calibration | None
     gyros: GyrosAtRest | None = Field(alias="gyros_at_rest")
     at_table: AtTable | None = None
@@ -237,8 +260,25 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
         rate_rms_radps=excitation,
         turning=turning,
         trust=check,
+        poses=poses_seen(rests, gravity) if len(rests) else None,
         accelerometers=calibration,
         gyros_at_rest=gyros,
+    )
+
+
+def poses_seen(rests: Rests, gravity: float) -> PosesSeen:
+    """Return what the poses of rests are worth, by the predicted error of a pose that was not measured."""
+    sd: NDArray | float = LEAST_SD
+    if rests.force_scatter is not None:
+        sd = standard_deviations(rests.force_scatter / gravity)
+    determinacy = Determinacy.of(norm_equations(np.zeros(9), rests.force / gravity)[1], sd)
+    poses = closing_poses(determinacy, DETERMINED)
+    after = poses[-1].after if poses else determinacy
+    return PosesSeen(
+        worst_error_g=determinacy.worst,
+        rms_error_g=determinacy.rms,
+        missing=tuple(pose.words for pose in poses),
+        error_with_these_g=after.worst,
     )
 
 

@@ -13,15 +13,13 @@ from numpy.typing import NDArray
 
 from ..bounded.programmes import Polytope, SolverError, chebyshev_radius
 from ..calibrated import UNITS, Calibration, Open, Parameter, Sigma, Verdict
-from .determinacy import COLUMNS, ROWS, candidate_poses
+from .determinacy import COLUMNS, DETERMINED, LEAST_SD, ROWS, USABLE, Determinacy, candidate_poses, closing_poses
 
 NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33", "bias_1", "bias_2", "bias_3")
 """The nine parameters; Γ [1] row by row, then the biases [g]."""
 UNITS_OF = dict.fromkeys(NAMES[:6], "1") | dict.fromkeys(NAMES[6:], "g")
 LARGEST = 0.3
 """Beyond this a parameter is not one of an instrument, and the linearisation says nothing."""
-LEAST_SINGULAR = 0.1
-"""Least singular value of the norm equations, of parameters of size one, that counts as determined."""
 ITERATIONS = 30
 
 
@@ -84,6 +82,11 @@ def norm_equations(x: NDArray, reading: NDArray) -> tuple[NDArray, NDArray, NDAr
     return norm - 1.0, -np.hstack([back[:, ROWS] * n[:, COLUMNS], back]), back
 
 
+def standard_deviations(bound: NDArray) -> NDArray[np.float64]:
+    """Return the standard deviations (K,) [g] of means at rest whose bounds (K, 3) are three Allan deviations [g]."""
+    return np.maximum(bound.max(axis=1) / 3.0, LEAST_SD)
+
+
 def calibrate_by_norm(reading: NDArray, bound: NDArray) -> Calibration:
     """Calibrate the accelerometers from rests of unknown direction.
 
@@ -101,9 +104,9 @@ def calibrate_by_norm(reading: NDArray, bound: NDArray) -> Calibration:
         is open is closed by poses, in words
     """
     x = np.zeros(9)
-    _, slopes, _ = norm_equations(x, reading)
-    missing = missing_poses(slopes)
-    if missing:
+    determinacy = Determinacy.of(norm_equations(x, reading)[1], standard_deviations(bound))
+    missing = [pose.words for pose in closing_poses(determinacy, DETERMINED)]
+    if len(reading) < 9 or determinacy.worst > USABLE:
         return _calibration("insufficient", missing=missing)
     for _ in range(ITERATIONS):
         residual, slopes, _ = norm_equations(x, reading)
@@ -124,7 +127,7 @@ def calibrate_by_norm(reading: NDArray, bound: NDArray) -> Calibration:
     if radius > 1.0:
         return _calibration("falsified", radius, columns=columns)
     if ends is None:
-        return _calibration("insufficient", radius, _best_pose(slopes)[:1], columns)
+        return _calibration("insufficient", radius, missing or candidate_poses(), columns)
     return _calibration("consistent", radius, columns=columns | dict(zip(("low", "high"), ends, strict=True)))
 
 
@@ -164,24 +167,3 @@ def _corners(slopes: NDArray, target: NDArray, bound: NDArray) -> NDArray | None
         return np.array([polytope.maximise(objective)[1] for objective in np.vstack([-np.eye(9), np.eye(9)])])
     except SolverError:
         return None
-
-
-def missing_poses(slopes: NDArray) -> tuple[str, ...]:
-    """Return poses, added one by one by their gain, that make norm equations (K, 9) determine all parameters."""
-    missing: list[str] = []
-    while len(slopes) < 9 or np.linalg.svd(slopes, compute_uv=False)[8] < LEAST_SINGULAR:
-        name, slopes = _best_pose(slopes)
-        missing.append(name)
-    return tuple(missing)
-
-
-def _best_pose(slopes: NDArray) -> tuple[str, NDArray]:
-    """The pose that adds most to norm equations (K, 9), and the equations with it."""
-
-    def information(equations: NDArray) -> float:
-        return float(np.linalg.slogdet(equations.T @ equations + 1e-6 * np.eye(9))[1])
-
-    poses = candidate_poses().items()
-    equations_with = {name: np.vstack([slopes, norm_equations(np.zeros(9), n[None, :])[1]]) for name, n in poses}
-    best = max(equations_with, key=lambda name: (information(equations_with[name]), name))
-    return best, equations_with[best]

@@ -7,6 +7,9 @@ from .forms import SignSheet as SignSheet
 from .forms import clearance as clearance
 from .forms import sheets as sheets
 from .forms import value as value
+from .hand import HandPlan as HandPlan
+from .hand import HandRequest as HandRequest
+from .hand import plan_by_hand as plan_by_hand
 from .imu import ImuPlan as ImuPlan
 from .imu import ImuVisit as ImuVisit
 from .imu import Planned as Planned

@@ -275,3 +275,46 @@ def plan_imu(
         exchanges=exchanges,
         progress=progress,
     )
+
+
+def plan_hand(
+    *,
+    accuracy: str = "1mg",
+    turn_accuracy: str | None = None,
+    targets: Sequence[str] = (),
+    noise_density: float = 4e-3,
+    measured: str | Path | None = None,
+) -> "planning.HandPlan":
+    """Find the poses and turns by hand that calibrate an IMU without a table, to a wanted error.
+
+    Parameters
+    ----------
+    accuracy : str
+        Wanted standard error of |f| at rest in the worst pose: 1mg, 200ug.
+    turn_accuracy : str, optional
+        Wanted standard error of a turn of 90° about the worst axis by the gyros: 10arcmin. Default: gyros do not
+        matter.
+    targets : sequence of str
+        Wanted standard error of a parameter: bias_1=0.5mg, gamma_21=5e-4, M12=1mrad. Repeat it for several.
+    noise_density : float
+        Noise density of the accelerometers [m/s²/√Hz], of which the length of a rest follows; 4e-3 is 0.4 mg/√Hz.
+    measured : path, optional
+        A strapdown record whose rests and moves count.
+
+    Returns
+    -------
+    HandPlan
+        The steps, with the predicted errors after each.
+
+    Raises
+    ------
+    InputError
+        for a wanted error that cannot be reached, an unknown parameter, or a record that cannot be used
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> len(th.plan_hand(accuracy="1mg").steps)
+    9
+    """
+    return planning.plan_by_hand(planning.HandRequest(accuracy, turn_accuracy, tuple(targets), noise_density, measured))

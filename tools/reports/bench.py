@@ -148,6 +148,8 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
 WOULD_DETERMINE = (
     "Readings at these positions, with those of the record, determine the open targets. Or state a prior by --prior."
 )
+NO_RESIDUAL = 1e-6
+"""Least largest residual, over its bound, below which parameters fit any readings."""
 OPTIONAL = ("mounting", "hours", "repeats", "approach_alpha", "approach_beta")
 MOST_LABELS = 24
 """Largest number of positions that have numbers in the picture."""
@@ -298,6 +300,12 @@ def open_targets(result: Calibration) -> str:
     if len(gaps) > MOST_NAMED:
         return f"{len(gaps)} of the {len(result.targets)} targets"
     return ", ".join(physical_words(gap.name) for gap in gaps)
+
+
+def measure_words(positions: Sequence[Mapping[str, Any]]) -> str:
+    """Return the number of proposed positions in a sentence behind another; empty without any."""
+    count = len(positions)
+    return f" Measure {count} more position{'s' * (count > 1)}." if count else ""
 
 
 def missing_texts(result: Calibration) -> list[str]:

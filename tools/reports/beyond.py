@@ -12,7 +12,7 @@ from ..diagnosis.cause import Cause
 from ..diagnosis.laws import words_of
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Picture, Section, Table
-from ..document.notation import Cell, sentence, unit_text
+from ..document.notation import Cell, raised, sentence, unit_text
 from ..evidence.pairs import GYROS, in_words
 from ..rounding import digits, interval, residual, upwards
 from .pictures.residuals import BandDrawn, band_picture
@@ -155,7 +155,7 @@ def _scale(where: str) -> tuple[float, str]:
     """Return the factor for drawing an error at a place, and the resulting unit."""
     if is_angular(where):
         return ARCSECONDS, "arcsec"
-    return (1e3, "1e-3 rad/s") if where in GYROS else (1e5, "1e-5 g")
+    return (1e3, f"{raised(-3)} rad/s") if where in GYROS else (1e6, "µg")
 
 
 def _unit_of_quantity(quantity: str) -> str:

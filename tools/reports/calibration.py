@@ -36,8 +36,6 @@ from .witnesses import proof_lines
 
 TONES: dict[str, Tone] = {"consistent": "good"}
 WOULD_TELL = "Measured again, these positions tell the noise bound."
-NO_RESIDUAL = 1e-6
-"""Least largest residual, over its bound, below which parameters fit any readings."""
 ERROR_BOUND = "error bound"
 """The word for a guaranteed error where σ is no bound."""
 MOST_TURNS = 5
@@ -57,7 +55,7 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
         answer = open_sections(result) + answer
     else:
         answer += open_sections(result) + levelling_sections(result)
-    has_residuals = record is not None and (result.radius or 0.0) > NO_RESIDUAL
+    has_residuals = record is not None and (result.radius or 0.0) > bench.NO_RESIDUAL
 
     def further() -> list[Section]:
         sections: list[Section | None] = []
@@ -120,7 +118,8 @@ def verdict_sentence(result: Calibration) -> str:
             f"{residual(result.radius)} σ{proof}."
         )
     if result.verdict == "insufficient":
-        return f"Insufficient: the readings do not determine {bench.open_targets(result)}.{measure_words(result)}"
+        more = bench.measure_words(result.next_positions)
+        return f"Insufficient: the readings do not determine {bench.open_targets(result)}.{more}"
     if result.sigma.kind == "unknown":
         if result.sigma.basis.startswith(OF_RESIDUALS):
             return f"{WITHOUT_NOISE} To find the bound, {HOW_TO_FIND}."
@@ -137,12 +136,6 @@ def verdict_sentence(result: Calibration) -> str:
     if bounds:
         largest = f", and all {len(bounds)} targets are known, each to within {upwards(max(bounds))} or better"
     return f"Consistent: {model} explains every reading within {residual(result.radius)} σ{largest}."
-
-
-def measure_words(result: Calibration) -> str:
-    """Return the number of positions that would determine the open targets, in a sentence; empty without any."""
-    count = len(result.next_positions)
-    return f" Measure {count} more position{'s' * (count > 1)}." if count else ""
 
 
 def residual_section(result: Calibration, numbers: NDArray) -> Section:

@@ -165,10 +165,14 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
                 row.append(unit_text(p.unit))
                 row.append(residual(finding.fit.radius))
                 rows.append(row)
+    verdict = diagnosis_sentence(result)
     paragraphs = []
     for number, finding in enumerate(first_sets, start=1):
         text = sentences_of(finding, result)
-        paragraphs.append(sentence(text if is_named else f"set {number}: {text}"))
+        if not is_named:
+            paragraphs.append(f"Set {number}: {text}.")
+        elif text not in verdict:
+            paragraphs.append(sentence(text))
     paragraphs += _cause_remarks(result)
     equations = []
     for finding in first_sets:
@@ -353,7 +357,7 @@ def _remarks(result: Diagnosis) -> list[str]:
     """Return remarks on the two witnesses, a missing gain, missing data, and effects that the record cannot show."""
     gain = result.gain
     if result.calibration.linearised is not None:
-        remarks = witnesses.two_witnesses(result)
+        remarks = []
         if gain is None and result.findings and result.verdict == "explained":
             remarks.append("Gain on held-out positions: not possible with these effects and positions.")
         if gain is not None and gain.over is None and not gain.improves:
@@ -430,7 +434,8 @@ def _verdict(result: Diagnosis) -> str:
     if result.verdict == "unexplained":
         return _unexplained(result)
     if result.verdict == "insufficient":
-        return f"Too little was measured to judge the simulation: {missing_words(result)}."
+        more = bench.measure_words(result.next_positions or ())
+        return f"Too little was measured to judge the simulation: {missing_words(result)}.{more}"
     return _consistent(result)
 
 

@@ -24,7 +24,7 @@ from ..document.notation import (
 )
 from ..evidence.power import PIECES, SECTORS
 from ..rounding import digits, exactly, interval, residual, to_bound, upwards
-from .bench import physical_words, proved
+from .bench import NO_RESIDUAL, physical_words, proved
 from .inspection import own_words
 from .pictures import residuals as pictures
 
@@ -44,9 +44,14 @@ def first_words(result: Diagnosis) -> str:
 
 
 def residual_sections(result: Diagnosis) -> list[Section]:
-    """Return residuals of readings without and with the effects, over the angles, over the inputs."""
+    """Return residuals of readings without and with the effects, over the angles, over the inputs.
+
+    There are none if parameters fit any readings.
+    """
     nominal = result.calibration
     linearised = nominal.linearised
+    if (nominal.radius or 0.0) < NO_RESIDUAL:
+        return []
     least = residual(nominal.radius)
     text = f"The nominal model explains every reading within {least} σ."
     if (nominal.radius or 0.0) > 1.0:

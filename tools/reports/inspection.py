@@ -14,7 +14,7 @@ from ..document.notation import Cell, sentence, unit_text
 from ..errors import InputError
 from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
-from ..motion.inspect import EXCITED, AtTable, GyrosAtRest, Inspection
+from ..motion.inspect import EXCITED, AtTable, GyrosAtRest, Inspection, PosesSeen
 from ..motion.rests import BY_CHANCE, FEWEST_FOR_NOISE, rest_warnings
 from ..records.sigma import deviation_widening
 from ..rounding import digits, downwards, exactly, outwards, residual, upwards
@@ -35,7 +35,7 @@ def inspection_page(result: Inspection) -> Page:
     caption = "Allan deviation of the readings over the rests: what noise leaves of a mean of that length."
     answer = [Section("The record", lines, allan_picture(result), caption)]
     if result.accelerometers is not None:
-        answer.append(_norm_section(result.accelerometers))
+        answer.append(_norm_section(result.accelerometers, gaps_named=True))
     return Page(f"Inspection of {result.record.path.name}", first, answer)
 
 
@@ -87,6 +87,7 @@ def rest_lines(inspection: Inspection) -> list[str]:
         head += f"; {rests.turning} slow turns left out"
     lines = [head]
     lines += rest_warnings(rests, inspection.gravity)
+    lines += pose_lines(inspection.poses)
     if len(inspection.moves):
         turns = np.degrees([move.turn_rad for move in inspection.moves])
         lines.append(f"{len(turns)} moves between them, {span_of(turns)} degrees")
@@ -112,6 +113,20 @@ def rest_lines(inspection: Inspection) -> list[str]:
         f"{upwards(force)} g, {upwards(rate)} deg/s"
     )
     return lines
+
+
+def pose_lines(poses: PosesSeen | None) -> list[str]:
+    """Return what the poses of the rests are worth for the accelerometers, and which are missing, in lines."""
+    if poses is None:
+        return []
+    line = f"poses: |f| in a pose that was not measured errs by {digits(1e3 * poses.worst_error_g, 2)} mg at worst"
+    if not poses.missing:
+        return [f"{line} (1 standard error, predicted): the poses are enough"]
+    after = digits(1e3 * poses.error_with_these_g, 2)
+    return [
+        f"{line} (1 standard error, predicted)",
+        f"poses that are missing: {'; '.join(poses.missing)}; with these {after} mg",
+    ]
 
 
 def span_of(values: np.ndarray) -> str:

@@ -38,6 +38,7 @@ PAGES = {
     "Entry": ("several", "entry_page"),
     "Exported": ("pages", "exported_page"),
     "ExportedCalibration": ("pages", "exported_calibration_page"),
+    "HandPlan": ("plan", "hand_page"),
     "ImuPlan": ("plan", "imu_page"),
     "Imported": ("pages", "import_page"),
     "Inspection": ("inspection", "inspection_page"),

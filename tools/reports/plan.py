@@ -23,11 +23,12 @@ from .pictures.records import curve_picture, plan_picture, positions_picture, pr
 from .sources import cited, matrix_text, versions
 
 if TYPE_CHECKING:
-    from ..planning import ImuPlan
+    from ..planning import HandPlan, ImuPlan
     from ..planning.check import SettingCheck
     from ..planning.positions import Curve, PlannedPosition, PositionPlan
 
 
+ARCMIN = 10800.0 / math.pi
 COST = 11
 """Digits of a cost, which is proven to more."""
 UNCERTAIN = 1e-8
@@ -443,6 +444,38 @@ def planned_for(plan: "ImuPlan") -> str:
         f"{exactly(plan.encoder_bound)} rad; table {exactly(plan.rate_dps)} deg/s, "
         f"{exactly(plan.acceleration_radps2)} rad/s²; latitude {exactly(plan.latitude_deg)}°, azimuth "
         f"{exactly(plan.azimuth_deg)}°"
+    )
+
+
+def hand_page(plan: "HandPlan") -> Page:
+    """Return the steps of a plan by hand, each with the errors that are predicted after it."""
+    errors = f"|f| at rest in any pose to {digits(1e3 * plan.pose_error, 2)} mg"
+    turns = f"a turn of 90° to {digits(ARCMIN * plan.turn_error, 2)} arcmin"
+    after = f" after the rests of {plan.measured}" if plan.measured else ""
+    verdict = (
+        f"{len(plan.steps)} rests{after}, {digits(plan.minutes, 2)} minutes: {errors}, {turns} (1 standard error)."
+    )
+    if not plan.steps:
+        verdict = f"Nothing is missing in {plan.measured}: {errors}, {turns} (1 standard error)."
+    rows: list[list[Cell]] = []
+    for number, step in enumerate(plan.steps, start=1):
+        pose_error, turn_error = digits(1e3 * step.pose_error, 2), digits(ARCMIN * step.turn_error, 2)
+        rows.append([number, step.turn or "begin", step.pose, digits(step.rest_s), pose_error, turn_error])
+    header = ["step", "move", "then at rest", "rest [s]", "|f| in any pose [mg]", "turn of 90° [arcmin]"]
+    words = [
+        "Hold it still at each rest: on a table, or against something firm. Directions need no accuracy: 10° off is as "
+        "good. Move within a few seconds from rest to rest, slower than the gyros' range. Record it as one file.",
+        "Axis 1 up: accelerometer 1 reads +1 g. Errors are predicted from the poses, the noise at rest "
+        f"({digits(1e3 * plan.rest_sd, 2)} mg) and an error of each move of 7 arcmin.",
+    ]
+    parameters = table_of(plan.parameters, ("symbol", "unit", "standard_error", "wanted"))
+    return Page(
+        "Plan by hand",
+        verdict,
+        [
+            Section("Steps", words, table=Table(header, rows) if rows else None),
+            Section("Predicted standard errors", table=parameters),
+        ],
     )
 
 

@@ -7,9 +7,10 @@ from ..calibration.targets import NAMES
 from ..diagnosis.cause import Cause, SizedParameter
 from ..diagnosis.result import Diagnosis, Explanation
 from ..document.blocks import Page, Section, Table, Tone, table_of
-from ..document.notation import Cell, minus, sentence, unit_text
+from ..document.notation import Cell, sentence, symbol_text, unit_text
 from ..instrument import Entries, Entry
 from ..rounding import digits, downwards, interval, residual, upwards
+from .bench import physical_words
 from .pictures.residuals import drawable, repeatability_picture
 from .sources import cited, versions
 
@@ -21,6 +22,8 @@ VERDICTS = {
     "insufficient": "insufficient: the records cannot tell together whether the simulation is wrong",
 }
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
+SHORTER = {" error of accelerometer": "", " of accelerometer": "", " for ": ", ", " specific force along": ""}
+"""Phrases of a parameter's name, and those in a picture."""
 MOST_SETS = 6
 """Largest number of remaining sets that are printed."""
 
@@ -34,10 +37,12 @@ def helps_lines(result: Diagnosis) -> list[str]:
     return lines
 
 
-def words(name: str) -> str:
+def words(symbol: str) -> str:
     """Return a parameter by its symbol, and in words if it has any."""
-    name_and_unit = NAMES.get(name.partition("@")[0])
-    return name if name_and_unit is None else f"{name}, {name_and_unit[0]}"
+    head, at, mounting = symbol.partition("@")
+    if head not in NAMES:
+        return symbol
+    return f"{symbol_text(symbol)} {physical_words(NAMES[head][0] + at + mounting)}"
 
 
 def verdict_line(result: Diagnosis) -> str:
@@ -129,15 +134,11 @@ def several_page(result: Diagnosis) -> Page:
         shared.append(f"Each record's own: {', '.join(result.own)}.")
     if result.radius is not None and result.not_searched:
         shared.append(f"Not sought in several records together: {', '.join(result.not_searched)}.")
-    key = {}
-    if result.radius is not None:
-        key["radius with shared parameters"] = residual(result.radius)
-        if result.best is not None:
-            key["with the causes"] = residual(result.best.radius)
+    sigma = _sigma(result)
     answer = [
-        Section("Together", together or ["Nothing must differ."]),
+        _changes(result.repeatability, sigma),
+        Section("Together", together),
         Section("Each by itself", table=alone),
-        _changes(result.repeatability),
     ]
     answer += _gains(result)
     answer.append(Section("What is shared", shared))
@@ -147,22 +148,58 @@ def several_page(result: Diagnosis) -> Page:
         answer,
         lambda: _repeatability(result.repeatability),
         TONES.get(result.verdict, "attention"),
-        key,
+        _key(result, sigma),
         provenance,
         cited("guaranteed", "simplex", "lawson", "left-out", "shuffles"),
     )
 
 
-def _changes(alone: Calibration | None) -> Section:
-    """Return the instrument's parameters that surely change between records; an empty section if there are none."""
-    lines = []
-    for change in alone.changes if alone is not None else ():
+def _key(result: Diagnosis, sigma: float | None) -> dict[str, object]:
+    """Return the figures below the verdict."""
+    unit = "times the bound" if sigma is None else "σ"
+    key: dict[str, object] = {"records": len(result.records or ())}
+    if sigma is not None:
+        key["noise bound σ"] = f"{upwards(sigma, 3)} g"
+    if result.radius is not None:
+        key["largest error, shared parameters"] = f"{residual(result.radius)} {unit}"
+        if result.best is not None:
+            key["with the causes"] = f"{residual(result.best.radius)} {unit}"
+    if result.repeatability is not None:
+        instrument = [change for change in result.repeatability.changes if change.of == "instrument"]
+        changed = [change for change in instrument if change.at_least > 0.0]
+        key["parameters of the instrument that change"] = f"{len(changed)} of {len(instrument)}"
+    return key
+
+
+def _sigma(result: Diagnosis) -> float | None:
+    """Return the noise bound of the records of positions [g]; None if it has no single value."""
+    bounds = set()
+    for entry in result.records or ():
+        calibration = entry.diagnosis.calibration
+        bounds.add(calibration.sigma.value if calibration.positions else None)
+    return bounds.pop() if len(bounds) == 1 else None
+
+
+def _changes(alone: Calibration | None, sigma: float | None = None) -> Section:
+    """Return the parameters of each record, and those that surely change; an empty section without several."""
+    if alone is None or not drawable(alone):
+        return Section("What changed")
+    rows: list[list[Cell]] = []
+    for change in alone.changes:
         if change.of == "instrument" and change.at_least > 0.0:
-            most = "" if change.at_most is None else f", {upwards(change.at_most)} at most"
-            lines.append(
-                f"{words(change.symbol)} changes by {_in_unit(downwards(change.at_least), change.unit)} at least{most}."
-            )
-    return Section("What is no constant", lines)
+            row: list[Cell] = [words(change.symbol), downwards(change.at_least), upwards(change.at_most)]
+            rows.append([*row, unit_text(change.unit)])
+    text = "No parameter of the instrument surely changes."
+    if rows:
+        text = "Where the intervals of two records do not meet, the parameter is no constant."
+    names = {}
+    for change in alone.changes:
+        names[change.symbol] = words(change.symbol)
+        for phrase, shorter in SHORTER.items():
+            names[change.symbol] = names[change.symbol].replace(phrase, shorter)
+    table = Table(["parameter of the instrument", "changes at least", "at most", "unit"], rows)
+    caption = "Exact intervals of each record by itself, with the effects that are named, on one scale."
+    return Section("What changed", [text], repeatability_picture(alone, sigma, names), caption, table)
 
 
 def _titles(explanation: Explanation | None) -> str | None:
@@ -196,38 +233,18 @@ def _gains(result: Diagnosis) -> list[Section]:
     return [Section("What one record says of the others", paragraphs, table=Table(header, rows))]
 
 
-def _typeset(name: str) -> str:
-    """Return a parameter and its name, the sign of a symbol in typography."""
-    return words(name).replace("-X", "−X")
-
-
 def _repeatability(alone: Calibration | None) -> list[Section]:
     """Return each parameter in each record by itself; empty if nothing is repeated."""
     if alone is None or not alone.changes:
         return []
     rows: list[list[Cell]] = []
     for change in alone.changes:
-        by_record = alone.each(change.symbol)
-        cells: list[Cell] = [_typeset(change.symbol), change.of]
-        for label in alone.of_record:
-            p = by_record.get(label)
-            cells.append(None if p is None or p.estimate is None else minus(_possible(p)))
-        cells.append(downwards(change.at_least))
-        cells.append(upwards(change.at_most))
-        cells.append(unit_text(change.unit))
-        rows.append(cells)
-    header = ["parameter", "of"]
-    header += alone.of_record
-    header += ["changes at least", "at most", "unit"]
-    table = Table(header, rows)
-    paragraph = (
-        "Each record by itself, with the effects that are named. Every value inside an interval is possible, "
-        "none outside: where two intervals do not meet, the parameter is no constant."
-    )
-    if not drawable(alone):
-        return [Section("Repeatability", [paragraph], table=table)]
-    caption = "A bar for each record, in their order from above; each row has a scale of its own."
-    return [Section("Repeatability", [paragraph], repeatability_picture(alone), caption, table)]
+        for label, p in alone.each(change.symbol).items():
+            row: list[Cell] = [words(change.symbol), change.of, label]
+            row += interval(p.estimate, p.low, p.high)
+            rows.append([*row, unit_text(change.unit)])
+    header = ["parameter", "of", "record", "estimate", "low", "high", "unit"]
+    return [Section("Each parameter in each record", table=Table(header, rows))]
 
 
 CALIBRATED = {
@@ -270,7 +287,7 @@ def _joint_table(parameters: Sequence[Parameter]) -> Table | None:
     """Return parameters with their intervals; None if there are none."""
     if not parameters:
         return None
-    rows = table_of(parameters, ("symbol", "central", "low", "high", "unit"), {"symbol": _typeset, "unit": unit_text})
+    rows = table_of(parameters, ("symbol", "central", "low", "high", "unit"), {"symbol": words, "unit": unit_text})
     return Table(["parameter", "estimate", "at least", "at most", "unit"], rows.rows)
 
 
@@ -311,7 +328,7 @@ def trend_page(result: Calibration, _: object = None) -> Page:
     return Page(
         f"{serial or 'An instrument'} over time",
         f"{verdict}; {constants} of {judged} parameters may be constants over {len(result.of_record)} dates.",
-        [Section("Since when", changes)],
+        [Section("Since when", changes), _changes(result)],
         lambda: _repeatability(result),
         tone,
         {"dates": len(result.of_record)},

@@ -383,3 +383,39 @@ def test_a_calibration_without_an_estimate_is_refused(tmp_path):
     with pytest.raises(th.InputError, match="lacks 'X4'"):
         case.export("csv", "imu.csv")
     assert not (tmp_path / "imu.csv").exists()
+
+
+def test_names_that_a_record_may_have_do_not_break_a_file(tmp_path):
+    yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
+    case = Case(tmp_path, 1)
+    case.content["provenance"]["record"] = "a */ b\nSM: [1]\u2028bias: [2] \\"
+    case.file.write_text(json.dumps(case.content), encoding="utf-8")
+    content = yaml.safe_load(case.export("ros", "imu.yaml").read_text(encoding="utf-8"))
+    assert list(content) == ["/**"]
+    case.export("c", "imu.h", name="board")
+    out = compiled_and_run(tmp_path, case.readings, case.rates, gyros=True)
+    np.testing.assert_allclose(out[:, :3], case.force, rtol=0, atol=1e-12)
+
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "export-a-calibration.md"
+
+
+def test_the_numbers_of_the_page_are_those_of_the_files(tmp_path):
+    """The page's instrument, exported: each number in its table of examples is in the file of that target."""
+    case = Case(tmp_path, 1, sensitivity=False)
+    instrument = case.instrument
+    instrument.matrix = np.array([[1.01, 0.0, 0.0], [0.02, 0.99, 0.0], [-0.01, 0.03, 1.005]])
+    instrument.bias = np.array([0.1, -0.2, 0.3]) / GRAVITY
+    case.content = calibration(instrument, gyros=False)
+    case.file.write_text(json.dumps(case.content), encoding="utf-8")
+    text = PAGE.read_text(encoding="utf-8")
+    corrected = ", ".join(f"{value:.4f}" for value in th.correction(case.file)([1.0, 2.0, 10.0]))
+    assert f"f = ({corrected}) m/s²" in text
+    rows = re.findall(r"^\| `(\w+)` \| `([^|]*)` \|$", text, flags=re.MULTILINE)
+    assert {target for target, _ in rows} == {"kalibr", "imucal", "ros", "imu_tk", "px4"}
+    for target, shown in rows:
+        options = {"densities": DENSITIES, "rate": 100.0} if target == "kalibr" else {}
+        file = case.export(target, f"imu.{target}", **options).read_text(encoding="utf-8")
+        written = {round(float(word), 4) for word in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", file)}
+        for word in re.findall(r"-?\d+\.\d+", shown):
+            assert float(word) in written, (target, word)

@@ -400,3 +400,16 @@ def test_the_bounds_of_means_in_json_are_those_of_the_text_and_none_of_few_rests
     inspection = inspected(many)
     ratio = inspection.rests.force_bound / inspection.rests.force_scatter
     assert ratio == pytest.approx(deviation_widening(len(inspection.rests), 0.05))
+
+
+def test_poses_that_are_enough_are_said_to_be_and_others_are_named():
+    whole = inspected(strapdown_record(true_motion()))
+    assert whole.poses.worst_error_g < 1e-3
+    assert whole.poses.missing == ()
+    assert "the poses are enough" in str(whole)
+    few = inspected(strapdown_record(true_motion(POSES[POSES[:, 2] > 0.5])))
+    assert few.poses.worst_error_g > 1e-2
+    assert few.poses.error_with_these_g < 1e-3
+    shown = str(few)
+    assert f"poses that are missing: {few.poses.missing[0]}" in shown
+    assert shown.count(few.poses.missing[0]) == 1

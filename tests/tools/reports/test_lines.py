@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 import trihedron as th
-from trihedron.tools.reports import lines_page, write_plot
+from trihedron.tools.reports import lines_page, page_of, write_plot
 from trihedron.tools.reports.lines import spread_over_time
 from trihedron.tools.reports.pictures.records import MOST_LINES, TRUTH
 
@@ -98,3 +98,20 @@ def test_the_page_of_a_campaign_draws_the_records_that_it_kept(tmp_path: Path) -
         page = (tmp_path / name / "index.html").read_text(encoding="utf-8")
         assert ("Records of 2 runs: quantiles over the runs at each time." in page) == (name == "kept")
         assert ("Over time, in rad" in page) == (name == "kept")
+
+
+def test_a_comparison_draws_the_columns_that_differ_and_nothing_else(tmp_path: Path) -> None:
+    columns = {"time_s": TIME[:50], "a_deg": TIME[:50], "f1_mps2": TIME[:50], "f2_mps2": TIME[:50]}
+    pl.DataFrame(columns).write_csv(tmp_path / "first.csv")
+    pl.DataFrame({**columns, "f2_mps2": TIME[:50] + 0.5}).write_csv(tmp_path / "second.csv")
+    page = page_of(th.compare(tmp_path / "first.csv", tmp_path / "second.csv"))
+    assert page is not None
+    (pictured,) = [section for section in page.sections if section.picture is not None]
+    assert pictured.title == "Second less first, in m/s²"
+    assert pictured.picture is not None
+    (axes,) = pictured.picture.figure().axes
+    (line,) = axes.lines
+    np.testing.assert_allclose(np.asarray(line.get_ydata()), 0.5)
+    same = page_of(th.compare(tmp_path / "first.csv", tmp_path / "first.csv"))
+    assert same is not None
+    assert [section for section in same.sections if section.picture is not None] == []

@@ -27,7 +27,13 @@ from trihedron.tools.reports import (
 )
 from trihedron.tools.reports.pictures import COLOURS
 from trihedron.tools.reports.pictures.records import MOST_POINTS, thinned
-from trihedron.tools.reports.pictures.residuals import candidates, residuals
+from trihedron.tools.reports.pictures.residuals import (
+    candidates,
+    errors_of_turns,
+    matrix_picture,
+    residuals,
+    truth_in_intervals,
+)
 from trihedron.tools.reports.pictures.suites import chance_of
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -72,6 +78,9 @@ PICTURES: dict[str, Callable[[], str]] = {
     ).svg(),
     "size errors": lambda: size_errors_picture([1.2, 3.0], [0.01, -0.02]).svg(),
     "candidates": lambda: candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1]).svg(),
+    "truths": lambda: truth_in_intervals(np.array([-1.2, -0.7]), np.array([0.8, 1.3])).svg(),
+    "matrix": lambda: matrix_picture(np.eye(3), np.eye(3) - 0.5, np.eye(3) + 0.5, ("x", "y", "z"), "rad/s/g").svg(),
+    "turns": lambda: errors_of_turns(np.arange(5.0), 9.0 * np.ones(5), np.ones(5)).svg(),
 }
 UNKNOWN = np.full((2, 3), np.nan)
 NOTHING: dict[str, Callable[[], str]] = {
@@ -142,6 +151,22 @@ def test_what_a_picture_shows_is_what_it_was_given() -> None:
     shown = texts(candidates(["worse", "better", "impossible"], [2.5, 0.25, np.nan]).svg())
     assert [text for text in shown if text in ("worse", "better", "impossible")] == ["better", "worse", "impossible"]
     assert {"0.25", "2.5", "not possible"} <= set(shown)
+
+
+def test_angles_of_several_turns_are_drawn_within_one() -> None:
+    values = np.zeros((3, 3))
+    figure = residuals(at([-1.0, 13.0, 40.0], [0.5, -20.0, 7.0]), values, None, values > 1.0).figure()
+    for axes in figure.axes:
+        angles = np.concatenate([line.get_xdata() for line in axes.lines if line.get_marker() == "o"])
+        assert ((angles >= 0.0) & (angles < 360.0)).all()
+    np.testing.assert_allclose(angles, np.degrees([0.5, -20.0, 7.0]) % 360.0)
+
+
+def test_a_matrix_frames_what_cannot_be_zero() -> None:
+    low = np.array([[0.1, -1.0, -1.0], [-1.0, -1.0, -1.0], [-1.0, -1.0, -3.0]])
+    (axes,) = matrix_picture(low + 0.5, low, low + 1.0, ("x", "y", "z"), "").figure().axes
+    bold = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]
+    assert bold == ["0.60", "−2.50"]
 
 
 def test_thinning_keeps_peaks_gaps_and_ends() -> None:

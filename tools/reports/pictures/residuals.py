@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from ....fmus.units import ARCMIN
 from ...calibrated import Calibration, ParameterChange
 from ...calibration.estimates import PairSet
 from ...calibration.model import Positions
 from ...document.notation import minus, plain, short
-from ...rounding import downwards, interval, residual
+from ...rounding import downwards, exactly, interval, residual
 from . import (
     AFTER,
     ALERT,
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
 
 MOST_LINES = 3
 """Largest number of laws that are drawn."""
+FINE = 201
+"""Points of a smooth law."""
 
 
 @drawn
@@ -253,7 +256,6 @@ def shares_of_pieces(before: NDArray, after: NDArray, label: str) -> Drawn:
     return figure, "Part of the pieces that were not used whose error is at most so large"
 
 
-STEP_COLOURS = (FIRST, SECOND, THIRD, ALERT, MUTED)
 MARKERS = ("o", "s", "^", "D", "v")
 
 
@@ -270,7 +272,7 @@ def order_picture(orders: Sequence[tuple[str, "OrderOfEffects"]]) -> Drawn:
             errors.append(step.held_out_rms_arcmin)
             if step.effect not in names:
                 names.append(step.effect)
-        colour = STEP_COLOURS[k % 5].light
+        colour = RECORDS[k % len(RECORDS)].light
         axes.plot(range(len(errors)), errors, color=colour, linestyle=DASHES[k % 3], label=label)
         for number, step in enumerate(order.steps, start=1):
             axes.plot(
@@ -454,9 +456,14 @@ def band_picture(band: BandDrawn, width: float = WIDTH) -> Drawn:
 def _laws(axes: "Axes", band: BandDrawn, lines: Sequence[tuple[str, NDArray]]) -> None:
     """Draw the first laws, by name, over the quantity."""
     axes.axhline(0.0, color=MUTED.light, linewidth=0.6)
+    is_smooth = lines is band.whole and not band.steps
     for (name, values), colour, dash in zip(lines[:MOST_LINES], AXES, DASHES, strict=False):
         known = np.isfinite(values)
-        axes.plot(band.knots[known], values[known], color=colour.light, linestyle=dash, label=name)
+        x, y = band.knots[known], values[known]
+        if is_smooth and len(x) > 2:
+            between = np.linspace(x[0], x[-1], FINE)
+            x, y = between, CubicSpline(x, y)(between)
+        axes.plot(x, y, color=colour.light, linestyle=dash, label=name)
     axes.set_xlabel(band.quantity)
     if band.circle:
         one_turn(axes, band.at)
@@ -490,6 +497,12 @@ def matrix_picture(values: NDArray, low: NDArray, high: NDArray, columns: Sequen
 
 MOST_ROWS = 30
 """Largest number of parameters that are drawn."""
+RECORDS = (FIRST, SECOND, THIRD, ALERT, MUTED)
+"""Colours of records."""
+RELATIVE = ("g", "rad", "1")
+"""Units of parameters that σ, a fraction of g, measures."""
+LINEAR = 10.0
+"""Largest change on the linear part of an axis of changes."""
 
 
 def drawable(alone: Calibration) -> list[ParameterChange]:
@@ -502,27 +515,43 @@ def drawable(alone: Calibration) -> list[ParameterChange]:
 
 
 @drawn
-def repeatability_picture(alone: Calibration) -> Drawn:
-    """Draw a row for each parameter, a bar for each record in order; each row in its own scale, about its middle."""
+def repeatability_picture(alone: Calibration, sigma: float | None, names: Mapping[str, str]) -> Drawn:
+    """Draw what each record leaves possible of each parameter, in units of σ about the middle of the records.
+
+    Parameters
+    ----------
+    alone : Calibration
+        each record by itself
+    sigma : float or None
+        σ, for parameters in g, radians or pure numbers; others, and all without it, are in half widths of the
+        narrowest interval
+    names : mapping
+        symbol -> name of the row
+    """
     rows = drawable(alone)
     labels = list(alone.of_record)
-    figure, ((axes,),) = sheet(0.9 + 0.34 * len(rows))
+    figure, ((axes,),) = sheet(1.3 + 0.36 * len(rows))
     for number, change in enumerate(rows):
-        ends = {label: p.ends for label, p in alone.each(change.symbol).items() if p.bounded}
-        least, most = np.min(list(ends.values())), np.max(list(ends.values()))
-        middle, half = 0.5 * (least + most), 0.5 * (most - least) or 1.0
-        colour = (ALERT if change.at_least > 0.0 else FIRST).light
-        label = "surely changes" if change.at_least > 0.0 else "may be constant"
-        for record, (low, high) in ends.items():
-            at = number + 0.6 * ((labels.index(record) + 0.5) / len(labels) - 0.5)
-            bar = [(low - middle) / half, (high - middle) / half]
-            axes.plot(bar, [at, at], color=colour, linewidth=2.4, solid_capstyle="butt", label=label)
+        parameters = {label: p for label, p in alone.each(change.symbol).items() if p.bounded}
+        ends = np.array([p.ends for p in parameters.values()])
+        middle, narrowest = 0.5 * (ends.min() + ends.max()), 0.5 * float(np.ptp(ends, axis=1).min())
+        unit = sigma if sigma is not None and change.unit in RELATIVE else narrowest or 1.0
+        if change.at_least > 0.0:
+            axes.axhspan(number - 0.5, number + 0.5, color=BAND.light, linewidth=0, zorder=0, label="surely changes")
+        for record, (low, high) in zip(parameters, (ends - middle) / unit, strict=True):
+            place = labels.index(record)
+            at = number + 0.7 * ((place + 0.5) / len(labels) - 0.5)
+            colour = RECORDS[place % len(RECORDS)].light
+            ends_of_bar: dict[str, Any] = {"marker": "|", "markersize": 5.0, "markeredgewidth": 1.6}
+            axes.plot([low, high], [at, at], color=colour, linewidth=3.0, label=short(record, 24), **ends_of_bar)
     axes.axvline(0.0, color=MUTED.light, linewidth=0.6)
-    axes.set_xticks([])
-    axes.set_xlim(-1.05, 1.05)
-    named_rows(axes, [change.symbol for change in rows], lines=True)
+    reach = 1.3 * max(np.abs(axes.dataLim.intervalx).max(), 1.0)
+    axes.set_xscale("symlog", linthresh=LINEAR)
+    axes.set_xlim(-reach, reach)
+    ticks = [sign * 10.0**power for sign in (-1, 1) for power in range(1, 9) if 10.0**power < reach]
+    axes.set_xticks([0.0, *ticks], [minus(exactly(tick)) for tick in (0.0, *ticks)])
+    axes.minorticks_off()
+    axes.set_xlabel(f"value less the middle of the records [{'half widths' if sigma is None else 'σ'}]")
+    named_rows(axes, [short(names[change.symbol], 44) for change in rows])
     legend(figure)
-    return (
-        figure,
-        f"What each record leaves possible of {len(rows)} parameters; records from above: {', '.join(labels)}.",
-    )
+    return figure, f"What each record leaves possible of {len(rows)} parameters"
