@@ -271,10 +271,14 @@ class Misfit:
         square = (sigma**2 + 2.0 / 9.0 * (0.25 * steps.outer**2 + 0.25 * steps.inner**2)) / 3.0
         if not LEAST_OF_ROUNDING <= size / float(np.sqrt(square)) <= MOST_OF_ROUNDING:
             return False
+        return self.turns_gravity(sigma)
+
+    def turns_gravity(self, sigma: float) -> bool:
+        """Return true if the errors turn gravity, as errors of angles do, and change its size by no more than noise."""
         errors = self.errors.reshape(-1, 3)
         along = (errors * self.reading).sum(axis=1) / np.linalg.norm(self.reading, axis=1)
-        most = MOST_ALONG * float(np.sqrt(np.square(errors).sum(axis=1).mean())) + sigma
-        return float(np.sqrt(np.square(along).mean())) <= most
+        most = MOST_ALONG**2 * float(np.square(errors).sum(axis=1).mean()) + sigma**2 / 3.0
+        return float(np.square(along).mean()) <= most
 
 
 OF_RESIDUALS = "from the residuals of the fit"

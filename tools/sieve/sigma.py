@@ -6,8 +6,11 @@ import numpy as np
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
+from ..bounded.sets import CutOff, Work
 from ..calibrated import Sigma
 from ..errors import InputError
+from ..evidence.bench import Bench
+from ..evidence.bench_visits import is_linear
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord
@@ -23,6 +26,9 @@ MOST_WITH_EFFECT = 1.5
 """The same beside an effect."""
 APART = 9.0
 """Effects that explain so much less, in variances, are told apart from the best one."""
+OUTLIER = "outlier"
+MOST_WORK = 2e6
+"""Work of the search for effects that are not linear."""
 MOST_RIVALS = 4
 """Effects of which one is named beside a larger noise bound."""
 
@@ -41,7 +47,7 @@ def too_small_bounds(evidence: Evidence) -> tuple[Simple, ...]:
         return _alone(evidence)
     if evidence.model.radius < APPARENT:
         return ()
-    return _with_effect(evidence, candidates, residual)
+    return _with_effect(evidence, candidates, residual) or _with_bent_effect(evidence, candidates)
 
 
 def _alone(evidence: Evidence) -> tuple[Simple, ...]:
@@ -88,6 +94,40 @@ def _beside(evidence: Evidence, place: EffectPlace) -> Simple | None:
     sentence = f"With σ = {upwards(sigma)} g and {place.title} the record fits."
     simple = _simple(wider, numbers, again.radius, sentence, sigma)
     return replace(simple, where=("sigma", place.where), fit=again)
+
+
+def _with_bent_effect(evidence: Evidence, candidates: Candidates) -> tuple[Simple, ...]:
+    """Return a larger noise bound with an effect that is not linear in its sizes, and leaves noise."""
+    wider = _with_bound(evidence, MOST_WITH_EFFECT * evidence.model.calibration.noise_bound)
+    if wider is None or not isinstance(wider.model, Bench) or not wider.model.falsified:
+        return ()
+    standing, work = [], Work(MOST_WORK)
+    try:
+        for (place,) in wider.model.candidates(1, work):
+            if not is_linear(place) and place.effect != OUTLIER:
+                standing += wider.model.mended([place], work)
+    except (CutOff, SolverError, ValueError):
+        return ()
+    faults = []
+    for fit in sorted(standing, key=lambda fit: fit.radius)[:MOST_RIVALS]:
+        remaining = Residual(fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None])
+        times = MOST_WITH_EFFECT * fit.radius
+        if times > evidence.model.limit and candidates.is_noise(remaining):
+            faults.append(_beside_bent(evidence, fit.places[0], times))
+    return tuple(fault for fault in faults if fault is not None)
+
+
+def _beside_bent(evidence: Evidence, place: EffectPlace, times: float) -> Simple | None:
+    """Return a noise bound so many times as large with one effect; None where they do not do."""
+    sigma = _rounded_up(evidence, times)
+    wider = _with_bound(evidence, sigma)
+    fits = () if wider is None else wider.model.mended([place], Work())
+    if wider is None or not fits:
+        return None
+    numbers = 2 + len(place.definition.parameters) + (place.order is not None)
+    sentence = f"With σ = {upwards(sigma)} g and {place.title} the record fits."
+    simple = _simple(wider, numbers, fits[0].radius, sentence, sigma)
+    return replace(simple, where=("sigma", place.where), fit=fits[0])
 
 
 def _simple(wider: Evidence, numbers: int, radius: float, sentence: str, sigma: float) -> Simple:

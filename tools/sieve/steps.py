@@ -9,8 +9,8 @@ from ..evidence.evidence import Evidence
 from ..records import PositionRecord
 from .leading import Candidates
 
-LEAST = 0.3
-"""Steps that move readings by a smaller part of σ are not looked at."""
+LEAST = 1.8
+"""Steps that move readings by fewer σ are not looked at: a larger σ says as much."""
 WIDE = 4.0
 """Steps that move readings by so many σ are told from noise by the size of the misfit."""
 
@@ -30,7 +30,9 @@ def with_rounding(evidence: Evidence) -> Evidence:
     if stepped.steps.error < LEAST * sigma:
         return evidence
     candidates = Candidates(evidence)
-    is_noise = candidates.is_noise(candidates.residual)
+    residual = candidates.residual
+    misfit = Misfit(evidence.rows.bound * residual.left, model.here.reading, residual.freedom)
+    is_noise = candidates.is_noise(residual) and misfit.turns_gravity(sigma)
     if not is_noise and not _is_rounding(evidence, candidates, stepped):
         return evidence
     try:

@@ -73,3 +73,22 @@ def test_an_effect_with_the_right_bound_is_no_noise(size):
 def test_errors_are_those_that_were_asked_for():
     drawn = ERRORS["Gaussian"](np.random.default_rng(1), (4000, 3))
     assert np.std(drawn) == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("effect", "where", "size"),
+    [
+        ("backlash", "inner-axis", (1.5e-4,)),
+        pytest.param("saturation", "accelerometer-1", (0.97,), marks=pytest.mark.acceptance),
+        pytest.param("bias-step", "accelerometer-2", (1.5e-4, 0.4), marks=pytest.mark.acceptance),
+    ],
+)
+def test_beside_an_effect_that_is_not_linear_both_are_named(effect, where, size):
+    rng = np.random.default_rng(40)
+    record = Session.drawn(rng, 48).record([(EffectPlace(effect, where), size)], rng.uniform(-1e-5, 1e-5, (48, 3)))
+    diagnosis = diagnose(record, noise_bound=1e-5 / 1.3, rerun=False)
+    first = diagnosis.explanations[0]
+    assert (diagnosis.verdict, first.kind, first.where) == ("explained", "sigma", ("sigma", where))
+    assert [cause.effect for cause in first.causes] == [effect]
+    assert first.change is not None
+    assert 0.8e-5 < first.change["noise_bound"] <= 1.1e-5
