@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from . import by_hand, diagnosis, foreign, motion, own_effects, records
+from . import by_hand, diagnosis, foreign, motion, orchestrator, own_effects, records
 from . import calibration as calibrations
 from . import check as checks
 from . import noise as noises
@@ -152,6 +152,7 @@ def noise(
     gap: float = 0.0,
     probability: float = 0.95,
     skip: float = 0.0,
+    against: str | Path | None = None,
     gravity: Gravity = 9.80665,
     channels: Channels = (),
     progress: Progress = False,
@@ -177,6 +178,8 @@ def noise(
         Probability that all its readings keep the bound.
     skip : float
         Time at the start of each record that is left out: warm-up [s].
+    against : path, optional
+        A scenario (TOML): the record's noise is held against that of its blocks.
 
     Returns
     -------
@@ -190,7 +193,8 @@ def noise(
     """
     kinds = records.StrapdownRecord, records.BenchRecord, records.RawRecord
     runs = [records.read_record(source, *kinds, channels=channels) for source in (record, *others)]
-    result = noises.identify(runs, gravity=gravity, skip=skip, progress=progress)
+    scenario = None if against is None else orchestrator.read_scenario(against)
+    result = noises.identify(runs, gravity=gravity, skip=skip, scenario=scenario, progress=progress)
     if dwell is None:
         return result
     averaged = result.average(dwell, positions, gap_s=gap, probability=probability)

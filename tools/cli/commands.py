@@ -380,9 +380,12 @@ def noise_command(
     json: JsonFile = None,
     report: ReportFile = None,
     kalibr: File = None,
+    export: Annotated[File, Parameter(name="--export")] = None,
     **options: Any,
 ) -> Answer:
-    """Example: trihedron noise static.csv --dwell 60 --positions 24 --json noise.json
+    """Example: trihedron noise static.csv --dwell 60 --json noise.json
+
+    Example: trihedron noise static.csv --against bench.toml --export new.toml
 
     Example: trihedron noise static.csv --kalibr imu.yaml --report noise.html
 
@@ -392,15 +395,24 @@ def noise_command(
         Further records of the same instrument, of the same rate.
     kalibr
         Write the noise densities as kalibr's imu.yaml to this file.
+    export
+        With --against: write the scenario with the record's noise to this file (TOML).
     """
-    written = {"--json": json, "--report": report, "--kalibr": kalibr}
-    distinct_files({**_files_of(record, others), **written})
+    written = {"--json": json, "--report": report, "--kalibr": kalibr, "--export": export}
+    against = options.get("against")
+    distinct_files({**_files_of(record, others), **written, "--against": against})
+    if export is not None and against is None:
+        raise InputError(f"--export {export}: is the extended scenario; give --against SCENARIO.toml, too")
     result = measured.noise(record, *others, **options, progress=True)
     if kalibr is not None:
         write_text(kalibr, noise.kalibr_yaml(result))
     if report is not None:
         reports.write_report(report, result)
-    return answer(result, json)
+    files = []
+    if export is not None:
+        changed = {one.channel: one.changed for one in result.against if one.changed}
+        files = noise.extended_scenario(against, changed, export)
+    return answer(result, json, files=files)
 
 
 @with_options_of(measured.attitude_of_record)

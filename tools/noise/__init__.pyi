@@ -2,9 +2,12 @@ from .identify import identify as identify
 from .kalibr import kalibr_yaml as kalibr_yaml
 from .processes import PROCESSES as PROCESSES
 from .processes import SPECTRAL as SPECTRAL
+from .processes import Sensor as Sensor
 from .result import ChannelNoise as ChannelNoise
 from .result import Coefficient as Coefficient
 from .result import Dwell as Dwell
+from .result import HeldOut as HeldOut
 from .result import Noise as Noise
 from .sigma import deviation_for as deviation_for
 from .sigma import read_noise as read_noise
+from .simulated import extended_scenario as extended_scenario

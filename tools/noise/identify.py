@@ -4,14 +4,17 @@ from collections.abc import Sequence
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InvalidInput
+from ..orchestrator.scenario import Scenario
 from ..progress import tracked
 from ..records import RawRecord, StrapdownRecord
+from .against import held_against
 from .allan import allan_curve
 from .likelihood import Fit
 from .pieces import AtRest, Channel, at_rest
 from .processes import PROCESSES, Letter
 from .result import ChannelNoise, Coefficient, Drift, Noise, NoiseSource, SpectralLine
 from .selection import Selection, select
+from .simulated import simulated_noise
 from .spectrum import Line, bins_of
 
 MINUTE = 60.0
@@ -28,6 +31,7 @@ def identify(
     *,
     gravity: float = STANDARD_GRAVITY,
     skip: float = 0.0,
+    scenario: Scenario | None = None,
     progress: bool = False,
 ) -> Noise:
     """Return the noise processes of records of one instrument at rest, with their coefficients.
@@ -40,6 +44,8 @@ def identify(
         model value [m/s²]
     skip : float
         time at the start of each record that is left out: warm-up [s]
+    scenario : Scenario, optional
+        the simulation whose noise the record's is held against
     progress : bool
         show a bar on standard error, where that is a terminal
 
@@ -56,9 +62,14 @@ def identify(
     if not skip >= 0.0:
         raise InvalidInput(f"--skip {skip!r}: a time in seconds is needed, 0 or more")
     still = at_rest(records, skip)
-    channels = []
+    simulated = {} if scenario is None else simulated_noise(scenario, gravity)
+    channels, against = [], []
     for channel in tracked(still.channels, "noise", show=progress):
-        channels.append(_of_channel(channel, still))
+        bins, lines = bins_of(channel.pieces, still.step)
+        selection = select(bins)
+        channels.append(_of_channel(channel, still.step, selection, lines))
+        if channel.name in simulated:
+            against.append(held_against(channel, still.step, selection, simulated[channel.name]))
     sources = [NoiseSource(record=record.path.name, sha256=record.sha256) for record in records]
     return Noise(
         records=sources,
@@ -70,13 +81,13 @@ def identify(
         channels=channels,
         drifts=_drifts(channels, still.longest),
         too_short_for=_too_short_for(still),
+        scenario="" if scenario is None or scenario.source is None else scenario.source.name,
+        against=against,
     )
 
 
-def _of_channel(channel: Channel, still: AtRest) -> ChannelNoise:
+def _of_channel(channel: Channel, step: float, selection: Selection, lines: Sequence[Line]) -> ChannelNoise:
     """Return the noise of one channel."""
-    bins, lines = bins_of(channel.pieces, still.step)
-    selection = select(bins)
     return ChannelNoise(
         channel=channel.name,
         sensor=channel.sensor,
@@ -87,7 +98,7 @@ def _of_channel(channel: Channel, still: AtRest) -> ChannelNoise:
         filtered=selection.filtered,
         worst_bin=selection.worst_bin,
         lines=_lines(lines),
-        allan=allan_curve(channel.pieces, still.step, selection.likelihood, selection.fit),
+        allan=allan_curve(channel.pieces, step, selection.likelihood, selection.fit),
     )
 
 

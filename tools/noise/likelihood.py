@@ -249,23 +249,50 @@ class Likelihood:
     def _cost_with(self, best: Fit, place: int, theta: float, trend: int | None) -> float:
         """Return the least cost with one process of a fit fixed at a size θ."""
         columns = self.columns(best.letters, best.constant)
-        fixed = columns[:, place] * theta
-        others = np.delete(columns, place, axis=1)
+        others, start = np.delete(columns, place, axis=1), np.delete(best.power, place)
+        return self._beside(columns[:, place] * theta, others, others @ start, trend)[1]
+
+    def fit_beside(
+        self, fixed: NDArray[np.float64], letters: tuple[Letter, ...], constant: float = 0.0, trend: int | None = None
+    ) -> Fit:
+        """Return the fit of a set of processes beside a fixed spectrum (B,), with one correlation time and trend.
+
+        The fit's cost is that of both.
+        """
+        columns = self.columns(letters, constant) if letters else np.zeros((len(self.bins.power), 0))
+        theta, cost = self._beside(fixed / self.unit, columns, np.zeros(len(fixed)), trend)
+        named = None
+        if trend is not None:
+            spectrum = fixed / self.unit + columns @ theta
+            of = float(self.bins.constants[trend])
+            named = Trend("R" if of == 0.0 else "W", self._trend_size(spectrum, trend), of)
+        return Fit(letters, theta, constant, named, cost)
+
+    def _beside(
+        self,
+        fixed: NDArray[np.float64],
+        columns: NDArray[np.float64],
+        start: NDArray[np.float64],
+        trend: int | None,
+    ) -> tuple[NDArray[np.float64], float]:
+        """Return θ ≥ 0 of some columns beside a fixed spectrum, from a spectrum of theirs on, and the least cost."""
         power = self.bins.power / self.unit
+        theta = np.zeros(columns.shape[1])
         # a floor far below the power: nothing else may be there
-        spectrum = fixed + others @ np.delete(best.power, place) + LOWEST * float(np.median(power))
-        cost = math.inf
+        spectrum = fixed + start + LOWEST * float(np.median(power))
+        cost = cost_new = math.inf
         for _ in range(ROUNDS):
             if trend is not None:
                 power = self._power_without(trend, self._trend_size(spectrum, trend))
             step = spectrum
-            if others.shape[1]:
-                step = fixed + others @ self._least_squares(others, power - fixed, spectrum)
+            if columns.shape[1]:
+                theta = self._least_squares(columns, power - fixed, spectrum)
+                step = fixed + columns @ theta
             spectrum, cost_new = self._better(spectrum, step, power)
             if abs(cost - cost_new) < 1e-6:
                 break
             cost = cost_new
-        return cost_new + float(self.bins.count.sum()) * math.log(self.unit)
+        return theta, cost_new + float(self.bins.count.sum()) * math.log(self.unit)
 
     def _better(
         self, before: NDArray[np.float64], after: NDArray[np.float64], power: NDArray[np.float64]

@@ -268,6 +268,55 @@ class Dwell(Result):
     enough_s: float | None
 
 
+class HeldOut(Result):
+    """Prediction of drifts in the second half of a record by the noise of the first, the bias taken over a minute.
+
+    Attributes
+    ----------
+    time_s : float
+        time of the drift
+    windows : int
+        drifts that were predicted
+    coverage_simulated, coverage_extended : float
+        part of them within the 95 % band of the simulation's noise, and of the extended one
+    score : float
+        gain of the mean logarithm of their probability density
+    """
+
+    time_s: Annotated[float, Quantity("drift over", "s", "exact")]
+    windows: Annotated[int, Quantity("windows")]
+    coverage_simulated: Annotated[float, Quantity("within the simulation's 95 % band", "", "nearest", 3)]
+    coverage_extended: Annotated[float, Quantity("within the extended band", "", "nearest", 3)]
+    score: Annotated[float, Quantity("gain of the log score", "", "nearest", 2)]
+
+
+class Against(Result):
+    """One channel's noise held against the simulation's.
+
+    Attributes
+    ----------
+    channel : str
+    verdict : str
+        "consistent"; "falsified": no set of up to two changes explains it; "explained"; "ambiguous"
+    rise : float
+        rise of twice the negative logarithm of the likelihood from the best processes to the simulation's
+    simulated, changed : dict
+        coefficients by their letters, in SI units: of the simulation, and those that change
+    alternatives : list of str
+        all smallest sets of changes, the likeliest first
+    held_out : list of HeldOut
+        gain of the extended noise on the half of the record that was not used
+    """
+
+    channel: Annotated[str, Quantity("channel")]
+    verdict: Annotated[Literal["consistent", "explained", "ambiguous", "falsified"], Quantity("verdict")]
+    rise: float
+    simulated: dict[str, float]
+    changed: dict[str, float]
+    alternatives: list[str]
+    held_out: list[HeldOut]
+
+
 class NoiseSource(Result):
     """A record: its file, its SHA-256 (empty without a file)."""
 
@@ -296,9 +345,11 @@ class Noise(Result):
         what the records are too short to tell
     averaged : Dwell or None
         bound of averaged readings, for the dwell and the positions that were asked for
+    scenario, against : str, list of Against
+        the simulation that the noise was held against, and the answer for each channel
     """
 
-    omitted: ClassVar[frozenset[str]] = frozenset({"averaged"})
+    omitted: ClassVar[frozenset[str]] = frozenset({"averaged", "scenario", "against"})
 
     schema_: Literal["trihedron.noise/1"] = Field(default="trihedron.noise/1", alias="schema")
     trihedron: str = Field(default_factory=version)
@@ -312,6 +363,8 @@ class Noise(Result):
     drifts: list[Drift]
     too_short_for: list[str]
     averaged: Dwell | None = None
+    scenario: str = ""
+    against: list[Against] = Field(default=[])
 
     def of(self, sensor: Sensor) -> list[ChannelNoise]:
         """Return the channels of a sensor."""

@@ -1,10 +1,11 @@
 """Page of the noise of an instrument."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ..document.blocks import Page, Section, Table, table_of
 from ..document.notation import Cell
-from ..noise import ChannelNoise, Coefficient, Dwell, Noise
+from ..noise import PROCESSES, ChannelNoise, Coefficient, Dwell, HeldOut, Noise, Sensor
+from ..quantity import cells_of, quantities_of
 from ..rounding import digits, upwards
 from .pictures.noise import allan_parts_picture
 
@@ -16,7 +17,7 @@ SHOWN = 3
 
 def noise_page(result: Noise) -> Page:
     """Return the coefficients of each channel, what follows from them, and the Allan deviation."""
-    answer = _sensor_sections(result)
+    answer = _against_sections(result) + _sensor_sections(result)
     if result.averaged is not None:
         answer.append(Section("Averaged readings", averaged_lines(result.averaged)))
     answer.append(Section("Growth of errors", [GROWTH], table=_drifts(result)))
@@ -43,6 +44,16 @@ GROWTH = "Standard deviation that noise alone makes, the bias taken over the min
 
 
 def _verdict(result: Noise) -> str:
+    """Return the answer on the simulation's noise, where there is one; else the length and the processes."""
+    if result.against:
+        wrong = [one.channel for one in result.against if one.verdict != "consistent"]
+        if not wrong:
+            return f"Consistent: the record can have the noise that {result.scenario} simulates."
+        return f"Falsified: {result.scenario} simulates other noise than the record has: {', '.join(wrong)}."
+    return _summary(result)
+
+
+def _summary(result: Noise) -> str:
     """Return the length of the record, and the processes of the worst channel of each sensor."""
     kind = "at rest throughout" if result.static else f"{result.stretches} rests"
     parts = []
@@ -52,6 +63,39 @@ def _verdict(result: Noise) -> str:
             names = sorted({channel.admissible[0] for channel in channels}, key=len)
             parts.append(f"{sensor}s {', '.join(names)}")
     return f"Noise of {digits(result.duration_s, 4)} s at {digits(result.rate_hz, 4)} Hz, {kind}: {'; '.join(parts)}."
+
+
+def _against_sections(result: Noise) -> list[Section]:
+    """Return the answer on the simulation's noise, channel by channel, and the gain on the second half."""
+    if not result.against:
+        return []
+    rows: list[list[Cell]] = []
+    for one in result.against:
+        sensor = "gyro" if one.channel.startswith("gyro") else "accelerometer"
+        changes = [_changed_text(letter, size, one.simulated, sensor) for letter, size in one.changed.items()]
+        also = " or ".join(one.alternatives[1:]) or None
+        rows.append([one.channel, one.verdict, ", ".join(changes) or None, also])
+    table = Table(["channel", "the simulation's noise is", "with", "or with"], rows)
+    sections = [Section(f"Against {result.scenario}", table=table)]
+    gains: list[list[Cell]] = []
+    for one in result.against:
+        for held in one.held_out:
+            gains.append([one.channel, *cells_of(held, HELD_COLUMNS)])
+    head = ["channel", *(quantities_of(HeldOut)[name].heading for name in HELD_COLUMNS)]
+    if gains:
+        sections.append(Section("Gain on the second half", [GAIN], table=Table(head, gains)))
+    return sections
+
+
+HELD_COLUMNS = ("time_s", "windows", "coverage_simulated", "coverage_extended", "score")
+GAIN = "Drifts of the second half, predicted by the simulation's noise and by that of the first half."
+
+
+def _changed_text(letter: str, size: float, simulated: Mapping[str, float], sensor: Sensor) -> str:
+    """Return a changed coefficient beside the simulated one, in the unit of data sheets."""
+    unit = PROCESSES[letter].units[sensor]
+    before = digits(unit.factor * simulated.get(letter, 0.0), 3)
+    return f"{letter} {digits(unit.factor * size, 3)} {unit.data_sheet} (simulated: {before})"
 
 
 def _sensor_sections(result: Noise) -> list[Section]:
