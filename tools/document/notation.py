@@ -70,7 +70,7 @@ def look(column: Sequence[Cell]) -> str:
     return "words" if any(isinstance(cell, str) and len(cell) > LONG for cell in column) else ""
 
 
-LONGEST = 9
+LONGEST = 12
 """Largest number of characters of a number without a power of ten of its own, in a column that has one."""
 
 
@@ -81,11 +81,11 @@ def written(heading: str, column: Sequence[Cell]) -> tuple[str, list[str]]:
     """
     if look(column) != "number":
         return heading, [_text(cell) for cell in column]
-    power = 0
-    if any("e" in str(cell) for cell in column if _is_number(cell)):
-        numbers = [Decimal(str(cell)) for cell in column if cell]
-        largest = max(number.adjusted() for number in numbers if number.is_finite() and number)
-        power = 3 * (largest // 3)
+    if not any("e" in str(cell) for cell in column if _is_number(cell)):
+        return heading, ["" if cell is None else str(cell) for cell in column]
+    numbers = [Decimal(str(cell)) for cell in column if cell]
+    largest = max(number.adjusted() for number in numbers if number.is_finite() and number)
+    power = 3 * (largest // 3)
     texts = [_over(cell, power) for cell in column]
     if not power:
         return heading, texts
@@ -97,8 +97,6 @@ def _over(cell: Cell, power: int) -> str:
     """Return a number over a power of ten, all its digits kept."""
     if cell is None or cell == "":
         return ""
-    if not power:
-        return str(cell)
     number = Decimal(str(cell)).scaleb(-power)
     if not number.is_finite():
         return str(cell)

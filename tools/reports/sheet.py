@@ -64,7 +64,8 @@ def sheet_page(result: Calibration, record: PositionRecord | None, about: Mappin
     sections.append(Section("What it rests on", table=Table(["", ""], rests)))
     if result.gyros is not None:
         sections.append(_numbers("Gyros, in the accelerometers' axes", result, result.of_gyros))
-    signatures = Table(["calibrated by: name, signature", "checked by: name, signature", "date"], [["", "", ""]])
+    fields = ["calibrated by: name, signature", "checked by: name, signature", "date"]
+    signatures = Table(fields, [["", "", ""]], fixed=True)
     sections.append(Section("Signed", table=signatures))
     return Page(
         "Calibration sheet",

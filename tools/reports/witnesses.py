@@ -116,7 +116,7 @@ def turn_sections(result: Diagnosis) -> list[Section]:
         outer, inner = np.degrees(turns.turned[k])
         row: list[Cell] = [to_bound(float(turns.first[k]), COARSE), to_bound(float(turns.last[k]), COARSE)]
         row += [to_bound(float(outer), COARSE), to_bound(float(inner), COARSE)]
-        row += [residual(float(before[k])), residual(float(after[k]))]
+        row += [residual(float(before[k])), residual(float(after[k])) if result.findings else None]
         rows.append(row)
     header = ["from [s]", "to [s]", "outer turn [deg]", "inner turn [deg]", "error over its bound", "with the effects"]
     middle = 0.5 * (turns.first + turns.last)

@@ -27,6 +27,7 @@ def test_the_sheet_says_who_what_and_on_what_it_rests(calibration):
     assert page.key["temperature"] == "21.5 °C"
     assert page.key["date"] == ""
     text = html(page)
+    assert text.count("<td></td>") == 3, "room to sign"
     assert all(part in text for part in (calibration.provenance.sha256, "g, as given", "@page { size: A4"))
     assert text.count("<math") == 3
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PchipInterpolator
 
 from ....fmus.units import ARCMIN
 from ...calibrated import Calibration, ParameterChange
@@ -180,7 +180,7 @@ def errors_of_turns(time: NDArray, before: NDArray, after: NDArray | None) -> Dr
     axes.axhspan(0.0, 1.0, color=BAND.light, linewidth=0, label="within the bound")
     if after is not None:
         axes.vlines(time, before, after, color=MUTED.light, linewidth=0.7)
-    axes.plot(time, before, **BEFORE, label="before")
+    axes.plot(time, before, **BEFORE, label="error" if after is None else "before")
     if after is not None:
         axes.plot(time, after, **AFTER, label="with the effect")
     axes.set(xlabel="time [s]", ylabel="error over its bound", ylim=(0.0, 1.08 * max(1.25, farthest(before))))
@@ -447,7 +447,7 @@ def band_picture(band: BandDrawn, width: float = WIDTH) -> Drawn:
     axes.set_ylabel("" if beside else band.error)
     # A reading with a large error may lie far off: the band and the laws fill the picture.
     ends = np.concatenate([band.low, band.high, *(values for _, values in band.lines[:MOST_LINES])])
-    reach = 0.35 * float(np.ptp(ends))
+    reach = 0.1 * float(np.ptp(ends))
     axes.set_ylim(float(ends.min()) - reach, float(ends.max()) + reach)
     legend(figure)
     return figure, f"Functions of {band.quantity} that the record leaves possible, with laws among them"
@@ -462,7 +462,7 @@ def _laws(axes: "Axes", band: BandDrawn, lines: Sequence[tuple[str, NDArray]]) -
         x, y = band.knots[known], values[known]
         if is_smooth and len(x) > 2:
             between = np.linspace(x[0], x[-1], FINE)
-            x, y = between, CubicSpline(x, y)(between)
+            x, y = between, PchipInterpolator(x, y)(between)
         axes.plot(x, y, color=colour.light, linestyle=dash, label=name)
     axes.set_xlabel(band.quantity)
     if band.circle:
@@ -548,8 +548,9 @@ def repeatability_picture(alone: Calibration, sigma: float | None, names: Mappin
     reach = 1.3 * max(np.abs(axes.dataLim.intervalx).max(), 1.0)
     axes.set_xscale("symlog", linthresh=LINEAR)
     axes.set_xlim(-reach, reach)
-    ticks = [sign * 10.0**power for sign in (-1, 1) for power in range(1, 9) if 10.0**power < reach]
-    axes.set_xticks([0.0, *ticks], [minus(exactly(tick)) for tick in (0.0, *ticks)])
+    powers = 10.0 ** np.arange(1 if reach > LINEAR else 0, 9)
+    ticks = np.concatenate([-powers[powers < reach], [0.0], powers[powers < reach]])
+    axes.set_xticks(ticks, [minus(exactly(tick)) for tick in ticks.tolist()])
     axes.minorticks_off()
     axes.set_xlabel(f"value less the middle of the records [{'half widths' if sigma is None else 'σ'}]")
     named_rows(axes, [short(names[change.symbol], 44) for change in rows])
