@@ -6,6 +6,7 @@ from typing import Literal
 from . import calibration as calibrations
 from . import check as checks
 from . import diagnosis, motion, records
+from . import noise as noises
 from .errors import InputError
 from .options import Channels, Stamps, Trust
 
@@ -148,12 +149,12 @@ def export_calibration(
         raise InputError("--noise and --densities: give one of the two")
     if to != "kalibr" and (noise is not None or densities is not None or rate is not None):
         raise InputError(f"--to {to}: holds no noise; leave out --noise, --densities and --rate")
-    of_noise = calibrations.Request() if noise is None else calibrations.noise_request(Path(noise))
-    request = calibrations.Request(
-        densities=densities or of_noise.densities,
-        rate=of_noise.rate if rate is None else rate,
-        topic=topic,
-        name=name,
-        notes=of_noise.notes,
-    )
+    notes = []
+    if noise is not None:
+        measured = noises.read_noise(noise)
+        known = noises.kalibr_densities(measured)
+        densities = (known[0].value, known[1].value, known[2].value, known[3].value)
+        rate = measured.rate_hz if rate is None else rate
+        notes = [f"{density.key}: upper end, not detected" for density in known if not density.detected]
+    request = calibrations.Request(densities, rate, topic, name, tuple(notes))
     return calibrations.write_export(correction(calibration), to, Path(out), request)

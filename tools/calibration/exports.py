@@ -1,15 +1,14 @@
 """Calibrations for other programs: files of an `affine` model in the form of each of `formats`, and what they lose."""
 
-import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from pydantic import Field
 
 from ..errors import InputError
-from ..files import bytes_of, whole_file
+from ..files import whole_file
 from ..result import Result
 from .affine import Model, Request
 from .correction import Correction
@@ -78,48 +77,3 @@ def _places(out: Path, contents: Mapping[str, bytes]) -> dict[Path, bytes]:
     for part, content in contents.items():
         places[out.with_name(f"{out.stem}-{part}{out.suffix}") if part else out] = content
     return places
-
-
-def noise_request(path: Path) -> Request:
-    """Return the request with the densities and the rate of a result of `trihedron noise`.
-
-    Each density is the largest of the three axes; where none is determined its upper limit is taken, with a note.
-    """
-    needed = "the file of `trihedron noise --json` is needed"
-    try:
-        content = json.loads(bytes_of(path).decode("utf-8"))
-        if content["schema"] != "trihedron.noise/1":
-            raise InputError(f"--noise {path}: the schema is {content['schema']!r}; {needed}")
-        densities, notes = [], []
-        for sensor, coefficient in (("f", "N"), ("f", "K"), ("w", "N"), ("w", "K")):
-            channels = [
-                channel for channel in content["channels"] if channel["name"] in (f"{sensor}{p}" for p in "123")
-            ]
-            largest, is_limit = _largest_of(channels, coefficient)
-            if largest is None:
-                raise InputError(
-                    f"--noise {path}: has no {coefficient} of {sensor}1, {sensor}2, {sensor}3; measure longer"
-                )
-            if is_limit:
-                notes.append(f"{coefficient} of the {'gyros' if sensor == 'w' else 'accelerometers'} is an upper limit")
-            densities.append(largest)
-        first, second, third, fourth = densities
-        return Request((first, second, third, fourth), float(content["rate_hz"]), notes=tuple(notes))
-    except (ValueError, KeyError, TypeError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"--noise {path}: is not as its schema says; {needed}") from error
-
-
-def _largest_of(channels: Sequence[Mapping[str, Any]], coefficient: str) -> tuple[float | None, bool]:
-    """Return the largest coefficient of some channels, and whether it is an upper limit; None where one is missing."""
-    values = []
-    for channel in channels:
-        entry = channel["coefficients"].get(coefficient) or {}
-        if "estimate" in entry:
-            values.append((float(entry["estimate"]), False))
-        elif "upper" in entry:
-            values.append((float(entry["upper"]), True))
-    if len(values) < 3 or len(values) < len(channels):
-        return None, False
-    return max(values)

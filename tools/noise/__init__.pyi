@@ -1,4 +1,5 @@
 from .identify import identify as identify
+from .kalibr import kalibr_densities as kalibr_densities
 from .kalibr import kalibr_yaml as kalibr_yaml
 from .processes import PROCESSES as PROCESSES
 from .processes import SPECTRAL as SPECTRAL

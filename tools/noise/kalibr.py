@@ -1,5 +1,7 @@
 """Noise densities as kalibr's imu.yaml has them."""
 
+from dataclasses import dataclass
+
 from ..errors import InputError
 from .processes import Letter, Sensor
 from .result import ChannelNoise, Noise
@@ -7,11 +9,20 @@ from .result import ChannelNoise, Noise
 TOPIC = "/imu0"
 
 
-def kalibr_yaml(noise: Noise, topic: str = TOPIC) -> str:
-    """Return the text of kalibr's imu.yaml: continuous densities of white noise and random walk, of the worst axis.
+@dataclass(frozen=True)
+class Density:
+    """A continuous-time density: key and unit of kalibr, value of the worst axis, and whether it was detected."""
 
-    kalibr takes N [rad/s/√Hz, m/s²/√Hz] and K [rad/s²/√Hz, m/s³/√Hz]. A random walk that the record does not show
-    stands with its upper end: kalibr needs a number above 0.
+    key: str
+    value: float
+    unit: str
+    detected: bool
+
+
+def kalibr_densities(noise: Noise) -> list[Density]:
+    """Return the densities of white noise and random walk of accelerometers, then of gyros.
+
+    A random walk that the record does not show has its upper end: kalibr needs a number above 0.
 
     Raises
     ------
@@ -19,25 +30,32 @@ def kalibr_yaml(noise: Noise, topic: str = TOPIC) -> str:
         for a record without gyros
     """
     gyros, accelerometers = noise.of("gyro"), noise.of("accelerometer")
-    if not gyros:
-        raise InputError("kalibr's imu.yaml needs gyros and accelerometers; the record has no gyros")
-    lines = [
-        f"# of {', '.join(source.record for source in noise.records)}, by trihedron {noise.trihedron}",
-        "# continuous-time densities; the noise of one sample is the density times the square root of update_rate",
-        f"rostopic: {topic}",
-        f"update_rate: {noise.rate_hz:.6g}",
-    ]
+    if not gyros or not accelerometers:
+        raise InputError("kalibr's imu.yaml needs gyros and accelerometers; the record of the noise has not both")
     rows: tuple[tuple[str, Letter, list[ChannelNoise], Sensor], ...] = (
         ("accelerometer_noise_density", "N", accelerometers, "accelerometer"),
         ("accelerometer_random_walk", "K", accelerometers, "accelerometer"),
         ("gyroscope_noise_density", "N", gyros, "gyro"),
         ("gyroscope_random_walk", "K", gyros, "gyro"),
     )
+    densities = []
     for key, letter, channels, sensor in rows:
         value, detected = _worst(channels, letter)
-        note = "" if detected else ", upper end: not detected"
-        unit = PROCESS_UNITS[sensor, letter]
-        lines.append(f"{key}: {value:.6e}  # {unit}{note}")
+        densities.append(Density(key, value, PROCESS_UNITS[sensor, letter], detected))
+    return densities
+
+
+def kalibr_yaml(noise: Noise, topic: str = TOPIC) -> str:
+    """Return the text of kalibr's imu.yaml: the densities of `kalibr_densities`."""
+    lines = [
+        f"# of {', '.join(source.record for source in noise.records)}, by trihedron {noise.trihedron}",
+        "# continuous-time densities; the noise of one sample is the density times the square root of update_rate",
+        f"rostopic: {topic}",
+        f"update_rate: {noise.rate_hz:.6g}",
+    ]
+    for density in kalibr_densities(noise):
+        note = "" if density.detected else ", upper end: not detected"
+        lines.append(f"{density.key}: {density.value:.6e}  # {density.unit}{note}")
     return "\n".join(lines) + "\n"
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ..errors import InputError
+from ..files import LARGEST_RESULT, bytes_of
 from ..records import PositionRecord
 from ..result import object_of, parsed_result
 from .result import Noise
@@ -18,10 +19,7 @@ def read_noise(path: str | Path) -> Noise:
     InputError
         where the file cannot be read, or holds another result
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"--noise {path}: cannot be read ({error.strerror})") from error
+    content = bytes_of(Path(path), most=LARGEST_RESULT)
     result = parsed_result(object_of(content, f"--noise {path}"), {"trihedron.noise/1": Noise}, f"--noise {path}")
     if result is None:
         raise InputError(f"--noise {path}: is no result of `trihedron noise`; {LEAST}")

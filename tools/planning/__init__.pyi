@@ -9,6 +9,7 @@ from .forms import sheets as sheets
 from .forms import value as value
 from .hand import HandPlan as HandPlan
 from .hand import HandRequest as HandRequest
+from .hand import density_of as density_of
 from .hand import plan_by_hand as plan_by_hand
 from .imu import ImuPlan as ImuPlan
 from .imu import ImuVisit as ImuVisit

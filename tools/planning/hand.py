@@ -22,6 +22,7 @@ from ..errors import InputError, nearest
 from ..motion.determinacy import LEAST_SD, MOST_POSES, UNSEEN, Determinacy, candidate_poses
 from ..motion.inspect import inspect_record
 from ..motion.norm import NAMES, norm_equations, standard_deviations
+from ..noise import Noise
 from ..quantity import Quantity
 from ..records import BenchRecord, StrapdownRecord, read_record
 from ..result import Result
@@ -113,6 +114,18 @@ class HandRequest:
     def rest_sd(self) -> float:
         """Return the standard deviation of a mean at rest [g]."""
         return float(np.hypot(self.noise_density / STANDARD_GRAVITY / np.sqrt(self.rest_s), LEAST_SD))
+
+
+def density_of(noise: Noise) -> float:
+    """Return the largest noise density of the accelerometers [m/s²/√Hz]; an InputError where none is told."""
+    densities = []
+    for channel in noise.of("accelerometer"):
+        white = channel.coefficient("N")
+        if white is not None:
+            densities.append(white.high if white.estimate is None else white.estimate)
+    if not densities or None in densities:
+        raise InputError("--noise: tells no noise density of the accelerometers; give --noise-density")
+    return max(densities)
 
 
 def wanted_error(text: str, option: str, example: str) -> float:

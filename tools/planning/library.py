@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from .. import calibration as calibrations
+from .. import noise as noises
 from .. import planning
 from ..errors import InputError
 from ..options import Admissible, Baseline, Bounds, Convention, Mounting, Progress
@@ -282,6 +283,7 @@ def plan_hand(
     accuracy: str = "1mg",
     turn_accuracy: str | None = None,
     targets: Sequence[str] = (),
+    noise: str | Path | None = None,
     noise_density: float = 4e-3,
     measured: str | Path | None = None,
 ) -> "planning.HandPlan":
@@ -296,8 +298,10 @@ def plan_hand(
         matter.
     targets : sequence of str
         Wanted standard error of a parameter: bias_1=0.5mg, gamma_21=5e-4, M12=1mrad. Repeat it for several.
+    noise : path, optional
+        The result of `trihedron noise --json`: its noise density counts.
     noise_density : float
-        Noise density of the accelerometers [m/s²/√Hz], of which the length of a rest follows; 4e-3 is 0.4 mg/√Hz.
+        Noise density of the accelerometers [m/s²/√Hz], from which the length of a rest follows; 4e-3 is 0.4 mg/√Hz.
     measured : path, optional
         A strapdown record whose rests and moves count.
 
@@ -317,4 +321,6 @@ def plan_hand(
     >>> len(th.plan_hand(accuracy="1mg").steps)
     9
     """
+    if noise is not None:
+        noise_density = planning.density_of(noises.read_noise(noise))
     return planning.plan_by_hand(planning.HandRequest(accuracy, turn_accuracy, tuple(targets), noise_density, measured))

@@ -97,27 +97,23 @@ def test_kalibr_reads_the_densities_and_its_equation_gives_the_readings(case):
 
 def test_kalibr_takes_the_noise_of_a_result(case):
     yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
-    channels = []
-    for sensor, size in (("f", 1e-3), ("w", 1e-4)):
+    rng = np.random.default_rng(4)
+    count, sizes = 30_000, {"w": 1e-3, "f": 2e-2}
+    table = {"time_s": 0.01 * np.arange(count)}
+    for sensor, unit in (("w", "radps"), ("f", "mps2")):
         for axis in (1, 2, 3):
-            k = {"estimate": size * axis / 100.0} if sensor == "f" else {"upper": size / 50.0}
-            coefficients = {"N": {"estimate": size * axis}, "K": k, "B": None}
-            channels.append({"name": f"{sensor}{axis}", "coefficients": coefficients})
+            table[f"{sensor}{axis}_{unit}"] = sizes[sensor] * rng.normal(size=count)
+    table["f3_mps2"] += GRAVITY
     noise = case.folder / "noise.json"
-    content = {"schema": "trihedron.noise/1", "rate_hz": 100.0, "channels": channels}
-    noise.write_text(json.dumps(content), encoding="utf-8")
+    noise.write_text(th.noise(table).json_text(), encoding="utf-8")
     path = case.export("kalibr", "imu.yaml", noise=noise)
-    written = yaml.safe_load(path.read_text(encoding="utf-8"))
-    assert written["accelerometer_noise_density"] == pytest.approx(3e-3)
-    assert written["accelerometer_random_walk"] == pytest.approx(3e-5)
-    assert written["gyroscope_noise_density"] == pytest.approx(3e-4)
-    assert written["gyroscope_random_walk"] == pytest.approx(2e-6)
-    assert written["update_rate"] == 100.0
-    assert "K of the gyros is an upper limit" in path.read_text(encoding="utf-8")
-    del channels[4]["coefficients"]["K"]
-    noise.write_text(json.dumps(content), encoding="utf-8")
-    with pytest.raises(th.InputError, match="has no K of w1, w2, w3"):
-        case.export("kalibr", "again.yaml", noise=noise)
+    text = path.read_text(encoding="utf-8")
+    written = yaml.safe_load(text)
+    assert written["accelerometer_noise_density"] == pytest.approx(2e-2 * 0.1, rel=0.05)
+    assert written["gyroscope_noise_density"] == pytest.approx(1e-3 * 0.1, rel=0.05)
+    assert written["update_rate"] == pytest.approx(100.0)
+    assert 0.0 < written["gyroscope_random_walk"] < 1e-4
+    assert "gyroscope_random_walk: upper end, not detected" in text
 
 
 def test_a_parameter_file_of_ros_has_its_bias_after_the_matrix(case):
@@ -352,7 +348,7 @@ def test_a_calibration_with_gyros_that_were_not_calibrated_exports_everywhere(tm
         (["--to", "imucal", "--rate", "100"], "--to imucal: holds no noise"),
         (["--to", "c", "--name", "2bad-name"], "--name 2bad-name: must be a name of C"),
         (["--to", "rosbag"], "rosbag"),
-        (["--to", "kalibr", "--noise", "other.json"], "the schema is 'trihedron.calibration/3'"),
+        (["--to", "kalibr", "--noise", "other.json"], "is no result of `trihedron noise`"),
     ],
 )
 def test_what_is_missing_is_said(tmp_path, capsys, monkeypatch, words, message):

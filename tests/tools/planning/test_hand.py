@@ -110,6 +110,18 @@ def test_noise_makes_rests_longer():
     assert noisy.rest_sd < 4e-4
 
 
+def test_the_noise_of_a_result_counts(tmp_path):
+    rng = np.random.default_rng(4)
+    table = {"time_s": 0.01 * np.arange(20_000)}
+    for axis in (1, 2, 3):
+        table[f"w{axis}_radps"] = 1e-3 * rng.normal(size=20_000)
+        table[f"f{axis}_mps2"] = 0.06 * rng.normal(size=20_000) + (9.81 if axis == 3 else 0.0)
+    (tmp_path / "noise.json").write_text(th.noise(table).json_text(), encoding="utf-8")
+    told, given = th.plan_hand(noise=tmp_path / "noise.json"), th.plan_hand(noise_density=0.06 * 0.1)
+    assert told.rest_sd == pytest.approx(given.rest_sd, rel=0.02)
+    assert abs(told.steps[0].rest_s - given.steps[0].rest_s) <= 2.0
+
+
 def test_what_was_measured_counts(tmp_path):
     up = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], dtype=float)
     tilted = up + 0.15 * np.random.default_rng(2).normal(size=up.shape)
