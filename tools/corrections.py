@@ -3,6 +3,9 @@
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from . import calibration as calibrations
 from . import check as checks
 from . import diagnosis, motion, records
@@ -13,7 +16,7 @@ from .options import Channels, Stamps, Trust
 
 def apply(
     found: "str | Path | calibrations.Calibration | diagnosis.Diagnosis",
-    record: "records.Source",
+    record: "records.Source | NDArray",
     *,
     noise_bound: float = 0.0,
     channels: Channels = (),
@@ -30,8 +33,8 @@ def apply(
     found : path, Calibration or Diagnosis
         The result of `trihedron calibrate --json` or `trihedron diagnose --json`. With a calibration of several
         records, a new record gets the biases of the last one.
-    record : path, table in memory or record
-        Position, raw or strapdown record, CSV or Parquet.
+    record : path, table in memory, record or array of shape (N, 3)
+        A record of any kind, CSV or Parquet. An array holds readings of the accelerometers [m/s²], for a calibration.
     noise_bound : float
         σ of the readings to correct, as a fraction of g. Default with a diagnosis: its own.
 
@@ -43,12 +46,14 @@ def apply(
     Raises
     ------
     InputError
-        for a calibration that is not consistent, a diagnosis that names nothing, or a record that cannot be used
+        for a calibration that lacks an estimate, a diagnosis that names nothing, or a record that cannot be used
     """
     result = found
     if isinstance(found, str | Path):
         result = diagnosis.read_diagnosis(Path(found)) or found
     if not isinstance(result, diagnosis.Diagnosis):
+        if isinstance(record, np.ndarray) and record.dtype.names is None:
+            return calibrations.apply_calibration(result, _rows_of(record), noise_bound=noise_bound)
         measured = motion.trusted(records.read_record(record, channels=channels, stamps=stamps), trust=trust)
         applied = calibrations.apply_calibration(result, measured, noise_bound=noise_bound)
         if applied.correction is None or not isinstance(measured, records.RawRecord | records.PositionRecord):
@@ -62,6 +67,16 @@ def apply(
         bound = result.noise_bound
     evidence = diagnosis.evidence_of(run, **diagnosis.evidence_options(run, noise_bound=bound))
     return diagnosis.applied_to(result, run, evidence)
+
+
+def _rows_of(readings: NDArray) -> records.ForceRecord:
+    """Return an array (N, 3) of readings [m/s²] as a record, a row a second."""
+    if readings.ndim != 2 or readings.shape[1] != 3 or not len(readings):
+        raise InputError(f"record: has the shape {readings.shape}; an array (N, 3) of readings in m/s2 is needed")
+    if readings.dtype.kind not in "fiu" or not np.isfinite(readings).all():
+        raise InputError("record: holds what is no number; an array (N, 3) of readings in m/s2 is needed")
+    force = readings.astype(np.float64)
+    return records.ForceRecord(time_s=np.arange(float(len(force))), specific_force=force, path=Path("array"))
 
 
 def correction(calibration: "str | Path | calibrations.Calibration") -> "calibrations.Correction":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..errors import InputError
-from ..records import BenchRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
+from ..records import BenchRecord, PoseRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
 from ..records.columns import CORRECTED_BY
 from ..records.rests import average_rests, find_rests
 from ..result import Result, Told, finite_or_none
@@ -135,7 +135,7 @@ def apply_calibration(
     else:
         correction = correction_of(calibration.to_json(), "calibration", measured.sha256)
     at, still = "rows", measured
-    if isinstance(measured, PositionRecord):
+    if isinstance(measured, PositionRecord | PoseRecord):
         at = "positions"
     elif isinstance(measured, RawRecord):
         rests = find_rests(measured)

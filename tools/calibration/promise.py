@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..bounded.programmes import chebyshev_radius
 from ..motion.rests import BY_CHANCE, quiet_rests, sampling_of
-from ..records import PositionRecord, RawRecord, StrapdownRecord
+from ..records import PoseRecord, PositionRecord, RawRecord, StrapdownRecord
 from ..records.columns import CORRECTED_BY
 from ..records.sigma import deviation_widening
 from ..rounding import digits, residual, upwards
@@ -77,6 +77,10 @@ def broken_conditions(
         reasons += _other_block(correction, record) + _other_temperature(correction, record)
     if isinstance(still, PositionRecord):
         reasons += _against_gravity(correction, still, n, noise_bound or correction.noise_bound)
+    elif isinstance(record, PoseRecord):
+        bound = correction.bound_at(n, noise_bound or correction.noise_bound)
+        reason = _of_length(n, bound, [f"pose {number}" for number in record.position])
+        reasons += [reason] if reason else []
     elif isinstance(record, StrapdownRecord):
         reasons += _against_gravity_at_rests(correction, record, noise_bound or correction.noise_bound)
     return reasons

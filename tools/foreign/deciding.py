@@ -234,8 +234,8 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
         if field not in columns:
             free.append(field.label)
     name = table.mapping.kind.replace(OPEN, "")
-    if not name and not of_table and not of_block and not free and fields.keys() >= set(FORCE):
-        # nothing is left that could be angles or gyros
+    if not name and not of_table and not of_block and len(free) < 2 and fields.keys() >= set(FORCE):
+        # one column that is left is neither two angles nor three gyros
         name = _kind_of_forces(fields)
     if not name and not of_table and not of_block:
         # two unknown columns can be angles alone, three can be gyros: the question below decides

@@ -32,6 +32,22 @@ def test_a_log_of_accelerometers_alone(tmp_path: Path, monkeypatch: pytest.Monke
     assert np.linalg.norm(rests, axis=1) == pytest.approx(np.full(14, GRAVITY), abs=5e-3)
 
 
+def test_a_log_of_phyphox_with_the_size_beside_the_axes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    rng, instrument = np.random.default_rng(3), Instrument(3)
+    force = np.repeat(GRAVITY * directions(rng, 14), 300, axis=0)
+    reading = instrument.readings(force) + rng.normal(0.0, 0.02, force.shape)
+    columns = {f"Acceleration {axis} (m/s^2)": reading[:, number] for number, axis in enumerate("xyz")}
+    columns["Absolute acceleration (m/s^2)"] = np.linalg.norm(reading, axis=1)
+    pl.DataFrame({"Time (s)": PERIOD * np.arange(len(reading)), **columns}).write_csv("phone.csv")
+    assert run("import", "phone.csv", "--out", "record.csv") == 0
+    assert run("calibrate", "record.csv", "--gravity", "9.81", "--json", "phone.json") == 0
+    assert run("apply", "phone.json", "record.csv", "--out", "corrected.csv") == 0
+    corrected = pl.read_csv("corrected.csv", comment_prefix="#").select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()
+    rests = corrected.reshape(14, 300, 3).mean(axis=1)
+    assert np.linalg.norm(rests, axis=1) == pytest.approx(np.full(14, GRAVITY), abs=5e-3)
+
+
 def test_a_table_of_six_faces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
     monkeypatch.chdir(tmp_path)
     instrument = Instrument(2)

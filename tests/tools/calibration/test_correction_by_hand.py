@@ -140,3 +140,32 @@ def test_parameters_of_components_are_those_of_the_instrument():
 def test_a_calibration_that_was_edited_is_refused(change, message):
     with pytest.raises(InputError, match=f"^here: .*{message}"):
         correction_of(calibration(Instrument(1)) | change, "here")
+
+
+def test_apply_takes_an_array_of_readings(tmp_path):
+    instrument = Instrument(11)
+    (tmp_path / "c.json").write_text(json.dumps(calibration(instrument)), encoding="utf-8")
+    force, _ = motion(11)
+    applied: Any = th.apply(tmp_path / "c.json", instrument.readings(force))
+    np.testing.assert_allclose(applied.record.specific_force, force, rtol=0, atol=1e-12)
+    with pytest.raises(th.InputError, match=r"has the shape \(4, 2\)"):
+        th.apply(tmp_path / "c.json", np.zeros((4, 2)))
+    with pytest.raises(th.InputError, match="no number"):
+        th.apply(tmp_path / "c.json", np.full((4, 3), np.nan))
+
+
+def test_poses_of_another_instrument_are_told_by_gravity(tmp_path):
+    instrument, other = Instrument(12), Instrument(13)
+    content = calibration(instrument, gyros=False)
+    (tmp_path / "c.json").write_text(json.dumps(content), encoding="utf-8")
+    up = np.vstack([np.eye(3), -np.eye(3)])
+    reasons = []
+    for maker in (instrument, other):
+        table = {"position": np.arange(1, 7)}
+        for axis, column in enumerate(maker.readings(GRAVITY * up).T, start=1):
+            table[f"f{axis}_mps2"] = column
+        applied: Any = th.apply(tmp_path / "c.json", table)
+        assert applied.levelled_at == "positions"
+        reasons.append([reason for reason in applied.not_guaranteed if "g long" in reason])
+    assert reasons[0] == []
+    assert len(reasons[1]) == 1
