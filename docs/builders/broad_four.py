@@ -181,13 +181,11 @@ def page(records: Mapping[str, StrapdownRecord]) -> str:
     }
     late = {on: {of: entry.errors(entries[of].latency) for of in entries} for on, entry in entries.items()}
     header = ["on", "without", *(f"of {name}" for name in entries)]
-    compared, bigger, most_apart = [], [], 0.0
+    bigger, most_apart = [], 0.0
     for on, entry in entries.items():
         chosen = [errors[on][""], errors[on]["03"], late[on]["06"], errors[on]["08"]]
         moving = [float(np.sqrt(np.mean(error[entry.in_motion] ** 2))) for error in chosen]
         ratios = [rms / theirs for rms, theirs in zip(moving, INDEPENDENT[on], strict=True)]
-        cells = ("; ".join(map(digits, values)) for values in (INDEPENDENT[on], moving))
-        compared.append([on, *cells, f"{100.0 * entry.in_motion.mean():.0f} %"])
         bigger += [rms_size(error) / value for error, value in zip(chosen, INDEPENDENT[on], strict=True)]
         most_apart = max(most_apart, *(abs(ratio - 1.0) for ratio in ratios))
     columns, errors_of_all = (
@@ -271,10 +269,7 @@ A turn of the cameras' frame does not explain it either. With such a turn fitted
 A computation without this program gave smaller figures, in the same order in each row. Those above are
 {digits(min(bigger), 3)} to {digits(max(bigger), 3)} times as large, because they count the whole angle in all windows,
 those at rest too. The other program counts one component, over windows in motion ({SLOW:g} rad/s and more on average).
-So counted, the figures agree within {100.0 * most_apart:.0f} %. Columns list four errors: without effects, with
-those of 03, with the latency of 06, with those of 08.
-
-{table(["on", "independent", "here, so counted", "windows in motion"], compared)}
+So counted, the figures agree within {100.0 * most_apart:.0f} %.
 
 Data: D. Laidig, M. Caruso, A. Cereatti, T. Seel, "BROAD - A Benchmark for Robust Inertial Orientation Estimation",
 Data 6(7):72, 2021, trials 03, 06, 08 and 21, CC BY 4.0; other file format, magnetometer and position left out.
