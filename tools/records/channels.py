@@ -20,7 +20,7 @@ Axes: TypeAlias = tuple[int, int, int]
 
 FAR_BETTER = 200.0
 """A way of reading fits far better than another where its misfit is less by so much: the squares of what is left over
-what is usual, and of parameters over `USUAL`. Right records came to 17 at most, and once to 160 (docs/decisions.md)."""
+what is usual, and of parameters over `USUAL`. Right records came to 17 at most, and once to 160."""
 USUAL = 0.1
 """Scale factors, misalignments [1] and biases [g] of this size are usual; a channel that is reversed has one of 2."""
 LEAST_MISFIT, LARGEST_MISFIT = 0.01, 0.1
