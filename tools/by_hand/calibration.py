@@ -189,7 +189,7 @@ def _sigma(run: Run, fit: HandFit) -> Sigma:
         return Sigma.of(run.bound, run.basis)
     usual = float(np.median(fit.deviation)) if len(fit.deviation) else FLOOR
     value = min(3.0 * usual, 0.99)
-    basis = f"three standard deviations of a mean at rest, {upwards(1e3 * value / 3.0, 2)} mg: {_why(run, fit)}"
+    basis = f"3 sd of a mean at rest, {upwards(1e3 * value / 3.0, 2)} mg: {_why(run, fit)}"
     return Sigma.model_validate({"value": value, "kind": "estimated", "from": basis})
 
 
@@ -198,7 +198,7 @@ def _why(run: Run, fit: HandFit) -> str:
         return "the scatter of the norms"
     if len(run.deviation) and np.median(run.deviation) > FLOOR:
         return "the noise within the rests"
-    return f"the noise within the rests is less, real instruments leave {digits(1e3 * FLOOR)} mg"
+    return "the least that real instruments leave, more than the noise at rest"
 
 
 def name_of(symbol: str) -> str:

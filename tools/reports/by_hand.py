@@ -105,7 +105,8 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
         )
     if basis.case is not None:
         error = digits(math.degrees(basis.case.standard_error), 2)
-        lines.append(f"known faces: the axes of the case are known to {error}° (1 sd)")
+        where = "the true attitude" if with_truth else "the case, by its faces,"
+        lines.append(f"the axes of {where} are known to {error}° (1 sd)")
     return lines
 
 
