@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 from by_hand import GRAVITY, NAMES, Instrument
 
 PERIOD = 0.01
+NOISE = (2e-3, 1e-3)
+"""Of a sample of accelerometers [g] and of gyros [rad/s]."""
 FACES = ("+1", "-1", "+2", "-2", "+3", "-3")
 
 
@@ -63,6 +65,35 @@ def strapdown(
     columns = {f"w{axis + 1}_radps": rates[:, axis] for axis in range(3)}
     columns |= {f"f{axis + 1}_mps2": reading[:, axis] for axis in range(3)}
     return pl.DataFrame({"time_s": time, **columns})
+
+
+def ferraris(seed: int) -> tuple[Instrument, pl.DataFrame]:
+    """Return an instrument, and its session of six faces and three whole turns about the vertical, with its parts."""
+    rng = np.random.default_rng(seed)
+    instrument = Instrument(seed)
+    instrument.sensitivity = np.zeros((3, 3))
+    faces = []
+    for word in FACES:
+        axis = np.zeros(3)
+        axis[int(word[1]) - 1] = 1.0 if word[0] == "+" else -1.0
+        up = axis + rng.normal(0.0, 0.03, 3)
+        faces.append(Rotation.align_vectors([[0.0, 0.0, 1.0]], [up / np.linalg.norm(up)])[0])
+    tables, parts, start = [], [], 0.0
+    for word, face in zip(FACES, faces, strict=True):
+        time, attitude = turning([face, face], 0.5, 2.0)
+        tables.append(strapdown(instrument, start + time, attitude, rng, NOISE))
+        parts += [word] * len(time)
+        start += float(time[-1]) + PERIOD
+    for axis in range(3):
+        up = faces[2 * axis]
+        stops = [Rotation.from_rotvec([0.0, 0.0, angle]) * up for angle in np.radians([0, 120, 240, 360])]
+        sections = [turning([first, second], 1.5, 0.02) for first, second in pairwise(stops)]
+        attitude = Rotation.concatenate([section[1] for section in sections])
+        time = PERIOD * np.arange(len(attitude))
+        tables.append(strapdown(instrument, start + time, attitude, rng, NOISE))
+        parts += [f"{axis + 1}:360"] * len(time)
+        start += float(time[-1]) + PERIOD
+    return instrument, pl.concat(tables).with_columns(part=pl.Series(parts))
 
 
 def hand_moved(seed: int, count: int = 14, *, sensitivity: bool = False) -> tuple[Instrument, pl.DataFrame]:

@@ -133,9 +133,28 @@ def fitted_forces(reading: NDArray, deviation: NDArray, faces: "Faces | None" = 
         if np.abs(change).max() < 1e-12:
             break
     covariance = np.linalg.inv(matrix.T @ matrix)
+    covariance[:9, :9] += _curvature(x, covariance[:9, :9], reading, deviation)
     if case is None:
         return Forces(x, covariance)
     return Forces(x, covariance[:9, :9], case, float(np.sqrt(np.linalg.eigvalsh(covariance[9:, 9:])[-1])))
+
+
+def _curvature(x: NDArray, covariance: NDArray, reading: NDArray, deviation: NDArray) -> NDArray[np.float64]:
+    """Return the addition (9, 9) to the covariance by the second order of the norms along open directions.
+
+    A shift by a z², z of a unit normal distribution, has a mean square of 3 a².
+    """
+    added = np.zeros((9, 9))
+    residual, slopes, back = norm_equations(x, reading)
+    weight = 1.0 / np.square(deviation * np.linalg.norm(back, axis=1))
+    values, vectors = np.linalg.eigh(covariance / np.outer(PRIOR, PRIOR))
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value > OPEN_PART:
+            step = np.sqrt(value) * PRIOR * vector
+            ends = norm_equations(x + step, reading)[0] + norm_equations(x - step, reading)[0]
+            shift = covariance @ (slopes.T @ (weight * (0.5 * ends - residual)))
+            added += 3.0 * np.outer(shift, shift)
+    return added
 
 
 def scatter_of(forces: Forces, reading: NDArray, deviation: NDArray) -> tuple[float, float]:

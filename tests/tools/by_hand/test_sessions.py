@@ -10,38 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import trihedron as th
 from by_hand import GRAVITY, NAMES, Instrument
-from hand_sessions import FACES, PERIOD, hand_moved, strapdown, truth, turning, written
-
-NOISE = (2e-3, 1e-3)
-
-
-def ferraris(seed: int) -> tuple[Instrument, pl.DataFrame]:
-    """Return an instrument, and its session of six faces and three whole turns about the vertical, with its parts."""
-    rng = np.random.default_rng(seed)
-    instrument = Instrument(seed)
-    instrument.sensitivity = np.zeros((3, 3))
-    faces = []
-    for word in FACES:
-        axis = np.zeros(3)
-        axis[int(word[1]) - 1] = 1.0 if word[0] == "+" else -1.0
-        up = axis + rng.normal(0.0, 0.03, 3)
-        faces.append(Rotation.align_vectors([[0.0, 0.0, 1.0]], [up / np.linalg.norm(up)])[0])
-    tables, parts, start = [], [], 0.0
-    for word, face in zip(FACES, faces, strict=True):
-        time, attitude = turning([face, face], 0.5, 2.0)
-        tables.append(strapdown(instrument, start + time, attitude, rng, NOISE))
-        parts += [word] * len(time)
-        start += float(time[-1]) + PERIOD
-    for axis in range(3):
-        up = faces[2 * axis]
-        stops = [Rotation.from_rotvec([0.0, 0.0, angle]) * up for angle in np.radians([0, 120, 240, 360])]
-        sections = [turning([first, second], 1.5, 0.02) for first, second in pairwise(stops)]
-        attitude = Rotation.concatenate([section[1] for section in sections])
-        time = PERIOD * np.arange(len(attitude))
-        tables.append(strapdown(instrument, start + time, attitude, rng, NOISE))
-        parts += [f"{axis + 1}:360"] * len(time)
-        start += float(time[-1]) + PERIOD
-    return instrument, pl.concat(tables).with_columns(part=pl.Series(parts))
+from hand_sessions import NOISE, PERIOD, ferraris, hand_moved, strapdown, truth, turning, written
 
 
 def test_six_faces_and_three_turns_by_their_parts() -> None:
