@@ -165,7 +165,7 @@ def noise(
     Parameters
     ----------
     record : path, table in memory or record
-        Strapdown, bench or raw record, CSV or Parquet; an hour at rest tells most.
+        Strapdown, bench or raw record, or accelerometers alone, CSV or Parquet; an hour at rest tells most.
     others : path, table in memory or record
         Further records of the same instrument, of the same rate.
     dwell : float, optional
@@ -191,7 +191,7 @@ def noise(
     InputError
         for a record without a rest, or records that do not go together
     """
-    kinds = records.StrapdownRecord, records.BenchRecord, records.RawRecord
+    kinds = records.StrapdownRecord, records.ForceRecord, records.BenchRecord, records.RawRecord
     runs = [records.read_record(source, *kinds, channels=channels) for source in (record, *others)]
     scenario = None if against is None else orchestrator.read_scenario(against)
     result = noises.identify(runs, gravity=gravity, skip=skip, scenario=scenario, progress=progress)

@@ -6,11 +6,10 @@ from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InvalidInput
 from ..orchestrator.scenario import Scenario
 from ..progress import tracked
-from ..records import RawRecord, StrapdownRecord
 from .against import held_against
 from .allan import allan_curve
 from .likelihood import Fit
-from .pieces import AtRest, Channel, at_rest
+from .pieces import AtRest, Channel, TimeSeries, at_rest
 from .processes import PROCESSES, Letter
 from .result import ChannelNoise, Coefficient, Drift, Noise, NoiseSource, SpectralLine
 from .selection import Selection, select
@@ -27,7 +26,7 @@ LONGER = 10.0
 
 
 def identify(
-    records: Sequence[StrapdownRecord | RawRecord],
+    records: Sequence[TimeSeries],
     *,
     gravity: float = STANDARD_GRAVITY,
     skip: float = 0.0,
@@ -38,7 +37,7 @@ def identify(
 
     Parameters
     ----------
-    records : sequence of StrapdownRecord, RawRecord or BenchRecord
+    records : sequence of StrapdownRecord, ForceRecord, RawRecord or BenchRecord
         records of one sampling rate
     gravity : float
         model value [m/s²]

@@ -6,14 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...fmus.units import STANDARD_GRAVITY
+from ..by_hand.still import Series, still_rests
 from ..errors import InputError
 from ..motion.rests import quiet_rests, rates_of, sampling_of
 from ..records import RawRecord, StrapdownRecord, find_rests
-from ..records.kinds import BenchRecord
+from ..records.kinds import BenchRecord, ForceRecord
 from ..records.stamps import grid_of
 from ..rounding import digits, exactly
 from .processes import Sensor
 
+TimeSeries = StrapdownRecord | RawRecord | ForceRecord
 FEWEST_ROWS = 64
 """Rows of a stretch, at least."""
 SAME_POSE = 0.03
@@ -74,7 +77,7 @@ class AtRest:
         return max(map(len, self.channels[0].pieces)) * self.step
 
 
-def at_rest(records: Sequence[StrapdownRecord | RawRecord], skip: float = 0.0) -> AtRest:
+def at_rest(records: Sequence[TimeSeries], skip: float = 0.0) -> AtRest:
     """Return the readings at rest of records of one instrument.
 
     Parameters
@@ -109,7 +112,7 @@ def at_rest(records: Sequence[StrapdownRecord | RawRecord], skip: float = 0.0) -
     return AtRest(tuple(channels), first.step, static, first.increments)
 
 
-def _of_record(record: StrapdownRecord | RawRecord, skip: float) -> AtRest:
+def _of_record(record: TimeSeries, skip: float) -> AtRest:
     """Return the readings at rest of one record."""
     grid = grid_of(record.time_s)
     rows, static = _still_rows(record)
@@ -135,7 +138,7 @@ def _of_record(record: StrapdownRecord | RawRecord, skip: float) -> AtRest:
     return AtRest(tuple(channels), grid.period, static, getattr(record, "increment", None) is not None)
 
 
-def _rates(record: StrapdownRecord | RawRecord, period: float) -> NDArray[np.float64] | None:
+def _rates(record: TimeSeries, period: float) -> NDArray[np.float64] | None:
     """Return rates (N, 3) [rad/s], of increments over one period; None without gyros."""
     if isinstance(record, StrapdownRecord | BenchRecord):
         if record.increment is not None:
@@ -144,8 +147,13 @@ def _rates(record: StrapdownRecord | RawRecord, period: float) -> NDArray[np.flo
     return None
 
 
-def _still_rows(record: StrapdownRecord | RawRecord) -> tuple[list[slice], bool]:
+def _still_rows(record: TimeSeries) -> tuple[list[slice], bool]:
     """Return the rows of each rest, and whether the block stands still throughout, in one stretch."""
+    if isinstance(record, ForceRecord):
+        still = still_rests(Series(record.time_s, record.specific_force / STANDARD_GRAVITY))
+        if len(still) and _same_pose(still.force):
+            return [slice(0, len(record))], True
+        return list(still.rows), False
     if not isinstance(record, StrapdownRecord):
         rests = [rest.kept for rest in find_rests(record) if rest.refused is None]
         return rests, len(rests) == 1
@@ -158,9 +166,7 @@ def _still_rows(record: StrapdownRecord | RawRecord) -> tuple[list[slice], bool]
 
 def _one_pose(record: StrapdownRecord, rests: Sequence[slice]) -> bool:
     """Return true if all rests have one pose and the block does not turn between them."""
-    means = np.stack([record.specific_force[rows].mean(axis=0) for rows in rests])
-    size = float(np.linalg.norm(means, axis=1).mean())
-    if float(np.ptp(means, axis=0).max()) > SAME_POSE * size:
+    if not _same_pose(np.stack([record.specific_force[rows].mean(axis=0) for rows in rests])):
         return False
     rate = rates_of(record)
     level = np.median(np.concatenate([rate[rows] for rows in rests]), axis=0)
@@ -170,9 +176,13 @@ def _one_pose(record: StrapdownRecord, rests: Sequence[slice]) -> bool:
     return all(float(np.ptp(part, axis=0).max(initial=0.0)) < STILL for part in parts)
 
 
-def _without_gaps(
-    record: StrapdownRecord | RawRecord, stretch: slice, gaps: NDArray[np.int_], start: float
-) -> list[slice]:
+def _same_pose(means: NDArray[np.float64]) -> bool:
+    """Return true if the mean specific forces (K, 3) of rests are of one pose."""
+    size = float(np.linalg.norm(means, axis=1).mean())
+    return float(np.ptp(means, axis=0).max()) <= SAME_POSE * size
+
+
+def _without_gaps(record: TimeSeries, stretch: slice, gaps: NDArray[np.int_], start: float) -> list[slice]:
     """Return the parts of a stretch between long gaps and knocks, from a time on [s]."""
     first = max(stretch.start, int(np.searchsorted(record.time_s, start)))
     cuts = [(int(gap) + 1, int(gap) + 1) for gap in gaps]

@@ -283,11 +283,11 @@ class HeldOut(Result):
         gain of the mean logarithm of their probability density
     """
 
-    time_s: Annotated[float, Quantity("drift over", "s", "exact")]
+    time_s: Annotated[float, Quantity("drift", "s", "exact")]
     windows: Annotated[int, Quantity("windows")]
-    coverage_simulated: Annotated[float, Quantity("within the simulation's 95 % band", "", "nearest", 3)]
-    coverage_extended: Annotated[float, Quantity("within the extended band", "", "nearest", 3)]
-    score: Annotated[float, Quantity("gain of the log score", "", "nearest", 2)]
+    coverage_simulated: Annotated[float, Quantity("simulated band holds", "", "nearest", 3)]
+    coverage_extended: Annotated[float, Quantity("extended holds", "", "nearest", 3)]
+    score: Annotated[float, Quantity("log score", "", "nearest", 2)]
 
 
 class Against(Result):

@@ -32,7 +32,7 @@ def noise_page(result: Noise) -> Page:
     )
 
 
-FOOT = "With 95 % intervals; `<`: the record does not show the process, and excludes this size."
+FOOT = "With 95 % intervals; `<` bounds a process that the record does not show."
 CAPTION = (
     "Allan deviation. Points: the record, with 95 % intervals. Line: the fitted processes, with the band of 95 % of "
     "records that have them."
@@ -40,7 +40,7 @@ CAPTION = (
 AXES = ("axis 1", "axis 2", "axis 3")
 EVEN = 1.25
 """Ends of an interval whose distances from the estimate differ by less than this factor are one number."""
-GROWTH = "Standard deviation that noise alone makes, the bias taken over the minute before; the worst axis."
+GROWTH = "Standard deviations by noise alone; the bias is that of the minute before."
 
 
 def _verdict(result: Noise) -> str:
@@ -139,14 +139,12 @@ def coefficient_text(one: Coefficient | None) -> str | None:
 def averaged_lines(averaged: Dwell) -> list[str]:
     """Return the bound of averaged readings, and the best dwell."""
     lines = [
-        f"σ = {upwards(averaged.sigma, 3)} g for {averaged.positions} positions of {digits(averaged.dwell_s, 4)} s: "
-        f"all readings keep it with a probability of {digits(averaged.probability, 4)}."
+        f"σ = {upwards(averaged.sigma, 3)} g for {averaged.positions} positions of {digits(averaged.dwell_s, 4)} s "
+        f"(all readings keep it: {digits(averaged.probability, 4)})."
     ]
     if averaged.not_excluded > 1.1 * averaged.deviation:
         least = averaged.sigma * averaged.deviation / averaged.not_excluded
-        lines.append(
-            f"By the processes in the record alone it is {upwards(least, 3)} g; a longer record at rest can show it."
-        )
+        lines.append(f"Detected processes alone give {upwards(least, 3)} g; a longer record can prove it.")
     if averaged.enough_s is not None and averaged.best_dwell_s is not None:
         lines.append(
             f"Best dwell {digits(averaged.best_dwell_s, 2)} s; from {digits(averaged.enough_s, 2)} s on σ is within "
