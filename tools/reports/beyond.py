@@ -41,8 +41,9 @@ def extension_texts(result: Diagnosis) -> list[str]:
     if law.knots:
         form = f"a curve through {len(law.knots)} points" + (" for each gyro" if law.beside else "")
     where = _where(law).replace("-", " ")
+    where = where if where[-1].isdigit() else f"the {where}"
     texts = [
-        f"Beyond the catalogue: {form}, {_function_of(law)}, describes the error of the {where}, without a known "
+        f"Beyond the catalogue: {form}, {_function_of(law)}, describes the error of {where}, without a known "
         f"cause. Largest error with it: {residual(law.radius)} of its bound{_left_out(law)}{_needed(law)}."
     ]
     if law.gain is not None:

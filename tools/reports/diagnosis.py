@@ -42,9 +42,9 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
     if result.sources is None:
         return _page_of_file(result)
     warnings = list(result.warnings)
-    if result.cut_off_at is not None and result.verdict != "explained":
-        warnings.append(cut_off(result.cut_off_at))
     verdict = diagnosis_sentence(result)
+    if result.cut_off_at is not None and "cut off" not in verdict:
+        warnings.append(cut_off(result.cut_off_at))
     turns = [] if result.calibration.linearised is None else witnesses.turn_sections(result)
     return Page(
         _title(result),

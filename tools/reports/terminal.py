@@ -22,6 +22,7 @@ MOST_VERDICT, MOST_ENTRY = 5, 3
 MORE = "..."
 WRITTEN = ("formula", "lookup", "bias-wander")
 """Effects whose parameters have no meaning but their law."""
+OF = " of "
 OF_FORMULA = re.compile(r"^(c of [^:]*|Γ): ")
 """The symbol of a parameter in its formula, before its meaning."""
 PLACES = {"g": "an accelerometer", "rad": "an axis", "rad/s": "a gyro"}
@@ -49,7 +50,7 @@ def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
     for text in open_texts(result):
         yield "Not certain", text
     for text in beyond.extension_texts(result)[:1]:
-        yield "Beyond", sentence(text.removeprefix("Beyond the catalogue: "))
+        yield "Beyond", sentence(text.removeprefix("Beyond the catalogue: ").rstrip("."))
     for hypothesis in (result.hypotheses or ())[:MOST_HYPOTHESES]:
         radii = f"{residual(hypothesis.radius_before)} -> {residual(hypothesis.radius)}"
         yield "Formula", f"{hypothesis.formula}: {hypothesis.answer}; largest error over its bound {radii}."
@@ -92,7 +93,7 @@ def certain_texts(result: Diagnosis) -> list[str]:
             count = (result.calibration.positions or 0) - len(result.best.rows)
             texts.append(f"without {rows_in_words(result.best.rows)} the other {count} fit within σ.")
     proven = result.proven
-    if proven is not None and result.verdict == "ambiguous":
+    if proven is not None and result.verdict in ("ambiguous", "unexplained"):
         text = f"the error is at {proven.place.replace('-', ' ')}"
         if proven.quantity:
             text += f" and depends on {in_words(proven.quantity)} alone"
@@ -135,8 +136,13 @@ def _size_in_words(cause: Cause, name: str) -> str:
     """Return the meaning of a parameter of an effect; its name if it is one of a user's formula or of a table."""
     if cause.effect in WRITTEN:
         return name
-    descriptions = {p.name: p.description for p in cause.place.definition.parameters}
-    return OF_FORMULA.sub("", descriptions.get(name, name))
+    words = {}
+    for p in cause.place.definition.parameters:
+        words[p.name] = OF_FORMULA.sub("", p.description).split(OF)
+    # The verdict says what all sizes of an effect have in common.
+    while len(words) > 1 and len({parts[0] for parts in words.values()}) == 1 and min(map(len, words.values())) > 1:
+        words = {other: parts[1:] for other, parts in words.items()}
+    return OF.join(words.get(name, [name]))
 
 
 def _first_of(texts: Sequence[str], noun: str) -> list[str]:
@@ -162,7 +168,7 @@ def open_texts(result: Diagnosis) -> list[str]:
     texts += [sentence(text) for text in (result.objections or ())[:1]]
     if result.verdict == "unexplained":
         texts += [sentence(text) for text in (result.not_named or ())[:2]]
-    if result.verdict != "ambiguous" or not texts:
+    if (result.verdict != "ambiguous" or not texts) and result.extension is None:
         texts += [sentence(text) for text in (result.caution or ())[:1]]
     return texts
 
@@ -209,6 +215,8 @@ def advice_text(result: Diagnosis) -> str:
         return "put the effect into the simulation."
     if result.verdict == "consistent" and result.calibration.linearised is not None:
         return "take the parameters from a calibration."
+    if result.verdict == "consistent":
+        return "nothing is to be mended. Smaller errors show in a record with more moves and longer rests."
     if result.verdict == "ambiguous":
         return "measure again with a smaller σ: longer, or each position more often."
     if result.verdict == "unexplained":

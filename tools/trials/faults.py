@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import elementary_reading
+from ...models.effects import EffectPlace
+from ...models.effects.definition import ACCELEROMETERS
+from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import PRESETS
 from ..diagnosis.result import Explanation
@@ -28,6 +31,7 @@ SIZES = (2.0, 4.0)
 """Least and largest size of a break, relative to that of sure detection."""
 MIDDLE = (0.2, 0.8)
 """Part of the record in which a break lies."""
+MOUNTING_ANGLES = tuple(f"mounting_{k}_rad" for k in (1, 2, 3))
 BREAKS: Mapping[str, tuple[str, ...]] = {
     "zero of the outer axis": ("alpha_zero_rad",),
     "zero of the inner axis": ("beta_zero_rad",),
@@ -35,7 +39,7 @@ BREAKS: Mapping[str, tuple[str, ...]] = {
     "scale factors": ("scale_factor_1", "scale_factor_2", "scale_factor_3"),
     "biases and mounting": (
         *(f"bias_{p}_g" for p in (1, 2, 3)),
-        *(f"mounting_{k}_rad" for k in (1, 2, 3)),
+        *MOUNTING_ANGLES,
     ),
 }
 """Changes at a break, as the diagnosis names them. That of one bias, one scale factor or the mounting is an effect."""
@@ -94,6 +98,19 @@ class Fault(Told):
             return False
         first, last = explanation.between_rows
         return first < self.row <= last and set(explanation.change or ()) == set(self.change or ())
+
+
+def listed_break(explanation: Explanation) -> EffectPlace | None:
+    """Return the effect of the catalogue that a break is; None if it is none."""
+    names = tuple(explanation.change or ()) if explanation.kind == "break" else ()
+    if names == MOUNTING_ANGLES:
+        return EffectPlace("mounting-slip", MOUNTING)
+    for p, where in enumerate(ACCELEROMETERS, start=1):
+        if names == (f"bias_{p}_g",):
+            return EffectPlace("bias-step", where)
+        if names == (f"scale_factor_{p}",):
+            return EffectPlace("scale-step", where)
+    return None
 
 
 def readings_of(bench: TrialBench) -> NDArray[np.float64]:

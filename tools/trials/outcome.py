@@ -10,7 +10,7 @@ from ..diagnosis import Cause, Diagnosis, Explanation, NamedEffect, diagnose, di
 from ..result import ABSENT, Told
 from .bench import NOISE_BOUND
 from .case import Case
-from .faults import Fault
+from .faults import Fault, listed_break
 from .sizes import Hidden, Secret
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
@@ -239,6 +239,11 @@ def _is_right(case: Case, explanation: Explanation) -> bool:
         is_fault = case.fault.is_break_of(explanation)
     named_rows, _ = _rows_and_effects([cause.place for cause in explanation.causes])
     causes = [cause for cause in explanation.causes if cause.effect != "outlier"]
+    listed = listed_break(explanation)
+    if listed in effects and not is_fault:
+        # The catalogue has such a break, too: beside a wrong row it is named as one.
+        effects.remove(listed)
+        is_fault = True
     return is_fault and named_rows | set(explanation.rows or ()) == rows and _is_same(causes, effects)
 
 

@@ -80,6 +80,16 @@ def test_a_fault_alone_is_a_part_of_a_fault_and_an_effect(case):
     assert judged(both, "explained", rows(9)) == "wrong"
 
 
+def test_a_step_of_the_catalogue_beside_a_wrong_row_is_right_as_a_break(case):
+    fault = Fault(kind="rows", what="a copied row", row=7, numbers=(2.0,))
+    step = Hidden(EffectPlace("scale-step", "accelerometer-2"), (1e-4, 0.05))
+    both = replace(case, fault=fault, hidden=(step,))
+    named = broken((11, 12), "scale_factor_2").model_copy(update={"rows": (7,)})
+    assert judged(both, "explained", named) == "right"
+    assert judged(both, "explained", named.model_copy(update={"rows": (8,)})) == "wrong"
+    assert judged(both, "explained", broken((11, 12), "scale_factor_1").model_copy(update={"rows": (7,)})) == "wrong"
+
+
 def test_a_clean_record_with_a_larger_bound_is_a_false_alarm(case):
     sigma = Explanation(kind="sigma", numbers=1, where=(), causes=(), radius=0.9, sentence="a larger σ")
     assert judged(case, "explained", sigma) == "wrong"
