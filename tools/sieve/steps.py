@@ -11,6 +11,8 @@ from .leading import Candidates
 
 LEAST = 1.8
 """Steps that move readings by fewer σ are not looked at: a larger σ says as much."""
+FILLED = 0.2
+"""Rounding fills at least this part of its bound: where errors stay far below, the angles were only commanded so."""
 WIDE = 4.0
 """Steps that move readings by so many σ are told from noise by the size of the misfit."""
 
@@ -39,7 +41,7 @@ def with_rounding(evidence: Evidence) -> Evidence:
         wider = source.again(stepped)
     except InputError:
         return evidence
-    if is_noise and wider.model.falsified:
+    if is_noise and not FILLED <= wider.model.radius <= wider.model.limit:
         return evidence
     return wider
 

@@ -9,7 +9,17 @@ import pytest
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import Explanation
-from trihedron.tools.trials import Hidden, Options, Suite, draw_case, faultless_record, judged_case, run_suite
+from trihedron.tools.trials import (
+    Hidden,
+    Options,
+    Suite,
+    diagnosed_case,
+    draw_case,
+    faultless_record,
+    judged_case,
+    named_suite,
+    run_suite,
+)
 from trihedron.tools.trials.faults import BREAKS, SPOILED, Fault
 
 OPTIONS = Options("faults", positions=(24, 30))
@@ -124,3 +134,14 @@ def test_a_suite_counts_the_right_fault_as_right():
     assert suite.false_alarms["clean"] == 0
     assert all(outcome.fault is not None and outcome.named_fault for outcome in suite.results)
     assert Suite.model_validate_json(suite.json_text()) == suite
+
+
+def test_a_break_is_no_coarse_encoder_where_the_programme_has_round_angles():
+    """All angles are multiples of 0.1°, as commanded; the errors are far smaller than half a step."""
+    suite = named_suite("faults")
+    case = draw_case(suite.options, suite.seed, 10)
+    assert case.fault is not None
+    assert case.fault.what == "biases and mounting"
+    diagnosis = diagnosed_case(case, case.measured())
+    assert not any("in steps of" in line for line in diagnosis.warnings)
+    assert judged_case(case, diagnosis).outcome in ("right", "candidate")
