@@ -1,6 +1,7 @@
 """The page of a diagnosis of any record."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -85,9 +86,9 @@ def _page_of_file(result: Diagnosis) -> Page:
     )
 
 
-def answer_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
-    """Return the cause with its size, its gain, and the residuals; `files` belong to the cause."""
-    sections = [cause_section(result, files or []), change_section(result), gain_section(result)]
+def answer_of(result: Diagnosis) -> list[Section]:
+    """Return the cause with its size, its gain, and the residuals."""
+    sections = [cause_section(result), change_section(result), gain_section(result)]
     sections += _errors(result)[:1]
     return [section for section in sections if section is not None]
 
@@ -122,8 +123,6 @@ def remarks_of(result: Diagnosis) -> list[Section]:
         remarks += [sentence(text) for text in result.caution or ()]
     remarks += _remarks(result)
     remarks += beyond.extension_texts(result)
-    remarks += witnesses.evidence_lines(result)
-    remarks += evidence.power_texts(result)
     sections = [Section("What to bear in mind", remarks)]
     sections += hypothesis_sections(result)
     if result.next_positions:
@@ -149,8 +148,8 @@ def sections_of(result: Diagnosis) -> list[Section]:
     return [section for section in sections if section is not None]
 
 
-def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
-    """Return the named cause, or the remaining candidates; None if there are neither."""
+def cause_section(result: Diagnosis, files: Sequence[Path] = ()) -> Section | None:
+    """Return the named cause, or the remaining candidates, with their files; None if there are neither."""
     sets = sets_of(result)
     if not sets:
         return None

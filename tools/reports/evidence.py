@@ -18,7 +18,6 @@ from ..document.notation import (
     bars,
     bars_by_unit,
     half_width,
-    listed,
     symbol_text,
     unit_text,
 )
@@ -30,8 +29,6 @@ from .pictures import residuals as pictures
 
 MOST_RANKED = 16
 MOST_BARS = 18
-MOST_NEVER = 4
-"""Largest number of never observed pairs that a line names."""
 
 
 def first_words(result: Diagnosis) -> str:
@@ -455,38 +452,7 @@ def _quantity_words(entry: Mapping[str, Any], key: str) -> str:
         if instrument == kind:
             words[name + number] = own_name
     name = entry.get(key) or ""
-    return _in_short(words.get(name, name))
-
-
-def power_texts(result: Diagnosis) -> list[str]:
-    """Return a sentence on the detection limit of the worst smooth fault that shows at all."""
-    texts = []
-    for unit, where in (("g", "an accelerometer"), ("rad", "an axis"), ("rad/s", "a gyro")):
-        sizes = []
-        for entry in result.power or ():
-            if entry["unit"] == unit and entry["size"] is not None:
-                sizes.append((entry["size"], _of_words(entry)))
-        if sizes:
-            size, words = max(sizes)
-            texts.append(f"{upwards(size, 2)} {unit} in {where} ({words} is seen last)")
-    never = []
-    for entry in result.power or ():
-        if entry["size"] is None:
-            never.append(f"{entry['place']} by {_of_words(entry)}")
-    if never:
-        texts.append(f"never surely: {listed(never, MOST_NEVER)}")
-    return [f"Detection limit for smooth errors in no catalogue: {'; '.join(texts)}."] if texts else []
-
-
-def _of_words(entry: Mapping[str, Any]) -> str:
-    """Return the quantity, and the factor, on which a fault depends."""
-    factor = f"{_in_short(entry['factor'])} times " if entry.get("factor") else ""
-    return factor + _in_short(entry["quantity"])
-
-
-def _in_short(quantity: str) -> str:
-    """Return a quantity as tables have it."""
-    return quantity.replace("hours", "time").replace("alpha", "α").replace("beta", "β")
+    return words.get(name, name).replace("hours", "time").replace("alpha", "α").replace("beta", "β")
 
 
 def excluded_words(entry: Mapping[str, Any]) -> tuple[str, str, str, str]:

@@ -125,47 +125,9 @@ def turn_sections(result: Diagnosis) -> list[Section]:
     return [Section("Turns, as the gyros saw them", [text], picture, caption, Table(header, rows))]
 
 
-# A line each for the first screen
-
-
-def evidence_lines(result: Diagnosis) -> list[str]:
-    """Return lines on the proof of falsification, the left-out parts, the lengths, and the place of the residual."""
-    lines = proof_lines(result.calibration)
-    witness = result.witness
-    if witness is not None:
-        lines += _left_out_lines(witness)
-    for w in witnesses_of(result):
-        shuffles = f"{w.shuffles.as_good} of {w.shuffles.tried} shuffles do as well"
-        lines.append(
-            f"Left out, {w.title}: rms {digits(w.rms_without)} -> {digits(w.rms_with)} of its bound; {shuffles}."
-        )
-    radii = [f"{length.over} {residual(length.radius)}" for length in result.lengths or ()]
-    if radii:
-        lines.append(f"Largest error over its bound, by length: {', '.join(radii)}.")
-    if result.residual_structure:
-        most = max(result.residual_structure, key=lambda entry: entry["explained"])
-        where = f"accelerometer {most['accelerometer']}" if "accelerometer" in most else f"axis {most.get('axis')}"
-        predicted, explainable = digits(100.0 * most["explained"]), digits(100.0 * most["explainable"])
-        lines.append(
-            f"Residual of {where}: {most['on']} predicts {predicted} % of it; {explainable} % is more than noise."
-        )
-    return lines
-
-
 def proof_lines(calibration: Calibration) -> list[str]:
     """Return the readings that prove that no parameters fit; empty if there are none."""
     if not calibration.witness:
         return []
     readings = [f"f{reading.accelerometer} at {reading.position}" for reading in calibration.witness]
     return [f"Proof, by accelerometer and position: {listed(readings, MOST_READINGS)}."]
-
-
-def _left_out_lines(witness: Witness) -> list[str]:
-    """Return the result of every fifth position, and of every quarter of the time, for the effects together."""
-    lines = []
-    for name, score in (("every fifth position", witness.folds), ("every quarter of the time", witness.blocks)):
-        if score is not None:
-            lines.append(f"Left out, {name}: rms {digits(score.rms_before, 2)} -> {digits(score.rms_after, 2)} g.")
-    if witness.shuffles:
-        lines.append(f"Shuffles that do as well: {witness.shuffles.as_good} of {witness.shuffles.tried}.")
-    return lines

@@ -165,7 +165,7 @@ def test_angles_of_several_turns_are_drawn_within_one() -> None:
 def test_a_matrix_frames_what_cannot_be_zero() -> None:
     low = np.array([[0.1, -1.0, -1.0], [-1.0, -1.0, -1.0], [-1.0, -1.0, -3.0]])
     (axes,) = matrix_picture(low + 0.5, low, low + 1.0, ("x", "y", "z"), "").figure().axes
-    bold = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]
+    bold = [text.get_text() for text in axes.texts if text.get_fontweight() == "bold"]
     assert bold == ["0.60", "−2.50"]
 
 

@@ -476,7 +476,7 @@ def matrix_picture(values: NDArray, low: NDArray, high: NDArray, columns: Sequen
 
     figure, ((axes,),) = sheet(2.2)
     for (row, column), value in np.ndenumerate(values):
-        least, most = low[row, column], high[row, column]
+        least, most = float(low[row, column]), float(high[row, column])
         is_sure = least > 0.0 or most < 0.0
         edge = FIRST if is_sure else BAND
         box = Rectangle((column - 0.47, row - 0.42), 0.94, 0.84, facecolor=BAND.light, edgecolor=edge.light)
