@@ -133,7 +133,7 @@ def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **option
     """
     is_of_bench = isinstance(record.raw, BenchRecord)
     if bench is None:
-        calibration = calibrate_by_encoders(record, residuals_tell=True, **options)
+        calibration = calibrate_by_encoders(record, **{**options, "residuals_tell": True})
         warning = f"{record.path}: its gyros are not looked at; --latitude-deg and --azimuth-deg calibrate them too"
         return (
             calibration.model_copy(update={"warnings": [*calibration.warnings, warning]})

@@ -125,6 +125,11 @@ class Given:
         named = self.explanation
         if named is None or any(cause.effect == "outlier" for cause in named.causes):
             return ()
+        for row in named.rows or ():
+            if not 1 <= row <= len(self.record):
+                raise InputError(
+                    f"--with: the diagnosis names row {row}, and {self.record.path} has {len(self.record)}"
+                )
         return named.rows or ()
 
     @property
@@ -160,7 +165,12 @@ class Given:
         """The larger noise bound that the diagnosis names; None where it names none, or a person gives one."""
         if not self.names_sigma or self.has_noise or self.diagnosis.best is None:
             return None
-        return float((self.diagnosis.best.change or {})["noise_bound"])
+        bound = (self.diagnosis.best.change or {}).get("noise_bound")
+        if not isinstance(bound, int | float) or isinstance(bound, bool) or not 0.0 < bound < 1.0:
+            raise InputError(
+                f"--with: the diagnosis names a larger noise bound, and its value is {bound!r}; diagnose again"
+            )
+        return float(bound)
 
     def request(self) -> Asked:
         """Return the options with the noise bound of the diagnosis where a person gives none."""

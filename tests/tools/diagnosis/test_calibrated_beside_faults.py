@@ -174,6 +174,19 @@ def test_a_file_is_calibrated_without_the_rows_that_the_diagnosis_of_that_file_n
         assert result[symbol].low <= value <= result[symbol].high
 
 
+def test_a_diagnosis_that_was_edited_is_refused():
+    session, angles, reading = noisy(7, 1.7)
+    record = session.recorded(angles, reading)
+    diagnosis = diagnosed(record).model_copy(update={"made_of": record})
+    for changed_to, words in (({}, "its value is None"), ({"noise_bound": -1.0}, "its value is -1.0")):
+        best = diagnosis.best.model_copy(update={"change": changed_to})
+        with pytest.raises(InputError, match=words):
+            th.calibrate(record, explained_by=diagnosis.model_copy(update={"explanations": (best,)}))
+    rows = diagnosis.best.model_copy(update={"kind": "rows", "rows": (41,), "change": {}})
+    with pytest.raises(InputError, match="names row 41, and record has 40"):
+        th.calibrate(record, explained_by=diagnosis.model_copy(update={"explanations": (rows,)}))
+
+
 def test_rows_of_one_record_are_not_left_out_of_another():
     session, angles, reading = noisy(8)
     right = session.recorded(angles.copy(), reading)
