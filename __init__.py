@@ -38,9 +38,25 @@ _FUNCTIONS = {
     "planning.library": ("plan", "plan_check", "plan_hand", "plan_imu", "plan_positions"),
     "records": ("read_record",),
 }
+_COMMANDS = {
+    "attitude": ("measured", "attitude_of_record"),
+    "campaign": ("library", "run_campaign"),
+    "demo": ("demo", "run_demo"),
+    "fmpy_input": ("exporting", "write_fmpy_input"),
+    "hidden": ("library", "hide"),
+    "instrument_add": ("instrument", "add_to_instrument"),
+    "instrument_list": ("instrument", "entries_of"),
+    "instrument_show": ("instrument", "nearest_of_instrument"),
+    "instrument_trend": ("instrument", "trend_of_instrument"),
+    "plan_target": ("planning.library", "plan"),
+    "reproduce_attitude": ("papers", "reproduce_attitude"),
+    "reproduce_calibration": ("papers", "check_published_calibration"),
+    "reproduce_word_length": ("papers", "word_length_errors"),
+}
+"""Functions by the names of their commands, each with its module and its name there."""
 _HOME = _TYPES | dict(sorted((name, module) for module, names in _FUNCTIONS.items() for name in names))
 """In which module of the tools each name is; the stub beside this file says the same to those who check types."""
-__all__ = [*_HOME, "__version__"]  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = [*_HOME, *_COMMANDS, "__version__"]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
@@ -49,11 +65,12 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("trihedron")
-    if name in _HOME:
+    if name in __all__:
         from importlib import import_module
 
-        found = getattr(import_module(f"trihedron.tools.{_HOME[name]}"), name)
-        return found if name in _TYPES else _in_python(found)
+        module, member = _COMMANDS.get(name) or (_HOME[name], name)
+        defined = getattr(import_module(f"trihedron.tools.{module}"), member)
+        return defined if name in _TYPES else _in_python(defined)
     raise AttributeError(f"module 'trihedron' has no attribute '{name}'")
 
 

@@ -2,10 +2,13 @@ from .tools.check import Check as Check
 from .tools.corrections import apply as apply
 from .tools.corrections import correction as correction
 from .tools.corrections import export_calibration as export_calibration
+from .tools.demo import run_demo
 from .tools.errors import InputError as InputError
 from .tools.exporting import Exported as Exported
+from .tools.exporting import write_fmpy_input
 from .tools.foreign import Imported as Imported
 from .tools.installation import Installation as Installation
+from .tools.instrument import add_to_instrument, entries_of, nearest_of_instrument, trend_of_instrument
 from .tools.library import compare as compare
 from .tools.library import doctor as doctor
 from .tools.library import export as export
@@ -27,6 +30,8 @@ from .tools.measured import import_record as import_record
 from .tools.measured import inspect as inspect
 from .tools.measured import noise as noise
 from .tools.orchestrator import Simulation as Simulation
+from .tools.papers import check_published_calibration, word_length_errors
+from .tools.papers import reproduce_attitude as reproduce_attitude
 from .tools.planning.library import plan as plan
 from .tools.planning.library import plan_check as plan_check
 from .tools.planning.library import plan_hand as plan_hand
@@ -36,3 +41,16 @@ from .tools.records import read_record as read_record
 
 __version__: str
 __all__: list[str]
+
+attitude = attitude_of_record
+campaign = run_campaign
+demo = run_demo
+fmpy_input = write_fmpy_input
+hidden = hide
+instrument_add = add_to_instrument
+instrument_list = entries_of
+instrument_show = nearest_of_instrument
+instrument_trend = trend_of_instrument
+plan_target = plan
+reproduce_calibration = check_published_calibration
+reproduce_word_length = word_length_errors

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import BeforeValidator, TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
-from .errors import InputError, InvalidInput, as_in_python
+from .errors import InputError, InvalidInput, as_in_python, nearest
 from .files import inputs_kept
 from .options import completed
 
@@ -44,12 +44,12 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
     def called(*positional: P.args, **keywords: P.kwargs) -> R:
         if _THREADS_LOST.is_set():
             raise InputError(FORKED)
-        bound = signature.bind(*positional, **keywords)
-        for name, value in bound.arguments.items():
-            adapter = _adapters(function).get(name)
-            if adapter is not None:
-                bound.arguments[name] = _checked(name, value, adapter)
+        bound = _bound(function.__name__, signature, positional, keywords)
         try:
+            for name, value in bound.arguments.items():
+                adapter = _adapters(function).get(name)
+                if adapter is not None:
+                    bound.arguments[name] = _checked(name, value, adapter)
             with one_thread(), inputs_kept():
                 return function(*bound.args, **bound.kwargs)
         except InputError as error:
@@ -59,6 +59,20 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
 
     called.__doc__ = completed(function)
     return called
+
+
+def _bound(
+    name: str, signature: inspect.Signature, positional: Sequence[Any], keywords: Mapping[str, Any]
+) -> inspect.BoundArguments:
+    """Return the arguments by name; a TypeError names the function, and for an unknown argument the nearest."""
+    try:
+        return signature.bind(*positional, **keywords)
+    except TypeError as error:
+        unknown = [word for word in keywords if word not in signature.parameters]
+        if not unknown:
+            raise TypeError(f"{name}(): {error}") from None
+        known = [word for word in signature.parameters if word != "progress"]
+        raise TypeError(f"{name}(): unexpected argument {unknown[0]}; {nearest(unknown[0], known)}") from None
 
 
 class _Names(dict[str, Any]):
@@ -130,7 +144,7 @@ def _is_number(text: str) -> bool:
 
 
 def _of_arguments(text: str, names: Sequence[str]) -> str:
-    """A message with arguments in place of options."""
+    """A message with arguments in place of options, and functions in place of commands."""
     by_option = {name.replace("_", "-"): name for name in names}
 
     def argument(match: re.Match[str]) -> str:
@@ -138,8 +152,9 @@ def _of_arguments(text: str, names: Sequence[str]) -> str:
         for form in (option, f"{option}s", f"{option}-deg", re.sub("is$", "es", option)):
             if form in by_option:
                 return by_option[form]
-        return match[0]
+        return option.replace("-", "_")
 
+    text = re.sub(r"`trihedron ([a-z]+(?:-[a-z]+)*)`", lambda match: f"`th.{match[1].replace('-', '_')}`", text)
     return re.sub(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)", argument, text)
 
 

@@ -115,6 +115,14 @@ class Result(BaseModel):
     def __hash__(self) -> int:
         return hash(self.json_text())
 
+    def __dir__(self) -> list[str]:
+        """Return the fields, properties and methods of the result, without those of its base library."""
+        names = set(type(self).model_fields) - {"schema_"}
+        for kind in type(self).__mro__:
+            if issubclass(kind, Result):
+                names |= vars(kind).keys()
+        return sorted(name for name in names if not name.startswith(("_", "model_")) and name != "omitted")
+
     def report(self, path: str | Path, record: Any = None) -> Path:
         """Write the page of the result, as its command's `--report` does.
 

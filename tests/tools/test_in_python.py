@@ -1,6 +1,8 @@
 """Python as on the command line: named arguments, tables of any library, pages and pictures."""
 
+import inspect
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,8 +14,9 @@ from matplotlib.figure import Figure
 
 import trihedron as th
 import user_script
+from generator.carried import POSES, strapdown_record, true_motion
 from generator.stands import random_bench, simulated
-from trihedron.tools import arguments
+from trihedron.tools import arguments, cli
 from trihedron.tools.arguments import in_python
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import PositionRecord, write_record
@@ -96,9 +99,9 @@ def test_a_function_keeps_its_own_name_and_words():
 
     wrapped: Any = in_python(doubled)
     assert (wrapped.__name__, wrapped.__doc__, wrapped(2)) == ("doubled", "Twice a number.", 4.0)
-    with pytest.raises(InputError, match=r"^keep_out 1: and --other$"):
+    with pytest.raises(InputError, match=r"^keep_out 1: and other$"):
         wrapped(2, keep_out=1)
-    with pytest.raises(TypeError, match="unexpected"):
+    with pytest.raises(TypeError, match=r"^doubled\(\): unexpected argument other"):
         wrapped(2, other=1)
 
 
@@ -150,6 +153,23 @@ def test_a_notebook_of_a_record_runs_from_its_first_cell_to_its_last(record, tmp
         th.export_notebook("monday.csv")
     with pytest.raises(InputError, match=r"a notebook is an \.ipynb file"):
         th.export_notebook("monday.csv", out="monday.py")
+
+
+@pytest.mark.parametrize("strapdown", [False, True], ids=["positions", "strapdown"])
+def test_a_generated_notebook_runs_in_a_kernel_and_shows_rounded_tables_and_pictures(
+    strapdown, record, tmp_path, monkeypatch
+):
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    monkeypatch.chdir(tmp_path)
+    write_record(strapdown_record(true_motion(POSES[:6])) if strapdown else record, Path("monday.csv"))
+    th.export_notebook("monday.csv", noise_bound=None if strapdown else SIGMA)
+    notebook = nbformat.read("monday.ipynb", 4)
+    nbclient.NotebookClient(notebook, timeout=280, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    shown = [output["data"] for cell in notebook.cells for output in cell.get("outputs", ()) if "data" in output]
+    tables = [data["text/html"] for data in shown if "text/html" in data]
+    assert tables
+    assert not [number for table in tables for number in re.findall(r"<td>-?0?\.0*[1-9]\d{9,}", table)]
+    assert strapdown or any("image/png" in data for data in shown)
 
 
 def test_a_script_as_a_user_writes_it_runs(tmp_path):
@@ -266,3 +286,43 @@ def test_python_dash_m_runs_the_command_line():
     run = subprocess.run([*words, "check", "absent.csv"], capture_output=True, text=True, check=False)
     assert run.returncode == 2
     assert run.stderr.startswith("trihedron: absent.csv: no such file")
+
+
+TERMINAL_ALONE = ("completion", "export-ssp", "campaign-report", "batch")
+"""Commands without a function of their name."""
+
+
+def test_every_command_has_its_function_of_the_same_name():
+    names = {"import": "import_record"}
+    for name in cli.app:
+        if name.startswith("-") or name in TERMINAL_ALONE:
+            continue
+        inner = [part for part in cli.app[name] if not part.startswith("-")]
+        for part in inner or [""]:
+            command = f"{name}-{part}".strip("-")
+            assert callable(getattr(th, names.get(command, command.replace("-", "_")))), command
+
+
+def test_public_functions_say_what_they_return():
+    later = {"instrument_add", "instrument_list", "instrument_show", "instrument_trend", "fmpy_input"}
+    later |= {"reproduce_attitude", "reproduce_calibration", "reproduce_word_length"}
+    for name in set(th.__all__) - later:
+        thing = getattr(th, name)
+        if inspect.isfunction(thing):
+            assert "\nReturns\n-------\n" in (inspect.getdoc(thing) or ""), name
+
+
+def test_an_unknown_argument_is_answered_with_the_nearest_and_the_function(record):
+    with pytest.raises(
+        TypeError, match=r"^calibrate\(\): unexpected argument noise_bond; did you mean 'noise_bound'\?$"
+    ):
+        LOOSE.calibrate(record, noise_bond=SIGMA)
+    with pytest.raises(TypeError, match=r"^calibrate\(\): missing a required argument: 'record'$"):
+        LOOSE.calibrate()
+
+
+def test_a_result_lists_its_own_names_and_not_those_of_its_library(calibration):
+    names = dir(calibration)
+    assert {"verdict", "parameters", "figure", "report", "to_json", "to_polars"} <= set(names)
+    assert [name for name in names if name.startswith("model_") or name in ("copy", "dict", "json", "schema")] == []
+    assert all(hasattr(calibration, name) for name in names)

@@ -23,7 +23,7 @@ from markupsafe import Markup, escape
 from ..errors import InputError
 from ..files import ordinary_file, whole_file, write_text
 from ..locks import own_folder
-from ..rounding import Number, exactly
+from ..rounding import Number, digits
 from .blocks import Page, Section, Table
 from .notation import Cell, Drawn, look, plain, typographic, written
 
@@ -257,24 +257,41 @@ def _column(heading: str, cells: Sequence[Cell]) -> list[str]:
 
 
 def notebook(page: Page, frame: "DataFrame | None") -> str:
-    """Return a page for a notebook (HTML): the verdict, and the result's table if there is one."""
-    table = "" if frame is None else table_html(frame)
-    return f"<div><p><strong>{escaped(page.verdict)}</strong></p>{table}</div>"
+    """Return a page for a notebook (HTML): the verdict and the tables of the answer, else the table of the result."""
+    parts = [f"<p><strong>{escaped(page.verdict)}</strong></p>"]
+    for section in page.answer:
+        if section.table is not None:
+            parts.append(f"<p>{escaped(section.title)}</p>{_rounded_html(section.table)}")
+    if len(parts) == 1 and frame is not None:
+        parts.append(table_html(frame))
+    return f"<div>{''.join(parts)}</div>"
+
+
+def _rounded_html(table: Table) -> str:
+    """Return a table of a page as HTML, its numbers rounded, without small pictures."""
+    shown = [k for k in range(len(table.header)) if not any(isinstance(row[k], Drawn) for row in table.rows)]
+    rows = []
+    for row in [table.header, *table.rows[:MOST_ROWS]]:
+        texts = ["" if row[k] is None else escaped(str(row[k])) for k in shown]
+        rows.append(texts)
+    head = "".join(f"<th>{text}</th>" for text in rows[0])
+    body = "".join(f"<tr><td>{'</td><td>'.join(texts)}</td></tr>" for texts in rows[1:])
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def table_html(frame: "DataFrame") -> str:
-    """Return a table as HTML; numbers with all their digits, empty for missing ones."""
+    """Return a table as HTML; numbers rounded to six digits, empty for missing ones."""
     head = "".join(f"<th>{escaped(name)}</th>" for name in frame.columns)
     rows = []
     for values in frame.head(MOST_ROWS).iter_rows():
-        cells = "".join(f"<td>{escaped(_exact_text(value))}</td>" for value in values)
+        cells = "".join(f"<td>{escaped(_short_text(value))}</td>" for value in values)
         rows.append(f"<tr>{cells}</tr>")
     further = frame.height - MOST_ROWS
     note = f"<p>... and {further} rows more</p>" if further > 0 else ""
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>{note}"
 
 
-def _exact_text(value: object) -> str:
+def _short_text(value: object) -> str:
     if value is None:
         return ""
-    return exactly(value) if isinstance(value, float) else str(value)
+    return str(digits(value, 6)) if isinstance(value, float) else str(value)

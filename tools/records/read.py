@@ -134,6 +134,11 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
         "even", "logged" or a rate in hertz; None: of a file with gyros and uneven stamps, those under which gyros and
         gravity agree better. A record is taken as it is where nothing is said
 
+    Returns
+    -------
+    record
+        of one of these kinds
+
     Raises
     ------
     InputError

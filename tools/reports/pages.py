@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -159,8 +161,17 @@ def figures(result: Result, record: Any = None) -> "dict[str, Figure]":
     drawn = {}
     for section in _page_with_record(result, record).sections:
         if section.picture is not None:
-            drawn[section.title.lower()] = section.picture.figure()
+            figure: Any = section.picture.figure()
+            figure._repr_png_ = partial(_png, figure)
+            drawn[section.title.lower()] = figure
     return drawn
+
+
+def _png(figure: "Figure") -> bytes:
+    """Return a figure as PNG: a notebook shows it without a backend of matplotlib."""
+    content = BytesIO()
+    figure.savefig(content, format="png", dpi=100)
+    return content.getvalue()
 
 
 def _page_with_record(result: Result, record: Any) -> Page:

@@ -125,7 +125,7 @@ OF_MOTION = (
     ("Rests, moves and noise.", "th.inspect(record)"),
     ("Whether the simulation can be true of the record; if not, what it lacks.", "found = th.diagnose(record)\nfound"),
     ("Every picture of the page, by its name.", "figures = found.figures()\nlist(figures)"),
-    ("The attitude by the gyros.", "th.attitude_of_record(record)"),
+    ("The attitude by the gyros.", "th.attitude(record)"),
     ("The page, to hand on.", 'found.report("diagnosis.html")'),
 )
 
