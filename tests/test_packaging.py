@@ -57,8 +57,7 @@ def test_one_version():
 def test_what_the_doctor_looks_for_is_what_is_installed():
     from trihedron.tools.installation import CORE, EXTRAS
 
-    # Packages that may be removed are listed as extras.
-    assert {*CORE, *EXTRAS["fast"]} == {Requirement(text).name for text in PROJECT["project"]["dependencies"]}
+    assert set(CORE) == {Requirement(text).name for text in PROJECT["project"]["dependencies"]}
     extras = PROJECT["project"]["optional-dependencies"]
     for extra, names in EXTRAS.items():
         if extra not in extras:
