@@ -71,6 +71,7 @@ COMMANDS = (
         "--strapdown out.csv --json out.json",
         "bench.csv",
     ),
+    command("calibrate clean.csv --noise-bound 1e-5 --export out", "clean.csv"),
     command("calibrate clean.csv --noise-bound 1e-5 --sheet out.html --about about.toml", "clean.csv", "about.toml"),
     command("calibrate clean.csv measured.csv --noise-bound 1e-5 --own * --json out.json", "clean.csv", "measured.csv"),
     command("diagnose measured.csv --noise-bound 1e-5 --json out.json --report out.html --export out", "measured.csv"),

@@ -36,6 +36,7 @@ from .model import parametrise as parametrise
 from .model import predicted_input as predicted_input
 from .model import predicted_reading as predicted_reading
 from .model import reading_jacobian as reading_jacobian
+from .parameter_sets import export_calibrated as export_calibrated
 from .parameter_sets import write_parameter_set as write_parameter_set
 from .targets import IN_TARGETS as IN_TARGETS
 from .targets import asked_targets as asked_targets

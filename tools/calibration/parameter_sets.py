@@ -1,11 +1,13 @@
-"""Parameter sets of SSP (.ssv) of a calibrated block and its gyros, for the components and for other tools."""
+"""Calibrated block and gyros as components: parameter sets of SSP (.ssv), and FMUs that start with their values."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ...fmus import components
+from ...fmus import build, components
+from ...fmus.component import started
 from ...fmus.parameters import (
     Interval,
     Parameters,
@@ -16,47 +18,83 @@ from ...fmus.parameters import (
     parameter_set,
 )
 from ..errors import InputError
-from ..files import whole_file
+from ..files import whole_file, whole_folder
 from ..result import Result
 from ..rounding import exactly, upwards
 
+BLOCKS = {"": ("AccelerometerBlock", "AccelerometerCompensation"), "-gyros": ("GyroBlock", "GyroCompensation")}
+"""Ending of a parameter set's name -> the components that it fits: the instruments, and their compensation."""
 
-def write_parameter_set(result: Result, path: Path) -> None:
-    """Write the calibrated block as an .ssv file, values with their intervals; both components have these parameters.
 
-    Calibrated gyros go into a file of their own, NAME-gyros.ssv. A calibration of several records is written with the
-    biases of the last. Raises an InputError if the calibration lacks an estimate, or the components do not accept a
-    value.
+@dataclass(frozen=True)
+class CalibratedBlock:
+    """Values and intervals of the parameters of a block, and the description of their set."""
+
+    values: Parameters
+    intervals: Mapping[str, Interval]
+    text: str
+
+
+def calibrated_blocks(result: Result, option: str) -> dict[str, CalibratedBlock]:
+    """Return accelerometers and gyros by their endings in `BLOCKS`; a calibration of several has the last's biases.
+
+    Raises an InputError, which begins with the option, if the calibration lacks an estimate, or the components do not
+    accept a value.
     """
     try:
         content = of_one_record(result.to_json())
         block, intervals = calibrated_block(content), calibrated_intervals(content)
     except ValueError as error:
-        raise InputError(f"--ssv {path}: {error}") from error
+        raise InputError(f"{option}: {error}") from error
     about, source = "an accelerometer block", content.get("provenance")
     if source is not None:
         about = f"{source['record']} (SHA-256 {source['record_sha256'] or 'none'})"
     sigma = content["sigma"]["value"]
     bound = "" if sigma is None else f", noise bound {upwards(sigma, 3)} g"
     text = f"Calibration of {about}, verdict {content['verdict']}{bound}, case (A1)"
-    contents = {path: _checked_set(path, "AccelerometerBlock", block, intervals, text)}
+    blocks = {"": CalibratedBlock(block, intervals, text)}
     of_gyros = calibrated_gyros(content)
     if of_gyros is not None:
-        beside_it = path.with_name(f"{path.stem}-gyros{path.suffix}")
-        contents[beside_it] = _checked_set(beside_it, "GyroBlock", of_gyros[0], of_gyros[1], text)
-    for target, written in contents.items():
-        with whole_file(target) as temporary:
-            temporary.write_bytes(written)
+        blocks["-gyros"] = CalibratedBlock(*of_gyros, text)
+    for ending, one in blocks.items():
+        _check_limits(option, BLOCKS[ending][0], one.values)
+    return blocks
 
 
-def _checked_set(path: Path, name: str, values: Parameters, intervals: Mapping[str, Interval], text: str) -> bytes:
-    """Return the parameter set of a component; raise an InputError for values beyond its limits."""
-    component = components()[name]
-    for variable in component.interface:
+def write_parameter_set(result: Result, path: Path) -> None:
+    """Write the calibrated block as an .ssv file, values with their intervals; both components have these parameters.
+
+    Calibrated gyros go into a file of their own, NAME-gyros.ssv. Errors as of `calibrated_blocks`.
+    """
+    for ending, block in calibrated_blocks(result, f"--ssv {path}").items():
+        component = components()[BLOCKS[ending][0]]
+        with whole_file(path.with_name(f"{path.stem}{ending}{path.suffix}")) as temporary:
+            temporary.write_bytes(parameter_set(component, block.values, block.text, block.intervals))
+
+
+def export_calibrated(result: Result, folder: Path) -> list[Path]:
+    """Write FMUs that start with the calibrated values, and beside each its parameter set; return the files.
+
+    Of accelerometers, and of gyros where they are calibrated, the block and its compensation. Errors as of
+    `calibrated_blocks`, and where the folder cannot be written.
+    """
+    blocks = calibrated_blocks(result, f"--export {folder}")
+    files = []
+    with whole_folder(folder) as draft:
+        for ending, block in blocks.items():
+            for name in BLOCKS[ending]:
+                component = started(components()[name], block.values)
+                files.append(build(component, draft))
+                written = draft / f"{name}.ssv"
+                written.write_bytes(parameter_set(component, block.values, block.text, block.intervals))
+                files.append(written)
+    return [folder / path.name for path in files]
+
+
+def _check_limits(option: str, name: str, values: Parameters) -> None:
+    """Refuse values beyond the limits of a component."""
+    for variable in components()[name].interface:
         least, most = variable.within
         for number in np.ravel(values.get(variable.name, [])).tolist():
             if (least is not None and number < least) or (most is not None and number > most):
-                raise InputError(
-                    f"--ssv {path}: {variable.name} = {exactly(number)} is beyond what the component takes"
-                )
-    return parameter_set(component, values, text, intervals)
+                raise InputError(f"{option}: {variable.name} = {exactly(number)} is beyond what the component takes")

@@ -132,6 +132,7 @@ def calibrate_command(
     *others: Path,
     json: JsonFile = None,
     ssv: File = None,
+    export: Annotated[Folder, Parameter(name="--export")] = None,
     strapdown: File = None,
     report: ReportFile = None,
     sheet: SheetFile = None,
@@ -154,6 +155,8 @@ def calibrate_command(
         Further records of the same instrument, calibrated together.
     ssv
         Write the block's parameters as an SSP 1.0 parameter set (.ssv). Several records: with the biases of the last.
+    export
+        Folder for FMUs that start with the calibrated values: the block and its compensation, each with its .ssv.
     strapdown
         Write gyros, accelerometers and true attitude of a bench record to this file (CSV).
     about
@@ -185,9 +188,7 @@ def calibrate_command(
         joint = measured.calibrate_together(record, *others, **shared, **options)
         if report is not None:
             reports.write_report(report, joint)
-        if ssv is not None:
-            calibrations.write_parameter_set(joint, ssv)
-        return answer(joint, json)
+        return answer(joint, json, files=_components_of(joint, ssv, export))
     _refuse_of_several(shared)
     circumstances = {} if about is None else reports.read_about(about)
     run = records.read_record(record, *records.TO_CALIBRATE, **_taken(options, READING))
@@ -204,11 +205,16 @@ def calibrate_command(
         reports.write_report(report, result, run)
     if sheet is not None:
         reports.write_sheet(sheet, result, run, circumstances)
-    if ssv is not None:
-        calibrations.write_parameter_set(result, ssv)
     if strapdown is not None:
         records.write_record(calibrations.strapdown_by_table(result, run, bench), strapdown)
-    return answer(result, json)
+    return answer(result, json, files=_components_of(result, ssv, export))
+
+
+def _components_of(result: calibrations.Calibration, ssv: Path | None, export: Path | None) -> list[Path]:
+    """Write parameter set and FMUs of a calibration where they are asked for; return the FMUs and their sets."""
+    if ssv is not None:
+        calibrations.write_parameter_set(result, ssv)
+    return [] if export is None else calibrations.export_calibrated(result, export)
 
 
 def _refuse_of_table(options: Mapping[str, object], run: records.Record) -> None:

@@ -3,13 +3,20 @@
 import json
 from typing import Any
 
+import fmpy
 import numpy as np
 import pytest
 
 import trihedron as th
 from by_hand import GRAVITY, Instrument, calibration
 from trihedron.fmus.parameters import calibrated_block, calibrated_gyros
-from trihedron.tools.calibration import apply_calibration, correction_of, remaining_error
+from trihedron.tools.calibration import (
+    Calibration,
+    apply_calibration,
+    correction_of,
+    export_calibrated,
+    remaining_error,
+)
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord, write_record
 
@@ -127,6 +134,43 @@ def test_parameters_of_components_are_those_of_the_instrument():
     gyros = calibrated_gyros(content)
     assert gyros is not None
     np.testing.assert_allclose(np.reshape(gyros[0]["scale_misalignment"], (3, 3)), instrument.gyro_matrix - np.eye(3))
+
+
+def test_fmus_of_a_calibration_correct_its_readings(tmp_path):
+    """The exported compensations start with the calibrated values, and give what the correction gives."""
+    instrument = Instrument(14)
+    content = calibration(instrument, sensitivity=False)
+    files = export_calibrated(Calibration.model_validate(content), tmp_path / "out")
+    names = ("AccelerometerBlock", "AccelerometerCompensation", "GyroBlock", "GyroCompensation")
+    assert sorted(path.name for path in files) == sorted(f"{name}.{end}" for name in names for end in ("fmu", "ssv"))
+    force, rate = motion(14, 5)
+    correction = correction_of(content, "here")
+    times = 0.1 * np.arange(5)
+    for name, readings, outputs, expected in (
+        ("AccelerometerCompensation", {"reading": instrument.readings(force)}, "specific_force", force),
+        (
+            "GyroCompensation",
+            {"increment_reading": 0.1 * instrument.rates(rate, 0.0 * force), "specific_force": 0.0 * force},
+            "rate",
+            rate,
+        ),
+    ):
+        columns = {"time": times}
+        for variable, values in readings.items():
+            columns |= {f"{variable}[{axis + 1}]": values[:, axis] for axis in range(3)}
+        signals = np.array(
+            list(zip(*columns.values(), strict=True)), dtype=[(column, np.float64) for column in columns]
+        )
+        result = fmpy.simulate_fmu(
+            str(tmp_path / "out" / f"{name}.fmu"),
+            input=signals,
+            stop_time=0.4,
+            output_interval=0.1,
+            output=[f"{outputs}[{axis}]" for axis in (1, 2, 3)],
+        )
+        given = np.column_stack([result[f"{outputs}[{axis}]"] for axis in (1, 2, 3)])
+        np.testing.assert_allclose(given[1], expected[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(correction(instrument.readings(force)), force, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
