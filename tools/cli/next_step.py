@@ -27,8 +27,7 @@ SAME_RECORD = (
     ),
 )
 """Options that stay when another command takes the same record."""
-TABLE = ("position record", "raw record", "bench record")
-"""Kinds of records of a table."""
+STRAPDOWN = "strapdown record"
 RUNS = {"scenario": "simulate", "FMU": "simulate", "SSP archive": "simulate", "campaign": "campaign"}
 """Kinds of files that run, and the command that runs them."""
 
@@ -119,17 +118,15 @@ def next_command(call: Call, result: Any) -> str:
 
 def _after_import(call: Call, result: Any) -> str:
     record = call.arguments["out"]
-    if result.kind in TABLE:
-        return call.line("calibrate", record, json="calibration.json")
-    return call.line("inspect", record)
+    command = "inspect" if result.kind == STRAPDOWN else "calibrate"
+    return call.line(command, record, **_results(command))
 
 
 def _after_check(call: Call, result: Any) -> str:
     file = call.arguments["file"]
-    if result.good and result.kind in TABLE:
-        return call.line("calibrate", file, json="calibration.json")
-    if result.good and result.kind == "strapdown record":
-        return call.line("inspect", file)
+    if result.good and result.kind.endswith(" record"):
+        command = "inspect" if result.kind == STRAPDOWN else "calibrate"
+        return call.line(command, file, **_results(command))
     if result.good and result.kind in RUNS:
         return call.line(RUNS[result.kind], file)
     return call.again()
@@ -139,11 +136,16 @@ def _after_inspect(call: Call, result: Any) -> str:
     record = call.arguments["record"]
     if result.trust.faults:
         return call.line("check", record)
-    command = "diagnose" if result.at_table is None else "calibrate"
-    return call.line(command, record, json=f"{RESULTS[command]}.json")
+    command = "calibrate" if result.moves or result.at_table is not None else "noise"
+    return call.line(command, record, **_results(command))
 
 
-RESULTS = {"calibrate": "calibration", "diagnose": "diagnosis"}
+RESULTS = {"calibrate": "calibration.json", "diagnose": "diagnosis.json", "noise": "noise.json"}
+"""Command -> file of its result."""
+
+
+def _results(command: str) -> dict[str, str]:
+    return {"json": RESULTS[command]} if command in RESULTS else {}
 
 
 def _after_calibrate(call: Call, result: Any) -> str:
@@ -183,7 +185,7 @@ def _after_apply(call: Call, result: Any) -> str:
 
 def _after_measure(call: Call, result: Any) -> str:
     command = "calibrate" if result.promise_reached else "diagnose"
-    return call.line(command, result.positions_file or result.record, json=f"{RESULTS[command]}.json")
+    return call.line(command, result.positions_file or result.record, **_results(command))
 
 
 def _after_plan(call: Call, _: Any) -> str:

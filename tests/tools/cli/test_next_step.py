@@ -7,6 +7,8 @@ import shlex
 import sys
 from pathlib import Path
 
+import numpy as np
+import polars as pl
 import pytest
 
 from command_table import QUICK, Command
@@ -79,6 +81,22 @@ def test_a_calibration_leads_to_a_corrected_record_in_two_more_commands(capsys):
 def test_json_on_standard_output_has_no_next_command(capsys):
     assert cli.main(["apply", "calibration.json", "clean.csv", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["rows"] > 0
+
+
+def test_accelerometers_alone_lead_to_a_calibration_and_a_record_at_rest_to_its_noise(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    time = np.arange(3000) / 100.0
+    force = np.array([0.02, -0.05, 9.81]) + rng.normal(0.0, 5e-3, (3000, 3))
+    names = ["time_s", "f1_mps2", "f2_mps2", "f3_mps2"]
+    pl.DataFrame(np.column_stack([time, force]), schema=names).write_csv("phone.csv")
+    assert next_of(run("trihedron check phone.csv", capsys)) == "trihedron calibrate phone.csv --json calibration.json"
+    names[1:1] = ["w1_radps", "w2_radps", "w3_radps"]
+    rates = rng.normal(0.0, 1e-3, (3000, 3))
+    pl.DataFrame(np.column_stack([time, rates, force]), schema=names).write_csv("static.csv")
+    first = next_of(run("trihedron check static.csv", capsys))
+    assert first == "trihedron inspect static.csv"
+    assert next_of(run(first, capsys)) == "trihedron noise static.csv --json noise.json"
 
 
 class Terminal(io.StringIO):
