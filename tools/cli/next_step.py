@@ -150,9 +150,9 @@ def _results(command: str) -> dict[str, str]:
 
 def _after_calibrate(call: Call, result: Any) -> str:
     records = (call.arguments["record"], *call.arguments.get("others", ()))
-    if result.verdict == "falsified":
+    if result.verdict == "falsified" and result.by_hand is None:
         return call.line("diagnose", *records, json="diagnosis.json")
-    if result.verdict not in ("consistent", "noise-unknown"):
+    if result.verdict == "insufficient":
         return ""
     file = call.arguments.get("json")
     if file is None:

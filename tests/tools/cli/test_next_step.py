@@ -91,6 +91,13 @@ def test_accelerometers_alone_lead_to_a_calibration_and_a_record_at_rest_to_its_
     names = ["time_s", "f1_mps2", "f2_mps2", "f3_mps2"]
     pl.DataFrame(np.column_stack([time, force]), schema=names).write_csv("phone.csv")
     assert next_of(run("trihedron check phone.csv", capsys)) == "trihedron calibrate phone.csv --json calibration.json"
+    directions = rng.normal(size=(18, 3))
+    poses = np.repeat(directions / np.linalg.norm(directions, axis=1)[:, None], 400, axis=0)
+    rows = np.column_stack([np.arange(7200) / 100.0, 9.81 * poses + rng.normal(0.0, 5e-3, (7200, 3))])
+    pl.DataFrame(rows, schema=names).write_csv("turned.csv")
+    following = next_of(run("trihedron calibrate turned.csv --json turned.json", capsys))
+    assert following == "trihedron apply turned.json turned.csv --out corrected.csv"
+    run(following, capsys)
     names[1:1] = ["w1_radps", "w2_radps", "w3_radps"]
     rates = rng.normal(0.0, 1e-3, (3000, 3))
     pl.DataFrame(np.column_stack([time, rates, force]), schema=names).write_csv("static.csv")
