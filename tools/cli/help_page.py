@@ -37,11 +37,11 @@ GROUPS = {
 class HelpPage:
     """A formatter of cyclopts, which calls its methods in the order of the page."""
 
-    def render_usage(self, console: "Console", _: Any, usage: Any) -> None:
+    def render_usage(self, console: "Console", options: Any, usage: Any) -> None:
         """Print the line of usage."""
         _print(console, _wrapped(f"Usage: {usage}".strip(), "", "  "))
 
-    def render_description(self, console: "Console", _: Any, description: Any) -> None:
+    def render_description(self, console: "Console", options: Any, description: Any) -> None:
         """Print the examples of a description, then its sentences."""
         paragraphs = _plain(description).split("\n\n")
         examples = [text for text in paragraphs if text.startswith("Example: ")]
@@ -52,11 +52,11 @@ class HelpPage:
                 lines += ["", *_wrapped(" ".join(text.split()), "", "")]
         _print(console, lines)
 
-    def __call__(self, console: "Console", _: Any, panel: "HelpPanel") -> None:
+    def __call__(self, console: "Console", options: Any, panel: "HelpPanel") -> None:
         """Print a panel, options below the headings of their groups."""
         groups: dict[str, list[HelpEntry]] = {title: [] for title in (OPTIONS, *GROUPS)}
         for entry in panel.entries:
-            title = heading_of(entry.positive_names) if panel.title == PARAMETERS else panel.title
+            title = heading_of(entry.positive_names) if panel.title == PARAMETERS else str(panel.title)
             groups.setdefault(title, []).append(entry)
         for title, entries in groups.items():
             if entries:
