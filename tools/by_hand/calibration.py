@@ -433,6 +433,8 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
     ]
     if large:
         remarks.append(f"values far from an instrument's ({', '.join(large)}): are unit and --gravity right?")
+    if run.faces is not None and fit.forces.case is None and not isinstance(run.moves, Windows):
+        remarks.append("the faces name one axis only: the axes of the case stay unknown; name faces of two axes")
     if run.faces is not None and fit.forces.case is not None:
         tilts = run.faces.tilts(fit.forces.x, fit.forces.case, run.rests.force)
         for number in np.flatnonzero(tilts > np.radians(30.0)):

@@ -68,7 +68,7 @@ class Forces:
     """
 
     x: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    covariance: NDArray
     case: NDArray[np.float64] | None = None
     case_error: float = 0.0
 

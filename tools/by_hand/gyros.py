@@ -82,7 +82,7 @@ class GyroFit:
         return 0.5 * np.pi * float(np.sqrt(errors[worst])), AXES[worst]
 
 
-def _axes() -> NDArray[np.float64]:
+def _axes() -> NDArray:
     """Return the three axes of the block, and others over half of the sphere."""
     steps = np.arange(60) + 0.5
     height = 1.0 - steps / 60.0

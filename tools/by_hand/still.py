@@ -24,6 +24,8 @@ SAME_RATE = np.radians(2.0)
 """A still window turns by at most so much more than the stillest ones [rad/s]."""
 STILLEST = 0.1
 """Part of the still windows, those of least scatter, that shows what gyros read at rest."""
+LAST_DIGITS = 1e-7
+"""In a record without noise larger changes, over the largest reading, are no rounding of sums."""
 LEAST_ROWS = 8
 """Fewest rows of a window."""
 END = 2.0
@@ -126,8 +128,11 @@ def _still_rows(series: Series, limit: float) -> list[slice]:
     channels = np.clip(series.force, -most, most).T
     still = np.ones(len(time) - size + 1, dtype=bool)
     scatter = np.zeros(len(still))
-    for values in channels:
-        noise = channel_noise(values, size, lag)
+    noises = [channel_noise(values, size, lag) for values in channels]
+    if not np.isfinite(noises).any():
+        # a record without noise: at rest nothing but last digits changes
+        noises = [LAST_DIGITS * max(float(np.abs(values).max()), 1.0) for values in channels]
+    for values, noise in zip(channels, noises, strict=True):
         ratio = window_scatter(values, size) / noise
         still &= ratio <= limit
         scatter = np.maximum(scatter, ratio)

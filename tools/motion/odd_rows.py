@@ -11,6 +11,8 @@ from ..records import ForceRecord, RawRecord, StrapdownRecord
 from ..records.limits import runs_of
 from ..rounding import digits
 
+Series = RawRecord | StrapdownRecord | ForceRecord
+"""Records of readings in time."""
 LONGEST = 3
 """A spike holds at most so many rows."""
 UNLIKE = 10.0
@@ -52,7 +54,7 @@ def odd_rows_of_gyros(record: StrapdownRecord) -> tuple[str, ...]:
     return _lines(record, "gyro", rates, spikes, least)
 
 
-def odd_rows_of_forces(record: RawRecord | StrapdownRecord | ForceRecord) -> tuple[str, ...]:
+def odd_rows_of_forces(record: Series) -> tuple[str, ...]:
     """Describe the rows of the accelerometers that no motion can cause.
 
     A knock is motion: more than one accelerometer feels it.
@@ -72,7 +74,7 @@ def odd_rows_of_forces(record: RawRecord | StrapdownRecord | ForceRecord) -> tup
 
 
 def _lines(
-    record: RawRecord | StrapdownRecord | ForceRecord,
+    record: Series,
     name: str,
     channels: NDArray,
     spikes: NDArray[np.bool_],
@@ -172,7 +174,7 @@ def stuck_rows(values: NDArray[np.float64], moving: NDArray[np.bool_], least: fl
     return stuck
 
 
-def _repeated_together(record: RawRecord | StrapdownRecord) -> NDArray[np.bool_]:
+def _repeated_together(record: Series) -> NDArray[np.bool_]:
     """Rows (N,) in which all channels repeat the row before: a rest without noise, or a row that is held."""
     channels = [record.specific_force]
     if isinstance(record, StrapdownRecord):
@@ -186,7 +188,7 @@ def _beside(rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.convolve(rows, np.ones(3), "same") > 0.0
 
 
-def _counted(record: RawRecord | StrapdownRecord, rows: NDArray[np.bool_]) -> str:
+def _counted(record: Series, rows: NDArray[np.bool_]) -> str:
     """Return the number of rows, and the first of them with its time."""
     first = int(np.argmax(rows))
     where = f"row {int(record.row[first])} ({digits(float(record.time_s[first]), 9)} s)"

@@ -109,7 +109,7 @@ def trust_of(
     faults, warnings = list[str](), list[str]()
     if is_averaged:
         _say_force(faults, warnings, record.specific_force, gravity)
-    if series is not None and len(series) >= FEWEST_ROWS:
+    if isinstance(series, RawRecord | StrapdownRecord | ForceRecord) and len(series) >= FEWEST_ROWS:
         faults += odd_rows_of_forces(series)
     return TrustCheck(faults=tuple(faults), warnings=tuple(warnings), of_forces=tuple(faults))
 

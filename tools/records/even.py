@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from ..rounding import digits, exactly
-from .kinds import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
+from .kinds import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
 from .limits import runs_of
 from .stamps import Grid, grid_of
 from .turned import Stretches, thinned
@@ -52,7 +52,7 @@ than sensors sample unevenly."""
 MOST_HELD = 0.5
 """Stamps that are farther from even times, in periods, are not taken as logged where nothing tells."""
 
-Measured = TypeVar("Measured", bound=PositionRecord | RawRecord | StrapdownRecord)
+Measured = TypeVar("Measured", bound=PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord)
 
 
 def with_stamps(record: Measured, stamps: str | None = None) -> Measured:
@@ -76,7 +76,7 @@ def with_stamps(record: Measured, stamps: str | None = None) -> Measured:
         if grid.uneven:
             return _better(record, grid)
         return record
-    if stamps == LOGGED or isinstance(record, PositionRecord):
+    if stamps == LOGGED or isinstance(record, PositionRecord | PoseRecord):
         return _said(record, "time stamps: as logged, as said")
     if stamps == EVEN and len(record) < 2:
         return record

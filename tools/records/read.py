@@ -118,6 +118,8 @@ def read_record(
     channels: Sequence[str] = (),
     stamps: str | None = None,
 ) -> Wanted | Other: ...
+@overload
+def read_record(record: Source, *kinds: type[Any], channels: Sequence[str] = (), stamps: str | None = None) -> Any: ...
 def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamps: str | None = None) -> Any:
     """Read a record from a CSV or Parquet file, a table in memory, or an object that holds a record.
 

@@ -94,6 +94,14 @@ def test_sensitivity_to_gravity_is_taken_where_it_is_proven() -> None:
     assert result["S11"].estimate == pytest.approx(instrument.sensitivity[0, 0], abs=3e-4)
 
 
+def test_a_series_without_noise_has_its_rests() -> None:
+    force = np.repeat(GRAVITY * directions(np.random.default_rng(1), 12), 300, axis=0)
+    columns = {f"f{axis + 1}_mps2": force[:, axis] for axis in range(3)}
+    result = th.calibrate(pl.DataFrame({"time_s": 0.01 * np.arange(len(force)), **columns}), gravity=GRAVITY)
+    assert result.by_hand.rests == 12
+    assert all(abs(result[symbol].estimate) < 1e-4 for symbol in NAMES)
+
+
 def test_a_block_that_rests_in_two_poses_says_what_is_open() -> None:
     instrument = Instrument(8)
     table = poses(instrument, np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]), np.zeros((2, 3)))
