@@ -39,7 +39,7 @@ QUANTITIES = {
     "s": "Time",
     "g": "AccelerationInG",
 }
-"""What is measured in a unit."""
+"""Quantity of a unit."""
 
 TYPE_NAMES = {
     2: {"real": "Real", "integer": "Integer", "boolean": "Boolean", "enumeration": "Enumeration"},
@@ -195,7 +195,7 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
     for kind in kinds:
         extra = dict(spelt)
         if kind != "CoSimulation":
-            # What is said of steps is said of co-simulation alone.
+            # Capabilities of steps concern co-simulation alone.
             extra.pop("canHandleVariableCommunicationStepSize", None)
         interface = SubElement(root, kind, about | extra)
         if kind == "ModelExchange" and fmi == 3:
@@ -298,7 +298,7 @@ def identity(component: Component, content: bytes, *, fmi: int = 2, sources: Seq
     ----------
     component : Component
     content : bytes
-        what the FMU runs, so that FMUs that compute differently differ in their identity
+        code of the FMU, so that FMUs that compute differently differ in their identity
     fmi : int
         2 or 3
     sources : sequence of str

@@ -170,7 +170,7 @@ LEAD_STEPS = fixed(
     type="integer",
     within=(0.0, 1.0),
 )
-"""The parameter of every component that knows beforehand what it will give."""
+"""The parameter of every component that knows its outputs beforehand."""
 
 
 POSITION_PROGRAMME = Component(

@@ -1,7 +1,7 @@
 """Parameters of components from a calibration: as values, and as an SSP 1.0 parameter set that other tools read.
 
 A calibration is the published object of schema trihedron.calibration/3; objects of former schemas are converted first.
-What is refused is refused by a ValueError that does not name the file: the caller knows which it was.
+Refusals are a ValueError without the name of the file, which the caller adds.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,7 +34,7 @@ MENDS = {
     "insufficient": "measure at its next_positions, or say by --prior what is known",
     "noise-unknown": "its readings differ by more than their scatter within rests: calibrate with --noise-bound",
 }
-"""What is right where a calibration gives no parameters, by its verdict."""
+"""Remedy if a calibration gives no parameters, by its verdict."""
 GRAVITIES = (4.9, 14.7)
 """[m/s²]: half and one and a half times the standard, as readings are taken to be."""
 CASES = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}

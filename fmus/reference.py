@@ -17,7 +17,7 @@ STEPS = 200
 MOST_OUTPUTS = 9
 """With the time, ten columns."""
 SWINGS = {"rad": 0.01, "m/s2": 10.0, "degC": 5.0}
-"""How far an input swings, by its unit."""
+"""Amplitude of an input, by its unit."""
 
 LAYER = "org.fmi-standard.fmi-ls-ref"
 LAYER_VERSION = "1.0.0-alpha.1"

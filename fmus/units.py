@@ -97,7 +97,7 @@ UNITS = {
 """The units of the components' variables, by their FMI names; effects may have composed ones, of `unit_named`."""
 
 _WORDS = {"1": "1", "g": "g", "rad": "rad", "s": "s", "h": "h", "K": "1/K"}
-"""Units of which others are composed, as `UNITS` has them; the kelvin as its inverse."""
+"""Units that compose others, as `UNITS` has them; the kelvin as its inverse."""
 
 
 def unit_named(name: str) -> Unit:
@@ -128,7 +128,7 @@ VELOCITY: dict[str, Any] = {"size": 3, "unit": "m/s", "variability": "discrete"}
 AXES: dict[str, Any] = {"size": 2, "unit": "rad", "display_unit": "deg"}
 COMMAND: dict[str, Any] = AXES | {"variability": "discrete"}
 ATTITUDE: dict[str, Any] = {"size": 4, "start": (1.0, 0.0, 0.0, 0.0), "within": (-1.001, 1.001)}
-"""Quantities: what the variables of one have in common, as the tables of the components take it."""
+"""Quantities: common attributes of their variables, for the tables of the components."""
 
 
 def column_units() -> dict[str, tuple[str, float]]:

@@ -30,8 +30,8 @@ def commands_page() -> str:
     lines = [
         "# Commands",
         "",
-        "As `--help` says it; made from the code. Every command has `--quiet`; exit status: 0 the work was done, "
-        "whatever the verdict, 2 the input cannot be used (said in one line), 1 a fault of the program, 130 "
+        "The texts of `--help`, made from the code. Every command has `--quiet`; exit status: 0 the work was done, "
+        "with any verdict, 2 the input cannot be used (one line names why), 1 a fault of the program, 130 "
         "interrupted.",
         "",
     ]
@@ -60,7 +60,7 @@ def api_page() -> str:
     lines += [
         "## Results",
         "",
-        "What the functions give: fields are the keys of the JSON, in SI but where a name says so.",
+        "Results of the functions. Fields are the keys of the JSON, in SI units except where a name says otherwise.",
         "",
     ]
     for result in result_classes():

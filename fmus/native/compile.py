@@ -77,7 +77,7 @@ class Platform:
     suffix : str
         of the binary
     target : str
-        what the cross compiler calls it, with the oldest system that runs it: a Linux by its C library
+        name for the cross compiler, with the oldest system that runs it: a Linux by its C library
     """
 
     name: str

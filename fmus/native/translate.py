@@ -59,7 +59,7 @@ class Signature:
     kinds : tuple of str
         of the arguments
     result : str
-        kind of what it returns
+        kind of its value
     changed : frozenset of str
         names of the vectors that it writes into
     """
@@ -287,7 +287,7 @@ def translate(parts: Sequence[SourcePart]) -> tuple[str, dict[str, Signature]]:
     Raises
     ------
     RestrictionError
-        names file, line and construct of what is not in restricted Python
+        names file, line and construct that is not in restricted Python
     """
     constants: dict[str, str] = {}
     kernels: dict[str, Signature] = {}
