@@ -170,7 +170,7 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     assert "the encoder of the outer axis errs by" in printed
     page = (tmp_path / "found.html").read_text(encoding="utf-8")
     assert "Turns, as the gyros saw them" in page
-    witnesses = re.search(r"Two witnesses.*?radius (\S+) -\S+ (\S+); gyros.*?radius (\S+) -\S+ ([\d.]+\d)", page)
+    witnesses = re.search(r"Two witnesses.*?radius (\S+) → (\S+); gyros.*?radius (\S+) → ([\d.]+\d)", page)
     assert witnesses is not None
     accelerometers, gyros = witnesses.groups()[:2], witnesses.groups()[2:]
     assert float(gyros[0]) > 1.5
