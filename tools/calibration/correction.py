@@ -409,6 +409,8 @@ def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
     The greatest error over all parameters that the calibration leaves possible is convex in the input as long as its
     signs stay, so that its values at the corners of a simplex around the input bound it.
     """
+    assert correction.low is not None
+    assert correction.high is not None
     count = len(n)
     lows, highs = np.zeros((count, 3)), np.zeros((count, 3))
     rows = np.arange(count)
@@ -454,6 +456,7 @@ def _steepness(correction: Correction) -> float:
     """The most that a reading's error changes by, over the greatest change of an input."""
     worst = 0.0
     for end in (correction.low, correction.high):
+        assert end is not None
         for table in (end[0, :, 1, 1], end[1, :, :, 1], end[2]):
             steps = [np.abs(np.diff(table, axis=axis)).max() for axis in range(table.ndim)]
             worst = max(worst, sum(steps))

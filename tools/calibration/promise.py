@@ -9,16 +9,15 @@ from numpy.typing import NDArray
 
 from ..bounded.programmes import chebyshev_radius
 from ..motion.rests import BY_CHANCE, quiet_rests, sampling_of
-from ..records import PoseRecord, PositionRecord, RawRecord, StrapdownRecord
+from ..records import PoseRecord, PositionRecord, StrapdownRecord
 from ..records.columns import CORRECTED_BY
 from ..records.sigma import deviation_widening
 from ..rounding import digits, residual, upwards
 from .model import Positions, direction_jacobian, parametrise, predicted_input
 
 if TYPE_CHECKING:
+    from ..records.read import Record as Measured
     from .correction import Correction
-
-    Measured = PositionRecord | RawRecord | StrapdownRecord
 
 AS_WARM = 1.0
 """So far beyond the temperatures of its calibration a record is as warm [K]."""

@@ -69,7 +69,8 @@ class Determinacy:
         weights = 1.0 / np.broadcast_to(np.asarray(sd, dtype=float), (len(slopes),)) ** 2
         information = (slopes * weights[:, None]).T @ slopes + np.diag(1.0 / prior_sd**2)
         scaled = information * np.outer(prior_sd, prior_sd)
-        return cls(np.linalg.inv(scaled) * np.outer(prior_sd, prior_sd), prior_sd)
+        covariance = np.linalg.inv(scaled) * np.outer(prior_sd, prior_sd)
+        return cls(covariance.astype(np.float64), prior_sd)
 
     @classmethod
     def before(cls, prior_sd: NDArray = PRIOR_SD) -> Self:

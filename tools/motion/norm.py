@@ -127,7 +127,7 @@ def calibrate_by_norm(reading: NDArray, bound: NDArray) -> Calibration:
     if radius > 1.0:
         return _calibration("falsified", radius, columns=columns)
     if ends is None:
-        return _calibration("insufficient", radius, missing or candidate_poses(), columns)
+        return _calibration("insufficient", radius, missing or list(candidate_poses()), columns)
     return _calibration("consistent", radius, columns=columns | dict(zip(("low", "high"), ends, strict=True)))
 
 
