@@ -178,7 +178,9 @@ def _repeated_together(record: Series) -> NDArray[np.bool_]:
     """Rows (N,) in which all channels repeat the row before: a rest without noise, or a row that is held."""
     channels = [record.specific_force]
     if isinstance(record, StrapdownRecord):
-        channels.append(record.increment if record.rate is None else record.rate)
+        turning = record.increment if record.rate is None else record.rate
+        assert turning is not None
+        channels.append(turning)
     changes = np.diff(np.hstack(channels), axis=0)
     return np.append(False, np.all(changes == 0.0, axis=1))
 
