@@ -74,7 +74,7 @@ def set_aside(result: Diagnosis) -> list[str]:
     texts = []
     for entry in result.records or ():
         if entry.set_aside is not None:
-            texts.append(f"{entry.record}: {entry.set_aside} It is set aside.")
+            texts.append(f"{entry.record}: {entry.set_aside} It is set aside")
     return texts
 
 
