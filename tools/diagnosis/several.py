@@ -29,7 +29,6 @@ from ..evidence.evidence import Evidence, undetermined
 from ..evidence.fit import Fit
 from ..evidence.joint import LEAST_PART, Joint, join
 from ..evidence.of_record import Differs, in_record, is_asked, is_of_instrument, mended, named_alike, names_of
-from ..rounding import upwards
 from .cause import Cause, Finding, NamedEffect, SizedParameter, causes_of, centred, parameters_of
 from .helps import cross_gains
 from .procedure import diagnosed
@@ -135,9 +134,7 @@ def diagnosed_together(
             **keys,
         )
     try:
-        result = together.model_copy(update={**keys, **Together(joint, judged, together).keys})
-        widened = [f"σ of {k} is {upwards(b)} g, the least with which it stands" for k, b in _larger_bounds(judged)]
-        return result.model_copy(update={"warnings": (*result.warnings, *widened)})
+        return together.model_copy(update={**keys, **Together(joint, judged, together).keys})
     except SolverError as error:
         raise _unsolved(joint, error) from error
 
@@ -158,32 +155,6 @@ def _is_simpler_than_row(together: Diagnosis) -> bool:
     """Return true if a set of effects needs no more numbers than a wrong row, or one more."""
     sets = [explanation.numbers for explanation in together.explanations]
     return min(sets, default=math.inf) <= ROW + 1
-
-
-def _larger_bounds(alone: Mapping[str, Diagnosis]) -> list[tuple[str, float]]:
-    """Return the records that are judged with a larger noise bound, with that bound."""
-    bounds = []
-    for label, diagnosis in alone.items():
-        bound = larger_bound(diagnosis)
-        if bound is not None:
-            bounds.append((label, bound))
-    return bounds
-
-
-def larger_bound(diagnosis: Diagnosis) -> float | None:
-    """Return the noise bound with which a record by itself stands, if that is its explanation; else None."""
-    best = diagnosis.explanations[0] if diagnosis.explanations else None
-    if diagnosis.verdict != "explained" or best is None or best.kind != "sigma" or not best.change:
-        return None
-    return best.change.get("noise_bound")
-
-
-def evidence_with_bound(diagnosis: Diagnosis) -> Evidence:
-    """Return the evidence of a record, with a larger noise bound if that is its explanation."""
-    bound = larger_bound(diagnosis)
-    if bound is None or diagnosis.evidence.source is None:
-        return diagnosis.evidence
-    return diagnosis.evidence.source.again(noise_bound=bound, noise_sd=None)
 
 
 def reason_apart(diagnosis: Diagnosis) -> str | None:
@@ -209,7 +180,7 @@ def _joined(
 ) -> Evidence | None:
     """Return the records to judge together, at least two; add the reasons for excluding the others."""
     while True:
-        members = {label: evidence_with_bound(alone[label]) for label in alone if reasons[label] is None}
+        members = {label: diagnosis.evidence for label, diagnosis in alone.items() if reasons[label] is None}
         if len(members) < 2:
             return None
         joint = join(members, shared, own)
