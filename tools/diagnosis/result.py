@@ -36,8 +36,8 @@ class Explanation(Told):
     Attributes
     ----------
     kind : str
-        "effect", one or several of the catalogue; "rows" or readings that are wrong; a "stretch" of rows; a "break";
-        "sigma", a noise bound that is too small; "formula"; "function" of a quantity
+        "effect", one or several of the catalogue; "rows", readings, rests or moves that are wrong; a "stretch" of rows;
+        a "break"; "sigma", a noise bound that is too small; "formula"; "function" of a quantity
     numbers : int
         parameters that it adds to the model, and one for each number that is searched for
     where : tuple of str

@@ -24,6 +24,8 @@ from .table import Table
 
 WITHIN = 2.0
 """A piece fits with a change if it then misses the fit of the others by so many bounds at most."""
+LEAST_CHANGE = 0.03
+"""A change of the gyros' signs, order or range that turns the block by less [rad] fits by chance."""
 OFFSET = 1e-3
 """Offset of a gyro for the derivative of a turn [rad/s]."""
 COPIED = 0.5
@@ -110,8 +112,10 @@ class PieceOfCarried:
         """The simplest change with which the piece fits."""
         if self.piece.kind == "rest":
             return self.of_rest
+        without = self.error(np.asarray)
         for trial in trials_of("w", "radps"):
-            if self.misfit(trial.changed) <= WITHIN:
+            changed = np.linalg.norm(self.error(trial.changed) - without)
+            if changed >= LEAST_CHANGE and self.misfit(trial.changed) <= WITHIN:
                 return Change(DISCRETE, f"It fits with {trial.words}.", trial.keys)
         offsets = [self.offset(p) for p in range(3)]
         single = [p for p, (_, misfit) in enumerate(offsets) if misfit <= WITHIN]

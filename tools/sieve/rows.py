@@ -99,11 +99,12 @@ def _of_whole_rows(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]
     if remaining.model.falsified:
         return None
     numbers = tuple(int(row) + 1 for row in wrong)
+    unit = "row" if record.raw is None else "rest"
     return Simple(
         kind="rows",
         numbers=sum(change.numbers for change in changes),
-        where=tuple(f"row-{number}" for number in numbers),
-        sentence=_sentence(numbers, changes),
+        where=tuple(f"{unit}-{number}" for number in numbers),
+        sentence=_sentence(unit.capitalize(), numbers, changes),
         radius=remaining.model.radius,
         evidence=remaining,
         rows=numbers,
@@ -145,16 +146,16 @@ def _near_inputs(fault: Simple, channels: Sequence[int]) -> list[Simple]:
     return faults
 
 
-def _sentence(numbers: Sequence[int], changes: Sequence[Change]) -> str:
-    """Describe the wrong rows, and the changes with which each of them fits."""
+def _sentence(unit: str, numbers: Sequence[int], changes: Sequence[Change]) -> str:
+    """Describe the wrong rows or rests, and the changes with which each of them fits."""
     if len(numbers) == 1:
-        return f"Row {numbers[0]} is wrong; all others fit. {changes[0].words}"
+        return f"{unit} {numbers[0]} is wrong; all others fit. {changes[0].words}"
     labels = [str(number) for number in numbers]
-    head = f"Rows {', '.join(labels[:-1])} and {labels[-1]} are wrong; all others fit."
+    head = f"{unit}s {', '.join(labels[:-1])} and {labels[-1]} are wrong; all others fit."
     words = [f"{change.words[0].lower()}{change.words[1:]}" for change in changes]
     if len(set(words)) == 1:
         return f"{head} Of each: {words[0]}"
-    return " ".join([head, *(f"Row {row}: {text}" for row, text in zip(numbers, words, strict=True))])
+    return " ".join([head, *(f"{unit} {row}: {text}" for row, text in zip(numbers, words, strict=True))])
 
 
 def _changes(numbers: Sequence[int], changes: Sequence[Change]) -> Mapping[str, Any]:

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import trihedron as th
 from diagnoses import diagnosed, flowing
+from generator.carried import camera_attitude, drawn_motion, strapdown_record
 from generator.wrong_pieces import OF_MOVES, OF_RESTS, hand_record, with_wrong_piece
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.records import write_record
@@ -144,3 +146,32 @@ def test_an_effect_of_a_bench_in_motion_is_no_wrong_piece():
     result = diagnosed(bench.measured(5, None, hidden), bench=bench.place)
     assert {cause.effect for cause in result.causes} == {"quadratic"}
     assert all(explanation.kind != "rows" for explanation in result.explanations)
+
+
+@pytest.mark.acceptance
+def test_a_wrong_rest_of_a_series_without_gyros_is_called_a_rest():
+    record, _, rests = bench_record()
+    force = record.raw.specific_force.copy()
+    force[rests[6][0] : rests[6][1] + 1, 2] += 3e-3
+    result = diagnosed(position_record_of(replace(record.raw, specific_force=force)))
+    first = result.explanations[0]
+    assert result.verdict == "explained"
+    assert first.rows == (7,)
+    assert "7.3" in first.sentence or first.sentence.startswith("Rest 7 is wrong")
+
+
+@pytest.mark.parametrize("what", ["jump", "offset"])
+def test_no_sign_is_named_where_it_hardly_turns_the_block(what):
+    rng = np.random.default_rng(1)
+    motion = drawn_motion(rng, moves=16, rest=2.5)
+    attitude = camera_attitude(rng, motion[3], 1e-4)
+    rate = np.zeros_like(motion[1])
+    if what == "offset":
+        rate[3000:3120, 1] = 0.05
+    else:
+        turned = Rotation.from_rotvec([0.01, 0.02, 0.0]) * Rotation.from_quat(np.roll(attitude[3000:], -1, axis=1))
+        attitude[3000:] = np.roll(turned.as_quat(), 1, axis=1)
+    record = strapdown_record((motion[0], motion[1] + rate, motion[2]), seed=3, gyro_bias=1e-3, attitude=attitude)
+    first = diagnosed(record).explanations[0]
+    assert (first.kind, first.time_s is not None) == ("rows", True)
+    assert not any(words in first.sentence for words in ("sign of", "exchanged", "in degrees", "halved", "doubled"))
