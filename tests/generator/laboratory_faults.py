@@ -52,7 +52,7 @@ def by_rows(record: Any, rows: tuple[int, ...], kind: str, beside: EffectPlace |
 def wrong_rows(rng: np.random.Generator, count: int) -> Fault:
     """One to three wrong rows."""
     what = str(rng.choice(list(SPOILED)))
-    wrong = with_wrong_rows(int(rng.integers(1e6)), what, count, int(rng.integers(1, 4)))
+    wrong = with_wrong_rows(int(rng.integers(1_000_000)), what, count, int(rng.integers(1, 4)))
     return by_rows(wrong.record, wrong.rows, "rows")
 
 
@@ -68,7 +68,10 @@ def wrong_readings(rng: np.random.Generator, count: int) -> Fault:
 def exchanged_stretch(rng: np.random.Generator, count: int) -> Fault:
     """Two channels exchanged over four rows up to a fifth of all."""
     wrong = with_wrong_stretch(
-        int(rng.integers(1e6)), "channels exchanged", max(count, 36), int(rng.integers(4, max(count, 36) // 5 + 1))
+        int(rng.integers(1_000_000)),
+        "channels exchanged",
+        max(count, 36),
+        int(rng.integers(4, max(count, 36) // 5 + 1)),
     )
     return by_rows(wrong.record, wrong.rows, "stretch")
 
@@ -76,7 +79,7 @@ def exchanged_stretch(rng: np.random.Generator, count: int) -> Fault:
 def disturbed_stretch(rng: np.random.Generator, count: int) -> Fault:
     """Disturb four rows in a row, and more."""
     wrong = with_wrong_stretch(
-        int(rng.integers(1e6)), "disturbed", max(count, 36), int(rng.integers(4, max(count, 36) // 5 + 1))
+        int(rng.integers(1_000_000)), "disturbed", max(count, 36), int(rng.integers(4, max(count, 36) // 5 + 1))
     )
     return by_rows(wrong.record, wrong.rows, "stretch")
 
@@ -84,7 +87,7 @@ def disturbed_stretch(rng: np.random.Generator, count: int) -> Fault:
 def one_break(rng: np.random.Generator, count: int) -> Fault:
     """One change of bench or block."""
     group = str(rng.choice(["bias", "outer zero", "inner zero", "biases", "mounting", "scale factors", "common scale"]))
-    broken = broken_record(int(rng.integers(1e6)), group, count, 8.0)
+    broken = broken_record(int(rng.integers(1_000_000)), group, count, 8.0)
 
     def names(explanation: Any) -> bool:
         if explanation.kind == "break":
@@ -111,7 +114,7 @@ def by_break(two: Any, beside: EffectPlace | None = None, rows: tuple[int, ...] 
 def two_breaks(rng: np.random.Generator, count: int) -> Fault:
     """Two changes at different times."""
     groups = [("bias", "bias"), ("outer zero", "biases"), ("inner zero", "bias"), ("common scale", "outer zero")]
-    two = two_things(int(rng.integers(1e6)), groups[int(rng.integers(4))], count)
+    two = two_things(int(rng.integers(1_000_000)), groups[int(rng.integers(4))], count)
     return by_break(two, again=two.further_row)
 
 
@@ -119,13 +122,13 @@ def break_and_effect(rng: np.random.Generator, count: int) -> Fault:
     """A break beside an effect."""
     place, size = EFFECTS[int(rng.integers(len(EFFECTS)))]
     group = str(rng.choice(["biases", "outer zero", "inner zero"]))
-    return by_break(two_things(int(rng.integers(1e6)), (group,), max(count, 36), ((place, size),)), beside=place)
+    return by_break(two_things(int(rng.integers(1_000_000)), (group,), max(count, 36), ((place, size),)), beside=place)
 
 
 def break_and_row(rng: np.random.Generator, count: int) -> Fault:
     """A break beside a disturbed row."""
     group = str(rng.choice(["biases", "outer zero", "bias"]))
-    two = two_things(int(rng.integers(1e6)), (group,), max(count, 36), wrong_row=True)
+    two = two_things(int(rng.integers(1_000_000)), (group,), max(count, 36), wrong_row=True)
     return by_break(two, rows=(two.further_row,))
 
 
@@ -133,7 +136,7 @@ def row_and_effect(rng: np.random.Generator, count: int) -> Fault:
     """A wrong row beside an effect."""
     place, size = EFFECTS[int(rng.integers(len(EFFECTS)))]
     what = str(rng.choice(["angle", "sign", "disturbed", "angles exchanged"]))
-    wrong = with_wrong_rows(int(rng.integers(1e6)), what, max(count, 36), 1, ((place, size),))
+    wrong = with_wrong_rows(int(rng.integers(1_000_000)), what, max(count, 36), 1, ((place, size),))
     return by_rows(wrong.record, wrong.rows, "rows", place)
 
 
@@ -183,7 +186,7 @@ def wrong_move(rng: np.random.Generator, count: int) -> Fault:
 
 def by_piece(kind: str, what: str, rng: np.random.Generator) -> Fault:
     """Return a fault that an answer names by its piece."""
-    wrong = with_wrong_piece(int(rng.integers(1e6)), kind, what, int(rng.choice([14, 18, 24])))
+    wrong = with_wrong_piece(int(rng.integers(1_000_000)), kind, what, int(rng.choice([14, 18, 24])))
     label = (f"{wrong.kind}-{wrong.number}",)
     return Fault(wrong.record, lambda explanation: (explanation.kind, explanation.where) == ("rows", label), {})
 

@@ -74,7 +74,9 @@ def hand_record(rng: np.random.Generator, moves: int) -> tuple[StrapdownRecord, 
     motion = drawn_motion(rng, moves=moves, rest=2.5)
     gamma = np.tril(rng.uniform(-2e-3, 2e-3, (3, 3)))
     bias = rng.uniform(-2e-3, 2e-3, (2, 3))
-    record = strapdown_record(motion[:3], seed=int(rng.integers(1e6)), gamma=gamma, bias_g=bias[0], gyro_bias=bias[1])
+    record = strapdown_record(
+        motion[:3], seed=int(rng.integers(1_000_000)), gamma=gamma, bias_g=bias[0], gyro_bias=bias[1]
+    )
     turning = np.append(0, np.any(motion[1] != 0.0, axis=1).astype(int))
     begins, ends = np.flatnonzero(np.diff(turning) == 1), np.flatnonzero(np.diff(turning) == -1)
     return record, list(zip(np.append(0, ends).tolist(), np.append(begins, len(record)).tolist(), strict=True))

@@ -118,21 +118,26 @@ class Series:
 
     def needing(self, numbers: Sequence[int]) -> NDArray[np.bool_]:
         """Mark the errors (M,) that need any of some pieces."""
-        return self.belongs[:, list(numbers)].any(axis=1)
+        return np.any(self.belongs[:, list(numbers)], axis=1)
+
+    @property
+    def noise_bound(self) -> float:
+        """Return σ of a bench record."""
+        return self.evidence.model.calibration.noise_bound
 
     def without(self, numbers: Sequence[int]) -> Evidence | None:
         """Return the evidence of the record without some pieces; None if the model does not fit it."""
         source = self.evidence.source
         assert source is not None
         record, options = source.record, {}
-        series = record if isinstance(self.evidence.model, Carried) else record.raw
+        series = record.raw if isinstance(self.evidence.model, BenchInMotion) else record
         aside = np.zeros(len(series), dtype=bool)
         for number in numbers:
             aside[self.pieces[number].begin : self.pieces[number].end + 1] = True
         series = replace(series, aside=aside)
         try:
             if isinstance(series, RawRecord):
-                options = {"noise_bound": self.evidence.model.calibration.noise_bound}
+                options = {"noise_bound": self.noise_bound}
                 series = position_record_of(series)
             remaining = source.again(series, **options)
         except (InputError, SolverError):

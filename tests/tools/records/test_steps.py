@@ -11,7 +11,7 @@ from generator.positions import Session, errors
 from generator.runs import PROGRAMME, Bench
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.cli import main
-from trihedron.tools.records import read_record, write_record
+from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.records.steps import angle_steps, reading_step
 
 QUADRATIC = EffectPlace("quadratic", "accelerometer-2")
@@ -66,6 +66,7 @@ def test_rounded_angles_do_not_falsify_a_record(seed, count, step, tmp_path):
     assert calibration.verdict == "consistent"
     (warning,) = [line for line in calibration.warnings if "the angles are in steps of" in line]
     assert "is added to the noise bound of 1e-5 g" in warning
+    assert calibration.provenance is not None
     assert calibration.provenance.angle_steps_deg == pytest.approx([step, step], rel=1e-4)
     diagnosis = diagnosed(read_record(path))
     assert (diagnosis.verdict, diagnosis.causes) == ("consistent", ())
@@ -76,6 +77,8 @@ def test_intervals_hold_the_truth_with_rounded_angles(tmp_path):
     session, _ = drawn(6, 60)
     calibration = th.calibrate(coarse_record(tmp_path, 6, 60, 0.1), noise_bound=1e-5)
     (kappa,) = [parameter for parameter in calibration.parameters if parameter.symbol == "X1"]
+    assert kappa.low is not None
+    assert kappa.high is not None
     assert kappa.low <= session.stand.kappa <= kappa.high
     assert kappa.high - kappa.low > 1e-4
 
@@ -108,7 +111,7 @@ def test_readings_in_steps_are_not_falsified_and_named(step, tmp_path):
     force = step * np.round(record.specific_force / step)
     path = tmp_path / "steps.csv"
     write_record(replace(record, specific_force=force), path, 9)
-    assert read_record(path).resolution == pytest.approx(0.5 * step, rel=1e-3)
+    assert read_record(path, PositionRecord).resolution == pytest.approx(0.5 * step, rel=1e-3)
     calibration = th.calibrate(path, noise_bound=1e-5)
     assert calibration.verdict == "consistent"
     assert any("the readings are in steps of" in line for line in calibration.warnings)

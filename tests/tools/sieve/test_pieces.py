@@ -1,6 +1,7 @@
 """A wrong rest or move of a series is named, with the change that makes it fit; a consistent series costs nothing."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,6 +57,7 @@ def test_pieces_of_drawn_records_are_named(kind, what):
 def test_a_copied_move_is_named_with_its_original():
     rng = np.random.default_rng(4)
     record, rests = hand_record(rng, 18)
+    assert record.rate is not None
     rate = record.rate.copy()
     begin, end = rests[6][1], rests[7][0]
     rate[begin:end] = rate[rests[2][1] : rests[2][1] + end - begin]
@@ -89,6 +91,7 @@ def test_a_person_reads_which_piece_is_wrong_and_when(tmp_path):
 def test_a_gyro_that_errs_in_every_move_is_no_wrong_piece():
     rng = np.random.default_rng(6)
     record, _ = hand_record(rng, 18)
+    assert record.rate is not None
     rate = record.rate + 4e-3 * np.abs(record.rate)
     result = diagnosed(replace(record, rate=rate))
     assert all(explanation.kind != "rows" for explanation in result.explanations)
@@ -103,7 +106,7 @@ def test_a_consistent_record_is_not_searched(monkeypatch):
     assert diagnosed(record).verdict in ("consistent", "insufficient")
 
 
-def bench_record():
+def bench_record() -> tuple[Any, Any, list[tuple[int, int]]]:
     """Return a short bench record with its place, and the rows of its rests."""
     drawn = draw_whole(np.random.default_rng([5, 5]))
     bench = replace(drawn, alpha=drawn.alpha[-28:], beta=drawn.beta[-28:])
