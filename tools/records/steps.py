@@ -132,6 +132,9 @@ def _step_of_channel(distinct: NDArray) -> float:
         return 0.0
     differences = distinct - distinct[0]
     least = float(np.diff(distinct).min())
+    if differences[-1] > least / np.finfo(float).eps:
+        # No double tells so many steps.
+        return 0.0
     for parts in range(1, MOST_PARTS + 1):
         steps = differences * (parts / least)
         if np.abs(steps - np.round(steps)).max() <= SAME:

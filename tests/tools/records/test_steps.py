@@ -126,3 +126,10 @@ def test_rests_that_scatter_too_much_for_the_bound_are_named():
 
 def test_readings_of_any_value_show_no_step():
     assert reading_step(np.random.default_rng(4).normal(size=(40, 3))) == 0.0
+
+
+@pytest.mark.parametrize("least", [1e-310, 1e-30])
+def test_readings_of_extreme_sizes_show_no_step_and_no_warning(least):
+    readings = np.linspace(-1.0, 1.0, 60).reshape(20, 3) ** 3
+    readings[3], readings[4], readings[5] = 0.0, least, 1e200
+    assert reading_step(readings) == 0.0
