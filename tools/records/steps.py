@@ -136,7 +136,7 @@ def _step_of_channel(distinct: NDArray) -> float:
         # No double tells so many steps.
         return 0.0
     for parts in range(1, MOST_PARTS + 1):
-        steps = differences * (parts / least)
+        steps = parts * (differences / least)
         if np.abs(steps - np.round(steps)).max() <= SAME:
             return least / parts
     return 0.0

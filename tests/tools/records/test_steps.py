@@ -133,3 +133,8 @@ def test_readings_of_extreme_sizes_show_no_step_and_no_warning(least):
     readings = np.linspace(-1.0, 1.0, 60).reshape(20, 3) ** 3
     readings[3], readings[4], readings[5] = 0.0, least, 1e200
     assert reading_step(readings) == 0.0
+
+
+def test_readings_of_the_smallest_sizes_give_no_warning():
+    readings = 1e-310 * (1.0 + np.linspace(-1.0, 1.0, 60).reshape(20, 3) ** 3)
+    assert reading_step(readings) < 1e-310
