@@ -19,13 +19,10 @@ PHASES = (0.2, 0.8)
 """Approximate Ω Δt of one sample [rad]; adjusted so that a whole number of steps makes a period."""
 SHOWN = (
     "mean-rate",
-    "one-sample-rodrigues",
     "two-sample-rodrigues",
     "panov",
     "three-sample-coning",
     "four-sample-coning",
-    "four-sample-uncompressed",
-    "functional-iteration-4",
     "functional-iteration-8",
     "adaptive-degree",
 )
