@@ -21,7 +21,7 @@ from .inspection import record_sections
 from .pictures import WIDTH
 from .pictures.residuals import held_out, matrix_picture, shares_of_pieces
 from .sources import cited, versions
-from .terminal import detection_limit, terminal_lines
+from .terminal import detection_limit, is_weak, terminal_lines
 
 ANSWERS = {
     "stands": "stands: it brings every error within its bound",
@@ -445,6 +445,8 @@ def _consistent(result: Diagnosis) -> str:
         f"{residual(result.radius or 0.0)} of its bound, and no effect is named."
     )
     limit = detection_limit(result)
+    if is_weak(result):
+        return f"Consistent, but too weak to judge the instrument: errors below {limit} could be hidden."
     return f"{text} Errors below {limit} could be there and not show." if limit else text
 
 

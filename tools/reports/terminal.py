@@ -25,6 +25,8 @@ WRITTEN = ("formula", "lookup", "bias-wander")
 OF = " of "
 OF_FORMULA = re.compile(r"^(c of [^:]*|Γ): ")
 """The symbol of a parameter in its formula, before its meaning."""
+WEAK = 0.05
+"""A record that hides errors of this size [g, rad, rad/s] cannot judge an instrument."""
 PLACES = {"g": "an accelerometer", "rad": "an axis", "rad/s": "a gyro"}
 
 
@@ -70,7 +72,7 @@ def evidence_text(result: Diagnosis) -> str:
         if result.best.kind in ("rows", "stretch"):
             text = f"largest error {residual(result.radius)} {unit} with all rows, {after} without these"
         elif result.best.kind == "sigma":
-            text += f", {residual(result.best.radius)} times the larger σ"
+            text += f" as given, {residual(result.best.radius)} of the larger σ"
         elif result.verdict == "explained":
             text += f" without this, {after} with it"
         else:
@@ -99,6 +101,12 @@ def certain_texts(result: Diagnosis) -> list[str]:
             text += f" and depends on {in_words(proven.quantity)} alone"
         texts.append(f"{text}.")
     return texts
+
+
+def is_weak(result: Diagnosis) -> bool:
+    """Return true if a record is consistent with errors so large that it cannot judge an instrument."""
+    sizes = [entry["size"] for entry in result.power or () if entry["size"] is not None and entry["unit"] in PLACES]
+    return result.verdict == "consistent" and max(sizes, default=0.0) > WEAK
 
 
 def detection_limit(result: Diagnosis) -> str:
@@ -215,6 +223,8 @@ def advice_text(result: Diagnosis) -> str:
         return "put the effect into the simulation."
     if result.verdict == "consistent" and result.calibration.linearised is not None:
         return "take the parameters from a calibration."
+    if is_weak(result):
+        return "do not accept the instrument on this record. Take one with more moves and longer rests."
     if result.verdict == "consistent":
         return "nothing is to be mended. Smaller errors show in a record with more moves and longer rests."
     if result.verdict == "ambiguous":

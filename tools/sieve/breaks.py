@@ -345,7 +345,9 @@ class Search:
             first = min(one.gaps[k].before for one in standing)
             last = max(one.gaps[k].after for one in standing)
             sentence = f"{self.between(first, last)} {group.words} changed by {said(group, sizes)}"
-            sentences.append(f"{sentence}{'' if k else '; before and after one bench fits'}. {group.supposed}".strip())
+            sentences.append(
+                f"{sentence}{'' if k else '; all else is the same before and after'}. {group.supposed}".strip()
+            )
             numbers += self.numbers_of(group, gap)
         gap = best.gaps[0]
         first, last = min(one.gaps[0].before for one in standing), max(one.gaps[0].after for one in standing)

@@ -55,7 +55,7 @@ def _alone(evidence: Evidence) -> tuple[Simple, ...]:
     wider = _with_bound(evidence, sigma)
     if wider is None or wider.model.falsified:
         return ()
-    sentence = f"Nothing simple is wrong. With σ = {upwards(sigma)} g the record fits."
+    sentence = f"No fault is found, but σ looks too small. With σ = {upwards(sigma)} g the record fits."
     return (_simple(wider, 1, wider.model.radius, sentence, sigma),)
 
 

@@ -35,7 +35,7 @@ def test_a_clean_record_asks_for_a_larger_bound(seed, count, too_small, errors):
     assert first.calibration is not None
     bound = first.change["noise_bound"]
     assert least <= bound < 1.1 * least
-    assert first.sentence.startswith("Nothing simple is wrong. With σ = ")
+    assert first.sentence.startswith("No fault is found, but σ looks too small. With σ = ")
     assert first.calibration.sigma.kind == "estimated"
     assert th.calibrate(record, noise_bound=bound).verdict == "consistent"
 
@@ -44,9 +44,9 @@ def test_a_record_of_the_field_with_half_its_bound(tmp_path, capsys):
     path = field_file("o12_clean_bound_half.csv", tmp_path)
     assert main(["diagnose", str(path), "--noise-bound", "5e-6"]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("Nothing simple is wrong. With σ = 8.8e-6 g the record fits.")
+    assert out.startswith("No fault is found, but σ looks too small. With σ = 8.8e-6 g the record fits.")
     assert "give --noise-bound 8.8e-6" in " ".join(out.split())
-    assert "largest error 1.75 σ, 0.996 times the larger σ; σ = 5e-6 g (given)" in " ".join(out.split())
+    assert "largest error 1.75 σ as given, 0.996 of the larger σ; σ = 5e-6 g (given)" in " ".join(out.split())
 
 
 @pytest.mark.parametrize("seed", [21, 22])
