@@ -29,6 +29,8 @@ MOST_PIECES, MOST_SETS, FREED = 3, 3, 5
 """Most pieces that may be wrong, most sets that are stated; so small a part of the errors may be left out."""
 MOST_TRIED = 4
 """Most pieces that are tried where errors are too large for the linear model."""
+SPREAD = 0.7
+"""An error of a few pieces falls below this part without the worst of them."""
 SLACK = 0.5
 """The linear model about a robust fit may be wrong by so many bounds."""
 ROUNDS = 8
@@ -111,6 +113,9 @@ class Series:
             for number in range(len(self.pieces)):
                 kept = ~self.needing([number])
                 radii.append(held_by(self.matrix[kept], self.target[kept])[0])
+            if min(radii) > SPREAD * held_by(self.matrix, self.target)[0]:
+                # what acts on all pieces is no fault of a few
+                return
             best = np.argsort(radii)[:MOST_TRIED].tolist()
             yield from sorted([(number,) for number in best], key=lambda parts: int(self.needing(parts).sum()))
             for size in range(2, self.most + 1):
