@@ -1,17 +1,17 @@
 """Functions of `import trihedron as th` that use a calibration or a diagnosis: correct readings, export for others."""
 
 from pathlib import Path
-from typing import Literal
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from . import calibration as calibrations
 from . import check as checks
 from . import diagnosis, motion, records
 from . import noise as noises
 from .errors import InputError
-from .options import Channels, Stamps, Trust
+from .options import Channels, ExportTarget, Stamps, Trust
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 def apply(
@@ -52,8 +52,9 @@ def apply(
     if isinstance(found, str | Path):
         result = diagnosis.read_diagnosis(Path(found)) or found
     if not isinstance(result, diagnosis.Diagnosis):
-        if isinstance(record, np.ndarray) and record.dtype.names is None:
-            return calibrations.apply_calibration(result, _rows_of(record), noise_bound=noise_bound)
+        rows = records.record_of_array(record)
+        if rows is not None:
+            return calibrations.apply_calibration(result, rows, noise_bound=noise_bound)
         measured = motion.trusted(records.read_record(record, channels=channels, stamps=stamps), trust=trust)
         applied = calibrations.apply_calibration(result, measured, noise_bound=noise_bound)
         if applied.correction is None or not isinstance(measured, records.RawRecord | records.PositionRecord):
@@ -67,16 +68,6 @@ def apply(
         bound = result.noise_bound
     evidence = diagnosis.evidence_of(run, **diagnosis.evidence_options(run, noise_bound=bound))
     return diagnosis.applied_to(result, run, evidence)
-
-
-def _rows_of(readings: NDArray) -> records.ForceRecord:
-    """Return an array (N, 3) of readings [m/s²] as a record, a row a second."""
-    if readings.ndim != 2 or readings.shape[1] != 3 or not len(readings):
-        raise InputError(f"record: has the shape {readings.shape}; an array (N, 3) of readings in m/s2 is needed")
-    if readings.dtype.kind not in "fiu" or not np.isfinite(readings).all():
-        raise InputError("record: holds what is no number; an array (N, 3) of readings in m/s2 is needed")
-    force = readings.astype(np.float64)
-    return records.ForceRecord(time_s=np.arange(float(len(force))), specific_force=force, path=Path("array"))
 
 
 def correction(calibration: "str | Path | calibrations.Calibration") -> "calibrations.Correction":
@@ -112,7 +103,7 @@ def correction(calibration: "str | Path | calibrations.Calibration") -> "calibra
 
 def export_calibration(
     calibration: "str | Path | calibrations.Calibration",
-    to: Literal["kalibr", "imucal", "ros", "c", "matlab", "csv", "xlsx", "imu_tk", "px4"],
+    to: ExportTarget,
     out: str | Path,
     *,
     noise: str | Path | None = None,

@@ -191,6 +191,8 @@ Extend = Annotated[
         "catalogue also fits."
     ),
 ]
+ExportTarget = Literal["kalibr", "imucal", "ros", "c", "matlab", "csv", "xlsx", "imu_tk", "px4"]
+"""Programs and formats for which a calibration is exported."""
 Progress = Annotated[bool, Option("Show a bar on standard error, where that is a terminal.")]
 
 

@@ -19,7 +19,6 @@ from .correction import remaining_error as remaining_error
 from .estimates import joint_sets as joint_sets
 from .estimates import widening as widening
 from .exports import ExportedCalibration as ExportedCalibration
-from .exports import Target as Target
 from .exports import write_export as write_export
 from .gyros import Bench as Bench
 from .gyros import calibrate_whole as calibrate_whole

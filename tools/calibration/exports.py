@@ -9,13 +9,13 @@ from pydantic import Field
 
 from ..errors import InputError
 from ..files import whole_file
+from ..options import ExportTarget
 from ..result import Result
 from .affine import Model, Request
 from .correction import Correction
 from .formats import FORMATS
 
-Target = Literal["kalibr", "imucal", "ros", "c", "matlab", "csv", "xlsx", "imu_tk", "px4"]
-TARGETS: tuple[str, ...] = get_args(Target)
+TARGETS: tuple[str, ...] = get_args(ExportTarget)
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 """A name in C and in MATLAB."""
 

@@ -29,7 +29,7 @@ from .. import (
 )
 from ..errors import InputError, one_line
 from ..files import at_once, ordinary_file, ordinary_folder, write_text
-from ..options import BridgeGaps, Channels, Platform, Rates, Stamps, Trust
+from ..options import BridgeGaps, Channels, ExportTarget, Platform, Rates, Stamps, Trust
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -210,14 +210,14 @@ def calibrate_command(
     return answer(result, json, files=_components_of(result, ssv, export))
 
 
-def _components_of(result: calibrations.Calibration, ssv: Path | None, export: Path | None) -> list[Path]:
+def _components_of(result: "calibrations.Calibration", ssv: Path | None, export: Path | None) -> list[Path]:
     """Write parameter set and FMUs of a calibration where they are asked for; return the FMUs and their sets."""
     if ssv is not None:
         calibrations.write_parameter_set(result, ssv)
     return [] if export is None else calibrations.export_calibrated(result, export)
 
 
-def _refuse_of_table(options: Mapping[str, object], run: records.Record) -> None:
+def _refuse_of_table(options: Mapping[str, object], run: "records.Record") -> None:
     """Refuse the first option that was given and is of a record of a table."""
     for name, value in options.items():
         if value is not None:
@@ -288,7 +288,7 @@ def export_calibration_command(
     calibration: Path,
     /,
     *,
-    to: calibrations.Target,
+    to: ExportTarget,
     out: Annotated[Path, Parameter(name="--out", validator=ordinary_file)],
     json: JsonFile = None,
     **options: Any,

@@ -19,6 +19,7 @@ from .read import TO_CALIBRATE as TO_CALIBRATE
 from .read import Record as Record
 from .read import Source as Source
 from .read import read_record as read_record
+from .read import record_of_array as record_of_array
 from .read import significant_digits as significant_digits
 from .read import written_resolution as written_resolution
 from .rests import average_rests as average_rests

@@ -591,3 +591,18 @@ def _parquet_names(path: Path, series: pl.Series) -> tuple[str, ...]:
         if fault:
             raise RecordError(path, row, series.name, fault)
     return tuple(names)
+
+
+def record_of_array(source: Any) -> ForceRecord | None:
+    """Return an array (N, 3) of accelerometer readings [m/s²] as a record, a row a second; None of anything else.
+
+    An InputError for an array of another shape, or with what is no number.
+    """
+    if not isinstance(source, np.ndarray) or source.dtype.names is not None:
+        return None
+    if source.ndim != 2 or source.shape[1] != 3 or not len(source):
+        raise InputError(f"record: has the shape {source.shape}; an array (N, 3) of readings in m/s2 is needed")
+    if source.dtype.kind not in "fiu" or not np.isfinite(source).all():
+        raise InputError("record: holds what is no number; an array (N, 3) of readings in m/s2 is needed")
+    force = source.astype(np.float64)
+    return ForceRecord(time_s=np.arange(float(len(force))), specific_force=force, path=Path("array"))
