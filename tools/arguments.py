@@ -20,7 +20,7 @@ from pydantic_core import PydanticCustomError
 
 from .errors import InputError, InvalidInput, as_in_python, nearest
 from .files import inputs_kept
-from .options import completed
+from .options import completed, option_of
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -53,12 +53,23 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
             with one_thread(), inputs_kept():
                 return function(*bound.args, **bound.kwargs)
         except InputError as error:
-            error.args = (_of_arguments(str(error), list(signature.parameters)), *error.args[1:])
+            renamed = options_of(signature)
+            error.args = (_of_arguments(str(error), list(signature.parameters), renamed), *error.args[1:])
             refusal = as_in_python(error)
             raise refusal from error.__cause__
 
     called.__doc__ = completed(function)
     return called
+
+
+def options_of(signature: inspect.Signature) -> dict[str, str]:
+    """Return the arguments of options that have another name at a terminal, by that name."""
+    renamed = {}
+    for name, parameter in signature.parameters.items():
+        option = option_of(parameter.annotation)
+        if option is not None and option.name:
+            renamed[option.name.removeprefix("--")] = name
+    return renamed
 
 
 def _bound(
@@ -143,9 +154,12 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _of_arguments(text: str, names: Sequence[str]) -> str:
-    """A message with arguments in place of options, and functions in place of commands."""
-    by_option = {name.replace("_", "-"): name for name in names}
+def _of_arguments(text: str, names: Sequence[str], options: Mapping[str, str]) -> str:
+    """A message with arguments in place of options, and functions in place of commands.
+
+    `options` are those with a name of their own at a terminal, and their arguments.
+    """
+    by_option = {name.replace("_", "-"): name for name in names} | options
 
     def argument(match: re.Match[str]) -> str:
         option = match[1]

@@ -200,7 +200,7 @@ def test_rows_of_one_record_are_not_left_out_of_another():
 def test_what_names_nothing_says_the_way_on():
     session, angles, reading = noisy(9)
     record = session.recorded(angles, reading)
-    with pytest.raises(InputError, match="is consistent and names no effect; calibrate without --with"):
+    with pytest.raises(InputError, match="is consistent and names no effect; calibrate without explained_by"):
         th.calibrate(record, explained_by=diagnosed(record))
 
 
