@@ -89,7 +89,7 @@ def test_what_is_open_is_named_in_words_and_priors_close_it(folder, capsys):
     [
         (
             ["calibrate", "few.csv", "--noise-bound", "1e-5", "--ssv", "c.ssv"],
-            "--ssv c.ssv: the calibration's verdict is",
+            "--ssv c.ssv: the calibration lacks 'X4'",
         ),
         (["calibrate", "p.csv", "--noise-bound", "1e-5", "--ssv", "p.csv"], "--ssv p.csv: is the record too"),
         (["apply", "p.csv", "few.csv"], "p.csv: is not JSON text"),
