@@ -567,6 +567,7 @@ def calibrate_together(
     if not all(of_table):
         raise InputError("some records are of a table and others are not: calibrate each kind by itself")
     for run in runs.values():
+        _refuse({"rest_scatter": rest_scatter}, run, "records without a table")
         if noise_bound is None and noise_sd is None and not records.tells_noise(run):
             raise InputError(f"{run.path}: does not tell its noise bound; {calibrations.SAY_THE_NOISE}")
     options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "baseline": baseline}

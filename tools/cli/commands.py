@@ -181,7 +181,7 @@ def calibrate_command(
             "sheet": sheet,
         }
         of_one |= {"target": options.pop("targets", None), "prior": options.pop("priors", None)}
-        of_one["noise"] = options.pop("noise_result", None)
+        of_one |= {"noise": options.pop("noise_result", None), **_taken(options, ("rests", "faces", "turns"))}
         _refuse_of_one(of_one)
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")

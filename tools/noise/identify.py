@@ -58,6 +58,8 @@ def identify(
     InputError
         for a record without a rest, or records that do not go together
     """
+    if not 1.0 <= gravity <= 100.0:
+        raise InvalidInput(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
     if not skip >= 0.0:
         raise InvalidInput(f"--skip {skip!r}: a time in seconds is needed, 0 or more")
     still = at_rest(records, skip)

@@ -25,6 +25,9 @@ NEAR_BEST = 1.1
 """A dwell whose deviation is within this factor of the best one's is as good."""
 DWELLS = np.geomspace(1.0, 3600.0, 60)
 """Dwells that are tried [s]."""
+LONGEST = 1e6
+"""Longest dwell or gap [s]."""
+MOST_POSITIONS = 100_000
 BIAS_TAKEN = 60.0
 """Time over which a bias is taken before a drift begins [s]."""
 
@@ -397,10 +400,12 @@ class Noise(Result):
         Dwell
             the bound, and the best dwell
         """
-        if not (dwell_s > 0.0 and gap_s >= 0.0 and positions >= 1 and 0.0 < probability < 1.0):
+        of_times = 0.0 < dwell_s <= LONGEST and 0.0 <= gap_s <= LONGEST
+        if not (of_times and 1 <= positions <= MOST_POSITIONS and 0.0 < probability < 1.0):
             raise InvalidInput(
                 f"--dwell {dwell_s!r}, --gap {gap_s!r}, --positions {positions!r}, --probability {probability!r}: give "
-                "a dwell above 0 s, a gap of 0 s or more, a position or more, a probability between 0 and 1"
+                f"a dwell above 0 s, a gap of 0 s or more, both up to {LONGEST:g} s, 1 to {MOST_POSITIONS} positions, "
+                "and a probability between 0 and 1"
             )
         deviation = self.deviation(dwell_s, positions, gap_s, detected_alone=True)
         not_excluded = self.deviation(dwell_s, positions, gap_s)

@@ -14,7 +14,6 @@ import trihedron as th
 from generator.positions import Session
 from generator.runs import PROGRAMME, Bench
 from trihedron.tools.document import text
-from trihedron.tools.errors import InputError
 from trihedron.tools.records.sigma import deviation_widening
 from trihedron.tools.reports import write_report
 from trihedron.tools.reports.calibration import applied_page
