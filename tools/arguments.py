@@ -166,7 +166,8 @@ def _of_arguments(text: str, names: Sequence[str], options: Mapping[str, str]) -
         for form in (option, f"{option}s", f"{option}-deg", re.sub("is$", "es", option)):
             if form in by_option:
                 return by_option[form]
-        return option.replace("-", "_")
+        # of another function, or of the command alone
+        return match[0]
 
     text = re.sub(r"`trihedron ([a-z]+(?:-[a-z]+)*)`", lambda match: f"`th.{match[1].replace('-', '_')}`", text)
     return re.sub(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)", argument, text)

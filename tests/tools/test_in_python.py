@@ -99,7 +99,7 @@ def test_a_function_keeps_its_own_name_and_words():
 
     wrapped: Any = in_python(doubled)
     assert (wrapped.__name__, wrapped.__doc__, wrapped(2)) == ("doubled", "Twice a number.", 4.0)
-    with pytest.raises(InputError, match=r"^keep_out 1: and other$"):
+    with pytest.raises(InputError, match=r"^keep_out 1: and --other$"):
         wrapped(2, keep_out=1)
     with pytest.raises(TypeError, match=r"^doubled\(\): unexpected argument other"):
         wrapped(2, other=1)

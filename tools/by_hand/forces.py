@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from ..motion.norm import COLUMNS, NAMES, ROWS, candidate_poses, inputs_of, norm_block, norm_equations
+from ..rounding import upwards
 from .small_turns import across, cross_matrices, rotations
 
 PRIOR = np.array([0.05, 0.03, 0.05, 0.03, 0.03, 0.05, 0.1, 0.1, 0.1])
@@ -234,7 +235,7 @@ def grade(worst: float) -> str:
     """Return the word for a predicted error of an unseen pose [g]."""
     for limit, word in WORDS:
         if worst <= limit:
-            return word.format(f"{1e3 * worst:.1f} mg")
+            return word.format(f"{upwards(1e3 * worst)} mg")
     return UNDETERMINED
 
 

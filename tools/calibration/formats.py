@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..rounding import digits
+from ..rounding import digits, upwards
 from .affine import Model, Request
 
 FIRST_DAY = datetime(1980, 1, 1)
@@ -374,7 +374,7 @@ def imu_tk(model: Model, request: Request) -> Written:
         contents["gyros"] = _imu_tk_triad(back, model.gyros.bias, about)
         largest = float(np.linalg.norm(model.sensitivity, 2)) * model.gravity
         if largest:
-            lost.append(f"the gyros' sensitivity to specific force: up to {digits(largest, 2)} rad/s at 1 g")
+            lost.append(f"the gyros' sensitivity to specific force: up to {upwards(largest)} rad/s at 1 g")
     return Written(contents, ["X' = T K (X - B) for each triad, readings X; [m/s2], [rad/s]"], lost)
 
 
@@ -407,7 +407,7 @@ def px4(model: Model, request: Request) -> Written:
         lost.append(f"scale factors and misalignments of the gyros: up to {digits(100.0 * part, 2)} % of the rate")
         largest = float(np.linalg.norm(model.sensitivity, 2)) * model.gravity
         if largest:
-            lost.append(f"the gyros' sensitivity to specific force: up to {digits(largest, 2)} rad/s at 1 g")
+            lost.append(f"the gyros' sensitivity to specific force: up to {upwards(largest)} rad/s at 1 g")
     for name, value in values.items():
         lines.append(f"1\t1\t{name}\t{float(value)!r}\t{REAL32}\n")
     equation = ["accelerometers: f = (r - OFF) SCALE, axis by axis; gyros: ω = w - OFF; leave CAL_ACC0_ID as it is"]

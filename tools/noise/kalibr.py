@@ -55,7 +55,7 @@ def kalibr_yaml(noise: Noise, topic: str = TOPIC) -> str:
     ]
     for density in kalibr_densities(noise):
         note = "" if density.detected else ", upper end: not detected"
-        lines.append(f"{density.key}: {density.value:.6e}  # {density.unit}{note}")
+        lines.append(f"{density.key}: {density.value:#.7g}  # {density.unit}{note}")
     return "\n".join(lines) + "\n"
 
 

@@ -198,7 +198,8 @@ def turns_to(up: NDArray, target: NDArray) -> list[Turn]:
     if cosine > -1.0 + 1e-9:
         axis = np.cross(target, up)
         angle = float(np.arccos(cosine))
-        return [Turn(axis / np.linalg.norm(axis), angle, target, f"turn by {np.degrees(angle):.0f}°, the shortest way")]
+        words = f"turn by {digits(np.degrees(angle), 3)}°, the shortest way"
+        return [Turn(axis / np.linalg.norm(axis), angle, target, words)]
     turns = []
     for number, axis in enumerate(np.eye(3), start=1):
         if abs(axis @ up) < 1e-9:
