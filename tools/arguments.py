@@ -154,7 +154,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _of_arguments(text: str, names: Sequence[str], options: Mapping[str, str]) -> str:
+def _of_arguments(text: str, names: Sequence[str], options: dict[str, str]) -> str:
     """A message with arguments in place of options, and functions in place of commands.
 
     `options` are those with a name of their own at a terminal, and their arguments.

@@ -362,7 +362,7 @@ def _refuse(options: Mapping[str, Any], run: "records.Record", kind: str) -> Non
 
 def _deviation(
     record: "records.PositionRecord | records.StrapdownRecord",
-    noise_result: "str | Path | noises.Noise | None",
+    noise_result: NoiseResult,
     noise_bound: float | None,
     noise_sd: float | None,
 ) -> float | None:

@@ -415,7 +415,7 @@ def noise_command(
     if report is not None:
         reports.write_report(report, result)
     files = []
-    if export is not None:
+    if export is not None and against is not None:
         changed = {one.channel: one.changed for one in result.against if one.changed}
         files = noise.extended_scenario(against, changed, export)
     return answer(result, json, files=files)

@@ -177,7 +177,8 @@ class Possible:
         A knot without a reading beside it is NaN.
         """
         columns = self.every.unknown.columns
-        values = np.linalg.lstsq(columns, fit.jacobian[:, len(fit.point) :] @ fit.stated, rcond=None)[0]
+        values: NDArray[np.float64]
+        values = np.linalg.lstsq(columns, fit.jacobian[:, len(fit.point) :] @ fit.stated, rcond=None)[0].astype(float)
         values[~columns.any(axis=0)] = np.nan
         return values[: len(self.knots)]
 

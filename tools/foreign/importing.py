@@ -10,7 +10,7 @@ from pydantic import Field
 from ..errors import InputError
 from ..files import at_once, bytes_of, is_workbook, note_own, ordinary_file, together, write_text
 from ..motion import trust_of
-from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
+from ..records import Record, write_record
 from ..records.columns import FORCE, SCATTER, VELOCITY
 from ..records.read import record_from
 from ..result import ABSENT, Result
@@ -240,7 +240,7 @@ def _range_of_readings(conversion: Conversion) -> str:
 def _imported(
     table: UnderstoodTable,
     conversion: Conversion,
-    record: PositionRecord | RawRecord | StrapdownRecord,
+    record: Record,
     files: tuple[Path, Path | None, Path | None],
 ) -> Imported:
     file, out, mapping_file = (None if path is None else str(path) for path in files)

@@ -3,6 +3,7 @@ from .kalibr import kalibr_densities as kalibr_densities
 from .kalibr import kalibr_yaml as kalibr_yaml
 from .processes import PROCESSES as PROCESSES
 from .processes import SPECTRAL as SPECTRAL
+from .processes import Letter as Letter
 from .processes import Sensor as Sensor
 from .result import ChannelNoise as ChannelNoise
 from .result import Coefficient as Coefficient

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ FALSIFIED = 21.0
 """Rise above which a simulation's noise is falsified: clean records rise so far in fewer than one of 100."""
 MOST = 2
 """Largest number of processes that change."""
+Verdict = Literal["consistent", "explained", "ambiguous", "falsified"]
+VERDICTS: dict[int, Verdict] = {0: "falsified", 1: "explained"}
+"""Verdict of a falsified channel by the number of smallest sets."""
 CHANGES: tuple[Letter, ...] = (*SPECTRAL, "R")
 DRIFTS = (1.0, 10.0, 60.0)
 """Drifts that are predicted [s]."""
@@ -36,7 +40,7 @@ class Change:
     fit: Fit
 
     @property
-    def sizes(self) -> dict[str, float]:
+    def sizes(self) -> dict[Letter, float]:
         """Return the new coefficients by their letters."""
         return {letter: self.fit.coefficient(letter) for letter in self.letters}
 
@@ -59,10 +63,11 @@ def held_against(channel: Channel, step: float, selection: Selection, simulated:
     needed = NEEDED_WITH_TRENDS if len(likelihood.bins.constants) else NEEDED
     best = _largest(likelihood)
     rise = _changed(likelihood, simulated, ()).fit.cost - best
-    verdict, chosen = "consistent", []
+    verdict: Verdict = "consistent"
+    chosen: list[Change] = []
     if rise > FALSIFIED:
         chosen = smallest_changes(likelihood, simulated, best + needed)
-        verdict = {0: "falsified", 1: "explained"}.get(len(chosen), "ambiguous")
+        verdict = VERDICTS.get(len(chosen), "ambiguous")
     changed = chosen[0].sizes if chosen else {}
     held_out = []
     if chosen:
@@ -106,10 +111,10 @@ def _changed(likelihood: Likelihood, simulated: Sizes, letters: tuple[Letter, ..
     for letter, size in simulated.items():
         if letter in SPECTRAL and letter not in letters:
             fixed += size**2 * likelihood.column(letter, 0.0) * likelihood.unit
-    spectral = tuple(letter for letter in letters if letter in SPECTRAL)
+    spectral: list[Letter] = [letter for letter in SPECTRAL if letter in letters]
     trend = 0 if "R" in letters else None
     constants = likelihood.constants.tolist() if "M" in letters else [0.0]
-    fits = [likelihood.fit_beside(fixed, spectral, constant, trend) for constant in constants]
+    fits = [likelihood.fit_beside(fixed, tuple(spectral), constant, trend) for constant in constants]
     return Change(letters, min(fits, key=lambda fit: fit.cost))
 
 

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, nnls
+from scipy.optimize import nnls, root_scalar
 
 from .processes import Letter, template
 from .spectrum import Bins
@@ -88,7 +88,7 @@ def _end(rise: Callable[[float], float], step: float) -> float:
         inside, outside = outside, 2.0 * outside
         if abs(outside) > WIDEST:
             return math.copysign(math.inf, step)
-    return float(brentq(rise, inside, outside, xtol=1e-4))
+    return root_scalar(rise, bracket=(inside, outside), method="brentq", xtol=1e-4).root
 
 
 def _cost_of(fit: Fit) -> float:

@@ -6,6 +6,7 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus import version
@@ -196,7 +197,7 @@ class ChannelNoise(Result):
 
         It is the root mean square over all means.
         """
-        apart = (dwell_s + gap_s) * np.arange(count)
+        apart: NDArray[np.float64] = (dwell_s + gap_s) * np.arange(count, dtype=np.float64)
         pairs = np.concatenate([[count], 2.0 * np.arange(count - 1, 0, -1)]) / count**2
 
         def of_one(letter: Letter, constant: float) -> float:
@@ -314,8 +315,8 @@ class Against(Result):
     channel: Annotated[str, Quantity("channel")]
     verdict: Annotated[Literal["consistent", "explained", "ambiguous", "falsified"], Quantity("verdict")]
     rise: float
-    simulated: dict[str, float]
-    changed: dict[str, float]
+    simulated: dict[Letter, float]
+    changed: dict[Letter, float]
     alternatives: list[str]
     held_out: list[HeldOut]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of
 from ..records import PositionRecord
-from ..result import object_of, parsed_result
+from ..result import Result, object_of, parsed_result
 from .result import Noise
 
 LEAST = "run `trihedron noise STATIC.csv --dwell SECONDS --json noise.json`"
@@ -26,7 +26,7 @@ def read_noise(path: str | Path) -> Noise:
     return result
 
 
-def deviation_for(noise: Noise | str | Path, record: PositionRecord) -> float:
+def deviation_for(noise: Result | str | Path, record: PositionRecord) -> float:
     """Return the standard deviation of a mean of a record's positions [g], by the noise of its instrument.
 
     The dwell is that of the record's rests; of a table of positions it is the one for which the noise was told.
@@ -36,7 +36,11 @@ def deviation_for(noise: Noise | str | Path, record: PositionRecord) -> float:
     InputError
         where no dwell is known
     """
-    result = noise if isinstance(noise, Noise) else read_noise(noise)
+    if isinstance(noise, str | Path):
+        noise = read_noise(noise)
+    if not isinstance(noise, Noise):
+        raise InputError(f"--noise: is a {type(noise).__name__}; {LEAST}")
+    result = noise
     dwell, gap = None, 0.0
     if record.dwell_noise is not None:
         dwell = record.dwell_noise.dwell_s

@@ -78,7 +78,7 @@ def _element(parameters: Mapping[str, object], name: str, axis: int, default: fl
     return float(value)
 
 
-def extended_scenario(path: Path, changed: Mapping[str, Mapping[str, float]], out: Path) -> list[Path]:
+def extended_scenario(path: Path, changed: Mapping[str, Mapping[Letter, float]], out: Path) -> list[Path]:
     """Write a scenario whose blocks have changed coefficients; return the files.
 
     Parameters
@@ -102,7 +102,7 @@ def extended_scenario(path: Path, changed: Mapping[str, Mapping[str, float]], ou
     return write_scenario(extended, out)
 
 
-def _change(parameters: dict, sensor: Sensor, changed: Mapping[str, Mapping[str, float]]) -> None:
+def _change(parameters: dict, sensor: Sensor, changed: Mapping[str, Mapping[Letter, float]]) -> None:
     """Set the changed coefficients of one block."""
     bounded = False
     for letter, name in PARAMETERS[sensor].items():

@@ -104,7 +104,7 @@ def bins_of(pieces: Sequence[NDArray[np.float64]], step: float) -> tuple[Bins, t
     lines: list[Line] = []
     constants = trend_constants(max(len(piece) for piece in pieces) * step)
     for piece in pieces:
-        coefficients = dct(piece - piece[0], type=2, norm="ortho")[1:]
+        coefficients = np.asarray(dct(piece - piece[0], type=2, norm="ortho"))[1:]
         masked = line_mask(coefficients)
         if not lines:
             lines = lines_of(coefficients, masked, step)

@@ -196,13 +196,15 @@ def levelling_sections(result: Calibration) -> list[Section]:
     correction = correction_of(result.to_json(), "calibration")
     names, readings = face_readings(correction)
     errors = levelling(correction, readings)
+    before, after = errors.worst
+    if errors.after is None or after is None:
+        return []
     rows: list[list[Cell]] = []
-    for name, before, after in zip(names, errors.before.tolist(), errors.after.tolist(), strict=True):
-        rows.append([name, upwards(before / ARCSEC), upwards(after / ARCSEC)])
+    for name, as_read, corrected in zip(names, errors.before.tolist(), errors.after.tolist(), strict=True):
+        rows.append([name, upwards(as_read / ARCSEC), upwards(corrected / ARCSEC)])
     equations = []
     for n, terms, plus, minus in bench.correction_terms(correction, result.noise_bound, "_"):
         equations.append(equation(f"{n} = {terms} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}"))
-    before, after = errors.worst
     promise = f"if the noise bound, {exactly(result.noise_bound, 3)} g, is one"
     if result.sigma.kind == "bound":
         promise = "guaranteed"

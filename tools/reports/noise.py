@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from ..document.blocks import Page, Section, Table, table_of
 from ..document.notation import Cell
-from ..noise import PROCESSES, ChannelNoise, Coefficient, Dwell, HeldOut, Noise, Sensor
+from ..noise import PROCESSES, ChannelNoise, Coefficient, Dwell, HeldOut, Letter, Noise, Sensor
 from ..quantity import cells_of, quantities_of
 from ..rounding import digits, upwards
 from .pictures.noise import allan_parts_picture
@@ -33,6 +33,7 @@ def noise_page(result: Noise) -> Page:
 
 
 FOOT = "With 95 % intervals; `<` bounds a process that the record does not show."
+UNITS: tuple[tuple[Sensor, str], ...] = (("gyro", "rad/s"), ("accelerometer", "m/s²"))
 CAPTION = (
     "Allan deviation. Points: the record, with 95 % intervals. Line: the fitted processes, with the band of 95 % of "
     "records that have them."
@@ -91,7 +92,7 @@ HELD_COLUMNS = ("time_s", "windows", "coverage_simulated", "coverage_extended", 
 GAIN = "Drifts of the second half, predicted by the simulation's noise and by that of the first half."
 
 
-def _changed_text(letter: str, size: float, simulated: Mapping[str, float], sensor: Sensor) -> str:
+def _changed_text(letter: Letter, size: float, simulated: Mapping[Letter, float], sensor: Sensor) -> str:
     """Return a changed coefficient beside the simulated one, in the unit of data sheets."""
     unit = PROCESSES[letter].units[sensor]
     before = digits(unit.factor * simulated.get(letter, 0.0), 3)
@@ -101,9 +102,11 @@ def _changed_text(letter: str, size: float, simulated: Mapping[str, float], sens
 def _sensor_sections(result: Noise) -> list[Section]:
     """Return a section for each sensor: the Allan deviation, and a row for each process, a column for each axis."""
     sections: list[Section] = []
-    for sensor, unit in (("gyro", "rad/s"), ("accelerometer", "m/s²")):
+    for sensor, unit in UNITS:
         channels = result.of(sensor)
-        letters = dict.fromkeys(one.process for channel in channels for one in channel.coefficients)
+        letters: dict[Letter, None] = {}
+        for channel in channels:
+            letters.update(dict.fromkeys(one.process for one in channel.coefficients))
         rows: list[list[Cell]] = []
         for letter in letters:
             ones = [channel.coefficient(letter) for channel in channels]
