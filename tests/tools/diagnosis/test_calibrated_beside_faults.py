@@ -1,3 +1,6 @@
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
+# pyright: reportOptionalIterable=false
+# None where a value must be fails the test.
 """Faults of a record that a diagnosis names: the calibration beside them holds the truth, with close bounds."""
 
 import json

@@ -1,3 +1,6 @@
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
+# pyright: reportOptionalIterable=false
+# None where a value must be fails the test.
 """Several records of one instrument: a fault of one is found there, said with its name, and set aside."""
 
 from dataclasses import replace

@@ -1,3 +1,7 @@
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
+# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
+# pyright: reportCallIssue=false, reportReturnType=false
+# None where a value must be fails the test.
 """The loop: static record, noise, σ, calibration. σ from the noise hardly ever falsifies clean records."""
 
 import json

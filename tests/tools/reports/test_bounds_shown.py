@@ -1,3 +1,7 @@
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
+# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
+# pyright: reportCallIssue=false, reportReturnType=false
+# None where a value must be fails the test.
 """No document shows a bound better than it is: one module writes all numbers, each bound rounded to its side."""
 
 import ast

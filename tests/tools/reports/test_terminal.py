@@ -1,3 +1,6 @@
+# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
+# pyright: reportOptionalIterable=false
+# None where a value must be fails the test.
 """The answer of a diagnosis fits a screen of 25 lines of 80 columns with the next command, whatever the verdict."""
 
 import pytest
