@@ -18,6 +18,7 @@ from ..motion.rests import mean_rates, rates_of, sampling_of
 from ..motion.truth import known_rows, usable_in, windows_between
 from ..records import ForceRecord, PoseRecord, StrapdownRecord
 from ..records.columns import face_of, part_of, turn_of
+from ..records.decisions import Decisions, rows_of_rests
 from ..records.noise import noise_bound_of
 from ..rounding import digits, exactly
 from .forces import FACE_ERROR, FLOOR, Faces
@@ -138,8 +139,14 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
         return _of_poses(record, request)
     series = series_of(record, request)
     warnings: list[str] = []
+    decisions = record.decisions or Decisions()
+    if decisions.turns and not request.turns:
+        request = replace(request, turns=tuple(decisions.turns.split(",")))
     if request.rests is not None:
         rests, faces_of_file = _rests_of_file(request.rests, series)
+    elif decisions.rests is not None:
+        rows = rows_of_rests(series.time_s, decisions.rests, str(record.path))
+        rests, faces_of_file = averaged(series, rows, None), decisions.faces()
     else:
         rests, faces_of_file = _with_parts(record, series, still_rests(series, request.rest_scatter)), ()
     windows = truth_windows(record, series)

@@ -1,22 +1,13 @@
-"""A measurement on a page that this machine serves to itself, and to nobody else.
+"""A measurement on a page that this machine serves to itself, and to nobody else."""
 
-The server listens on the loopback alone. Its address holds a token, without which nothing is answered; requests that
-name another host, or come from a page of another origin, are refused: another page in the same browser reaches nothing.
-"""
-
-import json
 import queue
 import secrets
-import sys
 import threading
 from collections.abc import Mapping, Sequence
 from functools import cache
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib import resources
 from math import log
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError, shortage
 from ..measure import Moment, Session, TableSetting
 from ..reports.measure import (
     against_text,
@@ -27,42 +18,30 @@ from ..reports.measure import (
     visit_text,
 )
 from ..rounding import digits, upwards
+from .loopback import LoopbackHandler, LoopbackServer, text_of
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
-HOST = "127.0.0.1"
 MOST_BYTES = 4096
 """Of a word of the operator's."""
-WAIT_S = 10.0
-"""So long a connection may take its time."""
 MOST_WORDS = 16
 """That wait to be heard."""
 ABOVE = 16.0
 LOWEST, HIGHEST = 0.8, 30.0
 """Guaranteed error over what is promised, at the ends of the picture."""
-POLICY = "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 PLOT = (720.0, 220.0, 44.0, 26.0)
 """Width, height, room on the left and below of the picture."""
 
 
-class PageServer:
+class PageServer(LoopbackServer):
     """Server of the current page that also receives the operator's input. Port 0: any free port."""
 
     def __init__(self, port: int) -> None:
         self._page = b""
         self._lock = threading.Lock()
         self._words: queue.Queue[dict[str, Any]] = queue.Queue(MOST_WORDS)
-        self.token = secrets.token_urlsafe(18)
-        try:
-            self._server = _Server((HOST, port), _Handler)
-        except (OSError, OverflowError) as error:
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else "must be from 0 to 65535"
-            raise InputError(f"--port {port}: {reason}") from error
-        self._server.of = self
-        self.port = int(self._server.server_address[1])
-        self.address = f"http://{HOST}:{self.port}/{self.token}/"
-        threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.2}, daemon=True).start()
+        super().__init__(port, _Handler)
 
     def show(self, moment: Moment) -> None:
         """Keep the page of a moment for who asks next."""
@@ -91,95 +70,27 @@ class PageServer:
             return False
         return True
 
-    def close(self) -> None:
-        """Serve no more."""
-        self._server.shutdown()
-        self._server.server_close()
 
-
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-    of: PageServer
-
-    def handle_error(self, request: object, client_address: object) -> None:
-        """Ignore errors of a client that goes away or is too slow: the terminal is the operator's."""
-        error = sys.exc_info()[1]
-        if error is None or not (isinstance(error, OSError) or shortage(error)):
-            super().handle_error(request, client_address)  # pyright: ignore[reportArgumentType]
-
-
-class _Handler(BaseHTTPRequestHandler):
-    server: _Server
-    server_version, sys_version = "trihedron", ""
-    timeout = WAIT_S
-
+class _Handler(LoopbackHandler):
     def do_GET(self) -> None:
-        view = self.server.of
-        if not self._trusted(("", "now")):
-            return
-        if self.path.endswith("/now"):
-            self._answer(200, view.page)
-            return
-        nonce = secrets.token_urlsafe(12)
-        policy = f"default-src 'none'; style-src 'nonce-{nonce}'; script-src 'nonce-{nonce}'; connect-src 'self'"
-        shell = _template().render(shell=True, nonce=nonce, style=_text("document", "page.css"))
-        self._answer(200, shell.encode(), f"{policy}; {POLICY}")
+        name = self.trusted(("", "now"))
+        if name == "now":
+            self.answer(200, self.server.of.page)
+        elif name is not None:
+            nonce = secrets.token_urlsafe(12)
+            style = text_of("document", "page.css")
+            self.answer_shell(_template().render(shell=True, nonce=nonce, style=style), nonce)
 
     def do_POST(self) -> None:
-        if not self._trusted(("word",)):
-            return None
-        origin = self.headers.get("Origin")
-        if origin not in (f"http://{HOST}:{self.server.of.port}", f"http://localhost:{self.server.of.port}"):
-            return self._answer(403, b"another origin")
-        if self.headers.get_content_type() != "application/json":
-            return self._answer(415, b"JSON is needed")
-        length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or int(length) > MOST_BYTES:
-            return self._answer(413, b"too long")
-        try:
-            word = json.loads(self.rfile.read(int(length)))
-        except (ValueError, RecursionError):
-            return self._answer(400, b"not JSON")
-        if not isinstance(word, dict) or word.get("word") not in ("repeat", "end"):
-            return self._answer(400, b"no word")
-        return self._answer(204 if self.server.of.hear(word) else 503, b"")
-
-    def _trusted(self, names: Sequence[str]) -> bool:
-        """Return true if a request names this machine and the token; refuse it otherwise."""
-        port, token = self.server.of.port, self.server.of.token
-        if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
-            self._answer(403, b"another host")
-            return False
-        token_sent, slash, name = self.path.removeprefix("/").partition("/")
-        if not secrets.compare_digest(token_sent.encode(), token.encode()) or not slash or name not in names:
-            self._answer(404, b"nothing is here")
-            return False
-        return True
-
-    def _answer(self, status: int, body: bytes, policy: str = "default-src 'none'") -> None:
-        self.send_response(status)
-        if status != 204:
-            self.send_header("Content-Type", "text/html; charset=utf-8" if status == 200 else "text/plain")
-            self.send_header("Content-Length", str(len(body)))
-        for name, value in (
-            ("Content-Security-Policy", policy),
-            ("Cache-Control", "no-store"),
-            ("Referrer-Policy", "no-referrer"),
-            ("X-Content-Type-Options", "nosniff"),
-            ("X-Frame-Options", "DENY"),
-            ("Cross-Origin-Resource-Policy", "same-origin"),
-        ):
-            self.send_header(name, value)
-        self.end_headers()
-        if status != 204:
-            self.wfile.write(body)
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """The terminal is the operator's."""
-
-
-def _text(package: str, name: str) -> str:
-    return resources.files(f"trihedron.tools.{package}").joinpath(name).read_text(encoding="utf-8")
+        if self.trusted(("word",)) is None:
+            return
+        word = self.posted_object(MOST_BYTES)
+        if word is None:
+            return
+        if word.get("word") not in ("repeat", "end"):
+            self.answer(400, b"no word")
+            return
+        self.answer(204 if self.server.of.hear(word) else 503, b"")
 
 
 @cache
@@ -188,7 +99,7 @@ def _template() -> "Template":
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
-    return environment.from_string(_text("live", "page.html"))
+    return environment.from_string(text_of("live", "page.html"))
 
 
 def moment_page(moment: Moment) -> str:

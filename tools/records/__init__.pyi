@@ -2,6 +2,13 @@ from .channels import PERMUTATIONS as PERMUTATIONS
 from .channels import Channels as Channels
 from .channels import reading_of as reading_of
 from .columns import POSITION as POSITION
+from .decisions import DecidedRest as DecidedRest
+from .decisions import Decisions as Decisions
+from .decisions import decisions_file as decisions_file
+from .decisions import decisions_of as decisions_of
+from .decisions import decisions_text as decisions_text
+from .decisions import read_decisions as read_decisions
+from .decisions import with_decisions as with_decisions
 from .kinds import BenchRecord as BenchRecord
 from .kinds import ForceRecord as ForceRecord
 from .kinds import PoseRecord as PoseRecord

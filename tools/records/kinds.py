@@ -33,6 +33,7 @@ from .columns import (
     comment_lines,
     knocks_of,
 )
+from .decisions import Decisions
 from .steps import AngleSteps, angle_steps
 
 if TYPE_CHECKING:
@@ -110,6 +111,8 @@ class _Origin:
         channel assignment of the file, where given
     aside : ndarray of bool, shape (N,), or None
         rows of a series that are not used
+    decisions : Decisions or None
+        what a person decided about its rows or rests
     """
 
     path: Path = Path("record")
@@ -119,6 +122,7 @@ class _Origin:
     about: Mapping[str, str] = field(default_factory=dict)
     channels: Channels | None = None
     aside: np.ndarray | None = None
+    decisions: Decisions | None = None
 
 
 class _Record(_Origin):
@@ -206,6 +210,18 @@ class _Record(_Origin):
             if not (channels.radians and "are they radians?" in line):
                 warnings.append(line)
         changed |= {"warnings": (*warnings, options), "channels": channels.after(self.channels or Channels())}
+        return replace(cast("Any", self), **changed)
+
+    def selected(self, index: np.ndarray) -> Self:
+        """The same record with the rows that a mask or an index array selects, in that order."""
+        index = np.arange(len(self))[index]
+        changed: dict[str, Any] = {}
+        for column in fields(cast("Any", self)):
+            value = getattr(self, column.name)
+            if isinstance(value, np.ndarray):
+                changed[column.name] = value[index]
+            elif value is not None and self.groups.get(column.name, ("",))[0] in TEXTS:
+                changed[column.name] = tuple(value[k] for k in index)
         return replace(cast("Any", self), **changed)
 
     def __str__(self) -> str:
@@ -402,20 +418,6 @@ class PositionRecord(_Record):
     def written_to(self, gravity: float) -> float:
         """Return the largest effect of rounding on paper on a reading and its two angles, fractions of `gravity`."""
         return self.resolution / gravity + 2.0 * self.angle_resolution
-
-    def selected(self, index: np.ndarray) -> Self:
-        """The same record with the rows that a mask or an index array selects, in that order."""
-        index = np.arange(len(self))[index]
-        values = {}
-        for column in fields(self):
-            values[column.name] = getattr(self, column.name)
-        changed: dict[str, Any] = {k: v[index] for k, v in values.items() if isinstance(v, np.ndarray)}
-        if self.mounting is not None:
-            mounting = []
-            for k in index:
-                mounting.append(self.mounting[k])
-            changed["mounting"] = tuple(mounting)
-        return replace(self, **changed)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

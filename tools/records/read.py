@@ -53,6 +53,7 @@ from .columns import (
     warnings,
     with_force,
 )
+from .decisions import read_decisions, with_decisions
 from .even import times_unused, with_stamps
 from .kinds import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
 from .rests import position_record_of
@@ -222,7 +223,9 @@ def _parsed(source: Any, kinds: Sequence[RecordKind], *, trusted: bool = False, 
     except StopIteration as done:
         columns: FileColumns = done.value
     lines = extra_warning(columns) + warnings(columns)
-    return replace(record_from(columns), warnings=lines, sha256=hashlib.sha256(content).hexdigest())
+    digest = hashlib.sha256(content).hexdigest()
+    record = replace(record_from(columns), warnings=lines, sha256=digest)
+    return record if in_memory or trusted else with_decisions(record, read_decisions(path, digest))
 
 
 def all_faults(

@@ -9,6 +9,7 @@ import numpy as np
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
 from ..rounding import digits
+from .decisions import rows_of_rests
 from .kinds import PositionRecord, RawRecord, Rest
 from .noise import (
     BLOCKS,
@@ -139,12 +140,20 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
         dwell_noise=dwell_noise(raw, slices),
         raw=raw,
         rests=tuple(rests),
+        decisions=raw.decisions,
     )
 
 
 def position_record_of(raw: RawRecord) -> PositionRecord:
-    """The rests of a raw record found and averaged; errors as `average_rests`."""
-    return average_rests(raw, find_rests(raw))
+    """The rests of a raw record, as decided or else as they are searched for, averaged; errors as `average_rests`."""
+    if raw.decisions is None or raw.decisions.rests is None:
+        return average_rests(raw, find_rests(raw))
+    angles = angles_of(raw)
+    tolerance = np.array([quiet_tolerance(angles[:, k]) for k in range(2)])
+    rests = []
+    for rows in rows_of_rests(raw.time_s, raw.decisions.rests, str(raw.path)):
+        rests.append(tested(raw, angles, tolerance, rows.start, rows.stop - 1))
+    return average_rests(raw, rests)
 
 
 def tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int, last: int) -> Rest:

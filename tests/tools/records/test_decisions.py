@@ -1,0 +1,101 @@
+"""RECORD.decisions.toml: rows left out, rests and turns as a person decided, read by every command."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import trihedron as th
+from by_hand import GRAVITY, Instrument
+from hand_sessions import directions, hand_moved, poses
+from trihedron.tools.cli import main
+from trihedron.tools.errors import InputError
+
+SD = 4e-4
+
+
+def written(folder: Path) -> Path:
+    """Return a file of 20 poses, one of which is wrong by 0.1 m/s²."""
+    rng = np.random.default_rng(5)
+    table = poses(Instrument(5), directions(rng, 20), rng.normal(0.0, SD, (20, 3)))
+    first = table["f1_mps2"].to_list()
+    first[7] += 0.1
+    record = folder / "poses.csv"
+    table.with_columns(f1_mps2=pl.Series(first)).write_csv(record)
+    return record
+
+
+def decided(record: Path, *lines: str) -> Path:
+    """Write decisions about a record beside it."""
+    file = record.with_name("poses.decisions.toml")
+    head = ['schema = "trihedron.decisions/1"', f'record_sha256 = "{th.read_record(record).sha256}"']
+    file.write_text("\n".join([*head, *lines]) + "\n")
+    return file
+
+
+def test_a_row_left_out_gives_the_numbers_of_a_record_without_it(tmp_path: Path, capsys) -> None:
+    record = written(tmp_path)
+    lines = record.read_text().splitlines(keepends=True)
+    (tmp_path / "without.csv").write_text("".join(line for number, line in enumerate(lines, 1) if number != 9))
+    expected = th.calibrate(tmp_path / "without.csv", noise_bound=3e-3, gravity=GRAVITY)
+    decided(record, "left_out = [9]")
+    options = ["--noise-bound", "3e-3", "--gravity", str(GRAVITY)]
+    assert main(["calibrate", str(record), *options, "--json", str(tmp_path / "c.json")]) == 0
+    content = json.loads((tmp_path / "c.json").read_text())
+    assert "row 9 left out" in capsys.readouterr().out
+    assert any("poses.decisions.toml" in line for line in content["warnings"])
+    values = {row["symbol"]: row["estimate"] for row in content["parameters"]}
+    assert values == {row.symbol: row.estimate for row in expected.parameters}
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("left_out = [1]", "row 1 is left out"),
+        ("left_out = ['a']", "left_out: the numbers of rows"),
+        ("rows = [9]", "rows is no decision"),
+        ("rests = [[0.0, 1.0]]", "has no rests"),
+        ("rests = [[1.0, 0.0]]", "rest 1"),
+        ("rests = [[0.0, 1.0, 'up']]", "is no face"),
+        ("turns = 'w:360'", "is no turn"),
+        ("left_out = [", "is no TOML"),
+    ],
+)
+def test_decisions_that_cannot_be_read_are_refused(tmp_path: Path, line: str, message: str) -> None:
+    record = written(tmp_path)
+    decided(record, line)
+    with pytest.raises(InputError, match=message.replace("[", r"\[")):
+        th.read_record(record)
+
+
+def test_decisions_about_another_content_are_refused(tmp_path: Path) -> None:
+    record = written(tmp_path)
+    decided(record, "left_out = [9]")
+    record.write_text(record.read_text().replace("1,", "1,", 1) + "\n# a note\n")
+    with pytest.raises(InputError, match="of another content"):
+        th.read_record(record)
+
+
+def test_all_rows_cannot_be_left_out(tmp_path: Path) -> None:
+    record = written(tmp_path)
+    decided(record, f"left_out = {list(range(2, 22))}")
+    with pytest.raises(InputError, match="all rows are left out"):
+        th.read_record(record)
+
+
+def test_rests_as_decided_give_the_numbers_of_the_same_rests_by_option(tmp_path: Path) -> None:
+    _, table = hand_moved(3)
+    record = tmp_path / "poses.csv"
+    table.write_csv(record)
+    # A rest lasts 3 s and a move 2 s; the ends lie between two rows.
+    spans = [(5.0 * number + 0.205, 5.0 * number + 2.795) for number in range(14)]
+    rests = tmp_path / "rests.csv"
+    rests.write_text("from_s,to_s\n" + "".join(f"{begin!r},{end!r}\n" for begin, end in spans))
+    expected = th.calibrate(record, rests=rests, gravity=GRAVITY)
+    decided(record, f"rests = {[list(span) for span in spans]}")
+    result = th.calibrate(record, gravity=GRAVITY)
+    for parameter in expected.parameters:
+        assert result[parameter.symbol].estimate == parameter.estimate
+    assert any(f"{len(spans)} rests as marked" in line for line in result.warnings)
