@@ -166,8 +166,8 @@ def broad_page(result: Diagnosis, stated: Sequence[Diagnosis], pictures: str) ->
     return f"""# Case study: BROAD 03, a strapdown unit before cameras
 
 The record has {len(record)} rows, one every {digits(1e3 * period, 4)} ms: {digits(float(np.ptp(record.time_s)))} s of
-slow rotation by hand, with a rest before and after. Cameras give the true attitude. `make case-studies` writes every
-number on this page.
+slow rotation by hand between two rests. Cameras give the true attitude. `make case-studies` writes every number of the
+case studies.
 
 **{result.verdict.capitalize()}. Of all effects {helps} help most: over windows of
 {quoted.get("over", "")} that were not used, the error falls from {fall}. Noise and the cameras at rest do not explain
@@ -177,25 +177,19 @@ the remainder, so the diagnosis names no effect.**
 
 {left_over(result, helps)}
 
-The nominal block subtracts the gyros' mean at rest, ({bias}) deg/s. Without the subtraction the
-errors would be {left_in} arcmin rms.
+The nominal block leaves at least {residual(result.radius)} bounds. It subtracts the gyros' mean at rest, ({bias})
+deg/s; without that the errors would be {left_in} arcmin rms.
 
 ## With the cameras' error stated
 
-`--reference-bound` states the largest error of the cameras at any row. Each window has an error at both ends, so every
-bound grows by twice this value. The table has the smallest value with which all effects together suffice, the smallest
-for {helps}, and a fifth more. Each verdict holds only if the cameras err by no
-more. With the smallest values the intervals are too narrow.
+The table has the smallest [`--reference-bound`](strapdown-diagnosis.md#a-true-attitude-that-errs-in-motion) with which
+all effects together suffice, the smallest for {helps}, and a fifth more.
 
 {stated_text(stated)}
 
-## How it was found
+## Pictures
 
-The FMUs of gyro compensation and attitude computer carry the attitude through the record. The diagnosis compares their
-turn over windows with the true one. The nominal block leaves at least {residual(result.radius)} bounds.
-Bounds come from {result.calibration.sigma.basis}.
-
-The picture of left-out parts shows the order in which effects help. It is {stable}.
+The order in which effects help is {stable}.
 
 {pictures}
 
@@ -246,29 +240,19 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
     naming = f"Named: {', '.join(causes)}" if causes else "The diagnosis names no effect"
     return f"""# Case study: three MPU-9150 logs, no angles known
 
-A hand moved three specimens of a MEMS unit from rest to rest, at {digits(hertz)} Hz. No pose is known.
-`make case-studies` writes every number on this page.
+A hand moved three specimens of a MEMS unit from rest to rest, at {digits(hertz)} Hz. No pose is known, and
+[gravity is the reference](strapdown-diagnosis.md#comparison).
 
 **{verdicts}. {naming}.**
 
-## Judgement
-
-Gravity is the reference. At every rest the accelerometers show its direction and size, and the gyros must not turn.
-Over every move the FMUs of gyro compensation and attitude computer carry the direction to the next rest. Free
-parameters are nine of the accelerometers, and the gyros' bias, scale factors and misalignments. Bounds come from
-{results[0].calibration.sigma.basis}.
-
 {table(["log", "verdict", "rests", "moves", "rms error of a move [arcmin]", "bound [arcmin]", "radius"], rows)}
-
-A radius below one: some parameters of the block bring every error within its bound, so nothing more is supported.
 
 {pictures}
 
 ## Value of the gyros' calibration
 
-The same logs with scale factors and misalignments of the gyros held at zero (`--baseline nominal`). The last column is
-the rms error of a left-out move, without and with the most helpful effect [arcmin]. The help is a calibration, not a
-missing effect.
+Scale factors and misalignments of the gyros are zero here (`--baseline nominal`). The last column is the rms error of a
+left-out move, without and with the most helpful effect [arcmin].
 
 {table(["log", "verdict", "radius", "helpful effect", "left out"], compared)}
 
@@ -331,27 +315,24 @@ def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
     return f"""# Case study: an Xsens unit whose gyros feel gravity
 
 A hand moved one unit between {len(rests)} rests in {seconds} s, at {hertz} Hz. No pose is known. It is the test record
-of a published calibration, whose model has biases, scale factors and misalignments. `make case-studies` writes every
-number on this page.
+of a published calibration, whose model has biases, scale factors and misalignments.
 
 **{result.verdict.capitalize()}: {causes}. Over single moves that were not used the error falls
 from {before} to {after} arcmin rms.**
 
 ## Misfit of the published model
 
-Gravity is the reference, as in the [MPU-9150 logs](case-study-mpu9150.md), with the same free parameters. The best such
-block leaves an error of {residual(result.radius)} bounds, so the model without the effect is falsified.
-Over one, two and three moves together:
+[Gravity is the reference](strapdown-diagnosis.md#comparison). The best block without the effect leaves an error of
+{residual(result.radius)} bounds. Over one, two and three moves together:
 
 {table(header, rows)}
 
 ## The effect
 
-The diagnosis tried every effect of the catalogue alone. {rivals[0][0]} leaves a radius of {rivals[0][1]},
-the next best, {rivals[1][0]}, {rivals[1][1]}; at most 1 fits.
+{rivals[0][0]} leaves a radius of {rivals[0][1]}, the next best effect, {rivals[1][0]}, {rivals[1][1]}.
 
 So the biases of the gyros depend on the specific force: ω read = ω + b + G f. Of the nine coefficients these
-{zero} cannot be zero. Intervals come from moves and rests together, the column "at rest" from the means at rest alone
+{zero} cannot be zero. Intervals come from moves and rests, the column "at rest" from the means at rest alone
 (`trihedron inspect`).
 
 {table(["coefficient", "estimate", "low", "high", "at rest", "unit"], sizes)}
