@@ -292,6 +292,10 @@ def test_rubbish_is_a_problem_never_a_fault(content: bytes, ending: str, tmp_pat
 def test_fmus_and_ssp_archives(fmu_folder: Path, tmp_path: Path):
     checked = th.check(fmu_folder / "AccelerometerBlock.fmu")
     assert (checked.good, checked.kind) == (True, "FMU")
+    assert checked.summary[1] == "inputs: specific_force[1..3], temperature, dwell, rate[1..3], angle[1..2]"
+    assert checked.summary[2].startswith("parameters: gravity, scale_error_plus[1..3], ")
+    assert checked.summary[3] == "outputs: reading[1..3], increment_reading[1..3]"
+    assert max(map(len, str(checked).splitlines()[1:])) <= 80
     from trihedron.tools.orchestrator import read_scenario
     from trihedron.tools.ssp import write_ssp
 

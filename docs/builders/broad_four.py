@@ -235,8 +235,6 @@ factors and misalignments.
 
 {by_itself}
 
-The diagnosis therefore judges no records together.
-
 ## Errors of one record in the others
 
 Errors over 2 s, rms in arcminutes, simulated by the FMUs with the effects of one record:

@@ -107,9 +107,8 @@ def left_over(result: Diagnosis, helps: str) -> str:
     grown, longer, root = (digits(value, 2) for value in (ratio, times, math.sqrt(times)))
     return f"""Remaining errors with {helps}, rms in arcminutes:
 {listed}. They grow by a factor of {grown}
-while the windows grow by {longer}. Errors at both ends of a window, of the cameras, their clock or a lag, would not
-grow. Noise of the gyros would grow by {root}, a wrong rate by {longer}. {slow}
-The record alone cannot separate this from an effect outside the catalogue."""
+while the windows grow by {longer}. Errors of the cameras at both ends of a window, or a lag, would not grow. Noise of
+the gyros would grow by {root}, a wrong rate by {longer}. {slow}"""
 
 
 def stated_bounds(result: Diagnosis) -> list[float]:

@@ -71,8 +71,11 @@ REACH = 3.1
 
 INTRODUCTION = """# Reference: components and effects
 
-`make docs` writes this page from the source. Units, start values, meanings and equations of the variables are in
-`documentation/index.html` of each FMU (`trihedron export NAME`). The built site has them on the page *Components*.
+`trihedron export NAME` writes a component as FMU. `trihedron check NAME.fmu` lists its variables;
+`documentation/index.html` in the FMU has their units, start values and equations.
+
+| component | content |
+|---|---|
 """
 
 COMPONENTS_INTRODUCTION = """# Components
@@ -98,15 +101,9 @@ GROUPS = (("Inputs", "input"), ("Parameters", "parameter"), ("Outputs", "output"
 
 
 def reference_page() -> str:
-    """Return the components with the names of their variables, and the catalogue of effects, in Markdown."""
-    parts = [INTRODUCTION]
-    for component in components().values():
-        parts += [f"## {component.name}", "", f"{component.description}.", ""]
-        for title, causality in GROUPS:
-            names = [name_text(v) for v in component.interface if v.causality == causality]
-            parts += [f"- {title}: {', '.join(names)}"] if names else []
-        parts.append("")
-    parts.append(EFFECTS_INTRODUCTION)
+    """Return the components and the catalogue of effects, in Markdown."""
+    rows = "".join(f"| `{component.name}` | {component.description} |\n" for component in components().values())
+    parts = [INTRODUCTION + rows, EFFECTS_INTRODUCTION]
     by_place: dict[str, list[str]] = {}
     for effect in CATALOGUE.values():
         if not effect.of_law:

@@ -8,10 +8,13 @@ from fmpy.validation import validate_fmu
 from ..files import LARGEST, LARGEST_RESULT, LARGEST_TEXT, ZIP, bytes_of, is_workbook
 from ..locks import own_folder
 from ..orchestrator.archive import unpack
-from ..orchestrator.interface import interface_of
+from ..orchestrator.interface import Interface, interface_of
 from ..rounding import exactly
 from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings
+
+MOST_NAMES = 50
+"""Most names of one kind of variable that the summary of an FMU lists."""
 
 
 def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = None, *, trust: bool = False) -> Check:
@@ -52,13 +55,24 @@ def _check_fmu(findings: Findings) -> None:
         interface = interface_of("fmu", str(findings.path), described)
         for text in validate_fmu(str(findings.path)):
             findings.add(" ".join(text.split()))
-        inputs, outputs = interface.named("input"), interface.named("output")
         if not findings.problems:
             tool = described.generationTool or "an unnamed tool"
             findings.summary = (
                 f"{described.modelName}, FMI {described.fmiVersion}, by {tool}",
-                f"{len(interface.variables)} variables, {len(inputs)} inputs, {len(outputs)} outputs",
+                *(_listed(interface, causality) for causality in ("input", "parameter", "output")),
             )
+
+
+def _listed(interface: Interface, causality: str) -> str:
+    """Return a line with the names of the variables of a causality; an array is one name."""
+    names = []
+    for name in interface.named(causality):
+        base = name.partition("[")[0]
+        elements = interface.arrays.get(base, ())
+        names.append(f"{base}[1..{len(elements)}]" if elements else name)
+    distinct = list(dict.fromkeys(names))
+    more = f", and {len(distinct) - MOST_NAMES} more" if len(distinct) > MOST_NAMES else ""
+    return f"{causality}s: {', '.join(distinct[:MOST_NAMES]) or 'none'}{more}"
 
 
 def _check_ssp(findings: Findings) -> None:

@@ -72,7 +72,7 @@ class Check(Result):
         """Verdict in one line."""
         if self.good:
             article = "a"
-            if self.kind[0] in "aeo":
+            if self.kind[0] in "aeoFS":
                 article = "an"
             return f"{self.file}: {article} {self.kind}, nothing is wrong"
         count = len(self.problems) + self.not_listed

@@ -1,5 +1,6 @@
 """The page of each kind of result: source of terminal, notebook, HTML, PDF and figures."""
 
+import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -209,7 +210,7 @@ def check_page(result: "Check") -> Page:
     if result.not_listed:
         lines.append(f"... and {result.not_listed} more")
     for line in result.summary:
-        lines.append(f"  {line}")
+        lines += textwrap.wrap(line, 80, initial_indent="  ", subsequent_indent="    ", break_on_hyphens=False)
     page = plain_page(f"Check of {result.file}", result.verdict, lines, result.warnings)
     return replace(page, tone=_tone(good=result.good))
 
