@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, pairwise
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ from ..errors import InputError
 from ..evidence.bench_in_motion import BenchInMotion
 from ..evidence.carried_run import LONG, Carried
 from ..evidence.evidence import Evidence
-from ..evidence.fit import estimated
+from ..evidence.fit import estimated, robust_estimate
 from ..evidence.references import Gravity
 from ..records import RawRecord
 from ..records.rests import position_record_of
@@ -29,8 +30,8 @@ MOST_PIECES, MOST_SETS, FREED = 3, 3, 5
 """Most pieces that may be wrong, most sets that are stated; so small a part of the errors may be left out."""
 MOST_TRIED = 4
 """Most pieces that are tried where errors are too large for the linear model."""
-SPREAD = 0.7
-"""An error of a few pieces falls below this part without the worst of them."""
+LEFT = 0.3
+"""Errors of a few pieces fall below this part of the radius without them; the rest is of second order."""
 SLACK = 0.5
 """The linear model about a robust fit may be wrong by so many bounds."""
 ROUNDS = 8
@@ -82,7 +83,7 @@ class Series:
             return None
         if isinstance(model, BenchInMotion):
             return _of_bench(evidence, model)
-        if isinstance(model, Carried) and len(model.motion) <= LONG:
+        if isinstance(model, Carried) and len(model.motion) <= LONG and _of_carried(evidence, model).is_of_few:
             robust = evidence.source.again(robust=True)
             return _of_carried(evidence, robust.model) if isinstance(robust.model, Carried) else None
         return None
@@ -103,23 +104,47 @@ class Series:
 
     def candidates(self) -> Iterator[tuple[int, ...]]:
         """Yield sets of pieces without which the linear model fits; if there are none, those that do most for it."""
-        limit = self.evidence.model.limit + SLACK
-        removal = Removal(self.matrix, self.target, self.belongs, self.excess, limit)
+        removal = Removal(self.matrix, self.target, self.belongs, self.excess, self.limit)
         smallest = [tuple(sorted(parts)) for parts in removal.smallest(self.most)]
         yield from sorted(smallest, key=lambda parts: int(self.needing(parts).sum()))
-        if not smallest:
-            # Large errors have drawn even the robust fit.
-            radii = []
-            for number in range(len(self.pieces)):
-                kept = ~self.needing([number])
-                radii.append(held_by(self.matrix[kept], self.target[kept])[0])
-            if min(radii) > SPREAD * held_by(self.matrix, self.target)[0]:
-                # what acts on all pieces is no fault of a few
-                return
-            best = np.argsort(radii)[:MOST_TRIED].tolist()
-            yield from sorted([(number,) for number in best], key=lambda parts: int(self.needing(parts).sum()))
-            for size in range(2, self.most + 1):
-                yield from combinations(sorted(best), size)
+        if smallest:
+            return
+        # Large errors have drawn even the robust fit.
+        for size in range(1, self.most + 1):
+            sets = combinations(sorted(self.worst[:MOST_TRIED]), size)
+            standing = [numbers for numbers in sets if self.is_small_without(numbers)]
+            yield from sorted(standing, key=lambda parts: int(self.needing(parts).sum()))
+
+    @property
+    def limit(self) -> float:
+        """Return the largest radius of a linear model that may fit."""
+        return self.evidence.model.limit + SLACK
+
+    @cached_property
+    def radius(self) -> float:
+        """Return the radius of all pieces."""
+        return held_by(self.matrix, self.target)[0]
+
+    @cached_property
+    def worst(self) -> tuple[int, ...]:
+        """Return pieces, each the one without which the robust errors fall most, the former ones left out."""
+        errors = np.abs(self.target - self.matrix @ robust_estimate(self.matrix, self.target))
+        worst: list[int] = []
+        for _ in range(MOST_TRIED):
+            largest = np.where(self.belongs, 0.0, errors[:, None]).max(axis=0, initial=0.0)
+            worst.append(int(np.argmin(largest)))
+            errors = np.where(self.belongs[:, worst[-1]], 0.0, errors)
+        return tuple(dict.fromkeys(worst))
+
+    def is_small_without(self, numbers: Sequence[int]) -> bool:
+        """Return true if the errors without some pieces are small, or so much smaller that linearity may fail."""
+        kept = ~self.needing(numbers)
+        return held_by(self.matrix[kept], self.target[kept])[0] <= max(self.limit, LEFT * self.radius)
+
+    @property
+    def is_of_few(self) -> bool:
+        """Return true if the errors may be those of few pieces: an effect acts on all of them."""
+        return self.most > 0 and self.is_small_without(self.worst[: self.most])
 
     def needing(self, numbers: Sequence[int]) -> NDArray[np.bool_]:
         """Mark the errors (M,) that need any of some pieces."""
@@ -157,7 +182,7 @@ def wrong_pieces(evidence: Evidence) -> tuple[Simple, ...]:
     if evidence.model.radius < CERTAIN:
         return ()
     series = Series.of(evidence)
-    if series is None or series.most < 1:
+    if series is None or not series.is_of_few:
         return ()
     faults: dict[tuple[int, ...], Simple] = {}
     for numbers in series.candidates():
