@@ -88,7 +88,23 @@ def test_a_person_reads_which_piece_is_wrong_and_when(tmp_path):
     assert result.report(tmp_path / "page.html").stat().st_size > 1000
 
 
-def test_a_gyro_that_errs_in_every_move_is_no_wrong_piece():
+def test_two_wrong_pieces_with_large_errors_are_named_together():
+    rng = np.random.default_rng(8)
+    record, rests = hand_record(rng, 20)
+    assert record.rate is not None
+    force, rate = record.specific_force.copy(), record.rate.copy()
+    OF_RESTS["exchanged"](force, rests[11], rng)
+    OF_MOVES["sign"](rate, (rests[4][1], rests[5][0]), rng)
+    result = diagnosed(replace(record, specific_force=force, rate=rate))
+    assert result.verdict == "explained"
+    assert set(result.explanations[0].where) == {"rest-12", "move-5"}
+
+
+def test_a_gyro_that_errs_in_every_move_is_no_wrong_piece(monkeypatch):
+    def run_again(source, record=None, **changed):
+        raise AssertionError("an effect that acts on all moves needs no further run")
+
+    monkeypatch.setattr("trihedron.tools.evidence.evidence.Source.again", run_again)
     rng = np.random.default_rng(6)
     record, _ = hand_record(rng, 18)
     assert record.rate is not None
