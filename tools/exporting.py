@@ -15,6 +15,7 @@ from ..fmus import build, component_names, components
 from ..fmus.component import Component, can_extend, extend
 from ..fmus.native.compile import BuildError, chosen_platforms
 from ..fmus.reference import reference_texts
+from ..models.attitude_algorithms import ALGORITHMS
 from ..models.effects import CATALOGUE, EffectPlace
 from . import motion, records
 from .errors import InputError, nearest
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 Flavour = Literal["python", "native"]
 UNIFORM = 1e-3
 """How far a row's time may be off a uniform one, in steps."""
+USUAL = ALGORITHMS[0]
+"""Algorithm of the computers' FMUs, where no start value sets another."""
 
 
 class ExportedFmu(Result):
@@ -176,7 +179,7 @@ class FmpyInput(Result):
     trusted_until : float or None
         time of the run up to which the attitude is to be trusted: a gyro is at its limit behind it [s]; None: all is
     warnings : tuple of str
-        channels of the record that are at a limit
+        channels of the record that are at a limit; last rows that fill no step of the FMU's algorithm
     command : str
     """
 
@@ -306,11 +309,13 @@ def _motion_inputs(record: "records.StrapdownRecord", rates: str, bridge_gaps: i
     if increments.velocity is not None:
         component, variables["velocity_increment"] = "VelocityComputer", increments.velocity
     until = samples.trusted_until(increments.time_s)
+    rows = len(increments.angle) % USUAL.samples
+    left_out = motion.left_out_line(rows, f"{USUAL.name}, the FMU's algorithm", increments.time_s[-1 - rows] - begin)
     return _Inputs(
         component,
         period,
         variables,
-        samples.warnings,
+        (*samples.warnings, *left_out),
         start_values,
         trusted_until=None if until is None else until - begin,
         bridged_bound=samples.bridged_bound,

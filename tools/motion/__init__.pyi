@@ -21,6 +21,7 @@ from .compare import run_single as run_single
 from .compare import sample_motion as sample_motion
 from .increments import gyro_input as gyro_input
 from .increments import increments_from as increments_from
+from .increments import left_out_line as left_out_line
 from .inspect import Inspection as Inspection
 from .inspect import inspect_record as inspect_record
 from .norm import calibrate_by_norm as calibrate_by_norm

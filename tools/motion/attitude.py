@@ -26,7 +26,7 @@ from ..records.columns import INCREMENT, QUATERNION, VELOCITY
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
 from .carry import carrying, inputs, rotation_of
-from .increments import Bridge, coarser, gyro_input, sampling_period
+from .increments import Bridge, coarser, gyro_input, left_out_line, sampling_period
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""
@@ -79,6 +79,8 @@ class AttitudeRun(Result):
         time of the last update before the first of them: the attitude is not to be trusted behind it [s]; None: all is
     warnings : tuple of str
         warnings on the gyros' limits
+    rows_left_out : int
+        last rows, which fill no step of the algorithm
     files : tuple of Path
         files written
     velocity_at_end : tuple of 3 float or None
@@ -119,6 +121,7 @@ class AttitudeRun(Result):
     saturated: dict[str, int] = Field(default_factory=dict, alias="saturated_rows")
     trusted_until: float | None = Field(default=None, alias="trusted_until_s")
     warnings: tuple[str, ...] = ()
+    rows_left_out: int = Field(default=0, exclude=True)
     files: tuple[Path, ...] = ()
     velocity_at_end: tuple[float, float, float] | None = Field(default=None, alias="velocity_at_end_mps")
     row: Array = Field(default=ABSENT, exclude=True)
@@ -293,14 +296,8 @@ def run_attitude(
     bias = None
     if gyro_bias is not None:
         bias = tuple(np.asarray(gyro_bias).tolist())
-    left = len(record) - 1 - int(index[-1])
-    warnings = source.warnings
-    if left:
-        words = f"the last {left} rows fill" if left > 1 else "the last row fills"
-        warnings += (
-            f"{words} no step of {algorithm}: left out, the attitude ends at {digits(time[-1], 9)} s; "
-            "one-sample-rodrigues takes every row",
-        )
+    rows_left_out = len(record) - 1 - int(index[-1])
+    warnings = (*source.warnings, *left_out_line(rows_left_out, algorithm, time[-1]))
     saturated = {}
     for name, mask in limited.rows.items():
         if name.startswith("w"):
@@ -319,6 +316,7 @@ def run_attitude(
         saturated_rows=saturated,
         trusted_until_s=source.trusted_until(time),
         warnings=warnings,
+        rows_left_out=rows_left_out,
         files=simulation.files,
         row=record.row[index],
         time_s=time,

@@ -70,6 +70,8 @@ class ComparedAlgorithm(Result):
         why the algorithm does not take this record; empty where it does
     samples : int
         in one step
+    rows_left_out : int or None
+        last rows, which fill no step; None where the algorithm does not take the record
     """
 
     algorithm: Annotated[str, Quantity("algorithm")]
@@ -86,6 +88,7 @@ class ComparedAlgorithm(Result):
     )
     refused: Annotated[str, Quantity("not taken")] = Field(default="", alias="not_taken")
     samples: int = Field(default=0, exclude=True)
+    rows_left_out: Annotated[int | None, Quantity("rows left out")] = Field(default=None, exclude=True)
 
 
 class AttitudeComparison(Result):
@@ -143,7 +146,8 @@ def compare_algorithms(
             except InputError as error:
                 rows.append(ComparedAlgorithm(**entries, not_taken=str(error)))
             else:
-                entries |= {"updates": run.updates, "from_reference_rad": _apart(run, reference)}
+                entries |= {"updates": run.updates, "rows_left_out": run.rows_left_out}
+                entries["from_reference_rad"] = _apart(run, reference)
                 entries |= {"error_rms_rad": run.rms, "error_max_rad": run.maximum}
                 rows.append(ComparedAlgorithm(**entries))
             advance(1)

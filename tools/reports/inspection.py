@@ -328,7 +328,7 @@ def split_lines(run: AttitudeRun) -> list[str]:
 
 def attitude_comparison_page(result: AttitudeComparison) -> Page:
     """Return the comparison of attitude algorithms, a row for each."""
-    columns = ("algorithm", "order", "updates", "apart", "rms", "maximum", "refused")
+    columns = ("algorithm", "order", "updates", "rows_left_out", "apart", "rms", "maximum", "refused")
     words = {"refused": lambda text: text or None}
     table = table_of(result.algorithms, columns, words)
     verdict = f"{len(result.algorithms)} algorithms compared with {result.reference}."

@@ -1,7 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """Guaranteed bounds are nearly attained: some admissible truth reaches the bound, and none goes beyond."""
 
 import numpy as np
@@ -197,4 +193,5 @@ def test_own_errors_of_readings_turn_the_vertical_as_far_as_said():
     across = np.where(reading == 0.0, 1.0, 0.0)
     truth = reading * (1 - noise) + noise * across
     angle = np.arctan2(np.linalg.norm(np.cross(reading, truth), axis=1), np.einsum("ij,ij->i", reading, truth))
+    assert after is not None
     np.testing.assert_allclose(after, angle, rtol=1e-9)

@@ -1,6 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false
-# None where a value must be fails the test.
 """Corrected readings: the inverse of the block, bounds that hold for every truth, correct files."""
 
 import json
@@ -80,6 +77,7 @@ def test_truth_is_within_what_remains_and_levelling_is_no_worse_than_guaranteed(
     assert np.abs(np.stack([low, high])).max() < 10 * SIGMA
     unit = truth[:206]
     gained = levelling(correction, reading[:206])
+    assert gained.after is not None
     error = np.linalg.norm(np.cross(n[:206], unit), axis=1)
     assert np.all(error <= gained.after * (1 + 1e-9))
     raw = np.arcsin(np.linalg.norm(np.cross(reading[:206], unit), axis=1) / np.linalg.norm(reading[:206], axis=1))
@@ -98,7 +96,9 @@ def test_readings_that_err_are_further_from_the_truth_by_what_they_err(side):
     assert np.all((low <= truth - n) & (truth - n <= high))
     assert np.abs(np.stack([low, high])).max() < noise + 10 * SIGMA
     error = np.linalg.norm(np.cross(n[:56], truth[:56]), axis=1)
-    assert np.all(error <= levelling(correction, reading[:56], noise).after * (1 + 1e-9))
+    after = levelling(correction, reading[:56], noise).after
+    assert after is not None
+    assert np.all(error <= after * (1 + 1e-9))
 
 
 def test_the_errors_are_those_of_the_true_input_not_of_the_corrected_one():

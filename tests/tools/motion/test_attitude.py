@@ -370,6 +370,7 @@ def test_algorithms_stand_side_by_side_with_their_errors() -> None:
     assert table["error_max_deg"][3] is None
     by_name = {row.algorithm: row for row in rows}
     assert [row.updates for row in rows] == [400, 200, 100, 0, 50]
+    assert [row.rows_left_out for row in rows] == [0, 0, 0, None, 0]
     # 60 degrees at 1 Hz turn by more than the range of Panov's cut-off series.
     assert "panov-cut-off is valid to 0.07 rad" in by_name["panov-cut-off"].refused
     errors: list[Any] = [by_name[a.name].maximum for a in CHOSEN if a.name != "panov-cut-off"]
@@ -380,6 +381,14 @@ def test_algorithms_stand_side_by_side_with_their_errors() -> None:
     # The distance from the best is the error if the best has none.
     assert apart[0] == pytest.approx(errors[0], rel=0.2)
     assert apart[3] == 0.0
+
+
+@pytest.mark.parametrize("increments", [3, 8, 23])
+def test_last_rows_that_fill_no_step_are_counted(increments: int) -> None:
+    comparison = compare_algorithms(harmonic_record(increments + 1))
+    for row, algorithm in zip(comparison.algorithms, ALGORITHMS, strict=True):
+        assert (row.updates, row.rows_left_out) == divmod(increments, algorithm.samples)
+    assert "rows left out" in str(comparison)
 
 
 def test_a_slower_gyro_is_the_same_record_with_increments_added_up() -> None:

@@ -1,12 +1,6 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """Time stamps: coarse, late and bursty ones lose no row; gaps are found; the report names the stamps that count."""
 
-import gzip
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import trihedron as th
+from field_files import field_file
 from generator.positions import write_hidden_record
 from generator.runs import PROGRAMME, Bench
 from trihedron.tools.cli import main
@@ -28,18 +23,11 @@ PERIOD = 0.01
 RESTS, REST_ROWS, MOVE_ROWS = 8, 200, 100
 
 
-def field_file(name: str, folder: Path) -> Path:
-    """Return an unpacked file from the field; without it the test is skipped."""
-    data = os.environ.get("TRIHEDRON_DATA") or Path(th.__file__).parents[1] / "shared" / "data"
-    path = Path(data) / "field" / name
-    if path.is_file():
-        return path
-    packed = path.with_name(path.name + ".gz")
-    if not packed.is_file():
-        pytest.skip(f"{path} is not there; TRIHEDRON_DATA names the folder of the data")
-    unpacked = folder / name
-    unpacked.write_bytes(gzip.decompress(packed.read_bytes()))
-    return unpacked
+def times_of(path: Path, stamps: str | None = None) -> np.ndarray:
+    """Return the times of a record [s]."""
+    time = th.read_record(path, stamps=stamps).time_s
+    assert time is not None
+    return time
 
 
 def moved_by_hand(seed: int, moments: np.ndarray | None = None) -> StrapdownRecord:
@@ -224,7 +212,7 @@ def test_a_counter_that_wraps_goes_on(name: str, seconds: float, unit: str, bits
         lines.append(f"{count},0.01,0.02,9.8066,0.001,0.002,0.003")
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     th.import_record(tmp_path / "log.csv", out=tmp_path / "record.csv", answers={"units.time": unit})
-    steps = np.diff(th.read_record(tmp_path / "record.csv").time_s)
+    steps = np.diff(times_of(tmp_path / "record.csv"))
     assert np.allclose(steps, PERIOD, atol=1e-9)
 
 
@@ -235,7 +223,7 @@ def test_epoch_nanoseconds_stay_exact(first: int, tmp_path: Path) -> None:
         lines.append(f"{first + 5_000_001 * row},0.001,0.002,0.003,0.01,0.02,9.8066")
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     th.import_record(tmp_path / "log.csv", out=tmp_path / "record.csv")
-    time = th.read_record(tmp_path / "record.csv").time_s
+    time = times_of(tmp_path / "record.csv")
     assert time.tolist() == [5_000_001 * row * 1e-9 for row in range(200)]
 
 
@@ -265,10 +253,10 @@ def test_a_corrected_record_has_the_stamps_that_counted(kind: str, tmp_path: Pat
     write_hidden_record(tmp_path / "clean.csv", 5)
     calibration = th.calibrate(tmp_path / "clean.csv", noise_bound=1e-5)
     (tmp_path / "calibration.json").write_text(calibration.json_text())
-    for stamps, times in (("even", None), ("100", None), ("logged", th.read_record(path, stamps="logged").time_s)):
+    for stamps, times in (("even", None), ("100", None), ("logged", times_of(path, "logged"))):
         words = ["apply", str(tmp_path / "calibration.json"), str(path), "--out", str(out), "--stamps", stamps]
         assert main([*words, "--json", str(tmp_path / "out.json"), "--trust", "-q"]) == 0
-        written = th.read_record(out, stamps="logged").time_s
+        written = times_of(out, "logged")
         if times is None:
             assert np.diff(written) == pytest.approx(PERIOD, rel=1e-3)
         else:
@@ -339,13 +327,13 @@ def test_field_tails_are_said_to_be_left_out(name: str, end: str, tmp_path: Path
 def test_field_counter_that_wraps(tmp_path: Path) -> None:
     answers = {"units.force": "1/16384 g", "units.rate": "1/131 deg/s"}
     th.import_record(field_file("mpu.csv", tmp_path), out=tmp_path / "record.csv", answers=answers)
-    steps = np.diff(th.read_record(tmp_path / "record.csv").time_s)
+    steps = np.diff(times_of(tmp_path / "record.csv"))
     assert np.allclose(steps, 0.005, atol=1e-9)
 
 
 def test_field_epoch_is_exact(tmp_path: Path) -> None:
     th.import_record(field_file("euroc.csv", tmp_path), out=tmp_path / "record.csv")
-    time = th.read_record(tmp_path / "record.csv").time_s
+    time = times_of(tmp_path / "record.csv")
     assert np.abs(time - 0.005 * np.arange(len(time))).max() < 1e-6
     assert time[1] == 0.005
 

@@ -1,7 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """No document shows a bound better than it is: one module writes all numbers, each bound rounded to its side."""
 
 import ast
@@ -210,9 +206,10 @@ def test_a_small_attitude_error_has_its_digits_and_its_unit():
 def test_levelling_is_told_in_arcseconds_rounded_up():
     result = calibrate(clean(), noise_bound=NOISE_BOUND)
     correction = correction_of(result.to_json(), "calibration")
-    worst = levelling(correction, face_readings(correction)[1]).worst
+    before, after = levelling(correction, face_readings(correction)[1]).worst
+    assert after is not None
     shown = figures(r"wrong by up to (\S+) arcsec, corrected by at most (\S+) \(", str(result).splitlines())
-    for text, true in zip(shown, np.degrees(worst) * 3600.0, strict=True):
+    for text, true in zip(shown, np.degrees((before, after)) * 3600.0, strict=True):
         assert true <= text <= 1.01 * true + 1.0
 
 

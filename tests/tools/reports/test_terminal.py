@@ -1,6 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false
-# None where a value must be fails the test.
 """The answer of a diagnosis fits a screen of 25 lines of 80 columns with the next command, whatever the verdict."""
 
 import pytest
@@ -50,7 +47,10 @@ def test_the_answer_on_exchanged_columns_says_to_swap_them_back():
     diagnosis = diagnose(wrong.record, noise_bound=SIGMA, rerun=False)
     assert fits(diagnosis)
     assert "exchanged" in verdict(diagnosis)
-    first, second = diagnosis.explanations[0].change["exchanged"]
+    assert diagnosis.explanations is not None
+    change = diagnosis.explanations[0].change
+    assert change is not None
+    first, second = change["exchanged"]
     rows = f"rows {wrong.rows[0]} to {wrong.rows[-1]}"
     assert diagnosis.next == (f"swap {first} and {second} back in {rows}, and diagnose again",)
 
@@ -67,6 +67,7 @@ def test_a_fault_beside_an_unfinished_search_is_said_to_be_so():
 def test_a_consistent_record_says_which_errors_could_still_be_there():
     diagnosis = diagnose(drawn_record(3, count=24), noise_bound=SIGMA)
     assert diagnosis.verdict == "consistent"
+    assert diagnosis.power is not None
     largest = max(entry["size"] for entry in diagnosis.power if entry["unit"] == "g" and entry["size"] is not None)
     text = verdict(diagnosis)
     assert text.endswith("could be there and not show.")
