@@ -186,7 +186,8 @@ def judged(
 def _say_gyros(faults: list[str], warnings: list[str], scale: NDArray, words: str) -> None:
     """Add a line on the gyros, to be multiplied by a scale (3,), or on each where they differ by a wrong setting."""
     if scale.max() < LARGEST_SCALE * scale.min():
-        _say_scale(faults, warnings, float(np.exp(np.log(scale).mean())), words.format("the gyros turn", "{}"))
+        line = words.format("the gyros turn", "{}")
+        _say_scale(faults, warnings, float(np.exp(np.log(scale).mean())), line, "their unit and the sampling rate")
         return
     for axis, single in enumerate(scale.tolist(), start=1):
         _say_scale(faults, warnings, single, words.format(f"gyro {axis} turns", "{}"))
@@ -207,14 +208,14 @@ def _say_force(faults: list[str], warnings: list[str], force: NDArray, gravity: 
     _say_scale(faults, warnings, 1.0 / size, "at rest the accelerometers read {} times gravity")
 
 
-def _say_scale(faults: list[str], warnings: list[str], scale: float, words: str) -> None:
+def _say_scale(faults: list[str], warnings: list[str], scale: float, words: str, suspects: str = "their unit") -> None:
     """Add a line where readings, to be multiplied by `scale`, are far from right, or unusual."""
     power = math.log2(scale)
     line = words.format(digits(1.0 / scale, 3))
     if abs(power) > math.log2(LARGEST_SCALE):
-        mends = "check their unit"
+        mends = f"check {suspects}"
         if abs(power - round(power)) < WHOLE_POWER:
-            mends = f"a factor of {2 ** abs(round(power))} is a wrong range setting; check that and their unit"
+            mends = f"a factor of {2 ** abs(round(power))} is a wrong range setting; else {mends}"
         faults.append(f"{line}: {mends}")
     elif abs(scale - 1.0) > USUAL_SCALE:
         warnings.append(line)
