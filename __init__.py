@@ -48,6 +48,7 @@ _COMMANDS = {
     "instrument_list": ("instrument", "entries_of"),
     "instrument_show": ("instrument", "nearest_of_instrument"),
     "instrument_trend": ("instrument", "trend_of_instrument"),
+    "open": ("workbench", "open_records"),
     "plan_target": ("planning.library", "plan"),
     "reproduce_attitude": ("papers", "reproduce_attitude"),
     "reproduce_calibration": ("papers", "check_published_calibration"),
@@ -56,7 +57,9 @@ _COMMANDS = {
 """Functions by the names of their commands, each with its module and its name there."""
 _HOME = _TYPES | dict(sorted((name, module) for module, names in _FUNCTIONS.items() for name in names))
 """In which module of the tools each name is; the stub beside this file says the same to those who check types."""
-__all__ = [*_HOME, *_COMMANDS, "__version__"]  # pyright: ignore[reportUnsupportedDunderAll]
+_NAMES = [*_HOME, *_COMMANDS, "__version__"]
+# `from trihedron import *` leaves Python's own `open` in its place.
+__all__ = [name for name in _NAMES if name != "open"]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
@@ -65,7 +68,7 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("trihedron")
-    if name in __all__:
+    if name in _NAMES:
         from importlib import import_module
 
         module, member = _COMMANDS.get(name) or (_HOME[name], name)

@@ -38,6 +38,7 @@ from .tools.planning.library import plan_hand as plan_hand
 from .tools.planning.library import plan_imu as plan_imu
 from .tools.planning.library import plan_positions as plan_positions
 from .tools.records import read_record as read_record
+from .tools.workbench import open_records
 
 __version__: str
 __all__: list[str]
@@ -51,6 +52,7 @@ instrument_add = add_to_instrument
 instrument_list = entries_of
 instrument_show = nearest_of_instrument
 instrument_trend = trend_of_instrument
+open = open_records
 plan_target = plan
 reproduce_calibration = check_published_calibration
 reproduce_word_length = word_length_errors

@@ -12,7 +12,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from itertools import islice
 from typing import Any, Literal, TypeVar
 
@@ -97,6 +97,26 @@ def _completed(
         raise InputError("--jobs: a worker process ended in the middle of its work") from None
     except CancelledError:
         raise InputError("--scheduler: the scheduler does not answer") from None
+
+
+class OneProcess:
+    """A process of its own for one call after another, which can be stopped in the middle of one."""
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+
+    def call(self, function: Callable[..., Returned], *arguments: Any) -> Future[Returned]:
+        """Begin a call, after those that were begun before."""
+        if self._pool is None:
+            _need_shared_memory(1)
+            self._pool = ProcessPoolExecutor(1, initializer=_begin, initargs=(os.getpid(),))
+        return self._pool.submit(function, *arguments)
+
+    def stop(self) -> None:
+        """End the process and what it does; the next call has a new one."""
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            pool.shutdown(wait=False, kill_workers=True)
 
 
 @contextlib.contextmanager

@@ -86,6 +86,7 @@ GROUPS = {
     "Your data": {
         "import": commands.import_command,
         "check": commands.check_command,
+        "open": studies.open_command,
         "inspect": commands.inspect_command,
         "noise": commands.noise_command,
         "plan": plan,

@@ -1,6 +1,10 @@
 """The commands that plan measurements, hide effects, carry out campaigns and reproduce the papers' tables."""
 
+import sys
+import threading
+import webbrowser
 from collections.abc import Mapping
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -8,12 +12,24 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from .. import campaign as campaigns
-from .. import document, library, own_effects, papers, reports, trials
+from .. import document, library, own_effects, papers, reports, trials, workbench
 from .. import instrument as folders
 from ..errors import InputError
 from ..files import at_once, json_text, made_folder, ordinary_file, write_text
 from ..options import EffectsFrom
-from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, page_file, with_options_of
+from .answer import (
+    Answer,
+    File,
+    Folder,
+    JsonFile,
+    ReportFile,
+    Whole,
+    answer,
+    distinct_files,
+    page_file,
+    with_options_of,
+)
+from .next_step import advice
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
@@ -41,6 +57,34 @@ def measure_command(
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted; {out} holds what came, and --resume goes on with it") from None
     return answer(result, json)
+
+
+@with_options_of()
+def open_command(*files: Path, port: Whole = 0, no_browser: bool = False) -> None:
+    """Open records on one page: look, leave out what is bad, calculate again, export.
+
+    The page is served to this machine alone, until Ctrl-C. Decisions are kept beside each record, in
+    RECORD.decisions.toml; every command reads them.
+
+    Example: trihedron open walk.csv
+
+    Example: trihedron open
+
+    Parameters
+    ----------
+    files
+        Records, or files to import; more are dropped on the page.
+    port
+        Port of the page; 0 takes a free one.
+    no_browser
+        Print the address, and open no browser.
+    """
+    with at_once(), closing(workbench.open_records(*files, port=port, advise=advice)) as page:
+        print(f"the page of these records, for this machine alone: {page.address}", file=sys.stderr, flush=True)
+        if not no_browser:
+            webbrowser.open(page.address)
+        with suppress(KeyboardInterrupt):
+            threading.Event().wait()
 
 
 @with_options_of()

@@ -8,6 +8,7 @@ from .decisions import decisions_file as decisions_file
 from .decisions import decisions_of as decisions_of
 from .decisions import decisions_text as decisions_text
 from .decisions import read_decisions as read_decisions
+from .decisions import rows_of_rests as rows_of_rests
 from .decisions import with_decisions as with_decisions
 from .kinds import BenchRecord as BenchRecord
 from .kinds import ForceRecord as ForceRecord
@@ -26,6 +27,7 @@ from .read import TO_CALIBRATE as TO_CALIBRATE
 from .read import Record as Record
 from .read import Source as Source
 from .read import read_record as read_record
+from .read import read_undecided as read_undecided
 from .read import record_of_array as record_of_array
 from .read import significant_digits as significant_digits
 from .read import written_resolution as written_resolution

@@ -1,4 +1,4 @@
-"""Decisions of a person about a record, kept beside its file and read with it: rows left out, rests, turns.
+"""Decisions of a person about a record, kept beside its file and read with it: positions left out, rests, turns.
 
 They stand in RECORD.decisions.toml. The record itself is never changed; without the file they are undone.
 """
@@ -25,7 +25,7 @@ HEAD = """# Decisions about {record}, made on its page (trihedron open). Every c
 """
 KEYS = {"schema", "record_sha256", "left_out", "rests", "turns"}
 LISTED = 8
-"""So many rows are named in a line."""
+"""So many positions are named in a line."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Decisions:
     Attributes
     ----------
     left_out : tuple of int
-        lines of its file, as an editor counts, that are not used; of a table of averaged readings
+        positions of a table of averaged readings that are not used, by their number
     rests : tuple of DecidedRest or None
         all rests of a series, in order of time; None: they are searched for
     turns : str
@@ -77,10 +77,10 @@ class Decisions:
     def __str__(self) -> str:
         parts = []
         if self.left_out:
-            rows = [str(row) for row in self.left_out[:LISTED]]
+            numbers = [str(number) for number in self.left_out[:LISTED]]
             if len(self.left_out) > LISTED:
-                rows.append("...")
-            parts.append(f"{'row' if len(self.left_out) == 1 else 'rows'} {', '.join(rows)} left out")
+                numbers.append("...")
+            parts.append(f"{'position' if len(self.left_out) == 1 else 'positions'} {', '.join(numbers)} left out")
         if self.rests is not None:
             parts.append(f"{len(self.rests)} rests as marked")
         if self.turns:
@@ -105,8 +105,8 @@ def decisions_of(content: Mapping[str, Any], where: str) -> Decisions:
     if unknown:
         raise InputError(f"{where}: {min(unknown)} is no decision; known are left_out, rests and turns")
     left_out = content.get("left_out", [])
-    if not isinstance(left_out, list) or not all(type(row) is int and row > 0 for row in left_out):
-        raise InputError(f"{where}: left_out: the numbers of rows are needed, as [21, 40]")
+    if not isinstance(left_out, list) or not all(type(number) is int and number > 0 for number in left_out):
+        raise InputError(f"{where}: left_out: the numbers of positions are needed, as [21, 40]")
     turns = content.get("turns", "")
     if not isinstance(turns, str):
         raise InputError(f"{where}: turns: words are needed, as '1:360,2:360'")
@@ -197,29 +197,34 @@ def decisions_text(decisions: Decisions, record: Path, sha256: str) -> str:
 
 
 def with_decisions(record: Any, decisions: Decisions | None) -> Any:
-    """Return a record with decisions: without the rows that are left out, its rests and turns as decided.
+    """Return a record with decisions: without the positions that are left out, its rests and turns as decided.
 
     Raises
     ------
     InputError
-        for rows that it does not have, or decisions of another kind of record
+        for positions that it does not have, or decisions of another kind of record
     """
     if not decisions:
         return record
     is_table = "position" in record.groups
     if decisions.left_out and not is_table:
-        raise InputError(f"{record.path}: rows of a series are not left out; change its rests")
+        raise InputError(f"{record.path}: a series has no positions to leave out; change its rests")
     if is_table and (decisions.rests is not None or decisions.turns):
-        raise InputError(f"{record.path}: a table of averaged readings has no rests; leave rows out")
-    unknown = sorted(set(decisions.left_out) - set(record.row.tolist()))
-    if unknown:
-        raise InputError(f"{record.path}: row {unknown[0]} is left out, and is no row of readings")
-    kept = ~np.isin(record.row, decisions.left_out)
-    if not kept.any():
-        raise InputError(f"{record.path}: all rows are left out; keep some")
-    if not kept.all():
-        record = record.selected(kept)
+        raise InputError(f"{record.path}: a table of averaged readings has no rests; leave positions out")
+    if decisions.left_out:
+        record = _without(record, decisions.left_out)
     return replace(record, decisions=decisions, warnings=(*record.warnings, f"{record.path}: {decisions}"))
+
+
+def _without(record: Any, left_out: tuple[int, ...]) -> Any:
+    """Return a table of averaged readings without some of its positions."""
+    unknown = sorted(set(left_out) - set(record.position.tolist()))
+    if unknown:
+        raise InputError(f"{record.path}: position {unknown[0]} is left out, and the record has no such position")
+    kept = ~np.isin(record.position, left_out)
+    if not kept.any():
+        raise InputError(f"{record.path}: all positions are left out; keep some")
+    return record.selected(kept)
 
 
 def rows_of_rests(time_s: np.ndarray, rests: Sequence[DecidedRest], where: str) -> list[slice]:

@@ -201,7 +201,19 @@ def table_in_memory(source: object) -> pl.DataFrame:
         raise InputError(f"a table in memory cannot be used: {str(error).splitlines()[0]}") from error
 
 
-def _parsed(source: Any, kinds: Sequence[RecordKind], *, trusted: bool = False, any_times: bool = False) -> Record:
+def read_undecided(path: Path, *, stamps: str | None = None) -> Record:
+    """Read a record of any kind from a file without the decisions beside it; errors as `read_record`."""
+    return with_stamps(_parsed(path, KINDS, any_times=times_unused(stamps), decided=False), stamps)
+
+
+def _parsed(
+    source: Any,
+    kinds: Sequence[RecordKind],
+    *,
+    trusted: bool = False,
+    any_times: bool = False,
+    decided: bool = True,
+) -> Record:
     if in_memory := not isinstance(source, str | os.PathLike):
         path, written = Path("table"), io.BytesIO()
         if not (table := table_in_memory(source)).width:
@@ -225,7 +237,9 @@ def _parsed(source: Any, kinds: Sequence[RecordKind], *, trusted: bool = False, 
     lines = extra_warning(columns) + warnings(columns)
     digest = hashlib.sha256(content).hexdigest()
     record = replace(record_from(columns), warnings=lines, sha256=digest)
-    return record if in_memory or trusted else with_decisions(record, read_decisions(path, digest))
+    if in_memory or trusted or not decided:
+        return record
+    return with_decisions(record, read_decisions(path, digest))
 
 
 def all_faults(

@@ -35,16 +35,16 @@ def decided(record: Path, *lines: str) -> Path:
     return file
 
 
-def test_a_row_left_out_gives_the_numbers_of_a_record_without_it(tmp_path: Path, capsys) -> None:
+def test_a_position_left_out_gives_the_numbers_of_a_record_without_it(tmp_path: Path, capsys) -> None:
     record = written(tmp_path)
     lines = record.read_text().splitlines(keepends=True)
     (tmp_path / "without.csv").write_text("".join(line for number, line in enumerate(lines, 1) if number != 9))
     expected = th.calibrate(tmp_path / "without.csv", noise_bound=3e-3, gravity=GRAVITY)
-    decided(record, "left_out = [9]")
+    decided(record, "left_out = [8]")
     options = ["--noise-bound", "3e-3", "--gravity", str(GRAVITY)]
     assert main(["calibrate", str(record), *options, "--json", str(tmp_path / "c.json")]) == 0
     content = json.loads((tmp_path / "c.json").read_text())
-    assert "row 9 left out" in capsys.readouterr().out
+    assert "position 8 left out" in capsys.readouterr().out
     assert any("poses.decisions.toml" in line for line in content["warnings"])
     values = {row["symbol"]: row["estimate"] for row in content["parameters"]}
     assert values == {row.symbol: row.estimate for row in expected.parameters}
@@ -53,8 +53,8 @@ def test_a_row_left_out_gives_the_numbers_of_a_record_without_it(tmp_path: Path,
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("left_out = [1]", "row 1 is left out"),
-        ("left_out = ['a']", "left_out: the numbers of rows"),
+        ("left_out = [21]", "position 21 is left out"),
+        ("left_out = ['a']", "left_out: the numbers of positions"),
         ("rows = [9]", "rows is no decision"),
         ("rests = [[0.0, 1.0]]", "has no rests"),
         ("rests = [[1.0, 0.0]]", "rest 1"),
@@ -72,16 +72,16 @@ def test_decisions_that_cannot_be_read_are_refused(tmp_path: Path, line: str, me
 
 def test_decisions_about_another_content_are_refused(tmp_path: Path) -> None:
     record = written(tmp_path)
-    decided(record, "left_out = [9]")
+    decided(record, "left_out = [8]")
     record.write_text(record.read_text().replace("1,", "1,", 1) + "\n# a note\n")
     with pytest.raises(InputError, match="of another content"):
         th.read_record(record)
 
 
-def test_all_rows_cannot_be_left_out(tmp_path: Path) -> None:
+def test_all_positions_cannot_be_left_out(tmp_path: Path) -> None:
     record = written(tmp_path)
-    decided(record, f"left_out = {list(range(2, 22))}")
-    with pytest.raises(InputError, match="all rows are left out"):
+    decided(record, f"left_out = {list(range(1, 21))}")
+    with pytest.raises(InputError, match="all positions are left out"):
         th.read_record(record)
 
 

@@ -1,0 +1,310 @@
+"""`trihedron open`: five journeys of a person in a real browser, with the numbers of the commands."""
+
+import http.client
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+import trihedron as th
+from browser import Window
+from by_hand import GRAVITY, Instrument
+from generator.stands import random_bench, simulated
+from hand_sessions import directions, ferraris, hand_moved, poses
+from trihedron.tools.cli import main
+from trihedron.tools.cli.next_step import advice
+from trihedron.tools.records import write_record
+from trihedron.tools.workbench import DeskServer, open_records
+
+SECONDS = 60_000
+"""Longest wait for an answer, in ms: of a busy machine."""
+
+
+class Visitor:
+    """A person at the page, whose clicks and words are counted.
+
+    Attributes
+    ----------
+    clicks : int
+    """
+
+    def __init__(self, window: Window, server: DeskServer, width: int = 1400) -> None:
+        self.window, self.page, self.clicks = window, window.page, 0
+        window.open(server.address, width)
+        self.page.wait_for_selector("#files button")
+
+    def click(self, what: str) -> None:
+        self.clicks += 1
+        self.page.click(what)
+
+    def type(self, where: str, text: str) -> None:
+        self.clicks += 1
+        self.page.fill(where, text)
+
+    def answered(self, act: Callable[[], None]) -> str:
+        """Act, wait for the new answer, and return its verdict."""
+        number = self.page.evaluate("state.answered")
+        act()
+        self.wait_for(f"state.answered > {number} && state.running === null && shownAnswer === state.answered")
+        return self.page.inner_text("#verdict")
+
+    def wait_for(self, expression: str) -> None:
+        """Wait until something is true on the page, whose policy lets nothing be evaluated in it."""
+        end = time.monotonic() + SECONDS / 1000.0
+        while not self.page.evaluate(expression):
+            assert time.monotonic() < end, expression
+            self.page.wait_for_timeout(50)
+
+    def parameters(self) -> dict[str, float | None]:
+        """Return the estimates that the page has."""
+        return {row["symbol"]: row["estimate"] for row in self.page.evaluate("state.answer.parameters")}
+
+    def saved(self, what: str) -> Path:
+        """Save something; return its file."""
+        self.click(what)
+        self.page.wait_for_selector("#note:not(:empty)", timeout=SECONDS)
+        return Path(self.page.inner_text("#note").removeprefix("Written: "))
+
+
+@pytest.fixture
+def opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., DeskServer]]:
+    """Return a function that serves the page of some files, in a working folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    servers = []
+
+    def serve(*files: Path) -> DeskServer:
+        servers.append(open_records(*files, advise=advice))
+        return servers[-1]
+
+    yield serve
+    for server in servers:
+        server.close()
+
+
+def by_command(*words: str) -> dict[str, Any]:
+    """Run a command and return its JSON."""
+    assert main([*words, "--json", "by-command.json", "--quiet"]) == 0
+    return json.loads(Path("by-command.json").read_text())
+
+
+def estimates(content: dict[str, Any]) -> dict[str, float]:
+    return {row["symbol"]: row["estimate"] for row in content["parameters"]}
+
+
+def is_same(shown: dict[str, float | None], expected: dict[str, float]) -> bool:
+    """Whether the page has the numbers of a command, to the seven figures that it shows."""
+    return shown == {symbol: float(f"{value:.7g}") for symbol, value in expected.items()}
+
+
+def wrong_table(folder: Path) -> Path:
+    """Return a table of 24 positions, one with an angle that is wrong by 0.3 degrees."""
+    rng = np.random.default_rng(3)
+    noise = rng.uniform(-1e-5, 1e-5, (24, 3))
+    made = simulated(random_bench(rng), noise=noise)
+    path = folder / "table.csv"
+    write_record(made, path)
+    table = pl.read_csv(path, comment_prefix="#")
+    angle = table["alpha_deg"].to_list()
+    angle[11] += 0.3
+    table.with_columns(alpha_deg=pl.Series(angle)).write_csv(path)
+    return path
+
+
+def test_a_wrong_angle_is_left_out_and_the_record_corrected(tmp_path: Path, window: Window, opened) -> None:
+    path = wrong_table(tmp_path)
+    visitor = Visitor(window, opened(path))
+    visitor.type("[name=noise_bound]", "1e-5")
+    verdict = visitor.answered(lambda: visitor.click("[data-command=diagnose]"))
+    assert "Row 12 is wrong" in verdict
+    assert visitor.answered(lambda: visitor.click("#act button")).startswith("Consistent")
+    assert visitor.answered(lambda: visitor.click("[data-command=calibrate]")).startswith("Consistent")
+    corrected = visitor.saved("[data-save=corrected]")
+    assert th.read_record(corrected).about["corrected_by"]
+    assert is_same(visitor.parameters(), estimates(by_command("calibrate", "table.csv", "--noise-bound", "1e-5")))
+    assert "left_out = [12]" in (tmp_path / "table.decisions.toml").read_text()
+    assert visitor.page.inner_text("#command") == "trihedron calibrate table.csv --noise-bound 1e-05"
+    assert visitor.clicks <= 6
+    assert window.complaints == []
+
+
+def test_faces_of_a_phone_log_are_named(tmp_path: Path, window: Window, opened) -> None:
+    _, table = ferraris(2)
+    path = tmp_path / "phone.csv"
+    faces = table.filter(pl.col("part").str.len_chars() == 2).drop("part", "w1_radps", "w2_radps", "w3_radps")
+    time = 0.01 * np.arange(faces.height)
+    faces.with_columns(time_s=pl.Series(time)).write_csv(path)
+    visitor = Visitor(window, opened(path))
+    visitor.page.wait_for_selector("#rests tbody tr", timeout=SECONDS)
+    assert visitor.page.locator("#rests tbody tr").count() == 6
+    visitor.type("[name=gravity]", str(GRAVITY))
+    visitor.answered(lambda: visitor.click("[data-command=calibrate]"))
+    for number, face in enumerate(("+1", "-1", "+2", "-2", "+3", "-3"), start=1):
+        visitor.clicks += 1
+        visitor.answered(lambda n=number, f=face: visitor.page.select_option(f"[aria-label='Face of rest {n}']", f))
+    content = by_command("calibrate", "phone.csv", "--gravity", str(GRAVITY))
+    assert is_same(visitor.parameters(), estimates(content))
+    assert sum(row["determined"] for row in content["parameters"]) >= 6
+    assert visitor.clicks <= 9
+    assert window.complaints == []
+
+
+def test_a_bad_rest_of_a_hand_moved_log_is_moved_cut_and_left_out(tmp_path: Path, window: Window, opened) -> None:
+    _, table = hand_moved(4)
+    path = tmp_path / "walk.csv"
+    table.write_csv(path)
+    visitor = Visitor(window, opened(path))
+    visitor.page.wait_for_selector("#rests tbody tr", timeout=SECONDS)
+    count = visitor.page.locator("#rests tbody tr").count()
+    visitor.type("[name=gravity]", str(GRAVITY))
+    visitor.answered(lambda: visitor.click("[data-command=calibrate]"))
+    visitor.answered(lambda: visitor.click("[aria-label='Leave out rest 3']"))
+    edge = visitor.page.locator(".panel").first.locator(".edge[data-rest='5'][data-side='1']")
+    visitor.page.locator(".panel").first.scroll_into_view_if_needed()
+    box = edge.bounding_box()
+    assert box is not None
+
+    def drag() -> None:
+        visitor.clicks += 1
+        visitor.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 40)
+        visitor.page.mouse.down()
+        visitor.page.mouse.move(box["x"] - 8, box["y"] + 40, steps=3)
+        visitor.page.mouse.up()
+
+    ends = visitor.page.input_value("[aria-label='End of rest 6 [s]']")
+    visitor.answered(drag)
+    visitor.wait_for(f"document.querySelector(\"[aria-label='End of rest 6 [s]']\").value !== '{ends}'")
+    visitor.answered(lambda: visitor.click("[aria-label='Cut rest 8']"))
+    visitor.wait_for(f"document.querySelectorAll('#rests tbody tr').length === {count}")
+    expected = estimates(by_command("calibrate", "walk.csv", "--gravity", str(GRAVITY)))
+    assert is_same(visitor.parameters(), expected)
+    visitor.answered(lambda: visitor.click("#undo"))
+    visitor.answered(lambda: visitor.click("#undo"))
+    visitor.answered(lambda: visitor.click("#undo"))
+    assert not (tmp_path / "walk.decisions.toml").exists()
+    assert visitor.clicks <= 8
+    assert window.complaints == []
+
+
+def test_a_hidden_effect_is_found_and_exported(tmp_path: Path, window: Window, opened) -> None:
+    path = tmp_path / "hidden.csv"
+    write_record(th.hidden(11, "quadratic").record, path)
+    visitor = Visitor(window, opened(path))
+    visitor.type("[name=noise_bound]", "1e-5")
+    visitor.answered(lambda: visitor.click("[data-command=diagnose]"))
+    content = by_command("diagnose", "hidden.csv", "--noise-bound", "1e-5")
+    assert content["verdict"] == "explained"
+    assert visitor.page.locator("#explanations details").count() == len(content["explanations"])
+    visitor.click("#explanations summary")
+    assert visitor.page.locator("#explanations td").count() > 0
+    folder = visitor.saved("[data-save=fmu]")
+    assert list(folder.glob("*.fmu"))
+    assert visitor.clicks <= 5
+    assert window.complaints == []
+
+
+def test_three_runs_are_calibrated_together(tmp_path: Path, window: Window, opened) -> None:
+    instrument = Instrument(7)
+    paths = []
+    for number in range(3):
+        rng = np.random.default_rng(100 + number)
+        path = tmp_path / f"run{number}.csv"
+        poses(instrument, directions(rng, 8), rng.uniform(-1e-4, 1e-4, (8, 3))).write_csv(path)
+        paths.append(path)
+    visitor = Visitor(window, opened(*paths), 1024)
+    visitor.wait_for("state.files.length === 3 && state.files.every(file => file.about)")
+    visitor.type("[name=gravity]", str(GRAVITY))
+    visitor.click("[aria-label='Calculate with run1.csv']")
+    visitor.click("[aria-label='Calculate with run2.csv']")
+    verdict = visitor.answered(lambda: visitor.click("[data-command=calibrate]"))
+    content = by_command("calibrate", "run0.csv", "run1.csv", "run2.csv", "--gravity", str(GRAVITY))
+    assert is_same(visitor.parameters(), estimates(content))
+    assert verdict
+    assert "run0.csv run1.csv run2.csv" in visitor.page.inner_text("#command")
+    assert visitor.clicks <= 5
+    assert window.complaints == []
+
+
+# Without a browser
+
+
+def asked(server: DeskServer, method: str, path: str, body: bytes | None = None, **headers: str) -> tuple[int, Any]:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    sent = {"Host": f"127.0.0.1:{server.port}"} | {name.replace("_", "-"): value for name, value in headers.items()}
+    connection.request(method, path, body, sent)
+    answer = connection.getresponse()
+    content = answer.read()
+    connection.close()
+    return answer.status, content
+
+
+def told(server: DeskServer, **content: Any) -> dict[str, Any]:
+    """Return what the page is told when it asks for something."""
+    headers = {"Origin": f"http://127.0.0.1:{server.port}", "Content_Type": "application/json"}
+    status, body = asked(server, "POST", f"/{server.token}/do", json.dumps(content).encode(), **headers)
+    assert status == 200
+    return json.loads(body)
+
+
+def test_only_this_machine_with_the_token_and_from_this_page_is_answered(tmp_path: Path, opened) -> None:
+    server = opened(wrong_table(tmp_path))
+    address, origin = f"/{server.token}/", f"http://127.0.0.1:{server.port}"
+    assert asked(server, "GET", address + "state")[0] == 200
+    assert asked(server, "GET", "/state")[0] == 404
+    assert asked(server, "GET", address + "../table.csv")[0] == 404
+    assert asked(server, "GET", address + "state", Host=f"evil.example:{server.port}")[0] == 403
+    body, kind = b'{"do": "stop"}', {"Content_Type": "application/json"}
+    assert asked(server, "POST", address + "do", body, **kind)[0] == 403
+    assert asked(server, "POST", address + "do", body, Origin="http://evil.example", **kind)[0] == 403
+    assert asked(server, "POST", address + "do", body, Origin=origin, Content_Type="text/plain")[0] == 415
+    assert asked(server, "POST", address + "drop?x.csv", b"a", Origin="http://evil.example")[0] == 403
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"do": "run", "command": "import", "files": [0]},
+        {"do": "run", "command": "calibrate", "files": [7]},
+        {"do": "run", "command": "calibrate", "files": "all"},
+        {"do": "decide", "file": 0, "decisions": {"left_out": [99]}},
+        {"do": "decide", "file": 0, "decisions": {"path": "/etc/passwd"}},
+        {"do": "decide", "file": 3, "decisions": {}},
+        {"do": "save", "what": "json"},
+        {"do": "anything"},
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line(tmp_path: Path, opened, content: dict[str, Any]) -> None:
+    server = opened(wrong_table(tmp_path))
+    while server.desk.files[0].problem == "is being read":
+        time.sleep(0.05)
+    answer = told(server, **content)
+    assert answer["refusal"]
+    assert "\n" not in answer["refusal"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["table.csv"]
+
+
+def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path: Path, opened) -> None:
+    server = opened()
+    origin = {"Origin": f"http://127.0.0.1:{server.port}"}
+    content = wrong_table(tmp_path).read_bytes()
+    for name, body, expected in (
+        ("../outside.csv", content, {"file": 0}),
+        ("outside.csv", content, {"file": 0}),
+        ("table.csv", b"other", "another file of this name"),
+        (".hidden", content, "no name"),
+    ):
+        status, answer = asked(server, "POST", f"/{server.token}/drop?{name}", body, **origin)
+        assert status == 200
+        told_back = json.loads(answer)
+        assert told_back == expected or expected in told_back["refusal"]
+    assert (tmp_path / "outside.csv").read_bytes() == content
+    assert (tmp_path / "table.csv").read_bytes() == content
+
+
+def test_a_file_that_is_not_there_is_refused() -> None:
+    with pytest.raises(FileNotFoundError, match=r"absent.csv: no such file"):
+        th.open("absent.csv")

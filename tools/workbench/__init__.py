@@ -1,0 +1,5 @@
+"""A record on one page, which this machine serves to itself: look, decide, calculate again, export."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,3 @@
+from .desk import Desk as Desk
+from .server import DeskServer as DeskServer
+from .server import open_records as open_records

@@ -1,0 +1,467 @@
+"""What the page of a record shows, as plain values: made in a process of its own, which keeps the records it has read.
+
+The answers are those of the functions of the library, of which the commands are a thin layer.
+"""
+
+import inspect
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ...fmus.units import STANDARD_GRAVITY
+from .. import by_hand, corrections, diagnosis, document, measured, records, reports
+from .. import calibration as calibrations
+from ..document.notation import plain as plain_text
+from ..document.notation import unit_text
+from ..errors import InputError, one_line
+from ..files import json_text, write_text
+from ..records.limits import runs_of
+from ..rounding import digits, interval
+from .lines import GROUPS, Channels, lines_of, plain
+
+PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
+"""Options of a bench with gyros."""
+OPTIONS: dict[str, type] = {
+    "noise_bound": float,
+    "noise_sd": float,
+    "gravity": float,
+    "rest_scatter": float,
+    **dict.fromkeys(PLACE, float),
+    "faces": str,
+    "turns": str,
+    "stamps": str,
+    "channels": str,
+    "trust": bool,
+    "dwell": float,
+    "positions": int,
+}
+"""Options that the page takes, and the type of their values."""
+FUNCTIONS = {
+    "calibrate": (measured.calibrate, measured.calibrate_together),
+    "diagnose": (measured.diagnose, measured.diagnose_together),
+    "noise": (measured.noise, measured.noise),
+    "inspect": (measured.inspect, None),
+}
+"""Command -> its function for one record, and for several."""
+ENDINGS = {"kalibr": ".yaml", "imucal": ".json", "ros": ".yaml", "c": ".h", "matlab": ".mat"}
+ENDINGS |= {"csv": ".csv", "xlsx": ".xlsx"}
+"""Target of an export -> ending of its file."""
+MOST_ROWS = 2000
+"""So many rows of a table are shown."""
+MOST_MARKS = 200
+KEPT: dict[tuple[Any, ...], records.Record] = {}
+"""Records that were read, by file and the way of reading."""
+MOST_KEPT = 8
+LAST: list[tuple[Any, Any]] = []
+"""The last result and its record, for its page and its files."""
+
+
+def outcome(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
+    """Return what a function gives and an empty text; or nothing and the line why its input cannot be used."""
+    try:
+        return function(*arguments), ""
+    except (InputError, OSError) as error:
+        return None, one_line(str(error))
+    except Exception as error:
+        return None, one_line(f"a fault of the program: {type(error).__name__}: {error}")
+
+
+def record_at(path: str, stamps: str | None = None) -> records.Record:
+    """Return the record of a file without decisions, read once."""
+    status = Path(path).stat()
+    key = (path, status.st_mtime_ns, status.st_size, stamps)
+    if key not in KEPT:
+        while len(KEPT) >= MOST_KEPT:
+            del KEPT[next(iter(KEPT))]
+        KEPT[key] = records.read_undecided(Path(path), stamps=stamps)
+    return KEPT[key]
+
+
+def described(path: str) -> dict[str, Any]:
+    """Return what a file holds: kind, rows, columns, decisions beside it.
+
+    Raises
+    ------
+    InputError
+        for a file that holds no record
+    """
+    record = record_at(path)
+    is_table = isinstance(record, records.PositionRecord | records.PoseRecord)
+    decisions = records.read_decisions(Path(path), record.sha256)
+    about: dict[str, Any] = {
+        "word": record.word,
+        "rows": len(record),
+        "table": is_table,
+        "columns": list(record.columns()),
+        "sha256": record.sha256,
+        "warnings": list(record.warnings),
+        "decisions": values_of(decisions),
+        "moved": isinstance(record, records.RawRecord),
+    }
+    if is_table:
+        about["table_rows"] = table_of(record)
+    return about
+
+
+def values_of(decisions: records.Decisions | None) -> dict[str, Any]:
+    """Return decisions as plain values."""
+    if decisions is None:
+        return {}
+    values: dict[str, Any] = {"left_out": list(decisions.left_out), "turns": decisions.turns}
+    if decisions.rests is not None:
+        values["rests"] = [[rest.from_s, rest.to_s, rest.face] for rest in decisions.rests]
+    return values
+
+
+def table_of(record: records.PositionRecord | records.PoseRecord) -> dict[str, Any]:
+    """Return the first rows of a table of averaged readings, numbers as written."""
+    columns = {"position": record.position, **record.columns()}
+    rows = []
+    for number in range(min(len(record), MOST_ROWS)):
+        cells = []
+        for values in columns.values():
+            value = values[number]
+            cells.append(value if isinstance(value, str) else f"{float(value):.10g}")
+        rows.append(cells)
+    return {"header": list(columns), "rows": rows}
+
+
+def decided(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -> records.Record:
+    """Return the record of a file with decisions."""
+    record = record_at(path, options.get("stamps"))
+    taken = records.decisions_of(decisions, "decisions")
+    if taken:
+        taken = replace(taken, file=records.decisions_file(Path(path)).name)
+    return records.with_decisions(record, taken)
+
+
+def decided_size(path: str, decisions: Mapping[str, Any]) -> int:
+    """Return the number of rows that decisions keep; an InputError of decisions that do not go with the record."""
+    return len(decided(path, decisions, {}))
+
+
+def lines(path: str, begin: float | None, end: float | None, points: int) -> dict[str, Any]:
+    """Return the lines of a series between two times [s]; all of it without these."""
+    record = record_at(path)
+    channels = {field: getattr(record, field, None) for _, field, *_ in GROUPS}
+    return lines_of(Channels(record.time_s, channels), begin, end, points)
+
+
+def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the rests of a series, those that are refused with the reason, and what else is marked in it.
+
+    A rest has "from_s", "to_s", "face", "norm" [g], "scatter" [g] and "refused".
+    """
+    record = decided(path, decisions, options)
+    found: list[dict[str, Any]] = []
+    reason = ""
+    try:
+        for rows, face, refused in _rests_of(record, options):
+            force = record.specific_force[rows] / STANDARD_GRAVITY
+            rest = {"from_s": float(record.time_s[rows.start]), "to_s": float(record.time_s[rows.stop - 1])}
+            size = {"norm": float(np.linalg.norm(force.mean(axis=0))), "scatter": float(force.std(axis=0).max())}
+            found.append({**rest, "face": face, "refused": refused, **size})
+    except InputError as error:
+        reason = str(error)
+    return {"rests": found, "reason": reason, "marks": _marks_of(record), "as_decided": bool(record.decisions)}
+
+
+def _rests_of(record: Any, options: Mapping[str, Any]) -> list[tuple[slice, str, str]]:
+    """Return rows, face and reason of refusal of each rest of a series."""
+    if isinstance(record, records.RawRecord):
+        table = records.position_record_of(record)
+        return [(rest.kept, "", rest.refused or "") for rest in table.rests or ()]
+    if record.decisions is not None and record.decisions.rests is not None:
+        rows = records.rows_of_rests(record.time_s, record.decisions.rests, record.path.name)
+        faces = [rest.face for rest in record.decisions.rests]
+        return [(rows_of_rest, face, "") for rows_of_rest, face in zip(rows, faces, strict=True)]
+    known = {name: options[name] for name in ("gravity", "rest_scatter", "faces") if name in options}
+    run = by_hand.run_of(record, by_hand.HandRequest.told(**known))
+    return [(rows, "", "") for rows in run.rests.rows]
+
+
+def _marks_of(record: Any) -> list[dict[str, Any]]:
+    """Return stretches with readings that are not used, and gaps."""
+    marks = []
+    for first, stop in list(zip(*runs_of(record.knocks), strict=True))[:MOST_MARKS]:
+        marks.append({"from_s": float(record.time_s[first]), "to_s": float(record.time_s[stop - 1]), "what": "knock"})
+    steps = np.diff(record.time_s)
+    for row in np.flatnonzero(steps > 2.5 * np.median(steps))[:MOST_MARKS].tolist():
+        marks.append({"from_s": float(record.time_s[row]), "to_s": float(record.time_s[row + 1]), "what": "gap"})
+    return marks
+
+
+def checked_options(command: str, several: bool, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of a command from texts of the page.
+
+    Raises
+    ------
+    InputError
+        for an option that the command does not take
+    """
+    function = FUNCTIONS[command][several]
+    if function is None:
+        raise InputError(f"{command}: takes one record")
+    known = {*inspect.signature(function).parameters, *(PLACE if command in ("calibrate", "diagnose") else ())}
+    options = typed(values)
+    for name in options:
+        if name not in known:
+            raise InputError(f"--{name.replace('_', '-')}: `{command}` of this record has no such option")
+    return options
+
+
+def typed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options of their types from texts; empty ones are left out.
+
+    Raises
+    ------
+    InputError
+        for an option that the page does not have, or a value that is none
+    """
+    options: dict[str, Any] = {}
+    for name, value in values.items():
+        if value in ("", None, False):
+            continue
+        if name not in OPTIONS:
+            raise InputError(f"--{name.replace('_', '-')}: is no option of the page")
+        try:
+            options[name] = OPTIONS[name](value)
+        except (ValueError, TypeError) as error:
+            raise InputError(f"--{name.replace('_', '-')} {value}: a number is needed, as 1e-5") from error
+    return options
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A command about files with decisions, its options as the page has them."""
+
+    command: str
+    paths: Sequence[str]
+    decisions: Sequence[Mapping[str, Any]]
+    options: Mapping[str, Any]
+
+
+Advise: TypeAlias = Callable[[str, Sequence[str], Mapping[str, Any], Any], str]
+"""Gives the command that follows, by command, files, options and result."""
+
+
+def answer(asked: Asked, advise: Advise | None = None) -> dict[str, Any]:
+    """Return the answer of a command, and the ways to have it without the page.
+
+    Raises
+    ------
+    InputError
+        for anything that cannot be done, in one line
+    """
+    command, several = asked.command, len(asked.paths) > 1
+    options = checked_options(command, several, asked.options)
+    runs = []
+    for path, made in zip(asked.paths, asked.decisions, strict=True):
+        runs.append(decided(path, made, options))
+    result, record = _result(command, runs, options)
+    page = reports.page_of(result, record)
+    assert page is not None
+    LAST[:] = [(result, record)]
+    shown = [_short(path) for path in asked.paths]
+    following = "" if advise is None else advise(command, shown, options, result)
+    return {
+        "verdict": page.verdict,
+        "tone": page.tone,
+        "key": {plain_text(name): plain_text(value) for name, value in page.key.items()},
+        "sentences": _sentences(page),
+        "text": str(result),
+        "warnings": list(page.warnings),
+        "parameters": _parameters(result),
+        "wrong": _wrong_positions(result, runs[0]),
+        "explanations": _explanations(result),
+        "next": following,
+        "command": command_line(command, shown, options),
+        "python": python_lines(command, shown, options),
+    }
+
+
+def _short(path: str) -> str:
+    """Return a path as one would type it in the working folder."""
+    with suppress(ValueError):
+        return str(Path(path).relative_to(Path.cwd()))
+    return path
+
+
+def _sentences(page: document.Page) -> list[str]:
+    """Return the first sentences of the answer of a page without figures."""
+    if page.key or not page.answer:
+        return []
+    return [plain_text(sentence) for sentence in page.answer[0].paragraphs[:3]]
+
+
+def _result(command: str, runs: Sequence[Any], options: dict[str, Any]) -> tuple[Any, Any]:
+    """Return the result of a command, and the record for its page."""
+    one, several = FUNCTIONS[command]
+    known = dict(options)
+    known.pop("stamps", None)
+    if "channels" in known:
+        known["channels"] = (known["channels"],)
+    place = {name: known.pop(name) for name in PLACE if name in known}
+    if len(runs) > 1:
+        assert several is not None
+        return several(*runs, **known), None
+    if command == "noise":
+        return one(runs[0], **known), None
+    if command == "inspect":
+        result = one(runs[0], **known)
+        return result, result.record
+    record = runs[0]
+    if isinstance(record, records.RawRecord):
+        record = records.position_record_of(record)
+    if place or isinstance(record, records.PositionRecord):
+        known["bench"] = measured.bench_at(record, **place)
+    return one(record, **known), record
+
+
+def _parameters(result: Any) -> list[dict[str, Any]]:
+    """Return symbol, estimate and ends of each parameter, for a comparison of before and after."""
+    calibration = getattr(result, "calibration", result)
+    parameters = []
+    for parameter in getattr(calibration, "parameters", ()):
+        row = {name: getattr(parameter, name, None) for name in ("symbol", "estimate", "low", "high", "unit")}
+        row["name"] = str(getattr(parameter, "name", ""))
+        numbers = [row[name] for name in ("estimate", "low", "high")]
+        row["estimate"], row["low"], row["high"] = plain(np.array([_or_nan(number) for number in numbers]), 7)
+        parameters.append(row)
+    return parameters
+
+
+def _or_nan(number: float | None) -> float:
+    return float("nan") if number is None else float(number)
+
+
+def _wrong_positions(result: Any, record: Any) -> list[int]:
+    """Return the numbers of the positions that a diagnosis names wrong."""
+    explanations = getattr(result, "explanations", ())
+    if not explanations or explanations[0].kind != "rows" or not hasattr(record, "position"):
+        return []
+    return list(explanations[0].rows or ())
+
+
+def _explanations(result: Any) -> list[dict[str, Any]]:
+    """Return the explanations of a diagnosis: sentence, count of numbers, largest error and sizes."""
+    listed = []
+    for explanation in getattr(result, "explanations", ()):
+        radius = "unknown" if explanation.radius is None else str(digits(explanation.radius, 3))
+        listed.append(
+            {
+                "sentence": explanation.sentence,
+                "numbers": explanation.numbers,
+                "radius": radius,
+                "sizes": _sizes(explanation),
+            }
+        )
+    return listed
+
+
+def _sizes(explanation: Any) -> list[tuple[str, str]]:
+    """Return the names and the sizes, with their ends, of what an explanation adds."""
+    sizes = []
+    for cause in explanation.causes:
+        for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+            estimate, least, most = interval(value, low, high)
+            unit = unit_text(parameter.unit)
+            sizes.append((f"{cause.place.title}, {parameter.name}", f"{estimate} ({least} to {most}) {unit}".strip()))
+    for name, value in (explanation.change or {}).items():
+        sizes.append((name, str(value if isinstance(value, str) else digits(value))))
+    return sizes
+
+
+def page() -> str:
+    """Return the page of the last result as HTML."""
+    result, record = LAST[0]
+    shown = reports.page_of(result, record)
+    assert shown is not None
+    return document.html(shown)
+
+
+def saved(what: str, record: str) -> dict[str, Any]:
+    """Write a file of the last result beside a record: "json", "report", "corrected", "fmu", or a target of an export.
+
+    A file that is there already is kept: the new one has a number in its name.
+
+    Raises
+    ------
+    InputError
+        for what the result does not give
+    """
+    result, made_of = LAST[0]
+    kind = type(result).__name__.lower()
+    beside = Path(record)
+    if what == "json":
+        out = _free(beside.with_name(f"{beside.stem}.{kind}.json"))
+        write_text(out, json_text(result.to_json()))
+    elif what == "report":
+        out = _free(beside.with_name(f"{beside.stem}.{kind}.html"))
+        reports.write_report(out, result, made_of)
+    elif what == "corrected":
+        out = _free(beside.with_name(f"{beside.stem}.corrected.csv"))
+        corrected = corrections.apply(result, Path(record)).record
+        if corrected is None:
+            raise InputError("nothing that was found can be taken out of readings")
+        records.write_record(corrected, out)
+    elif what == "fmu":
+        out = _free(beside.with_name(f"{beside.stem}-fmus"))
+        _export(result, out)
+    elif what in ENDINGS:
+        out = _free(beside.with_name(f"{beside.stem}.{what}{ENDINGS[what]}"))
+        corrections.export_calibration(result, what, out)
+    else:
+        raise InputError(f"{what}: is nothing that a result is saved as")
+    return {"file": str(out)}
+
+
+def _export(result: Any, folder: Path) -> None:
+    """Write the FMUs of a calibration, or of a diagnosis with its cause."""
+    if isinstance(result, diagnosis.Diagnosis):
+        if not diagnosis.export_extended(result, folder):
+            raise InputError(f"nothing to export, {diagnosis.nothing_exported(result)}")
+    else:
+        calibrations.export_calibrated(result, folder)
+
+
+def _free(path: Path) -> Path:
+    """Return the path, with a number where it is taken."""
+    taken, number = path, 2
+    while taken.exists():
+        taken = path.with_name(f"{path.stem}-{number}{path.suffix}")
+        number += 1
+    return taken
+
+
+def command_line(command: str, paths: Sequence[str], options: Mapping[str, Any]) -> str:
+    """Return the command that gives the same answer."""
+    words = ["trihedron", command, *map(shlex.quote, paths)]
+    for name, value in options.items():
+        words.append(f"--{name.replace('_', '-')}")
+        if value is not True:
+            words.append(shlex.quote(f"{value:g}" if isinstance(value, float) else str(value)))
+    return " ".join(words)
+
+
+def python_lines(command: str, paths: Sequence[str], options: Mapping[str, Any]) -> str:
+    """Return the lines of Python that give the same answer."""
+    words = [repr(path) for path in paths]
+    place = []
+    for name, value in options.items():
+        text = repr([value]) if name == "channels" else repr(value)
+        if name in PLACE:
+            place.append(f"{name}={text}")
+        else:
+            words.append(f"{name}={text}")
+    lines = ["import trihedron as th"]
+    if place:
+        lines.append(f"bench = th.bench_at(th.read_record({paths[0]!r}), {', '.join(place)})")
+        words.append("bench=bench")
+    function = f"{command}_together" if len(paths) > 1 and command != "noise" else command
+    return "\n".join([*lines, f"result = th.{function}({', '.join(words)})", "print(result)"])

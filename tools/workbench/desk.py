@@ -1,0 +1,295 @@
+"""The state of the page about records: files, decisions, the answer before and after, and what is being calculated."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import CancelledError, Future
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .. import records
+from ..errors import InputError, one_line
+from ..files import write_text
+from ..workers import OneProcess
+from . import answers
+from .lines import Channels, channels_of_file, lines_of
+
+WAIT_S = 600.0
+"""So long a look at a record may take."""
+READING = "is being read"
+COMMANDS = tuple(answers.FUNCTIONS)
+
+
+@dataclass
+class OpenFile:
+    """A file on the page.
+
+    Attributes
+    ----------
+    path : Path
+    about : mapping or None
+        what it holds, as `answers.described` has it; None of a file that is no record
+    problem : str
+        why it is no record; empty of one
+    decisions : mapping
+        plain values of the decisions about it
+    earlier : list of mapping
+        decisions before each change, the last one last
+    preview : Channels or None
+        channels of a series, unchecked, for its pictures
+    """
+
+    path: Path
+    about: Mapping[str, Any] | None = None
+    problem: str = ""
+    decisions: Mapping[str, Any] = field(default_factory=dict)
+    earlier: list[Mapping[str, Any]] = field(default_factory=list)
+    preview: Channels | None = None
+
+
+@dataclass(frozen=True)
+class Request:
+    """A calculation that is asked for: a command about some of the files, with options as texts."""
+
+    command: str
+    files: tuple[int, ...]
+    options: Mapping[str, Any]
+
+
+class Desk:
+    """Files on a page, and a process that looks at them beside one that calculates.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        the files that are open at the beginning
+    advise : function, optional
+        gives the command that follows a result
+    """
+
+    def __init__(self, paths: Sequence[Path] = (), advise: answers.Advise | None = None) -> None:
+        self._advise = advise
+        self._lock = threading.RLock()
+        self._looking, self._calculating = OneProcess(), OneProcess()
+        self.files: list[OpenFile] = []
+        self.answer: Mapping[str, Any] | None = None
+        self.before: Mapping[str, Any] | None = None
+        self.refusal = ""
+        self.number = self.answered = 0
+        self._request: Request | None = None
+        self._began = 0.0
+        self._running: Future[Any] | None = None
+        for path in paths:
+            self.open(path)
+
+    def open(self, path: Path) -> int:
+        """Open a file; return its number. A file that is open already keeps its number."""
+        path = path.absolute()
+        for number, file in enumerate(self.files):
+            if file.path == path:
+                return number
+        file = OpenFile(path, problem=READING)
+        with self._lock:
+            self.files.append(file)
+            number = len(self.files) - 1
+        threading.Thread(target=self._describe, args=(file,), daemon=True).start()
+        return number
+
+    def _describe(self, file: OpenFile) -> None:
+        """Look at a file: its channels for a first picture, what it holds, and the decisions beside it."""
+        file.preview = channels_of_file(file.path)
+        self.number += 1
+        try:
+            about = self.look(answers.described, str(file.path))
+        except (InputError, OSError) as error:
+            file.problem = one_line(str(error))
+        else:
+            file.decisions, file.about, file.problem = about["decisions"], about, ""
+        self.number += 1
+
+    def look(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what a function of `answers` says of a record, beside a calculation."""
+        return _value(self._looking, function, *arguments)
+
+    def lines(self, number: int, begin: float | None, end: float | None, points: int) -> dict[str, Any]:
+        """Return the lines of a series between two times [s]; errors as `_record`."""
+        preview = self.files[number].preview if 0 <= number < len(self.files) else None
+        if preview is not None:
+            return lines_of(preview, begin, end, points)
+        return self.look(answers.lines, str(self._record(number).path), begin, end, points)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the page shows, as plain values."""
+        with self._lock:
+            running = None
+            if self._running is not None and self._request is not None:
+                names = [self.files[number].path.name for number in self._request.files]
+                running = {
+                    "command": f"trihedron {self._request.command} {' '.join(names)}",
+                    "seconds": round(time.monotonic() - self._began),
+                }
+            files = []
+            for file in self.files:
+                files.append(
+                    {
+                        "name": file.path.name,
+                        "about": file.about,
+                        "problem": file.problem,
+                        "decisions": file.decisions,
+                        "preview": file.preview is not None,
+                        "undo": bool(file.earlier),
+                        "decisions_file": records.decisions_file(file.path).name,
+                    }
+                )
+            return {
+                "number": self.number,
+                "answered": self.answered,
+                "files": files,
+                "running": running,
+                "answer": self.answer,
+                "before": self.before,
+                "refusal": self.refusal,
+            }
+
+    def run(self, request: Request) -> None:
+        """Begin a calculation in place of one that is running.
+
+        Raises
+        ------
+        InputError
+            for a command or a file that there is not
+        """
+        if request.command not in COMMANDS:
+            raise InputError(f"{request.command}: is no command of the page; {', '.join(COMMANDS)} are")
+        if not request.files or not all(0 <= number < len(self.files) for number in request.files):
+            raise InputError("choose a file first")
+        chosen = [self.files[number] for number in request.files]
+        for file in chosen:
+            if file.about is None:
+                raise InputError(f"{file.path.name}: is no record: {file.problem}")
+        paths = [str(file.path) for file in chosen]
+        asked = answers.Asked(request.command, paths, [file.decisions for file in chosen], request.options)
+        with self._lock:
+            self._stop()
+            changed = self._request != request
+            self._request, self._began, self.refusal = request, time.monotonic(), ""
+            future = self._calculating.call(answers.outcome, answers.answer, asked, self._advise)
+            self._running = future
+            self.number += 1
+        future.add_done_callback(lambda done: self._ended(done, same_request=not changed))
+
+    def _ended(self, future: Future[Any], *, same_request: bool) -> None:
+        """Take the answer of a calculation that is still the wanted one."""
+        with self._lock:
+            if future is not self._running:
+                return
+            self._running = None
+            self.number += 1
+            self.answered += 1
+            if future.exception() is not None:
+                self.refusal = "the process of the calculation ended; there may be too little memory"
+                return
+            answer, self.refusal = future.result()
+            if not self.refusal:
+                self.before = self.answer if same_request else None
+                self.answer = answer
+
+    def stop(self) -> None:
+        """Stop the calculation that is running, if any."""
+        with self._lock:
+            self._stop()
+
+    def _stop(self) -> None:
+        if self._running is not None:
+            self._running = None
+            self._calculating.stop()
+            self.number += 1
+
+    def decide(self, number: int, values: Mapping[str, Any]) -> None:
+        """Take decisions about a file in place of the earlier ones, write them beside it, and calculate again.
+
+        Raises
+        ------
+        InputError
+            for decisions that are none, or that do not go with the record; the earlier ones stay
+        """
+        file = self._record(number)
+        assert file.about is not None
+        made = records.decisions_of(values, "decisions")
+        self.look(answers.decided_size, str(file.path), dict(values))
+        with self._lock:
+            file.earlier.append(file.decisions)
+            self._keep(file, made, values)
+        self.again()
+
+    def undo(self, number: int) -> None:
+        """Take back the last decisions about a file, and calculate again."""
+        file = self._record(number)
+        with self._lock:
+            if not file.earlier:
+                return
+            values = file.earlier.pop()
+            self._keep(file, records.decisions_of(values, "decisions"), values)
+        self.again()
+
+    def _keep(self, file: OpenFile, made: records.Decisions, values: Mapping[str, Any]) -> None:
+        """Write decisions beside the record; without any the file is taken away."""
+        assert file.about is not None
+        beside = records.decisions_file(file.path)
+        if made:
+            write_text(beside, records.decisions_text(made, file.path, file.about["sha256"]))
+        else:
+            beside.unlink(missing_ok=True)
+        file.decisions = values
+        self.number += 1
+
+    def again(self) -> None:
+        """Calculate the last request again, if there was one."""
+        if self._request is not None:
+            self.run(self._request)
+
+    def _record(self, number: int) -> OpenFile:
+        """Return an open file that holds a record; raise an InputError of another."""
+        if not 0 <= number < len(self.files) or self.files[number].about is None:
+            raise InputError("choose a record first")
+        return self.files[number]
+
+    def page(self) -> str:
+        """Return the page of the last result as HTML."""
+        return _value(self._calculating, answers.page)
+
+    def save(self, what: str) -> dict[str, Any]:
+        """Write a file of the last result beside its first record.
+
+        Raises
+        ------
+        InputError
+            without a result, or for what it does not give
+        """
+        if self.answer is None or self._request is None:
+            raise InputError("calculate something first")
+        path = self.files[self._request.files[0]].path
+        return _value(self._calculating, answers.saved, what, str(path))
+
+    def close(self) -> None:
+        """End both processes."""
+        self._looking.stop()
+        self._calculating.stop()
+
+
+def _value(process: OneProcess, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a process makes of a call.
+
+    Raises
+    ------
+    InputError
+        with the line of a refusal, or where the process ended
+    """
+    try:
+        value, refusal = process.call(answers.outcome, function, *arguments).result(WAIT_S)
+    except (RuntimeError, CancelledError, TimeoutError) as error:
+        raise InputError("the process that looks at the records ended") from error
+    if refusal:
+        raise InputError(refusal)
+    return value

@@ -1,0 +1,479 @@
+"use strict";
+const $ = id => document.getElementById(id);
+const SVG = "http://www.w3.org/2000/svg";
+const FACES = ["", "+1", "-1", "+2", "-2", "+3", "-3"];
+const MOST_ROWS = 60, READING = "is being read";
+const HEIGHT = 176, LEFT = 64, BELOW = 18;
+let WIDTH = 1000;
+let state = { number: -1, files: [] }, current = 0, chosen = new Set([0]), span = null, rests = [], marks = [];
+let lines = null, shownRecord = "", shownAnswer = -1, selected = null;
+
+// Requests
+
+async function get(name) {
+  const answer = await fetch(name, { cache: "no-store" });
+  if (!answer.ok) throw new Error(answer.status);
+  return answer.json();
+}
+
+async function send(content) {
+  $("refusal").textContent = $("note").textContent = "";
+  const answer = await fetch("do", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) });
+  const result = await answer.json();
+  if (result.refusal) $("refusal").textContent = result.refusal;
+  await look();
+  return result;
+}
+
+async function look() {
+  try {
+    state = await get("state");
+    $("lost").hidden = true;
+  } catch (error) {
+    $("lost").hidden = false;
+    return;
+  }
+  show();
+}
+
+async function poll() {
+  await look();
+  setTimeout(poll, state.running ? 250 : 1000);
+}
+
+function options() {
+  const values = {};
+  for (const input of document.querySelectorAll("#options input, #more input"))
+    if (input.value.trim()) values[input.name] = input.value.trim();
+  if ($("trust").checked) values.trust = true;
+  return values;
+}
+
+function run(command) {
+  const files = [...chosen].filter(number => state.files[number]).sort((a, b) => a - b);
+  return send({ do: "run", command, files: files.length ? files : [current], options: options() });
+}
+
+function decide(change) {
+  const decisions = { ...state.files[current].decisions, ...change };
+  return send({ do: "decide", file: current, decisions });
+}
+
+// What is shown
+
+function element(name, content, attributes = {}) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (content instanceof Node) made.append(content); else if (content !== null) made.textContent = content;
+  return made;
+}
+
+function cell(content, look = "") {
+  return element("td", content, look ? { class: look } : {});
+}
+
+function button(text, act, title) {
+  const made = element("button", text, { type: "button", class: "plain" });
+  if (title) made.setAttribute("aria-label", title);
+  made.addEventListener("click", act);
+  return made;
+}
+
+function show() {
+  showFiles();
+  const running = state.running;
+  $("running").replaceChildren();
+  if (running) {
+    $("running").append(element("span", `Running for ${running.seconds} s: ${running.command}`), button("Stop", () => send({ do: "stop" })));
+  }
+  if (state.refusal) $("refusal").textContent = state.refusal;
+  for (const one of document.querySelectorAll("#commands button")) one.disabled = !state.files.length || state.files.some(file => file.problem === READING);
+  const file = state.files[current];
+  $("record-part").hidden = !file;
+  if (file) {
+    const key = JSON.stringify([current, file.preview, file.about && file.about.sha256, file.decisions, file.problem, state.answer && state.answer.wrong]);
+    if (key !== shownRecord) { shownRecord = key; showRecord(file); }
+    $("undo").disabled = !file.undo;
+  }
+  if (state.answered !== shownAnswer) { shownAnswer = state.answered; showAnswer(); }
+}
+
+function showFiles() {
+  const items = state.files.map((file, number) => {
+    const item = element("li", null), tick = element("input", null, { type: "checkbox", "aria-label": `Calculate with ${file.name}` });
+    tick.checked = chosen.has(number);
+    tick.disabled = !file.about;
+    tick.addEventListener("change", () => { tick.checked ? chosen.add(number) : chosen.delete(number); });
+    const open = button(file.name, () => { if (chosen.size < 2) chosen = new Set([number]); current = number; span = null; selected = null; show(); showFiles(); });
+    open.setAttribute("aria-current", String(number === current));
+    if (state.files.length > 1) item.append(tick);
+    item.append(open);
+    return item;
+  });
+  const focused = document.activeElement && $("files").contains(document.activeElement);
+  if (!focused || items.length !== $("files").children.length) $("files").replaceChildren(...items);
+  else [...$("files").querySelectorAll("button")].forEach((one, number) => one.setAttribute("aria-current", String(number === current)));
+}
+
+function showAnswer() {
+  const answer = state.answer;
+  for (const part of ["how", "page"]) $(`${part}-part`).hidden = !answer;
+  $("explanations-part").hidden = !answer || !answer.explanations.length;
+  $("before-part").hidden = !answer || !state.before;
+  if (!answer) return;
+  $("verdict").textContent = answer.verdict;
+  $("verdict").className = `verdict ${answer.tone}`;
+  $("key").replaceChildren(...Object.entries(answer.key).slice(0, 4).map(([name, value]) => {
+    const part = element("div", null);
+    part.append(element("dt", name), element("dd", String(value)));
+    return part;
+  }));
+  $("sentences").replaceChildren(...answer.sentences.map(text => element("p", text)));
+  const act = [];
+  if (answer.wrong.length) {
+    const names = answer.wrong.join(", ");
+    act.push(button(`Leave out position ${names}`, () => {
+      const kept = state.files[current].decisions.left_out || [];
+      decide({ left_out: [...new Set([...kept, ...answer.wrong])] });
+    }));
+  }
+  $("act").replaceChildren(...act);
+  $("following").hidden = !answer.next;
+  $("following").querySelector("code").textContent = answer.next;
+  $("warnings").hidden = !answer.warnings.length;
+  $("warnings").querySelector("summary").textContent = answer.warnings.length === 1 ? "1 warning" : `${answer.warnings.length} warnings`;
+  $("warnings").querySelector("ul").replaceChildren(...answer.warnings.map(text => element("li", text)));
+  $("explanations").replaceChildren(...answer.explanations.map(showExplanation));
+  if (state.before) showBefore(state.before, answer);
+  $("command").textContent = answer.command;
+  $("python").textContent = answer.python;
+  showPage();
+}
+
+// The page of a result is drawn where somebody looks at it.
+function showPage() {
+  const address = `page?${state.answered}`;
+  if ($("page-details").open && $("page").getAttribute("src") !== address) $("page").setAttribute("src", address);
+}
+
+function showExplanation(explanation) {
+  const item = element("li", null), details = element("details", null), summary = element("summary", explanation.sentence);
+  const numbers = explanation.numbers === 1 ? "1 number" : `${explanation.numbers} numbers`;
+  details.append(summary, element("p", `It needs ${numbers}; the largest error is then ${explanation.radius === "unknown" ? "unknown" : explanation.radius + " σ"}.`));
+  if (explanation.sizes.length) {
+    const table = element("table", null);
+    for (const [name, size] of explanation.sizes) {
+      const row = element("tr", null);
+      row.append(cell(name), cell(size, "number"));
+      table.append(row);
+    }
+    details.append(table);
+  }
+  item.append(details);
+  return item;
+}
+
+function showBefore(before, after) {
+  const rows = [["verdict", before.verdict.split(":")[0], after.verdict.split(":")[0]]];
+  after.sentences.forEach((text, k) => rows.push(["", before.sentences[k] || "", text]));
+  const names = new Set([...Object.keys(before.key), ...Object.keys(after.key)]);
+  for (const name of names) rows.push([name, String(before.key[name] ?? "–"), String(after.key[name] ?? "–")]);
+  const earlier = new Map(before.parameters.map(one => [one.symbol, one]));
+  for (const one of after.parameters) rows.push([`${one.symbol} ${one.name}`, interval(earlier.get(one.symbol)), interval(one)]);
+  $("before").tBodies[0].replaceChildren(...rows.map(([name, first, second]) => {
+    const row = element("tr", null, first === second ? {} : { class: "changed" });
+    row.append(cell(name), cell(first, "number"), cell(second, "number"));
+    return row;
+  }));
+}
+
+function interval(one) {
+  if (!one || one.estimate === null) return "open";
+  if (one.low === null || one.high === null) return String(one.estimate);
+  return `${one.estimate} (${one.low} to ${one.high})`;
+}
+
+// The record
+
+async function showRecord(file) {
+  const about = file.about;
+  $("import").hidden = Boolean(about);
+  $("series").hidden = about ? about.table : !file.preview;
+  $("table").hidden = !about || !about.table;
+  const saved = Object.keys(file.decisions).length ? `Decisions are kept in ${file.decisions_file}.` : "";
+  $("kept").textContent = saved;
+  if (!about) {
+    $("record-about").textContent = file.problem === READING ? `${file.name} ${file.problem} ...` : file.problem;
+    if (file.preview) { rests = []; marks = []; $("rests").tBodies[0].replaceChildren(); await draw(); return; }
+    if (window.showImport) window.showImport(file);
+    return;
+  }
+  $("record-about").textContent = `${file.name}: ${about.word} of ${about.rows} rows.`;
+  if (about.table) return showTable(file);
+  $("turns").value = file.decisions.turns || "";
+  if (!lines || lines.file !== current) await draw();
+  await showRests();
+}
+
+function showTable(file) {
+  const { header, rows } = file.about.table_rows, out = new Set(file.decisions.left_out || []);
+  const wrong = new Set((state.answer && state.answer.wrong) || []);
+  const head = element("tr", null);
+  head.append(element("th", "used"), ...header.map(name => element("th", name, { class: "number" })));
+  $("positions").tHead.replaceChildren(head);
+  $("positions").tBodies[0].replaceChildren(...rows.map(cells => {
+    const number = Number(cells[0]);
+    const row = element("tr", null, { class: out.has(number) ? "left-out" : wrong.has(number) ? "wrong" : "" });
+    const tick = element("input", null, { type: "checkbox", "aria-label": `Use position ${number}` });
+    tick.checked = !out.has(number);
+    tick.addEventListener("change", () => {
+      tick.checked ? out.delete(number) : out.add(number);
+      decide({ left_out: [...out].sort((a, b) => a - b) });
+    });
+    row.append(cell(tick), ...cells.map(text => cell(text, "number")));
+    return row;
+  }));
+}
+
+async function draw() {
+  const query = new URLSearchParams({ file: current, points: Math.min(1600, Math.round($("panels").clientWidth || 900)) });
+  if (span) { query.set("from", span[0]); query.set("to", span[1]); }
+  const answer = await get(`lines?${query}`);
+  if (answer.refusal) { $("refusal").textContent = answer.refusal; return; }
+  lines = { ...answer, file: current };
+  span = span || [lines.from_s, lines.to_s];
+  $("span").textContent = `${span[0].toPrecision(6)} to ${span[1].toPrecision(6)} s`;
+  drawPanels();
+}
+
+async function showRests() {
+  const query = new URLSearchParams({ file: current, ...options() });
+  const answer = await get(`rests?${query}`);
+  rests = answer.rests || [];
+  marks = answer.marks || [];
+  $("rests-reason").textContent = answer.refusal || answer.reason || "";
+  drawPanels();
+}
+
+// Of many rests only those of the shown stretch have rows.
+function listRests() {
+  const numbers = rests.map((_, number) => number);
+  const shown = numbers.filter(number => rests[number].to_s >= span[0] && rests[number].from_s <= span[1]);
+  $("rests").tBodies[0].replaceChildren(...shown.slice(0, MOST_ROWS).map(number => showRest(rests[number], number)));
+  $("rests-count").textContent = shown.length > MOST_ROWS ? `${rests.length} rests; the first ${MOST_ROWS} are listed. Look closer for the others.` : `${rests.length} rests`;
+}
+
+function used() {
+  return rests.filter(rest => !rest.refused).map(rest => [rest.from_s, rest.to_s, rest.face]);
+}
+
+function changed(number, values) {
+  const list = rests.map(rest => [rest.from_s, rest.to_s, rest.face]);
+  list.splice(number, 1, ...values);
+  const refused = new Set(rests.flatMap((rest, k) => rest.refused && k !== number ? [`${rest.from_s} ${rest.to_s}`] : []));
+  decide({ rests: list.filter(([from, to]) => !refused.has(`${from} ${to}`)) });
+}
+
+function showRest(rest, number) {
+  const row = element("tr", null, { class: rest.refused ? "left-out" : number === selected ? "chosen" : "" });
+  const time = (name, change) => {
+    const input = element("input", null, { type: "number", step: "any", "aria-label": `${name} of rest ${number + 1} [s]` });
+    input.value = change(rest).toFixed(3);
+    return input;
+  };
+  const from = time("Beginning", one => one.from_s), to = time("End", one => one.to_s);
+  for (const input of [from, to]) input.addEventListener("change", () => changed(number, [[Number(from.value), Number(to.value), rest.face]]));
+  const face = element("select", null, { "aria-label": `Face of rest ${number + 1}` });
+  for (const word of FACES) face.append(element("option", word));
+  face.value = rest.face;
+  face.addEventListener("change", () => changed(number, [[rest.from_s, rest.to_s, face.value]]));
+  const acts = element("span", null, { class: "row" });
+  if (rest.refused) acts.append(element("span", rest.refused), button("Use it", () => {
+    const list = used();
+    list.push([rest.from_s, rest.to_s, rest.face]);
+    decide({ rests: list });
+  }, `Use rest ${number + 1}`));
+  else {
+    const middle = (rest.from_s + rest.to_s) / 2, next = rests[number + 1];
+    acts.append(button("Leave out", () => changed(number, []), `Leave out rest ${number + 1}`));
+    acts.append(button("Cut", () => changed(number, [[rest.from_s, middle, rest.face], [middle, rest.to_s, rest.face]]), `Cut rest ${number + 1}`));
+    if (next && !next.refused) acts.append(button("Join with next", () => {
+      const list = used().filter(one => one[0] !== rest.from_s && one[0] !== next.from_s);
+      decide({ rests: [...list, [rest.from_s, next.to_s, rest.face]] });
+    }, `Join rest ${number + 1} with the next`));
+  }
+  row.append(cell(String(number + 1), "number"), cell(from), cell(to), cell(face), cell(rest.norm.toFixed(5), "number"), cell((1000 * rest.scatter).toFixed(2), "number"), cell(acts));
+  row.addEventListener("focusin", () => { selected = number; drawBands(); });
+  return row;
+}
+
+// Pictures: a panel for each instrument, with the rests below the lines
+
+const place = time => LEFT + (time - span[0]) / (span[1] - span[0]) * (WIDTH - LEFT);
+const timeAt = x => span[0] + (x - LEFT) / (WIDTH - LEFT) * (span[1] - span[0]);
+
+function drawn(name, attributes) {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  return made;
+}
+
+function drawPanels() {
+  if (!lines || lines.file !== current) return;
+  WIDTH = Math.max(300, $("panels").clientWidth);
+  $("panels").replaceChildren(...lines.panels.flatMap(panel => {
+    const legend = element("p", null, { class: "legend" });
+    legend.append(element("b", `${panel.title} [${panel.unit}]`), ...panel.lines.map((line, axis) => element("span", line.name, { class: `c${axis}` })));
+    return [legend, panelOf(panel)];
+  }));
+  drawBands();
+  listRests();
+}
+
+function panelOf(panel) {
+  const svg = drawn("svg", { class: "panel", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": `${panel.title} over time` });
+  const values = panel.lines.flatMap(line => [...line.low, ...line.high]).filter(value => value !== null);
+  let low = Infinity, high = -Infinity;
+  for (const value of values) { if (value < low) low = value; if (value > high) high = value; }
+  if (low === high) { low -= 1; high += 1; }
+  const at = value => (HEIGHT - BELOW - 4) * (high - value) / (high - low) + 4;
+  svg.append(drawn("g", { class: "bands" }));
+  for (const value of [low, (low + high) / 2, high]) {
+    svg.append(drawn("line", { class: "grid", x1: LEFT, x2: WIDTH, y1: at(value), y2: at(value) }));
+    const text = drawn("text", { x: LEFT - 4, y: at(value) + 4, "text-anchor": "end" });
+    text.textContent = value.toPrecision(3);
+    svg.append(text);
+  }
+  for (let k = 0; k <= 5; k++) {
+    const time = span[0] + k / 5 * (span[1] - span[0]), text = drawn("text", { x: place(time), y: HEIGHT - 4, "text-anchor": k === 5 ? "end" : k ? "middle" : "start" });
+    text.textContent = time.toPrecision(5);
+    svg.append(text);
+  }
+  panel.lines.forEach((line, axis) => {
+    const points = [];
+    lines.time.forEach((time, k) => {
+      if (line.low[k] === null) { points.push(null); return; }
+      const x = place(time).toFixed(1);
+      points.push(`${x} ${at(line.low[k]).toFixed(1)}`);
+      if (line.high[k] !== line.low[k]) points.push(`${x} ${at(line.high[k]).toFixed(1)}`);
+    });
+    let path = "", begun = false;
+    for (const point of points) {
+      if (point === null) { begun = false; continue; }
+      path += `${begun ? "L" : "M"}${point}`;
+      begun = true;
+    }
+    svg.append(drawn("path", { class: `c${axis}`, d: path }));
+  });
+  svg.append(drawn("g", { class: "edges" }));
+  svg.addEventListener("pointerdown", event => begin(event, svg));
+  svg.addEventListener("dblclick", () => { span = null; draw(); });
+  return svg;
+}
+
+function drawBands() {
+  for (const svg of document.querySelectorAll(".panel")) {
+    const bands = svg.querySelector(".bands"), edges = svg.querySelector(".edges");
+    bands.replaceChildren();
+    edges.replaceChildren();
+    const band = (from, to, look) => {
+      const x = Math.max(LEFT, place(from)), end = Math.min(WIDTH, place(to));
+      if (end >= x) bands.append(drawn("rect", { class: look, x, y: 0, width: Math.max(end - x, 1), height: HEIGHT - BELOW }));
+    };
+    rests.forEach((rest, number) => {
+      band(rest.from_s, rest.to_s, rest.refused ? "refused" : number === selected ? "rest chosen" : "rest");
+      if (rest.refused) return;
+      for (const [side, time] of [[0, rest.from_s], [1, rest.to_s]]) {
+        const x = place(time);
+        if (x >= LEFT && x <= WIDTH) edges.append(drawn("line", { class: "edge", x1: x, x2: x, y1: 0, y2: HEIGHT - BELOW, "data-rest": number, "data-side": side }));
+      }
+    });
+    for (const mark of marks) band(mark.from_s, mark.to_s, "mark");
+  }
+}
+
+function begin(event, svg) {
+  if (event.button !== 0) return;
+  const at = one => {
+    const x = new DOMPoint(one.clientX, one.clientY).matrixTransform(svg.getScreenCTM().inverse()).x;
+    return Math.min(span[1], Math.max(span[0], timeAt(x)));
+  };
+  const edge = event.target.closest(".edge"), start = at(event);
+  const stretch = drawn("rect", { class: "drawn", y: 0, height: HEIGHT - BELOW, x: place(start), width: 0 });
+  svg.append(stretch);
+  svg.setPointerCapture(event.pointerId);
+  event.preventDefault();
+  let now = start;
+  const move = one => {
+    now = at(one);
+    stretch.setAttribute("x", Math.min(place(start), place(now)));
+    stretch.setAttribute("width", Math.abs(place(now) - place(start)));
+  };
+  const end = () => {
+    svg.removeEventListener("pointermove", move);
+    stretch.remove();
+    const [from, to] = [Math.min(start, now), Math.max(start, now)];
+    if (edge) {
+      const number = Number(edge.dataset.rest), rest = rests[number];
+      const kept = rests.filter(one => !one.refused), place = kept.indexOf(rest);
+      const least = place > 0 ? kept[place - 1].to_s : -Infinity, most = place + 1 < kept.length ? kept[place + 1].from_s : Infinity;
+      const ends = edge.dataset.side === "0" ? [Math.max(now, least), rest.to_s] : [rest.from_s, Math.min(now, most)];
+      if (ends[0] < ends[1] && now !== start) changed(number, [[...ends, rest.face]]);
+    } else if (to - from > 0.005 * (span[1] - span[0])) {
+      if ($("mark").checked) { $("mark").checked = false; decide({ rests: [...used(), [from, to, ""]] }); }
+      else { span = [from, to]; draw(); }
+    } else {
+      const number = rests.findIndex(rest => rest.from_s <= start && start <= rest.to_s);
+      if (number >= 0) { selected = number; drawBands(); const input = document.querySelector(`#rests input[aria-label^="Beginning of rest ${number + 1} "]`); if (input) input.focus(); }
+    }
+  };
+  svg.addEventListener("pointermove", move);
+  svg.addEventListener("pointerup", end, { once: true });
+}
+
+function zoom(how) {
+  if (!lines) return;
+  const width = span[1] - span[0], whole = lines.to_s - lines.from_s;
+  let [from, to] = span;
+  if (how === "all") [from, to] = [lines.from_s, lines.to_s];
+  else if (how === "in") [from, to] = [from + width / 4, to - width / 4];
+  else if (how === "out") [from, to] = [from - width / 2, to + width / 2];
+  else { const step = (how === "left" ? -0.5 : 0.5) * width; [from, to] = [from + step, to + step]; }
+  const size = Math.min(to - from, whole);
+  from = Math.min(Math.max(from, lines.from_s), lines.to_s - size);
+  span = [from, from + size];
+  draw();
+}
+
+// Words of the person
+
+async function drop(files) {
+  for (const file of files) {
+    $("refusal").textContent = "";
+    const answer = await fetch(`drop?${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+    const result = answer.ok ? await answer.json() : { refusal: `${file.name}: cannot be taken` };
+    if (result.refusal) $("refusal").textContent = result.refusal;
+    else { current = result.file; if (chosen.size < 2) chosen = new Set([current]); span = null; }
+  }
+  await look();
+}
+
+for (const one of document.querySelectorAll("#commands button")) one.addEventListener("click", () => run(one.dataset.command));
+for (const one of document.querySelectorAll("[data-zoom]")) one.addEventListener("click", () => zoom(one.dataset.zoom));
+for (const one of document.querySelectorAll("[data-copy]")) one.addEventListener("click", () => navigator.clipboard.writeText($(one.dataset.copy).textContent));
+async function save(what) {
+  const result = await send({ do: "save", what });
+  if (result.file) $("note").textContent = `Written: ${result.file}`;
+}
+for (const one of document.querySelectorAll("[data-save]")) one.addEventListener("click", () => save(one.dataset.save));
+$("export").addEventListener("click", () => save($("target").value));
+$("page-details").addEventListener("toggle", showPage);
+$("undo").addEventListener("click", () => send({ do: "undo", file: current }));
+$("set-turns").addEventListener("click", () => decide({ turns: $("turns").value.trim() }));
+$("choose").addEventListener("change", event => drop(event.target.files));
+document.querySelector("#options [name=rest_scatter]").addEventListener("change", () => showRests());
+$("drop").addEventListener("dragover", event => { event.preventDefault(); $("drop").classList.add("over"); });
+$("drop").addEventListener("dragleave", () => $("drop").classList.remove("over"));
+$("drop").addEventListener("drop", event => { event.preventDefault(); $("drop").classList.remove("over"); drop(event.dataTransfer.files); });
+window.addEventListener("resize", () => { if (lines && !$("series").hidden) draw(); });
+poll();

@@ -1,0 +1,185 @@
+"""The server of the page about records, on this machine's loopback."""
+
+import json
+import secrets
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qs, unquote, urlsplit
+
+from ..errors import InputError, NoSuchFileError, one_line
+from ..files import whole_file
+from ..live.loopback import LoopbackHandler, LoopbackServer, text_of
+from . import answers
+from .desk import COMMANDS, Desk, Request
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+MOST_BYTES = 1 << 20
+"""Of a request with decisions."""
+MOST_DROPPED = 1 << 30
+"""Of a file that is dropped on the page."""
+JSON = "application/json"
+FRAME = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'unsafe-inline'"
+
+
+class DeskServer(LoopbackServer):
+    """Server of the page of a desk. Port 0: any free port."""
+
+    def __init__(self, desk: Desk, port: int = 0, folder: Path | None = None) -> None:
+        self.desk = desk
+        self.folder = Path.cwd() if folder is None else folder
+        super().__init__(port, _Handler)
+
+    def close(self) -> None:
+        """Serve no more, and end what is calculated."""
+        super().close()
+        self.desk.close()
+
+
+def open_records(*files: str | Path, port: int = 0, advise: answers.Advise | None = None) -> DeskServer:
+    """Serve a page on this machine about records: look, decide, calculate again, export.
+
+    Parameters
+    ----------
+    files : path
+        Records, or files to import. More are dropped on the page.
+    port : int
+        Port of the page; 0 takes a free one.
+    advise : function, optional
+        Gives the command that follows a result; that of the command line.
+
+    Returns
+    -------
+    DeskServer
+        Its `address` is for a browser of this machine; `close()` ends it.
+
+    Raises
+    ------
+    InputError
+        for a file that cannot be read, or a port that is taken
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> page = th.open("walk.csv")  # doctest: +SKIP
+    >>> page.address  # doctest: +SKIP
+    """
+    for file in files:
+        if not Path(file).is_file():
+            raise NoSuchFileError(f"{file}: no such file")
+    desk = Desk([Path(file) for file in files], advise)
+    try:
+        return DeskServer(desk, port)
+    except InputError:
+        desk.close()
+        raise
+
+
+class _Handler(LoopbackHandler):
+    def do_GET(self) -> None:
+        name = self.trusted(("", "state", "lines", "rests", "page"))
+        desk: Desk = self.server.of.desk
+        if name == "":
+            nonce = secrets.token_urlsafe(12)
+            page = _template().render(nonce=nonce, style=text_of("document", "page.css"), commands=COMMANDS)
+            self.answer_shell(page, nonce, "; frame-src 'self'")
+        elif name == "state":
+            self._answer_object(desk.state())
+        elif name == "page":
+            self.answer(200, desk.page().encode(), FRAME, in_frame=True)
+        elif name is not None:
+            query = {key: values[0] for key, values in parse_qs(urlsplit(self.path).query).items()}
+            self._tell(lambda: _looked(desk, name, query))
+
+    def do_POST(self) -> None:
+        name = self.trusted(("do", "drop"))
+        if name == "drop":
+            self._drop()
+        elif name is not None:
+            asked = self.posted_object(MOST_BYTES)
+            if asked is not None:
+                self._tell(lambda: _done(self.server.of.desk, asked))
+
+    def _drop(self) -> None:
+        """Keep a file that was dropped on the page in the working folder, and open it."""
+        name = Path(unquote(urlsplit(self.path).query)).name
+        body = self.posted(MOST_DROPPED)
+        if body is None:
+            return
+        server: DeskServer = self.server.of
+
+        def kept() -> dict[str, Any]:
+            if not name or name.startswith("."):
+                raise InputError("the file has no name")
+            path = server.folder / name
+            if not path.exists():
+                with whole_file(path) as unfinished:
+                    unfinished.write_bytes(body)
+            elif path.read_bytes() != body:
+                raise InputError(f"{name}: the working folder has another file of this name; rename one of them")
+            return {"file": server.desk.open(path)}
+
+        self._tell(kept)
+
+    def _tell(self, work: Any) -> None:
+        """Send what some work gives, or the line with the reason why it cannot be done."""
+        try:
+            content = work()
+        except (InputError, OSError) as error:
+            content = {"refusal": one_line(str(error))}
+        self._answer_object(content)
+
+    def _answer_object(self, content: Mapping[str, Any]) -> None:
+        self.answer(200, json.dumps(content, allow_nan=False).encode(), kind=JSON)
+
+
+def _looked(desk: Desk, name: str, query: Mapping[str, str]) -> dict[str, Any]:
+    """Return the lines or the rests of an open file."""
+    number = _number(query.get("file"), len(desk.files))
+    if name == "lines":
+        begin, end = (float(query[key]) if key in query else None for key in ("from", "to"))
+        return desk.lines(number, begin, end, _number(query.get("points", "800"), 5000))
+    options = {key: value for key, value in query.items() if key in answers.OPTIONS}
+    file = desk.files[number]
+    return desk.look(answers.rests, str(file.path), dict(file.decisions), answers.typed(options))
+
+
+def _number(text: str | None, most: int) -> int:
+    """Return a whole number below a limit; an InputError of anything else."""
+    if text is None or not text.isdecimal() or int(text) >= most:
+        raise InputError(f"{text}: a whole number below {most} is needed")
+    return int(text)
+
+
+def _done(desk: Desk, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Carry out what the page asks for."""
+    what = asked.get("do")
+    if what == "run":
+        files, options = asked.get("files"), asked.get("options", {})
+        if not isinstance(files, list) or not all(type(k) is int for k in files) or not isinstance(options, dict):
+            raise InputError("files and options are needed")
+        desk.run(Request(str(asked.get("command")), tuple(files), options))
+    elif what == "decide" and isinstance(asked.get("decisions"), dict) and type(asked.get("file")) is int:
+        desk.decide(asked["file"], asked["decisions"])
+    elif what == "undo" and type(asked.get("file")) is int:
+        desk.undo(asked["file"])
+    elif what == "stop":
+        desk.stop()
+    elif what == "save":
+        return desk.save(str(asked.get("what")))
+    else:
+        raise InputError("the page asks for something that there is not")
+    return {}
+
+
+@cache
+def _template() -> "Template":
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    script = text_of("workbench", "page.js")
+    environment.globals["script"] = script
+    return environment.from_string(text_of("workbench", "page.html"))
