@@ -99,6 +99,7 @@ COMMANDS = (
     command("new scenario out.toml --json out.json"),
     command("export-notebook clean.csv --noise-bound 1e-5 --out out.ipynb --json out.json", "clean.csv"),
     command("completion bash --json out.json"),
+    command("open clean.csv --no-browser --duration 0 --json out.json", "clean.csv"),
     command("campaign campaign.toml --jobs 1 --out out --json out.json", "campaign.toml"),
     command("campaign-report finished --report out.html --json out.json"),
     command("compare clean.csv measured.csv --report out.html --json out.json", "clean.csv", "measured.csv"),

@@ -18,6 +18,7 @@ from ..errors import InputError
 from ..files import at_once, json_text, made_folder, ordinary_file, write_text
 from ..options import EffectsFrom
 from .answer import (
+    STANDARD_OUTPUT,
     Answer,
     File,
     Folder,
@@ -31,6 +32,8 @@ from .answer import (
 )
 from .next_step import advice
 
+LONGEST_S = 1e6
+"""Of a page that ends by itself."""
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
 Optional = Annotated[int | None, Parameter(allow_leading_hyphen=True)]
@@ -60,7 +63,9 @@ def measure_command(
 
 
 @with_options_of()
-def open_command(*files: Path, port: Whole = 0, no_browser: bool = False) -> None:
+def open_command(
+    *files: Path, port: Whole = 0, no_browser: bool = False, duration: Real = None, json: JsonFile = None
+) -> None:
     """Open records on one page: look, leave out what is bad, calculate again, export.
 
     The page is served to this machine alone, until Ctrl-C. Decisions are kept beside each record, in
@@ -73,18 +78,32 @@ def open_command(*files: Path, port: Whole = 0, no_browser: bool = False) -> Non
     Parameters
     ----------
     files
-        Records, or files to import; more are dropped on the page.
+        Records; more are dropped on the page.
     port
         Port of the page; 0 takes a free one.
     no_browser
         Print the address, and open no browser.
+    duration
+        End after this time [s].
+    json
+        Write the address and the files as JSON to this file; - prints them.
     """
+    if duration is not None and not 0.0 <= duration <= LONGEST_S:
+        raise InputError(f"--duration {duration:g}: must be from 0 to {LONGEST_S:g} s")
+    distinct_files({**{f"file {number}": path for number, path in enumerate(files, start=1)}, "--json": json})
     with at_once(), closing(workbench.open_records(*files, port=port, advise=advice)) as page:
+        if json is not None:
+            listed = [str(path) for path in files]
+            content = json_text({"schema": "trihedron.open/1", "address": page.address, "files": listed})
+            if json == STANDARD_OUTPUT:
+                print(content, end="", flush=True)
+            else:
+                write_text(json, content)
         print(f"the page of these records, for this machine alone: {page.address}", file=sys.stderr, flush=True)
         if not no_browser:
             webbrowser.open(page.address)
         with suppress(KeyboardInterrupt):
-            threading.Event().wait()
+            threading.Event().wait(duration)
 
 
 @with_options_of()

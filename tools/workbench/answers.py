@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from ..document.notation import plain as plain_text
 from ..document.notation import unit_text
 from ..errors import InputError, one_line
 from ..files import json_text, write_text
+from ..options import ExportTarget
 from ..records.limits import runs_of
 from ..rounding import digits, interval
 from .lines import GROUPS, Channels, lines_of, plain
@@ -148,6 +149,7 @@ def decided_size(path: str, decisions: Mapping[str, Any]) -> int:
 def lines(path: str, begin: float | None, end: float | None, points: int) -> dict[str, Any]:
     """Return the lines of a series between two times [s]; all of it without these."""
     record = record_at(path)
+    assert record.time_s is not None
     channels = {field: getattr(record, field, None) for _, field, *_ in GROUPS}
     return lines_of(Channels(record.time_s, channels), begin, end, points)
 
@@ -157,7 +159,7 @@ def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -
 
     A rest has "from_s", "to_s", "face", "norm" [g], "scatter" [g] and "refused".
     """
-    record = decided(path, decisions, options)
+    record: Any = decided(path, decisions, options)
     found: list[dict[str, Any]] = []
     reason = ""
     try:
@@ -415,7 +417,7 @@ def saved(what: str, record: str) -> dict[str, Any]:
         _export(result, out)
     elif what in ENDINGS:
         out = _free(beside.with_name(f"{beside.stem}.{what}{ENDINGS[what]}"))
-        corrections.export_calibration(result, what, out)
+        corrections.export_calibration(result, cast("ExportTarget", what), out)
     else:
         raise InputError(f"{what}: is nothing that a result is saved as")
     return {"file": str(out)}

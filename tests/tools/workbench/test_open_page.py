@@ -46,6 +46,10 @@ class Visitor:
         self.clicks += 1
         self.page.fill(where, text)
 
+    def choose(self, where: str, word: str) -> None:
+        self.clicks += 1
+        self.page.select_option(where, word)
+
     def answered(self, act: Callable[[], None]) -> str:
         """Act, wait for the new answer, and return its verdict."""
         number = self.page.evaluate("state.answered")
@@ -144,8 +148,7 @@ def test_faces_of_a_phone_log_are_named(tmp_path: Path, window: Window, opened) 
     visitor.type("[name=gravity]", str(GRAVITY))
     visitor.answered(lambda: visitor.click("[data-command=calibrate]"))
     for number, face in enumerate(("+1", "-1", "+2", "-2", "+3", "-3"), start=1):
-        visitor.clicks += 1
-        visitor.answered(lambda n=number, f=face: visitor.page.select_option(f"[aria-label='Face of rest {n}']", f))
+        visitor.answered(lambda n=number, f=face: visitor.choose(f"[aria-label='Face of rest {n}']", f))
     content = by_command("calibrate", "phone.csv", "--gravity", str(GRAVITY))
     assert is_same(visitor.parameters(), estimates(content))
     assert sum(row["determined"] for row in content["parameters"]) >= 6
