@@ -66,7 +66,7 @@ def measure_command(
 def open_command(
     *files: Path, port: Whole = 0, no_browser: bool = False, duration: Real = None, json: JsonFile = None
 ) -> None:
-    """Open records on one page: look, leave out what is bad, calculate again, export.
+    """Open records on one page: look, leave out bad rests, calculate again, export.
 
     The page is served to this machine alone, until Ctrl-C. Decisions are kept beside each record, in
     RECORD.decisions.toml; every command reads them.
