@@ -219,7 +219,7 @@ def position_files(bench: Bench) -> list[LabFile]:
     ms = {"t": numbers(bench.time * 1e3, 0)}
     add("unit of time?", unnamed, columns=ms, needs={"units.time": "ms"})
     add("milliseconds said", ["No", "Time [ms]", *PLAIN[2:]], columns=ms)
-    add("no time", [PLAIN[0], *PLAIN[2:]], columns={"t": []}, needs={"time": "order"})
+    add("no time", [PLAIN[0], *PLAIN[2:]], columns={"t": []})
     files += _of_three_digits(bench)
     micro_g = {
         axis: [f'"{int(float(v)):,}"' for v in numbers(1e6 / G * bench.force[:, k], 0)] for k, axis in enumerate("xyz")
@@ -233,8 +233,8 @@ def position_files(bench: Bench) -> list[LabFile]:
     )
     axes = {"columns.alpha_deg": "Axis 1 [deg]", "columns.beta_deg": "Axis 2 [deg]"}
     add("which axis is which?", ["No", "t [s]", *axes.values(), *PLAIN[4:]], needs=axes)
-    columns = {f"columns.{name}": str(k) for k, name in enumerate(OWN[2:], 3)}
-    answers = {"time": "order", "units.angle": "deg", "units.force": "m/s2"}
+    columns = {"columns.alpha_deg": "3", "columns.beta_deg": "4", "columns.force": "5,6,7"}
+    answers = {"units.angle": "deg", "units.force": "m/s2"}
     rows = [",".join(row) for row in zip(*point.values(), strict=True)]
     needs = {"kind": "position record"} | columns | answers
     files.append(LabFile("no names", table([], [], before=rows), needs=needs, rounds=2))

@@ -1,7 +1,7 @@
 """Errors and messages for a user whose input cannot be used."""
 
 import errno
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,6 +11,9 @@ class InputError(Exception):
 
     It names the file, the row and the column, or the option, and says what would be right.
     """
+
+    lines: Sequence[str] = ()
+    """The message in several lines, where it asks several questions."""
 
 
 class NoSuchFileError(InputError):
@@ -31,7 +34,9 @@ def as_in_python(error: InputError) -> InputError:
         return error
     if isinstance(error, NoSuchFileError):
         return MissingFile(*error.args)
-    return InvalidInput(*error.args)
+    refusal = InvalidInput(*error.args)
+    refusal.lines = error.lines
+    return refusal
 
 
 @contextmanager

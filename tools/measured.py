@@ -49,6 +49,7 @@ def import_record(
     out: str | Path | None = None,
     mapping: str | Path | None = None,
     answers: Mapping[str, str] | None = None,
+    preset: str = "",
 ) -> "foreign.Imported":
     """Make a record from a laboratory's own file: CSV of Windows, Excel, LabVIEW.
 
@@ -64,6 +65,8 @@ def import_record(
         Mapping to use: a RECORD.import.toml of an earlier import, with your changes.
     answers : mapping, optional
         Answer to an open question, as KEY=VALUE: units.force=g, dates=day-first. Repeat it for several.
+    preset : str, optional
+        Known layout of columns and units, as px4, ros, xsens or adis. Without it, the names of the columns decide.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def import_record(
         Path(file),
         out=None if out is None else Path(out),
         mapping=None if mapping is None else Path(mapping),
-        answers=answers,
+        answers={**(answers or {}), **({"preset": preset} if preset else {})},
     )
 
 

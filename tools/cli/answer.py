@@ -19,7 +19,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 from cyclopts import CycloptsError, Parameter
 
 from .. import document, reports
-from ..errors import InputError, full, one_line, shortage
+from ..errors import InputError, full, one_line, printable, shortage
 from ..files import inputs_kept, json_text, ordinary_file, ordinary_folder, together, write_text
 from ..options import Option, docstring_words, option_of
 
@@ -146,7 +146,7 @@ def exit_status(command: Callable[[], int]) -> int:
             sys.stdout.flush()
         return status
     except (InputError, CycloptsError) as error:
-        return refuse(str(error))
+        return refuse(str(error), error.lines if isinstance(error, InputError) else ())
     except KeyboardInterrupt as error:
         print(f"trihedron: {one_line(str(error)) or 'interrupted'}", file=sys.stderr)
         return INTERRUPTED
@@ -198,9 +198,10 @@ def drop_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def refuse(message: str) -> int:
-    """Print a line on standard error with the reason why the input cannot be used."""
-    print(f"trihedron: {one_line(message)}", file=sys.stderr)
+def refuse(message: str, lines: Sequence[str] = ()) -> int:
+    """Print a line on standard error with the reason why the input cannot be used, or several with questions."""
+    text = "\n".join(printable(line) if line[:1] != " " else f"  {printable(line)}" for line in lines)
+    print(f"trihedron: {text or one_line(message)}", file=sys.stderr)
     return 2
 
 

@@ -511,6 +511,7 @@ def import_command(
     out: Annotated[Path, Parameter(name="--out", validator=ordinary_file)],
     mapping: Annotated[Path | None, Parameter(name="--mapping")] = None,
     answers: Annotated[tuple[str, ...], Parameter(name="--set", allow_leading_hyphen=True)] = (),
+    preset: Annotated[str, Parameter(name="--as")] = "",
     json: JsonFile = None,
 ) -> Answer:
     """Example: trihedron import messung.csv --out record.csv
@@ -525,7 +526,8 @@ def import_command(
         if not equals:
             raise InputError(f"--set {words}: write KEY=VALUE, as units.force=g")
         settings[key.strip()] = text
-    return answer(measured.import_record(file, out=out, mapping=mapping, answers=settings), json)
+    record = measured.import_record(file, out=out, mapping=mapping, answers=settings, preset=preset)
+    return answer(record, json)
 
 
 @with_options_of(library.new)

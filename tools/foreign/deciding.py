@@ -28,6 +28,7 @@ from ..records.columns import (
     VELOCITY,
     quoted,
 )
+from .deciding_units import decide_units
 from .layout import COMMENT, layout_of
 from .mapping import OPEN, Mapping
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of, normal
@@ -46,6 +47,10 @@ from .numbers import (
     parsed_number,
     two_parts,
 )
+from .numbers import FORCE as FORCE_QUANTITY
+from .numbers import RATE as RATE_QUANTITY
+from .presets import preset_of
+from .ranking import likely_of, named_triads, rising, time_units, unnamed_triads
 from .sheet import Sheet, cell
 from .understanding import (
     CLOCK,
@@ -57,7 +62,6 @@ from .understanding import (
     Origin,
     UnderstoodTable,
     ask_of_senses,
-    decide_units,
 )
 
 PARTS_OF_ANGLES = ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin", "arcsec", "minutes", "seconds")
@@ -72,13 +76,28 @@ MOST_ODD, NOTATION = 2, re.compile(r"\d[.,]\d|^0x|^[\da-fA-F]{4,}$")
 """Largest number of texts in another notation, such as (1.5), 1.5- or 0x1F; more are refused."""
 OTHER_MARK = {".": ",", ",": "."}
 """Decimal mark -> mark between thousands beside it."""
+TRIADS_OF = {FORCE_QUANTITY: FORCE, RATE_QUANTITY: RATE}
+"""Quantity -> its three columns of a record."""
+MANY_ROWS = 500
+"""Number of rows from which a table is likelier a series than a table of rests."""
+MOST_TRIADS = 3
+"""Largest number of answers to a question about columns without names."""
 COLUMNS = QUANTITY_OF.keys() | {"position", DATE} | set(QUATERNION + APPROACH + UP + TEXTS)
 """Columns of a record that a mapping may name."""
 
 
 def understood(sheet: Sheet, mapping: Mapping) -> UnderstoodTable:
     """Decide the meaning of a sheet with the given mapping; ask all open questions at once."""
-    table = UnderstoodTable(sheet, layout_of(sheet, mapping), mapping)
+    layout = layout_of(sheet, mapping)
+    names = [head.text for head in layout.headings]
+    preset = preset_of(mapping, names, [*layout.remarks, *layout.remarks.values()])
+    given = mapping
+    if preset is not None:
+        mapping = preset.filled_in(mapping, names)
+    table = UnderstoodTable(sheet, layout, mapping, given=given)
+    if preset is not None:
+        units = ", ".join(preset.units.values()) or "as answered"
+        table.notes.append(f"columns and units of {preset.name}: {units}")
     # each file is searched for its lines: the next may have more of them
     table.settled = {"encoding": sheet.encoding, "separator": sheet.separator}
     fields = _fields_of_columns(table)
@@ -129,6 +148,9 @@ def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
     for columns in (RATE, FORCE):
         if (candidates.keys() | fields.keys() | mapped).isdisjoint(columns + INCREMENT):
             candidates |= _by_unit(filled, columns)
+    for quantity, columns in TRIADS_OF.items():
+        if (candidates.keys() | fields.keys() | mapped).isdisjoint(columns + INCREMENT):
+            _ask_of_triads(table, quantity, [field for field in filled if field not in fields.values()])
     fields |= _readings_beside(table, filled, candidates.keys() | fields.keys() | mapped)
     _refuse_parts(table, filled, candidates)
     for column, alike in candidates.items():
@@ -142,6 +164,17 @@ def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
             names = [str(field.place + 1) for field in alike]
         table.ask(f"columns.{column}", names[:4], why)
     return fields
+
+
+def _ask_of_triads(table: UnderstoodTable, quantity: str, fields: list[Field]) -> None:
+    """Ask for three columns at once whose names have words of the quantity, with all such columns as answers."""
+    triads = [triad for triad in named_triads(fields) if triad.quantity == quantity]
+    if not triads:
+        return
+    triads.sort(key=lambda triad: triad.further)
+    table.proposed[quantity] = triads[0].fields
+    instrument = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}[quantity]
+    table.ask(f"columns.{quantity}", [triad.answer for triad in triads], f"which columns are the {instrument}")
 
 
 def _by_unit(filled: list[Field], columns: tuple[str, ...]) -> dict[str, list[Field]]:
@@ -233,6 +266,7 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     for field in table.filled:
         if field not in columns:
             free.append(field.label)
+    of_block = of_block or RATE_QUANTITY in table.proposed
     name = table.mapping.kind.replace(OPEN, "")
     if not name and not of_table and not of_block and len(free) < 2 and fields.keys() >= set(FORCE):
         # one column that is left is neither two angles nor three gyros
@@ -247,10 +281,12 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     required: Sequence[str] | None = None
     if not name:
         if of_table == of_block:
-            kinds = (POSITION.name, STRAPDOWN_RATES.name)
+            kinds = [POSITION.name, STRAPDOWN_RATES.name]
             why = "angles of a table and gyros are both there"
             if not of_table:
-                kinds += (POSES.name, FORCES.name)
+                kinds += [POSES.name, FORCES.name]
+                if len(table.rows) >= MANY_ROWS:
+                    kinds = [STRAPDOWN_RATES.name, FORCES.name, POSITION.name, POSES.name]
                 why = "neither angles of a table nor gyros are known"
             table.ask("kind", kinds, why)
             required = FORCE
@@ -265,9 +301,41 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
         else:
             table.kind = STRAPDOWN_VELOCITIES
     table.settled["kind"] = name
-    for column in required or table.kind.required:
-        if column not in fields and column not in ("position", TIMES):
+    missing = [column for column in required or table.kind.required if column not in fields]
+    missing = [column for column in missing if column not in ("position", TIMES)]
+    if required and len(table.rows) >= MANY_ROWS and not of_table and not of_block:
+        missing += RATE
+    missing = _without_triads(table, missing, fields)
+    for column in missing:
+        if not any(column in triad and table.is_asked(f"columns.{key}") for key, triad in TRIADS_OF.items()):
             table.ask(f"columns.{column}", free[:3] or ("NAME",), f"which column is {column}")
+            # each question has another first answer
+            free = free[1:] + free[:1]
+
+
+def _without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str, Field]) -> list[str]:
+    """Ask for all three channels at once where none is known; return the columns that are still missing."""
+    used = set(fields.values())
+    for proposed in table.proposed.values():
+        used.update(proposed)
+    free = []
+    for field in table.filled:
+        if field not in used and field.texts and table.values(field.texts):
+            free.append(field)
+    triads = [triad for triad in named_triads(free) if not triad.further and not triad.quantity]
+    times = rising(table, free)
+    triads = triads or unnamed_triads(table, [field for field in free if not field.head.text and field not in times])
+    left_over = list(missing)
+    for quantity, columns in TRIADS_OF.items():
+        if not set(missing).issuperset(columns) or table.is_asked(f"columns.{quantity}") or not triads:
+            continue
+        table.proposed[quantity] = triads[0].fields
+        instrument = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}[quantity]
+        answers = [triad.answer for triad in triads[:MOST_TRIADS]]
+        table.ask(f"columns.{quantity}", answers, f"which columns are the {instrument}")
+        left_over = [column for column in left_over if column not in columns]
+        triads = [triad for triad in triads if set(triad.fields).isdisjoint(table.proposed[quantity])]
+    return left_over
 
 
 def _kind_of_forces(fields: dict[str, Field]) -> str:
@@ -343,9 +411,16 @@ def _decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
 
 def _ask_for_time(table: UnderstoodTable) -> None:
     """Ask for the source of times in a table without a known column of times."""
-    if table.mapping.time == "order" or table.is_asked("kind") or table.kind is POSES:
+    if table.mapping.time == "order" or table.kind is POSES:
+        return
+    if table.is_asked("kind"):
+        _ask_which_time(table)
         return
     _refuse_period(table, "no column is known as a time")
+    if table.kind is POSITION and not any(field.quantity == TIME for field in table.filled):
+        table.settled["time"] = "order"
+        table.notes.append("no time is written: the rows count in their order")
+        return
     is_position, has_unit = table.kind is POSITION, TIME in table.mapping.units
     timed = []
     for field in table.filled:
@@ -358,10 +433,23 @@ def _ask_for_time(table: UnderstoodTable) -> None:
         table.ask("columns.time_s", timed[:3], f"which column is the time{in_order}")
         return
     why = "no column is known as a time: {}; else columns.time_s=NAME says which"
-    if is_position:
-        table.ask("time", ("order",), why.format("rows in their order"))
-    elif not table.sheet.stated.time and not has_unit:
-        table.ask("units.time", ("100 Hz",), why.format("rows at which rate"))
+    if not table.sheet.stated.time and not has_unit:
+        likely = likely_of(table.mapping).get(TIME, "100 Hz")
+        table.ask("units.time", (likely,), why.format("rows at which rate"))
+
+
+def _ask_which_time(table: UnderstoodTable) -> None:
+    """Ask for the time of a series whose kind is open: a column that rises, or the rate of its rows."""
+    if len(table.rows) < MANY_ROWS or TIME in table.mapping.units:
+        return
+    risen = rising(table, table.filled)
+    if not risen:
+        table.ask("units.time", ("100 Hz",), "no column is known as a time: rows at which rate")
+        return
+    labels = [field.label for field in risen]
+    table.ask("columns.time_s", labels[:3], "which column is the time")
+    answers = dict.fromkeys([*time_units(table, risen[0]), "s", "ms", "us"])
+    table.ask("units.time", list(answers), "no unit of time is written")
 
 
 def _refuse_period(table: UnderstoodTable, where: str) -> None:
@@ -376,14 +464,15 @@ def _ask_of_integers(table: UnderstoodTable) -> None:
     """Ask whether counts are signed if they are all near 0 or near 65535."""
     if table.mapping.integers not in ("", OPEN):
         return
-    for column, origin in table.origins.items():
-        if column not in FORCE + RATE:
-            continue
-        values = table.values(origin.field.texts)
+    channels = [origin.field for column, origin in table.origins.items() if column in FORCE + RATE]
+    for proposed in table.proposed.values():
+        channels += proposed
+    for channel in channels:
+        values = table.values(channel.texts)
         bits = bits_of_signed(values)
         if bits:
             span = f"from {int(min(values))} to {int(max(values))}"
-            why = f"{origin.name!r} has counts {span}, near both ends of {bits} bits"
+            why = f"column {channel.label!r} has counts {span}, near both ends of {bits} bits"
             table.ask("integers", (f"signed {bits}", "unsigned"), why)
             return
 

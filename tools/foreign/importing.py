@@ -21,6 +21,7 @@ from .layout import has_table, upright, with_exact_seconds
 from .mapping import (
     OPEN,
     Mapping,
+    OpenQuestions,
     mapping_text,
     plural,
     printable,
@@ -190,20 +191,20 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     return tables
 
 
-def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *, is_own: bool) -> InputError:
+def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *, is_own: bool) -> OpenQuestions:
     """Return the questions about a table in one line; write the mapping to fill in unless the user gave that file."""
     count = len(table.questions)
     unknown = "one thing is"
     if count != 1:
         unknown = f"{count} things are"
-    what = printable(f"{file}: {unknown} not known: " + "; ".join(map(str, table.questions)))
-    if mapping_file is None:
-        return InputError(what)
-    if not is_own:
-        with at_once():
-            write_text(mapping_file, mapping_text(table.whole_mapping, table.questions, _first_rows_as_written(table)))
-        what += f"; or fill in {mapping_file} and give --mapping {shell_word(str(mapping_file))}"
-    return InputError(what)
+    what, advice = f"{file}: {unknown} not known", ""
+    if mapping_file is not None:
+        if not is_own:
+            with at_once():
+                text = mapping_text(table.whole_mapping, table.questions, _first_rows_as_written(table))
+                write_text(mapping_file, text)
+        advice = f"; or fill in {mapping_file} and give --mapping {shell_word(str(mapping_file))}"
+    return OpenQuestions(what, table.questions, advice)
 
 
 def _first_rows_as_written(table: UnderstoodTable) -> list[str]:

@@ -13,6 +13,7 @@ from pydantic import ConfigDict, Field
 
 from ..errors import InputError
 from ..files import bytes_of
+from ..records.columns import FORCE, RATE
 from ..result import Section, checked_sections, read_sections
 
 SCHEMA = "trihedron.mapping/1"
@@ -21,6 +22,10 @@ OPEN = "?"
 LARGEST = 1_000_000
 """Largest mapping that is read [bytes]."""
 _MARK = "# as proposed: "
+TRIADS = {"columns.force": FORCE, "columns.rate": RATE}
+"""Keys for three columns at once -> the columns of the record."""
+MOST_LINES = 5
+"""Largest number of lines that show questions on a screen."""
 _USUAL = (("unit", ""), ("sign", 1), ("offset", 0.0), ("positive", ""), ("beside", []))
 """Defaults of a source."""
 
@@ -59,6 +64,10 @@ class Mapping(Section):
 
     Attributes
     ----------
+    preset : str
+        name of a known layout of columns and units, as px4
+    part : str
+        part of a file that holds several tables, as imu/data_raw
     kind : str
         position record, raw record or strapdown record
     sheet, encoding, separator : str
@@ -92,6 +101,8 @@ class Mapping(Section):
     """
 
     schema_: Literal["trihedron.mapping/1"] = Field(alias="schema", default=SCHEMA)
+    preset: str = ""
+    part: str = ""
     kind: Literal[
         "position record", "raw record", "strapdown record", "accelerometer record", "pose record", "?", ""
     ] = ""
@@ -136,6 +147,34 @@ class Question:
     def __str__(self) -> str:
         options = " or ".join(f"--set {shell_word(f'{self.key}={answer}')}" for answer in self.answers)
         return f"{options} ({self.why})"
+
+
+class OpenQuestions(InputError):
+    """Questions about a file; the message is one line, `lines` shows a question on each."""
+
+    def __init__(self, what: str, questions: Sequence[Question], advice: str = ""):
+        super().__init__(printable(f"{what}: {'; '.join(map(str, questions))}{advice}"))
+        self.questions = tuple(questions)
+        rows = [str(question) for question in questions]
+        if len(rows) > MOST_LINES:
+            rows = [*rows[: MOST_LINES - 1], "; ".join(rows[MOST_LINES - 1 :])]
+        self.lines = [what, *(f"  {row}" for row in rows)]
+        if len(questions) > 1:
+            ready = [f"--set {shell_word(f'{question.key}={question.answers[0]}')}" for question in questions]
+            self.lines.append(f"the first answers: {' '.join(ready)}")
+        if advice:
+            self.lines.append(advice.removeprefix("; "))
+
+
+def channels_of(text: str, option: str) -> list[str]:
+    """Return the three columns of an answer: names or numbers between commas.
+
+    Raises InputError if they are not three.
+    """
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 3:
+        raise InputError(f"{option}: three columns are needed, as 2,3,4")
+    return names
 
 
 def plural(count: int, noun: str) -> str:
@@ -192,7 +231,10 @@ def with_answers(content: AnyMapping[str, Any], answers: AnyMapping[str, str]) -
                 value = float(text)
         except ValueError as error:
             raise InputError(f"{option}: a number is needed") from error
-        if name in ("units", "columns"):
+        if key in TRIADS:
+            for column, source in zip(TRIADS[key], channels_of(text, option), strict=True):
+                _put_inside(filled.setdefault(name, {}), name, column, source, option)
+        elif name in ("units", "columns"):
             _put_inside(filled.setdefault(name, {}), name, inner, value, option)
         elif inner:
             raise InputError(f"{option}: unknown key; {name} has none inside")

@@ -49,7 +49,7 @@ NOTHING = ("-", "--", "#")
 _FILLERS = (
     "angle winkel axis achse encoder enc drehtisch table tisch reading readings actual ist istwert raw roh rohwert "
     "measured gemessen mean mittel mittelwert avg average sensor signal output ausgang imu value wert угол ось axe "
-    "field"
+    "field out adc smooth data rad deg"
 )
 """Words of heads that carry no meaning for the column."""
 _AXES = {
@@ -57,15 +57,15 @@ _AXES = {
     ANGLES[1]: "beta β inner innen innenachse innenwinkel innere innerer interieur interne внутреннии внутренняя бета",
 }
 _TRIADS = {
-    FORCES: "f,a,acc,accel,accelerometer,acceleration,akzelerometer,beschl,beschleunigung,sf,ускорение,акселерометр,"
-    "specific force,linear acceleration",
-    RATES: "w,ω,omega,gyr,gyro,gyroscope,kreisel,drehrate,rate,omg,winkelgeschwindigkeit,гироскоп,"
-    "angular rate,angular velocity,rate gyro",
+    FORCES: "f,a,acc,accl,accel,accelerometer,acceleration,akzelerometer,beschl,beschleunigung,sf,ускорение,"
+    "акселерометр,specific force,linear acceleration,total acceleration",
+    RATES: "w,ω,omega,gyr,gyro,gyros,gyroscope,kreisel,drehrate,rate,omg,winkelgeschwindigkeit,гироскоп,"
+    "angular rate,angular velocity,angular speed,rotation rate,rate gyro",
     INCREMENT: "dtheta,dθ,delta theta",
     VELOCITIES: "dv,dvel,delta v,delta vel,delta velocity,velocity increment",
 }
 """Columns of three channels -> their names without the axis."""
-_STEMS = "accelerometer|acceleration|accel|acc|gyroscope|gyro|gyr|omega|omg|rate|dtheta|dθ|dvel|dv|f|a|w|ω"
+_STEMS = "accelerometer|acceleration|accel|accl|acc|gyroscope|gyro|gyr|omega|omg|rate|dtheta|dθ|dvel|dv|f|a|w|ω"
 _PATTERNS = (
     (
         SAMPLE,
@@ -77,7 +77,7 @@ _PATTERNS = (
         ("", TIME),
         r"(elapsed |rel |relative |mess)?(time|zeit)( stamp|stempel| rel| of day)?|t|timestamp|x value|elapsed|temps"
         r"|stamp|header stamp|(unix ?|utc ?)?epoch|unix( ?time)?|uhrzeit|clock|date ?time"
-        r"|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время|i?tow|(gps ?)?(tow|time of week)|gps ?time",
+        r"|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время|i ?tow|tow|(gps ?)?(tow|time of week)|gps ?time",
     ),
     (
         TEMPERATURES,
@@ -139,8 +139,14 @@ def heading(text: str) -> Heading:
         return Heading(text, text, "", text.casefold())
     if text.casefold() in _NAMED_BY_UNIT:
         return Heading(text, text, _NAMED_BY_UNIT[text.casefold()], TIMES)
-    # gyro[0] has a number, not the unit 0
+    # gyro[0] has a number, not the unit 0; accel_m_s2[0] has its unit before the number
     plain = re.sub(r"\[(\d)\]", r" \1", text)
+    numbered = re.fullmatch(r"(.+)[ _](\d)", plain)
+    if numbered:
+        for name, unit in _splits(f"{numbered[1]}"):
+            stated = known_unit(unit)
+            if stated is not None and column_of(f"{name} 1", stated):
+                return of_name(text, f"{name} {numbered[2]}", unit)
     for name, unit in _splits(plain):
         head = of_name(text, name, unit)
         if head.means_column or unit:
@@ -211,7 +217,7 @@ def _splits(text: str) -> list[tuple[str, str]]:
         return [(bracket["name"], bracket["unit"])]
     parts = re.split(r"[_\s]+", text)
     splits = []
-    for count in (1, 2, 3):
+    for count in (1, 2, 3, 4):
         # acc_x_mps2, gyro_x_deg_s, acc_x_m_s2
         name, unit = "_".join(parts[:-count]), "/".join(parts[len(parts) - count :])
         stated = None
@@ -220,7 +226,9 @@ def _splits(text: str) -> list[tuple[str, str]]:
         if stated is None:
             continue
         head = of_name(name, name, unit)
-        quantity = QUANTITY_OF.get(head.column or head.numbered, "")
+        # accel_m_s2 of accel_m_s2[0]
+        column = head.column or head.numbered or column_of(f"{name} 1", None)
+        quantity = QUANTITY_OF.get(column, "")
         if quantity and (stated.quantity == quantity or (stated.raw and quantity in (FORCE, RATE))):
             splits.append((name, unit))
     slash = _BESIDE.match(text)
@@ -239,7 +247,8 @@ def gyro_of(head: Heading) -> str:
 
 
 def normal(text: str) -> str:
-    """Return a name in lower case without accents, with blanks between its words."""
+    """Return a name in lower case without accents, with blanks between its words, also of gyroADC and GyrX."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     text = unicodedata.normalize("NFKD", text.replace("°", "\0")).casefold().replace("ß", "ss").replace("\0", "°")
     text = "".join(c for c in text if not unicodedata.combining(c))
     return " ".join(re.sub(r"[_.\-/:\s#%]+", " ", text).split())

@@ -362,7 +362,7 @@ class LaboratoryUnit:
 
 _NAMES = {
     LaboratoryUnit(FORCE, 1.0): "m/s2 ms-2 mps2 m/s/s m/sec2 ms2 m/ss м/с2",
-    LaboratoryUnit(FORCE, STANDARD_GRAVITY): "g G g0 gn",
+    LaboratoryUnit(FORCE, STANDARD_GRAVITY): "g G g0 gn gs",
     LaboratoryUnit(FORCE, 1e-3 * STANDARD_GRAVITY): "mg mG milli-g",
     LaboratoryUnit(FORCE, 1e-6 * STANDARD_GRAVITY): "ug uG",
     LaboratoryUnit(FORCE, 1e-2): "cm/s2 Gal",
@@ -425,7 +425,7 @@ def spelled_unit(text: str) -> str:
     text = unicodedata.normalize("NFKC", text.strip())
     for old, new in (("μ", "u"), ("°", "deg"), ("º", "deg"), ("−", "-"), ("·", ""), ("⋅", ""), ("^", ""), ("*", "")):
         text = text.replace(old, new)
-    text = re.sub(r"\s+", "", text)
+    text = re.sub(r"\s+", "", text).replace("/per/", "/")
     while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "{}", "<>"):
         text = text[1:-1]
     return text

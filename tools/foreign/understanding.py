@@ -1,33 +1,23 @@
 """The understanding of a sheet: each column's place, unit and form, and the questions to the user."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
-from ..errors import InputError
-from ..records.columns import ANGLES, FORCE, POSITION, RecordKind
+from ..records.columns import ANGLES, POSITION, RecordKind
 from .layout import COMMENT, SheetLayout
-from .mapping import OPEN, Mapping, Question
-from .names import QUANTITY_OF, SAMPLE, TIMES, Heading
+from .mapping import OPEN, SCHEMA, Mapping, Question
+from .names import QUANTITY_OF, Heading
 from .numbers import (
-    COUNTS,
-    DOUBTFUL,
-    EXAMPLES,
     OPPOSITE,
-    QUANTITIES,
-    TIME,
     LaboratoryUnit,
     bare,
     is_missing,
     known_unit,
-    of_converter,
     parsed_number,
-    scaled_unit,
     sense_behind,
     sexagesimal,
-    spelled_unit,
-    unit_behind,
 )
 from .sheet import Row, Sheet, cell
 
@@ -35,17 +25,6 @@ STANDING_DEG = 0.5
 """Largest difference of angles within one rest [deg]."""
 CLOCK, MOMENT, NUMBER, NAME = "clock", "moment", "number", "name"
 """Forms of a column: times of day, dates, numbers and angles, names."""
-SENSITIVITIES = {
-    "force": ("0.5 g", "16384 LSB/g"),
-    "rate": ("0.01 (deg/s)", "131 LSB/(deg/s)"),
-    "angle": ("0.01 deg", ""),
-    "velocity": ("0.001 m/s", ""),
-    "time": ("0.001 s", ""),
-    "temperature": ("0.01 degC", ""),
-}
-"""Quantity -> an example of one volt or count, and a sensitivity as data sheets write it."""
-DAYS = (30_000.0, 80_000.0)
-"""Range of times that may be dates as a workbook counts them: days since 1900."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +94,7 @@ class UnderstoodTable:
     """A sheet, its layout, the user's mapping, and all further answers and questions.
 
     The keys of `origins` and `beside` are columns of the record; `beside` has the fields of further readings of a rest.
+    `given` is the user's mapping without a known layout; `proposed` has the likeliest fields of an open quantity.
     """
 
     sheet: Sheet
@@ -128,6 +108,8 @@ class UnderstoodTable:
     thousands: str = ""
     settled: dict[str, object] = field(default_factory=dict)
     beside: dict[str, tuple[Field, ...]] = field(default_factory=dict)
+    given: Mapping = field(default_factory=lambda: Mapping(schema=SCHEMA))
+    proposed: dict[str, tuple[Field, ...]] = field(default_factory=dict)
 
     @cached_property
     def rows(self) -> list[Row]:
@@ -214,122 +196,3 @@ def ask_of_senses(table: UnderstoodTable, column: str, texts: Sequence[str]) -> 
             why = f"{table.origins[column].name!r} has {text.strip()!r}: which sense is positive"
             table.ask(f"columns.{column}.positive", (sense, OPPOSITE[sense]), why)
             return
-
-
-def decide_units(table: UnderstoodTable) -> None:
-    """Decide the unit of each column: given for it, given for its quantity, in its head, or asked for."""
-    units = table.mapping.units
-    agreed: dict[str, set[str]] = {}
-    for key in units:
-        if key not in QUANTITIES:
-            raise InputError(f"units.{key}: is no quantity; {', '.join(QUANTITIES)}")
-    for column, origin in table.origins.items():
-        quantity = QUANTITY_OF.get(column)
-        if quantity is None or origin.form in (CLOCK, MOMENT):
-            continue
-        if all(table.reading(column, text) is None for text in origin.field.texts):
-            # another question asks for the column
-            continue
-        counts_samples = column == TIMES and origin.field.head.column == SAMPLE
-        unit, text = _unit(table, SAMPLE if counts_samples else column, origin)
-        if unit is not None:
-            table.origins[column] = replace(origin, unit=unit)
-            agreed.setdefault(quantity, set()).add(text)
-    stated = {field.quantity for field in table.fields}
-    for question in list(table.questions):
-        quantity = QUANTITY_OF.get(question.key.removeprefix("columns."), "")
-        if quantity and quantity not in stated and quantity not in agreed and quantity not in units:
-            _ask_for_unit(table, quantity)
-    table.settled["units"] = {quantity: min(texts) for quantity, texts in agreed.items() if len(texts) == 1}
-    table.settled["units"] |= {quantity: text for quantity, text in units.items() if text != OPEN}
-
-
-def _ask_for_unit(table: UnderstoodTable, quantity: str) -> None:
-    """Ask for the unit of a quantity whose columns are unknown; a free field may hold a converter's output."""
-    sources = {origin.field for origin in table.origins.values()}
-    for free in table.fields:
-        if free not in sources and free.unit and free.unit.raw:
-            raw = free.head.unit
-            table.ask(f"units.{quantity}", (example_sensitivity(quantity, raw),), f"what one {raw} is, as here")
-            return
-    table.ask(f"units.{quantity}", EXAMPLES[quantity][:3], f"no unit of {quantity} is written")
-
-
-def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[LaboratoryUnit | None, str]:
-    """Return the unit of a column and its text; None if the user must be asked for it."""
-    quantity, head, texts = QUANTITY_OF[column], origin.field.head, origin.field.texts
-    source = table.mapping.of(column)
-    if source.unit:
-        key = f"columns.{column}.unit"
-    else:
-        key = f"units.{quantity}"
-    text = head.unit
-    for written in texts:
-        if not text and not sense_behind(written, quantity):
-            text = unit_behind(written)
-    doubtful = DOUBTFUL.get(spelled_unit(text).lower(), ())
-    stated = None
-    if not doubtful:
-        stated = known_unit(text)
-    is_raw = stated is not None and stated.raw
-    answer = source.unit or table.mapping.units.get(quantity, "")
-    if answer not in ("", OPEN):
-        unit = scaled_unit(answer)
-        if unit is not None and unit.per is not None:
-            unit = of_converter(unit, stated if is_raw else None)
-        if unit is None or unit.raw or unit.quantity != quantity:
-            examples = f"{', '.join(EXAMPLES[quantity])} or '16384 LSB/g'"
-            raise InputError(f"{key} = {answer!r}: is no unit of {quantity}; as {examples}")
-        return unit, answer
-    if stated is not None and stated.quantity == quantity:
-        return stated, text
-    if column in ANGLES and texts and all(table.value(t) is None and sexagesimal(t) is not None for t in texts):
-        return known_unit("deg"), "deg"
-    answers: Sequence[str] = EXAMPLES[quantity][:3]
-    if is_raw:
-        answers, why = (
-            (example_sensitivity(quantity, text),),
-            f"{head.text!r} is in {text}: what one {text} is, as here",
-        )
-    elif doubtful:
-        answers, why = doubtful, f"what {text!r} of {head.text!r} is"
-    elif text and text != head.text:
-        why = f"{text!r} of {head.text!r} is no unit of {quantity} that is known"
-    elif column == SAMPLE:
-        answers, why = ("100 Hz",), f"{head.text!r} counts samples: at which rate"
-    else:
-        values = table.values(texts)
-        # as a workbook counts days since 1900
-        if quantity == TIME and values and DAYS[0] < min(values) and max(values) < DAYS[1]:
-            answers = ("d", "s", "ms")
-        size = ""
-        if quantity == "force":
-            size = _size(table)
-        why = f"no unit of {head.text or origin.name!r}{size} is written"
-    table.ask(key, answers, why)
-    return None, ""
-
-
-def example_sensitivity(quantity: str, text: str) -> str:
-    """Return an example of one volt or count of a quantity; `text` is the converter's unit."""
-    volt, count = SENSITIVITIES[quantity]
-    unit = known_unit(text)
-    if count and unit is not None and unit.quantity == COUNTS:
-        return count.replace("LSB", spelled_unit(text))
-    return f"{volt}/{spelled_unit(text)}"
-
-
-def _size(table: UnderstoodTable) -> str:
-    """Return the median size of the specific forces, which shows their unit to a person."""
-    fields = []
-    for column in FORCE:
-        if column in table.origins:
-            fields.append(table.origins[column].field)
-    squares = []
-    for _, texts in table.rows:
-        values = table.values(cell(texts, field.place) for field in fields)
-        if len(values) == 3:
-            squares.append(sum(value * value for value in values))
-    if squares:
-        return f", |f| about {sorted(squares)[len(squares) // 2] ** 0.5:.4g},"
-    return ""

@@ -1,0 +1,218 @@
+"""Known layouts, ranked answers, and the files of the field: the numbers of the record are those of the file."""
+
+import csv
+import gzip
+from collections.abc import Sequence
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from field_files import field_file
+from laboratory_imports import asked, imported, refused, written
+from trihedron.tools.cli import main
+from trihedron.tools.foreign.numbers import scaled_unit
+from trihedron.tools.foreign.presets import presets
+
+G = 9.80665
+COUNT = 60
+TURN = np.linspace(0.0, 1.2, COUNT)
+FORCE = np.round(9.81 * np.stack([np.sin(TURN), 0.1 + 0.0 * TURN, np.cos(TURN)], axis=1), 5)
+RATE = np.round(np.stack([0.01 + 0.0 * TURN, 0.3 + 0.001 * TURN, -0.02 + 0.0 * TURN], axis=1), 6)
+STEP = 0.01
+
+
+def text_of(names: list[str], columns: Sequence[Sequence[object]]) -> str:
+    """Return a CSV file of named columns."""
+    rows = [",".join(map(str, row)) for row in zip(*columns, strict=True)]
+    return "\n".join([",".join(names), *rows])
+
+
+def channels(values: np.ndarray) -> list[list[float]]:
+    """Return the columns of an array (N, 3)."""
+    return values.T.tolist()
+
+
+MICROS = [20326716 + 10000 * k for k in range(COUNT)]
+NANOS = [1535630275926451072 + 10_000_000 * k for k in range(COUNT)]
+LAYOUTS = {
+    "px4": text_of(
+        ["timestamp", *(f"gyro_rad[{k}]" for k in range(3)), *(f"accelerometer_m_s2[{k}]" for k in range(3))],
+        [MICROS, *channels(RATE), *channels(FORCE)],
+    ),
+    "ros": text_of(
+        ["%time", "field.header.stamp"]
+        + [f"field.{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"],
+        [[time + 7 for time in NANOS], NANOS, *channels(RATE), *channels(FORCE)],
+    ),
+    "euroc": text_of(
+        ["#timestamp [ns]"]
+        + [f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz"]
+        + [f"a_RS_S_{axis} [m s^-2]" for axis in "xyz"],
+        [NANOS, *channels(RATE), *channels(FORCE)],
+    ),
+    "ardupilot": text_of(
+        ["timestamp", "TimeUS", "I", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ", "EG", "EA", "T"],
+        [NANOS, MICROS, [0] * COUNT, *channels(RATE), *channels(FORCE), [0] * COUNT, [0] * COUNT, [31.5] * COUNT],
+    ),
+}
+"""Layout -> a file that has it; its truth is FORCE and RATE every 10 ms."""
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_known_layout_is_read_without_a_question(name: str, tmp_path: Path):
+    conversion = imported(tmp_path, LAYOUTS[name])
+    record = conversion.record
+    assert record.specific_force == pytest.approx(FORCE, abs=1e-12)
+    assert record.rate == pytest.approx(RATE, abs=1e-15)
+    assert np.diff(record.time_s) == pytest.approx(np.full(COUNT - 1, STEP), abs=1e-12)
+    assert any(note.startswith(f"columns and units of {name}") for note in conversion.notes)
+
+
+def test_a_layout_whose_unit_contradicts_gravity_is_asked(tmp_path: Path):
+    """Readings in g under the names of a layout in m/s² are not taken silently."""
+    in_g = text_of(
+        ["%time", "field.header.stamp"]
+        + [f"field.{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"],
+        [NANOS, NANOS, *channels(RATE), *channels(np.round(FORCE / G, 7))],
+    )
+    keys, message = asked(written(tmp_path, in_g))
+    assert keys == {"units.force"}
+    assert "--set units.force=g or" in message
+
+
+def test_acceleration_without_gravity_is_refused(tmp_path: Path):
+    """Phones write it beside the true one, under a similar name."""
+    names = ["Time (s)", *(f"Linear Acceleration {axis} (m/s^2)" for axis in "xyz")]
+    content = text_of(names, [[STEP * k for k in range(COUNT)], *channels(np.round(0.01 * FORCE, 6))])
+    assert "without gravity" in refused(tmp_path, content)
+
+
+def test_the_size_of_gravity_orders_the_units(tmp_path: Path):
+    time = [STEP * k for k in range(COUNT)]
+    names = ["time", "ax", "ay", "az", "gx", "gy", "gz"]
+    for size, force, rate in ((1.0, "m/s2", "deg/s"), (16384 / 9.81, "16384 LSB/g", "131 LSB/(deg/s)")):
+        readings, rates = np.round(size * FORCE, 0 if size > 1.0 else 6), np.round(size * RATE, 0 if size > 1.0 else 6)
+        counts = readings.astype(int) if size > 1.0 else readings
+        _, message = asked(
+            written(
+                tmp_path, text_of(names, [time, *channels(counts), *channels(rates.astype(int if size > 1 else float))])
+            )
+        )
+        assert f"units.force={force}" in message.replace("'", "")
+        assert message.replace("'", "").index(f"units.force={force}") < message.index("units.force=g")
+        assert f"units.rate={rate}" in message.replace("'", "") or "units.rate=deg/s" in message
+        assert "units.time=s or" in message
+
+
+def test_two_accelerometers_are_one_question_with_both(tmp_path: Path):
+    names = ["TIME", *(f"ACCEL_A355_{k}" for k in range(3)), *(f"ACCEL_B160_{k}" for k in range(3))]
+    names += [f"GYRO_{k}" for k in range(3)]
+    second = np.round(FORCE + 0.01, 5)
+    content = text_of(names, [MICROS, *channels(FORCE), *channels(second), *channels(RATE)])
+    keys, message = asked(written(tmp_path, content))
+    assert keys == {"columns.force", "units.time", "units.rate", "units.force"}
+    assert "ACCEL_A355_0,ACCEL_A355_1,ACCEL_A355_2 or" in message
+    answers = {"columns.force": "ACCEL_B160_0,ACCEL_B160_1,ACCEL_B160_2", "units.time": "us"}
+    answers |= {"units.rate": "rad/s", "units.force": "m/s2"}
+    assert imported(tmp_path, content, answers).record.specific_force == pytest.approx(second, abs=1e-12)
+
+
+def test_a_table_without_names_is_one_round_of_questions_on_few_lines(tmp_path: Path, capsys):
+    """The columns, the kind, the units and two's complement; each line has its answers, the last has the first ones."""
+    turn = np.linspace(0.0, 1.2, 600)
+    force = np.round(16384 * np.stack([np.sin(turn), 0.1 + 0.0 * turn, np.cos(turn)], axis=1)).astype(int)
+    force += np.random.default_rng(5).integers(-40, 40, force.shape)
+    rate = np.random.default_rng(6).integers(-300, 300, force.shape)
+    columns = [[f"{STEP * k:.2f}" for k in range(600)], *(force % 65536).T.tolist(), *(rate % 65536).T.tolist()]
+    path = written(tmp_path, "\n".join("\t".join(map(str, row)) for row in zip(*columns, strict=True)), "log.txt")
+    keys, message = asked(path)
+    assert keys >= {"kind", "columns.force", "columns.rate", "columns.time_s", "integers", "units.force", "units.rate"}
+    assert "columns.force=2,3,4 or" in message
+    assert "columns.rate=5,6,7" in message
+    assert main(["import", str(path), "--out", str(tmp_path / "record.csv")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert sum(line.startswith("  ") for line in lines) == 5
+    ready = next(line for line in lines if line.startswith("the first answers: "))
+    words = ready.partition(": ")[2].replace("'", "").split("--set ")[1:]
+    answers = dict(word.strip().split("=", 1) for word in words)
+    record = th.import_record(path, answers=answers).record
+    assert record.specific_force == pytest.approx(force * (G / 16384), rel=1e-12)
+    assert record.time_s == pytest.approx(STEP * np.arange(600))
+
+
+def test_an_unknown_layout_is_refused_with_a_near_one(tmp_path: Path):
+    with pytest.raises(th.InputError, match="did you mean 'euroc'"):
+        imported(tmp_path, LAYOUTS["euroc"], preset="eurok")
+
+
+def test_every_layout_has_known_units_and_a_source():
+    for name, preset in presets().items():
+        for quantity, unit in (preset.units | preset.likely).items():
+            scale = scaled_unit(unit)
+            assert scale is not None, (name, unit)
+            assert scale.quantity == quantity, (name, unit)
+        assert preset.title
+        assert preset.source
+
+
+FIELD = {
+    "real_header_adis.csv": {"units.time": "2000 Hz", "units.rate": "10 LSB/(deg/s)", "units.force": "800 LSB/g"},
+    "real_header_blackbox.csv": {"units.rate": "deg/s", "units.force": "2048 LSB/g"},
+    "real_header_px4.csv": {},
+    "real_header_rocket.csv": {},
+    "real_header_rostopic.csv": {},
+    "px4.csv": {},
+    "ros.csv": {},
+    "euroc.csv": {},
+    "mpu.csv": {"units.force": "16384 LSB/g", "units.rate": "131 LSB/(deg/s)"},
+    "real_sec_column.csv": {"units.force": "g", "units.rate": "deg/s", "units.temperature": "degC"},
+    "real_two_accelerometers.csv": {
+        "columns.force": "ACCEL_ADXL355_0,ACCEL_ADXL355_1,ACCEL_ADXL355_2",
+        "units.time": "us",
+        "units.rate": "rad/s",
+        "units.force": "m/s2",
+    },
+    "pct.txt": {"units.time": "s", "units.force": "m/s2", "units.rate": "rad/s"},
+    "import-cw-ccw.csv": {"columns.alpha_deg.positive": "CCW"},
+    "six_faces.csv": {},
+    "six_positions.csv": {},
+    "acc_only.csv": {},
+    "real_acc_only.csv": {},
+}
+"""File of the field -> the answers to its only round of questions."""
+
+
+@pytest.mark.parametrize("name", FIELD)
+def test_a_file_of_the_field_takes_one_round_of_questions_at_most(name: str, tmp_path: Path):
+    path, answers = field_file(name, tmp_path), FIELD[name]
+    if answers:
+        keys, message = asked(path, {})
+        assert keys == set(answers), message
+    conversion = th.import_record(path, answers=answers)
+    record = conversion.record
+    origin = {column.column: column for column in conversion.columns}
+    delimiter = ";" if name == "real_two_accelerometers.csv" else ("," if path.suffix == ".csv" else " ")
+    rows = list(csv.DictReader(path.read_text().lstrip("% ").splitlines(), delimiter=delimiter))
+    for place, column in enumerate(("f1_mps2", "f2_mps2", "f3_mps2")):
+        source = origin[column]
+        unit = scaled_unit(answers.get("units.force", source.unit))
+        assert unit is not None
+        truth = np.array([float(row[source.source]) for row in rows]) * unit.factor
+        assert record.specific_force[:, place] == pytest.approx(truth, rel=1e-12, abs=1e-15)
+
+
+def test_times_of_19_digits_are_exact(tmp_path: Path):
+    path = field_file("ros.csv", tmp_path)
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    exact = [Decimal(row["field.header.stamp"]) for row in rows]
+    truth = [float((time - exact[0]) * Decimal("1e-9")) for time in exact]
+    assert th.import_record(path).record.time_s == pytest.approx(truth, abs=1e-12)
+
+
+def test_packed_files_of_a_known_layout(tmp_path: Path):
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(LAYOUTS["px4"].encode()))
+    assert len(th.import_record(path).record) == COUNT

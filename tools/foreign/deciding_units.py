@@ -1,0 +1,187 @@
+"""Decide the unit of each column of a sheet, and ask for those that nothing proves, the likeliest first."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..errors import InputError
+from ..records.columns import ANGLES, FORCE, POSES, POSITION, RATE
+from .mapping import OPEN, TRIADS
+from .names import QUANTITY_OF, SAMPLE, TIMES
+from .numbers import (
+    COUNTS,
+    DOUBTFUL,
+    EXAMPLES,
+    QUANTITIES,
+    TIME,
+    LaboratoryUnit,
+    is_rate,
+    known_unit,
+    of_converter,
+    scaled_unit,
+    sense_behind,
+    sexagesimal,
+    spelled_unit,
+    unit_behind,
+)
+from .ranking import force_units, likely_units, median_size
+from .understanding import CLOCK, MOMENT, Origin, UnderstoodTable
+
+SENSITIVITIES = {
+    "force": ("0.5 g", "16384 LSB/g"),
+    "rate": ("0.01 (deg/s)", "131 LSB/(deg/s)"),
+    "angle": ("0.01 deg", ""),
+    "velocity": ("0.001 m/s", ""),
+    "time": ("0.001 s", ""),
+    "temperature": ("0.01 degC", ""),
+}
+"""Quantity -> an example of one volt or count, and a sensitivity as data sheets write it."""
+ONE_G = 9.80665
+LEAST_SIZE, FEWEST = 0.2, 10
+"""Median |f| [g] of so many rows, or more, below which gravity is not in the readings."""
+TRUE_SIZE = (0.8, 1.25)
+"""Range of the median |f| [g] in the unit of a layout."""
+DAYS = (30_000.0, 80_000.0)
+"""Range of times that may be dates as a workbook counts them: days since 1900."""
+
+
+def decide_units(table: UnderstoodTable) -> None:
+    """Decide the unit of each column: given for it, given for its quantity, in its head, or asked for."""
+    units = table.mapping.units
+    agreed: dict[str, set[str]] = {}
+    for key in units:
+        if key not in QUANTITIES:
+            raise InputError(f"units.{key}: is no quantity; {', '.join(QUANTITIES)}")
+    for column, origin in table.origins.items():
+        quantity = QUANTITY_OF.get(column)
+        if quantity is None or origin.form in (CLOCK, MOMENT):
+            continue
+        if all(table.reading(column, text) is None for text in origin.field.texts):
+            # another question asks for the column
+            continue
+        counts_samples = column == TIMES and origin.field.head.column == SAMPLE
+        unit, text = _unit(table, SAMPLE if counts_samples else column, origin)
+        if unit is not None:
+            table.origins[column] = replace(origin, unit=unit)
+            agreed.setdefault(quantity, set()).add(text)
+    stated = {field.quantity for field in table.fields}
+    for question in list(table.questions):
+        name = question.key.removeprefix("columns.")
+        quantity = name if question.key in TRIADS else QUANTITY_OF.get(name, "")
+        if quantity and quantity not in stated and quantity not in agreed and quantity not in units:
+            _ask_for_unit(table, quantity)
+    _check_size(table)
+    table.settled["units"] = {quantity: min(texts) for quantity, texts in agreed.items() if len(texts) == 1}
+    table.settled["units"] |= {quantity: text for quantity, text in units.items() if text != OPEN}
+
+
+def _check_size(table: UnderstoodTable) -> None:
+    """Ask for the unit of specific force where a layout's contradicts gravity; refuse readings without gravity."""
+    origins = [table.origins[column] for column in FORCE if column in table.origins]
+    units = {origin.unit for origin in origins}
+    unit = next(iter(units), None)
+    if len(origins) < 3 or len(units) > 1 or unit is None or unit.raw:
+        return
+    fields = [origin.field for origin in origins]
+    answers = table.mapping.units
+    of_layout = table.given.units.get("force", OPEN) == OPEN and answers.get("force", OPEN) != OPEN
+    is_answered = table.given.units.get("force", OPEN) != OPEN
+    size = median_size(table, fields) * unit.factor / ONE_G
+    if is_answered or table.mapping.integers not in ("", OPEN):
+        return
+    if of_layout and not TRUE_SIZE[0] < size < TRUE_SIZE[1] and force_units(median_size(table, fields)):
+        near = likely_units(table, "force", fields, EXAMPLES["force"][:3], None)
+        table.ask("units.force", near, f"|f| is about {size:.3g} g in the unit of {table.mapping.preset}")
+    elif size < LEAST_SIZE and table.kind not in (POSITION, POSES) and len(fields[0].cells) >= FEWEST:
+        names = ", ".join(field.label for field in fields)
+        what = f"{names}: |f| is about {size:.3g} g: these are accelerations without gravity, or in another unit"
+        raise InputError(f"{table.sheet.path}: {what}; take the columns with gravity, or give --set units.force=UNIT")
+
+
+def _ask_for_unit(table: UnderstoodTable, quantity: str) -> None:
+    """Ask for the unit of a quantity whose columns are unknown; a free field may hold a converter's output."""
+    sources = {origin.field for origin in table.origins.values()}
+    for free in table.fields:
+        if free not in sources and free.unit and free.unit.raw:
+            raw = free.head.unit
+            table.ask(f"units.{quantity}", (example_sensitivity(quantity, raw),), f"what one {raw} is, as here")
+            return
+    fields = table.proposed.get(quantity, ())
+    answers = likely_units(table, quantity, fields, EXAMPLES[quantity][:3], None)
+    size = ""
+    if fields and quantity == "force":
+        size = f", |f| about {median_size(table, fields):.4g},"
+    table.ask(f"units.{quantity}", answers, f"no unit of {quantity}{size} is written")
+
+
+def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[LaboratoryUnit | None, str]:
+    """Return the unit of a column and its text; None if the user must be asked for it."""
+    quantity, head, texts = QUANTITY_OF[column], origin.field.head, origin.field.texts
+    source = table.mapping.of(column)
+    if source.unit:
+        key = f"columns.{column}.unit"
+    else:
+        key = f"units.{quantity}"
+    text = head.unit
+    for written in texts:
+        if not text and not sense_behind(written, quantity):
+            text = unit_behind(written)
+    doubtful = DOUBTFUL.get(spelled_unit(text).lower(), ())
+    stated = None
+    if not doubtful:
+        stated = known_unit(text)
+    is_raw = stated is not None and stated.raw
+    answer = source.unit or table.mapping.units.get(quantity, "")
+    if answer not in ("", OPEN):
+        unit = scaled_unit(answer)
+        if unit is not None and unit.per is not None:
+            unit = of_converter(unit, stated if is_raw else None)
+        if unit is None or unit.raw or unit.quantity != quantity:
+            examples = f"{', '.join(EXAMPLES[quantity])} or '16384 LSB/g'"
+            raise InputError(f"{key} = {answer!r}: is no unit of {quantity}; as {examples}")
+        return unit, answer
+    if stated is not None and stated.quantity == quantity:
+        return stated, text
+    if column in ANGLES and texts and all(table.value(t) is None and sexagesimal(t) is not None for t in texts):
+        return known_unit("deg"), "deg"
+    columns = {"force": FORCE, "rate": RATE, "time": (TIMES,)}.get(quantity, ())
+    fields = [table.origins[name].field for name in columns if name in table.origins]
+    usual: Sequence[str] = EXAMPLES[quantity][:3]
+    if is_raw:
+        usual = (example_sensitivity(quantity, text),)
+    answers: Sequence[str] = likely_units(table, quantity, fields, usual, stated)
+    if is_raw:
+        answers = [answer for answer in answers if _is_sensitivity(answer)] or usual
+        why = f"{head.text!r} is in {text}: what one {text} is, as here"
+    elif doubtful:
+        answers, why = doubtful, f"what {text!r} of {head.text!r} is"
+    elif text and text != head.text:
+        why = f"{text!r} of {head.text!r} is no unit of {quantity} that is known"
+    elif column == SAMPLE:
+        rates = [answer for answer in answers if is_rate(answer)]
+        answers, why = rates or ("100 Hz",), f"{head.text!r} counts samples: at which rate"
+    else:
+        values = table.values(texts)
+        # as a workbook counts days since 1900
+        if quantity == TIME and values and DAYS[0] < min(values) and max(values) < DAYS[1]:
+            answers = ("d", "s", "ms")
+        size = ""
+        if quantity == "force":
+            size = f", |f| about {median_size(table, fields):.4g},"
+        why = f"no unit of {head.text or origin.name!r}{size} is written"
+    table.ask(key, answers, why)
+    return None, ""
+
+
+def _is_sensitivity(text: str) -> bool:
+    """Return True if a unit is a sensitivity of a converter, as 16384 LSB/g."""
+    unit = scaled_unit(text)
+    return unit is not None and unit.per is not None
+
+
+def example_sensitivity(quantity: str, text: str) -> str:
+    """Return an example of one volt or count of a quantity; `text` is the converter's unit."""
+    volt, count = SENSITIVITIES[quantity]
+    unit = known_unit(text)
+    if count and unit is not None and unit.quantity == COUNTS:
+        return count.replace("LSB", spelled_unit(text))
+    return f"{volt}/{spelled_unit(text)}"

@@ -1,0 +1,255 @@
+"""Rank the columns that may be accelerometers or gyros, and the units that these may have, by evidence.
+
+The evidence is the parts of names, the size of gravity, the mean at rest, and usual ranges of converters. It only
+orders the answers to a question: the user decides.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records.columns import POSITION
+from .mapping import Mapping
+from .names import normal
+from .numbers import FORCE, RATE, TIME, LaboratoryUnit, bits_of_signed, known_unit, scaled_unit
+from .presets import presets
+from .understanding import Field, UnderstoodTable
+
+_WORDS = {
+    FORCE: "acc accel accl accelerometer acceleration accelerations beschleunigung sf",
+    RATE: "gyr gyro gyros gyroscope rate omega omg ars kreisel drehrate",
+}
+"""Quantity -> words of names that mean it, with further words beside them."""
+_OTHER = (
+    "std sigma noise bias error offset var rms max min cov covariance gravity free user mag magn magnetic magnetometer "
+    "field est estimated gps vel velocity pos position quat quaternion euler angle dt clipping temp temperature"
+)
+"""Words of names that are no readings of the instrument."""
+AXES = {"x": 0, "y": 1, "z": 2, "1": 0, "2": 1, "3": 2}
+SIZES = ("m/s2", "g", "mg", "16384 LSB/g", "8192 LSB/g", "4096 LSB/g", "2048 LSB/g", "1024 LSB/g", "256 LSB/g")
+FURTHER = ("1000 LSB/g", "800 LSB/g", "1200 LSB/g", "4000 LSB/g", "512 LSB/g", "128 LSB/g", "ug", "cm/s2", "ft/s2")
+"""Units of specific force, the usual ones first."""
+NEAR = 0.25
+"""Largest relative distance of the median |f| from gravity of a likely unit."""
+ONE_G = 9.80665
+RANGES = {16384.0: "131", 8192.0: "65.5", 4096.0: "32.8", 2048.0: "16.4"}
+"""Counts per g -> counts per deg/s of the range that usually goes with it (MPU and ICM series)."""
+FASTEST = 35.0
+"""Rate above which a number is more likely in deg/s than in rad/s."""
+LARGEST_PLAIN = 60.0
+"""Whole numbers beyond this are counts, not m/s² or g."""
+EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
+"""Unit -> least time since an epoch of this century."""
+STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+USUAL_STEP = (2e-4, 0.5)
+"""Usual steps of a series [s]."""
+SHOWN = 4
+"""Largest number of answers to a question about a unit."""
+FEWEST_VALUES = 3
+"""Fewest different values of a column that may be a channel."""
+STEADY = 0.25
+"""Largest spread of |f| over a record, relative to its median, of columns without names."""
+
+
+@dataclass(frozen=True)
+class Triad:
+    """Three columns in the order of their axes, the quantity that their names mean, and the further words in them."""
+
+    fields: tuple[Field, Field, Field]
+    quantity: str = ""
+    further: int = 0
+
+    @property
+    def answer(self) -> str:
+        """The columns as an answer: their names, or numbers if names hold commas or are not unique."""
+        names = [field.label for field in self.fields]
+        if any("," in name or not name for name in names):
+            names = [str(field.place + 1) for field in self.fields]
+        return ",".join(names)
+
+
+def named_triads(fields: Sequence[Field]) -> list[Triad]:
+    """Return the groups of three columns whose names differ in their axis only, with the quantity of their words."""
+    groups: dict[tuple[str, ...], dict[int, Field]] = {}
+    places = _counted_from_zero(fields)
+    for field in fields:
+        words = normal(re.sub(r"\[(\d)\]", r" \1", field.head.name)).split()
+        axes = [word for word in words if word in AXES or (word == "0" and field in places)]
+        if len(axes) != 1:
+            continue
+        stem = tuple(word for word in words if word != axes[0])
+        shift = int(axes[0]) if field in places and axes[0].isdigit() else AXES.get(axes[0], 3)
+        groups.setdefault(stem, {})[shift] = field
+    triads = []
+    for stem, group in groups.items():
+        if group.keys() != {0, 1, 2}:
+            continue
+        quantity = _quantity_of(stem, group[0].quantity)
+        triads.append(Triad((group[0], group[1], group[2]), quantity, len(stem)))
+    return triads
+
+
+def _counted_from_zero(fields: Sequence[Field]) -> set[Field]:
+    """Return the fields of names that count their channels from 0."""
+    stems: dict[str, dict[str, Field]] = {}
+    for field in fields:
+        stem = re.fullmatch(r"(.*?)[ _\[]?(\d)\]?", field.head.name)
+        if stem:
+            stems.setdefault(stem[1], {})[stem[2]] = field
+    counted = set[Field]()
+    for group in stems.values():
+        if group.keys() == {"0", "1", "2"}:
+            counted |= set(group.values())
+    return counted
+
+
+def _quantity_of(stem: Sequence[str], of_unit: str) -> str:
+    """Return the quantity that the words of a name mean, if its unit is not of another; "" if none."""
+    if not set(_OTHER.split()).isdisjoint(stem):
+        return ""
+    for quantity, words in _WORDS.items():
+        if not set(words.split()).isdisjoint(stem) and of_unit in ("", quantity, "counts", "voltage"):
+            return quantity
+    return ""
+
+
+def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Triad]:
+    """Return neighbouring columns of numbers without names, those that are likelier accelerometers first."""
+    triads = []
+    for three in zip(fields, islice(fields, 1, None), islice(fields, 2, None), strict=False):
+        if three[2].place - three[0].place != 2:
+            continue
+        values = values_of(table, three)
+        if len(values) < 3 or any(len(set(column)) < min(len(values), FEWEST_VALUES) for column in values.T.tolist()):
+            continue
+        size = np.linalg.norm(values, axis=1)
+        median = float(np.median(size))
+        if median > 0.0:
+            spread = float(np.median(np.abs(size - median))) / median
+            triads.append((spread > STEADY, not force_units(median), three[0].place, Triad(three)))
+    return [triad for *_, triad in sorted(triads, key=lambda entry: entry[:3])]
+
+
+def values_of(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.float64]:
+    """Return the numbers of some columns, in the rows that have all of them (N, columns); counts with their signs."""
+    rows = []
+    for _, texts in table.rows:
+        row = table.values(texts[field.place] for field in fields if field.place < len(texts))
+        if len(row) == len(fields):
+            rows.append(row)
+    values = np.array(rows, dtype=np.float64).reshape(-1, len(fields))
+    for k in range(len(fields)):
+        bits = bits_of_signed(values[:, k].tolist())
+        if bits:
+            values[:, k] -= 2.0**bits * (values[:, k] >= 2.0 ** (bits - 1))
+    return values
+
+
+def median_size(table: UnderstoodTable, fields: Sequence[Field]) -> float:
+    """Return the median of |f| in the file's unit; 0 if no row has three numbers."""
+    values = values_of(table, fields)
+    if not len(values):
+        return 0.0
+    return float(np.median(np.linalg.norm(values, axis=1)))
+
+
+def force_units(size: float) -> list[str]:
+    """Return the units in which a median |f| is about 1 g, the nearest of the usual ones first."""
+    near = []
+    for rank, text in enumerate(SIZES + FURTHER):
+        unit = scaled_unit(text)
+        assert unit is not None
+        distance = abs(size * unit.factor / ONE_G - 1.0)
+        if distance <= NEAR:
+            near.append((rank >= len(SIZES), distance, text))
+    return [text for *_, text in sorted(near)]
+
+
+def likely_units(
+    table: UnderstoodTable, quantity: str, fields: Sequence[Field], usual: Sequence[str], stated: LaboratoryUnit | None
+) -> list[str]:
+    """Return units for a question, the likeliest first; `stated` is the unit of a converter that the file states."""
+    first: list[str] = []
+    likely = likely_of(table.mapping).get(quantity)
+    if likely:
+        first.append(likely)
+    if quantity == FORCE and len(fields) == 3:
+        first = _force_answers(values_of(table, fields), first)
+    elif quantity == TIME and fields and table.kind is not POSITION:
+        first += time_units(table, fields[0])
+    elif quantity == RATE and fields:
+        first += _rate_units(table, fields)
+    if stated is not None and stated.raw:
+        first = [text for text in first if scaled_unit(text) and scaled_unit(text) != known_unit(text)]
+    return list(dict.fromkeys([*first, *usual]))[:SHOWN]
+
+
+def _force_answers(values: NDArray[np.float64], likely: list[str]) -> list[str]:
+    """Return units of readings (N, 3) by the size of gravity; the layout's first where it agrees, counts as counts."""
+    if not len(values):
+        return likely
+    near = force_units(float(np.median(np.linalg.norm(values, axis=1))))
+    largest = float(np.abs(values).max())
+    if bool((values == np.round(values)).all()) and largest > LARGEST_PLAIN:
+        counts = [text for text in near if "LSB" in text] or ["16384 LSB/g"]
+        near = counts + [text for text in near if text not in counts]
+    agreed = [text for text in likely if text in near]
+    return agreed + near + [text for text in likely if not near]
+
+
+def time_units(table: UnderstoodTable, field: Field) -> list[str]:
+    """Return units of a column of times, the likeliest first: by the size of an epoch, else by its steps."""
+    values = np.array(table.values(field.texts[:200]))
+    if len(values) < 2:
+        return []
+    for unit, least in EPOCHS.items():
+        if values.min() > least:
+            return [unit]
+    step = float(np.median(np.abs(np.diff(values))))
+    for unit, factor in STEPS.items():
+        if USUAL_STEP[0] <= step * factor <= USUAL_STEP[1]:
+            return [unit]
+    return []
+
+
+def rising(table: UnderstoodTable, fields: Sequence[Field]) -> list[Field]:
+    """Return the columns whose numbers rise from row to row: they may be times."""
+    risen = []
+    for field in fields:
+        values = np.array(table.values(field.texts))
+        if len(values) > 2 and len(values) == len(field.texts) and (np.diff(values) > 0.0).all():
+            risen.append(field)
+    return risen
+
+
+def likely_of(mapping: Mapping) -> dict[str, str]:
+    """Return the likely units of the layout that a mapping names."""
+    if mapping.preset in presets():
+        return presets()[mapping.preset].likely
+    return {}
+
+
+def _rate_units(table: UnderstoodTable, fields: Sequence[Field]) -> list[str]:
+    """Return units of rates: sensitivities for counts, by the range of the accelerometers; else by their size."""
+    values = values_of(table, fields)
+    if not values.size:
+        return []
+    largest = float(np.abs(values).max())
+    whole = bool((values == np.round(values)).all()) and largest > 0.0
+    forces = [table.origins[column].field for column in ("f1_mps2", "f2_mps2", "f3_mps2") if column in table.origins]
+    if whole and len(forces) == 3:
+        for unit in force_units(median_size(table, forces)):
+            counts = re.match(r"(\d+) LSB", unit)
+            if counts and float(counts[1]) in RANGES:
+                first = f"{RANGES[float(counts[1])]} LSB/(deg/s)"
+                return [first, *(f"{number} LSB/(deg/s)" for number in RANGES.values())]
+    if largest > FASTEST:
+        return ["deg/s", "rad/s"]
+    wanders = float(np.abs(np.median(values, axis=0)).max())
+    if wanders < 0.03:
+        return ["rad/s", "deg/s"]
+    return ["deg/s", "rad/s"]
