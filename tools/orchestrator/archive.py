@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import math
 import re
 import stat
 import struct
@@ -12,14 +13,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from xml.etree import ElementTree
 from xml.parsers import expat
 
 import fmpy
-from fmpy.model_description import ModelDescription
+from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..errors import InputError, full
 from ..files import bytes_of
 from ..locks import own_folder
+from .guest_process import Clock
 
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
@@ -58,14 +61,11 @@ class UnpackedFmu:
     event_mode: bool = False
 
     @property
-    def handled(self) -> tuple[()] | tuple[int, int, float] | None:
-        """Return the arguments for handling this FMU's events; None if the FMU handles them itself.
+    def solver(self) -> tuple[()] | tuple[int, int, float]:
+        """Numbers of states and of event indicators, and the tolerance, for model exchange; otherwise empty.
 
-        For model exchange: the number of states, the number of event indicators, and a tolerance. Raises InputError if
-        the tolerance in its description is not a number.
+        Raises InputError if the tolerance in its description is not a number.
         """
-        if self.description.coSimulation is not None and not self.event_mode:
-            return None
         if self.description.coSimulation is not None:
             return ()
         tolerance_text = getattr(self.description.defaultExperiment, "tolerance", None)
@@ -74,6 +74,29 @@ class UnpackedFmu:
         except ValueError as error:
             raise InputError(f"{self.label}: modelDescription.xml, DefaultExperiment, tolerance: {error}") from error
         return self.description.numberOfContinuousStates, self.description.numberOfEventIndicators, tolerance
+
+    @property
+    def clocks(self) -> list[Clock]:
+        """Periodic input clocks.
+
+        Raises InputError for an input clock that is not constant, and for any without event mode.
+        """
+        clocks = []
+        for variable in self.description.modelVariables:
+            if variable.type != "Clock" or variable.causality != "input":
+                continue
+            name = f"{self.label}: input clock '{variable.name}'"
+            if variable.intervalVariability != "constant":
+                how = f"{variable.intervalVariability}; only constant periodic clocks tick"
+                raise InputError(f"{name} is {how}")
+            if self.description.coSimulation is not None and not self.says("hasEventMode"):
+                raise InputError(f"{name} cannot tick: the FMU does not say hasEventMode")
+            try:
+                clock = _periodic(variable)
+            except (ValueError, TypeError, OverflowError) as error:
+                raise InputError(f"{name} has no positive interval ({error})") from error
+            clocks.append((int(variable.valueReference), *clock))
+        return clocks
 
     @property
     def version(self) -> int:
@@ -94,6 +117,29 @@ class UnpackedFmu:
             if str(claim).lower() in ("true", "1"):
                 return True
         return False
+
+
+def _periodic(variable: ModelVariable) -> tuple[float, float, float]:
+    """Return shift and interval of a periodic clock, and the resolution by which both are divided."""
+    if variable.intervalCounter is not None:
+        shift, interval, resolution = variable.shiftCounter, variable.intervalCounter, variable.resolution
+    else:
+        shift, interval, resolution = variable.shiftDecimal or 0.0, variable.intervalDecimal, 1.0
+    numbers = float(shift or 0.0), float(str(interval)), float(str(resolution))
+    if not (min(numbers[1:]) > 0.0 and all(map(math.isfinite, numbers))):
+        raise ValueError(f"{interval} / {resolution}")
+    return numbers
+
+
+def _read_intervals(xml: bytes, description: ModelDescription) -> None:
+    """Add the intervals of clocks to the description: FMPy does not read them."""
+    variables = {variable.name: variable for variable in description.modelVariables if variable.type == "Clock"}
+    if not variables:
+        return
+    for element in ElementTree.fromstring(xml).iter("Clock"):
+        for key in ("intervalDecimal", "shiftDecimal", "intervalCounter", "shiftCounter", "resolution"):
+            if key in element.attrib and element.get("name") in variables:
+                setattr(variables[str(element.get("name"))], key, element.get(key))
 
 
 def fmi_version(description: ModelDescription) -> int:
@@ -235,6 +281,7 @@ def _described(xml: bytes, label: str) -> ModelDescription:
         if isinstance(error, KeyError):
             reason = f"it refers to {error.args[0]!r}, which is not there"
         raise InputError(f"{name} cannot be used ({reason})") from error
+    _read_intervals(xml, description)
     kind = description.coSimulation or description.modelExchange
     if kind is None:
         what = "neither co-simulation nor model exchange"

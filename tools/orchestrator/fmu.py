@@ -21,6 +21,8 @@ from .interface import FmuVariable, Interface, Value, block_of, bytes_at
 
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 FATAL = 4
+SAME_VALUE = 1e-12
+"""Relative difference within which an FMU holds a real number that was set."""
 
 
 def forget_script(fmu: UnpackedFmu) -> None:
@@ -225,6 +227,42 @@ class Slave:
             except InputError as error:
                 raise InputError(f"{error} [setting {setting}]") from error
 
+    def _read(self, variable: FmuVariable, count: int) -> list[Any] | None:
+        """Return the values of a variable, or of all elements of its array; None if it cannot be read."""
+        output: tuple[Any, ...] = (bytes(np.dtype(variable.value_type.dtype).itemsize * count),)
+        if variable.value_type.by_address:
+            output = ("texts" if variable.kind == "String" else "binaries", count)
+        arguments: list[Any] = [variable.reference.to_bytes(4, sys.byteorder), 1, output]
+        if self.prefix == "fmi3":
+            arguments.append(count)
+        try:
+            status, contents = self._host.call(self.accessor("Get", variable.access), arguments)
+        except AttributeError:
+            return None
+        if status > WARNING:
+            return None
+        if variable.kind == "String":
+            return [text.decode("utf-8", "replace") for text in contents[0]]
+        if variable.kind == "Binary":
+            return [content.hex() for content in contents[0]]
+        return np.frombuffer(contents[0], dtype=variable.value_type.dtype).tolist()
+
+    def not_held(self, values: Iterable[tuple[FmuVariable, Value]]) -> list[tuple[FmuVariable, Value, Any]]:
+        """Return the variables that do not hold the values given for them, with both values; None is not readable."""
+        arrays: dict[tuple[str, int], list[Any] | None] = {}
+        different = []
+        for variable, value in values:
+            key = variable.access, variable.reference
+            if key not in arrays:
+                arrays[key] = self._read(variable, variable.size)
+            elements = arrays[key]
+            held = None
+            if elements is not None:
+                held = elements[variable.place]
+            if not _is_same(variable, value, held):
+                different.append((variable, value, held))
+        return different
+
     def begin(self, start: float, stop: float) -> None:
         """Set the times of the run and enter initialisation."""
         self.call("fmi2SetupExperiment", 0, 0.0, start, 1, stop)
@@ -313,6 +351,20 @@ class Slave3(Slave):
     def begin(self, start: float, stop: float) -> None:
         """Enter initialisation with the times of the run."""
         self.call("fmi3EnterInitializationMode", False, 0.0, start, True, stop)
+
+
+def _is_same(variable: FmuVariable, given: Value, held: Any) -> bool:
+    """Return True if a value is the given one: a Real but for the rounding of units, others exactly."""
+    if held is None:
+        return False
+    if variable.kind == "Real":
+        number = float(variable.value_type.dtype(given))
+        return math.isclose(number, held, rel_tol=SAME_VALUE, abs_tol=0.0)
+    if variable.kind == "Boolean":
+        return bool(given) == bool(held)
+    if variable.kind == "Binary":
+        return str(given).lower() == held
+    return given == held
 
 
 SLAVES = {2: Slave, 3: Slave3}

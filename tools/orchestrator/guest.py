@@ -510,7 +510,9 @@ def settings_of(fmu: UnpackedFmu, name: str, progress: str = "") -> dict[str, An
         "resources": location,
         "logger": "" if fmu.python_module else _logger(),
         "progress": progress,
-        "handled": fmu.handled,
+        "solver": fmu.solver,
+        "clocks": fmu.clocks,
+        "has_events": fmu.event_mode,
     }
 
 

@@ -48,6 +48,10 @@ CLOSE = 1e-13
 """Times that differ by less, relative to the step and the time, are equal."""
 MOST_SOLVER_STEPS = 100_000
 """Largest number of solver steps between two events."""
+ONE_STEP, ROOT_RETURN = 2, 2
+"""CVODE's task of a single step, and its status at a root."""
+Clock = tuple[int, float, float, float]
+"""A periodic clock: its value reference; shift and interval, both to be divided by a resolution, which follows [s]."""
 _BOOLEAN, _INTEGER, _REAL = ctypes.c_bool, ctypes.c_int, ctypes.c_double
 _LOG_2 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_char_p, _INTEGER, ctypes.c_char_p, ctypes.c_char_p)
 _LOG_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, _INTEGER, ctypes.c_char_p, ctypes.c_char_p)
@@ -91,11 +95,36 @@ class Events:
 
     mode = "EnterStepMode"
 
-    def __init__(self, version: int, call: Callable[..., int], log: Log) -> None:
+    def __init__(self, version: int, call: Callable[..., int], log: Log, clocks: Sequence[Clock]) -> None:
         self.version, self.plain_call, self._log = version, call, log
-        self.next_event = math.inf
+        self._clocks, self._ticks = clocks, [0] * len(clocks)
+        self._next_event = math.inf
+        self._start = self.time = 0.0
         self.ended: float | None = None
-        self.time = 0.0
+
+    @property
+    def next_instant(self) -> float:
+        """Time of the FMU's next event or of the next tick of a clock."""
+        return min(self._next_event, self.next_tick)
+
+    @property
+    def next_tick(self) -> float:
+        """Time of the next tick of a clock."""
+        return min(map(self._tick_time, range(len(self._clocks))), default=math.inf)
+
+    def _tick_time(self, number: int) -> float:
+        """Return the time of the next tick of a clock, from whole numbers of intervals."""
+        _, shift, interval, resolution = self._clocks[number]
+        return self._start + (shift + self._ticks[number] * interval) / resolution
+
+    def _tick(self) -> None:
+        """Activate the clocks that are due."""
+        for number, (reference, *_) in enumerate(self._clocks):
+            due = self._tick_time(number)
+            if due <= self.time + CLOSE * (1.0 + abs(self.time)):
+                self._ticks[number] += 1
+                one = ctypes.c_size_t(1)
+                self.call("SetClock", (ctypes.c_uint32 * 1)(reference), one, (_BOOLEAN * 1)(True))
 
     def call(self, name: str, *arguments: Any) -> None:
         """Call a function of the FMU.
@@ -116,7 +145,7 @@ class Events:
 
     def enter(self, start: float) -> int:
         """Handle the event that ends the initialisation; return its status."""
-        self.time = start
+        self.time = self._start = start
         try:
             self._update()
         except FailedError as error:
@@ -124,7 +153,8 @@ class Events:
         return OK
 
     def _update(self) -> None:
-        """Update discrete states until they no longer change."""
+        """Activate clocks, and update discrete states until they no longer change."""
+        self._tick()
         for _ in range(MOST_EVENTS):
             if self.version == 2:
                 info = _EventInfo()
@@ -136,7 +166,7 @@ class Events:
                 self.call("UpdateDiscreteStates", *places, ctypes.byref(event))
                 following = event.value
             again, terminate, defined = flags[0], flags[1], flags[4]
-            self.next_event = following if defined else math.inf
+            self._next_event = following if defined else math.inf
             if terminate:
                 self.ended = self.time
             if terminate or not again:
@@ -163,7 +193,8 @@ class Events:
             return self._logged(error), self.time
 
     def advance(self, end: float, close: float) -> None:
-        """Step to the next event or to the end; the FMU returns early at an event."""
+        """Step to the next tick or to the end; the FMU returns early at an event."""
+        end = min(end, max(self.next_tick, self.time + close))
         flags, places = _flags(3)
         reached = _REAL(self.time)
         times = _REAL(self.time), _REAL(end - self.time)
@@ -171,6 +202,10 @@ class Events:
         self.time = reached.value if flags[2] else end
         if flags[1]:
             self.ended = self.time
+
+    def prepare(self, name: str, arguments: Sequence[Any]) -> bool:
+        """Return True if the FMU is ready to take inputs: between steps it is in event mode."""
+        return True
 
     def answer(self, name: str, arguments: Sequence[Any]) -> tuple[int, list[bytes]]:
         """Stand in for a function of co-simulation: a step, or the step query of FMI 2.0."""
@@ -187,7 +222,11 @@ class Events:
 
 
 class ExchangeSolver(Events):
-    """Step an FMU of model exchange: SUNDIALS' CVODE integrates it with a relative tolerance."""
+    """Step an FMU of model exchange: SUNDIALS' CVODE integrates it with a relative tolerance.
+
+    CVODE continues over the steps of the run. It starts anew after an event, and after a change of an input, which is
+    an event too. Between steps the FMU stays in continuous-time mode unless there was an event.
+    """
 
     mode = "EnterContinuousTimeMode"
 
@@ -196,12 +235,15 @@ class ExchangeSolver(Events):
         version: int,
         call: Callable[..., int],
         log: Log,
-        sizes: Sequence[int],
-        tolerance: float,
+        clocks: Sequence[Clock],
+        solver: tuple[int, int, float],
     ) -> None:
-        super().__init__(version, call, log)
-        self._sizes, self._tolerance = sizes, tolerance
+        super().__init__(version, call, log, clocks)
+        self._sizes, self._tolerance = solver[:2], solver[2]
         self._cvode: Any = None
+        self._in_event = self._fresh = True
+        self._changed = False
+        self._inputs: dict[tuple[str, Any], Sequence[Any]] = {}
 
     def _vector(self, name: str, values: Any, count: int) -> None:
         """Get or set numbers."""
@@ -211,20 +253,74 @@ class ExchangeSolver(Events):
     def _set_time(self, instant: float) -> None:
         self.call("SetTime", _REAL(instant))
 
+    def prepare(self, name: str, arguments: Sequence[Any]) -> bool:
+        """Return True if inputs change; the FMU takes them in event mode."""
+        key = name, arguments[0]
+        if self._inputs.get(key) == arguments:
+            return False
+        if not self._in_event:
+            self.call("EnterEventMode")
+            self._in_event = True
+        self._inputs[key] = arguments
+        self._changed = True
+        return True
+
     def step(self, begin: float, length: float) -> tuple[int, float]:
         """Make a step; return its status and the time that it reached."""
-        status = self.plain_call(f"fmi{self.version}SetTime", _REAL(begin))
-        if status > WARNING:
-            return status, begin
-        return super().step(begin, length)
+        end = begin + length
+        close = CLOSE * (length + abs(end))
+        try:
+            if self._changed:
+                self._update()
+                self._changed = False
+            for _ in range(MOST_EVENTS):
+                if self.ended is not None:
+                    return DISCARD if self.version == 2 else OK, self.ended
+                if self.time >= end - close:
+                    return OK, end
+                if self._in_event:
+                    self.call(self.mode)
+                    self._in_event, self._fresh = False, True
+                if self._advance_to_event(end, close):
+                    self.call("EnterEventMode")
+                    self._in_event = True
+                    self._update()
+            raise FailedError(ERROR, f"more than {MOST_EVENTS} events between {begin:.9g} s and {end:.9g} s")
+        except FailedError as error:
+            return self._logged(error), self.time
 
-    def _begin(self) -> None:
-        """Begin an integration at this time."""
-        if self._cvode is not None:
+    def _advance_to_event(self, end: float, close: float) -> bool:
+        """Integrate to the next event, or to the end of the step; return True at an event."""
+        goal = min(end, max(self.next_instant, self.time))
+        for _ in range(MOST_SOLVER_STEPS):
+            is_event = False
+            if goal - self.time <= close or not any(self._sizes):
+                self.time = goal
+                self._set_time(goal)
+            else:
+                is_event = self._integrate(goal)
+            if self._complete_step() or is_event or self.ended is not None:
+                return True
+            if self.time >= goal - close:
+                return self.next_instant <= self.time + close
+        raise FailedError(ERROR, f"CVODE: more than {MOST_SOLVER_STEPS} steps before {goal:.9g} s")
+
+    def _integrate(self, goal: float) -> bool:
+        """Make one step of CVODE towards a time; return True at a state event."""
+        if self._cvode is None:
+            self._cvode = self._new_solver()
+        elif self._fresh:
             self._cvode.reset(self.time)
-            return
+        self._fresh = False
+        try:
+            is_event, self.time = self._cvode.step_towards(goal)
+        except RuntimeError as error:
+            raise self._cvode.failed or FailedError(ERROR, f"CVODE: {error.args[0]}") from error
+        return is_event
+
+    def _new_solver(self) -> Any:
         rates = "GetDerivatives" if self.version == 2 else "GetContinuousStateDerivatives"
-        self._cvode = cvode_class()(
+        return cvode_class()(
             nx=self._sizes[0],
             nz=self._sizes[1],
             get_x=lambda x, n: self._vector("GetContinuousStates", x, n),
@@ -239,21 +335,8 @@ class ExchangeSolver(Events):
             maxNumSteps=MOST_SOLVER_STEPS,
         )
 
-    def _integrate(self, goal: float) -> bool:
-        """Integrate towards a time; return True if CVODE stopped at a state event or at that time."""
-        try:
-            met, _, self.time = self._cvode.step_until(self.time, goal)
-        except RuntimeError as error:
-            raise self._cvode.failed or FailedError(ERROR, f"CVODE: {error.args[0].rpartition(': ')[2]}") from error
-        return bool(met)
-
-    def advance(self, end: float, close: float) -> None:
-        """Integrate to the next event, or to the end of the step."""
-        self._begin()
-        goal = min(end, max(self.next_event, self.time))
-        if goal - self.time <= close or not self._integrate(goal):
-            self.time = goal
-        self._set_time(self.time)
+    def _complete_step(self) -> bool:
+        """Tell the FMU that a step of the solver is complete; return True if it asks for an event."""
         if self.version == 2:
             flags: Any = (_INTEGER * 2)()
             self.call("CompletedIntegratorStep", 1, ctypes.byref(flags, 0), ctypes.byref(flags, 4))
@@ -262,6 +345,7 @@ class ExchangeSolver(Events):
             self.call("CompletedIntegratorStep", _BOOLEAN(True), *places)
         if flags[1]:
             self.ended = self.time
+        return bool(flags[0])
 
 
 class _Inputs:
@@ -297,10 +381,18 @@ def cvode_class() -> type:
                 self.failed = self.failed or error
                 return -1
 
-        def step_until(self, begin: float, goal: float) -> Any:
+        def step_towards(self, goal: float) -> tuple[bool, float]:
+            """Make one step of the solver, at most to a time; return True at a state event, and the time reached."""
             # Beyond the event, or the end of the step, other equations may hold.
             set_stop(self.cvode_mem, goal)
-            return self.step(begin, goal)
+            reached = _REAL()
+            flag = sundials_cvode.CVode(self.cvode_mem, goal, self.x, ctypes.byref(reached), ONE_STEP)
+            if flag < 0:
+                raise RuntimeError(self.error_info[-1] if self.error_info else f"error {flag}")
+            self.set_time(reached.value)
+            if not self.discrete:
+                self.set_x(self.px, self.nx)
+            return flag == ROOT_RETURN, reached.value
 
         def __del__(self) -> None:
             """Keep the memory: it is freed with the process."""
@@ -339,6 +431,7 @@ class Host:
         self._events: Events | None = None
         """Steps an FMU if this process handles its events."""
         self._start = 0.0
+        self._initialised = False
         self._functions: dict[str, Any] = {}
         self._alive: list[Any] = []
         """Objects whose addresses the library holds; kept alive here."""
@@ -347,14 +440,14 @@ class Host:
         """Load the library and make the instance.
 
         Keys of `settings`: the library's file, version (of FMI), name, token, resources, logger (FMPy's library, or
-        ""), progress (a file, or ""), and `handled`. That is None if the FMU handles its events itself; for model
+        ""), progress (a file, or ""), `clocks`, `has_events` (this process handles the events), and `solver`: for model
         exchange, the numbers of states and event indicators and a tolerance; otherwise empty.
         """
-        version, handled = settings["version"], settings["handled"]
-        if handled:
-            self._events = ExchangeSolver(version, self._plain_call, self.log, handled[:-1], handled[-1])
-        elif handled is not None:
-            self._events = Events(version, self._plain_call, self.log)
+        version, clocks, solver = settings["version"], settings["clocks"], settings["solver"]
+        if solver:
+            self._events = ExchangeSolver(version, self._plain_call, self.log, clocks, solver)
+        elif settings["has_events"]:
+            self._events = Events(version, self._plain_call, self.log, clocks)
         if settings["progress"]:
             with Path(settings["progress"]).open("r+b") as file:
                 self.progress = mmap.mmap(file.fileno(), PROGRESS.size)
@@ -370,16 +463,16 @@ class Host:
         if version == 2:
             callbacks = ctypes.byref(self._callbacks(settings["logger"]))
             make = self._function("fmi2Instantiate")
-            arguments = (self.name, 0 if handled else 1, token, resources, callbacks, 0, 1)
+            arguments = (self.name, 0 if solver else 1, token, resources, callbacks, 0, 1)
         else:
             environment = ctypes.c_void_p(id(self))
             arguments = (self.name, token, resources, _BOOLEAN(False), _BOOLEAN(True))
-            if handled:
+            if solver:
                 make = self._function("fmi3InstantiateModelExchange")
                 arguments += (environment, _LOGGER_3)
             else:
                 make = self._function("fmi3InstantiateCoSimulation")
-                events = _BOOLEAN(handled is not None)
+                events = _BOOLEAN(settings["has_events"])
                 arguments += (events, events, None, ctypes.c_size_t(0), environment, _LOGGER_3, None)
         make.restype = ctypes.c_void_p
         self._instance = ctypes.c_void_p(make(*arguments))
@@ -419,7 +512,15 @@ class Host:
         if name.endswith("FreeInstance"):
             self._plain_call(name, *memory)
             return OK, []
+        if self._initialised and self._events is not None and name[4:7] == "Set":
+            try:
+                if not self._events.prepare(name, arguments):
+                    return OK, []
+            except FailedError as error:
+                self.log.append(error.args)
+                return error.args[0], []
         status = self._plain_call(name, *memory)
+        self._initialised = self._initialised or name.endswith("ExitInitializationMode")
         if name.endswith(("SetupExperiment", "EnterInitializationMode")) and arguments:
             self._start = arguments[2]
         if self._events is not None and status <= WARNING and name.endswith("ExitInitializationMode"):

@@ -162,9 +162,10 @@ def load_fmus(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, L
         if setting.event_mode and (exchange or not fmu.says("hasEventMode")):
             raise InputError(f"fmus.{name}.event_mode: {label} does not say hasEventMode for co-simulation (FMI 3.0)")
         # The process that handles its events has the FMU in it.
-        guest = setting.fmu is not None and (not scenario.run.in_process or exchange or bool(setting.event_mode))
+        event_mode = bool(setting.event_mode) or (bool(fmu.clocks) and not exchange)
+        guest = setting.fmu is not None and (not scenario.run.in_process or exchange or event_mode)
         fmu = replace(fmu, guest=guest, call_limit_s=scenario.run.call_limit_s, tolerance=setting.tolerance)
-        fmu = replace(fmu, event_mode=bool(setting.event_mode))
+        fmu = replace(fmu, event_mode=event_mode)
         interface = interface_of(name, label, fmu.description)
         if fmu.says("canBeInstantiatedOnlyOncePerProcess") and not guest:
             if fmu.sha256 in single:

@@ -13,7 +13,7 @@ import threading
 import time as clocks
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import FrameType
 from typing import NoReturn
 
@@ -24,7 +24,7 @@ from ..errors import InputError
 from . import operations as op
 from .fmu import SLAVES, Slave
 from .guest_process import DISCARD
-from .load import Loaded
+from .load import SETTABLE, Loaded
 from .operations import compiled_march, plain_march
 from .program import Ports, Program, order_of, step_program
 from .recorded import Blocks, Keep, RecordColumn
@@ -41,7 +41,7 @@ class Assembly:
     """The parts of a run: FMUs in stepping order, and the recorded variables.
 
     For each name: the loaded FMU, the values to set before initialisation, and its ports (the memory it reads and
-    writes).
+    writes). `notes` are sentences for the user about the run.
     """
 
     groups: Sequence[StepGroup]
@@ -50,6 +50,7 @@ class Assembly:
     loaded: Mapping[str, Loaded]
     ports: Mapping[str, Ports]
     grid: StepGrid
+    notes: list[str] = field(default_factory=list)
 
     @property
     def order(self) -> list[str]:
@@ -285,15 +286,61 @@ def initialise_fmus(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
     for group in assembly.groups:
         for name in group.members:
             slaves[name].begin(grid.start, grid.time(grid.steps))
+            _set_late(slaves[name], assembly.loaded[name])
             _exchange(name, slaves, assembly, entered)
             entered.append(name)
         _settle(group, slaves, assembly)
     for name in order:
         slaves[name].call(f"{slaves[name].prefix}ExitInitializationMode")
+    for name in order:
+        _check_held(slaves[name], assembly)
     for group in assembly.groups:
         for name in group.members:
             _exchange(name, slaves, assembly, order)
         _settle(group, slaves, assembly)
+
+
+def _set_late(slave: Slave, entry: Loaded) -> None:
+    """Set again in initialisation mode what the FMU has not taken before it."""
+    given = [(variable, value) for variable, value in entry.values.values() if variable.causality in SETTABLE]
+    late = slave.not_held(given)
+    if late:
+        references = {variable.reference for variable, _, _ in late}
+        again = [(variable, value) for variable, value in given if variable.reference in references]
+        slave.set_values(again, entry.interface)
+
+
+def _check_held(slave: Slave, assembly: Assembly) -> None:
+    """Read every given parameter back; refuse the run if one has another value, unless the user accepts it."""
+    parameters = []
+    is_resized = False
+    for variable, value in assembly.loaded[slave.name].values.values():
+        is_resized = is_resized or variable.causality == "structuralParameter"
+        if variable.causality in ("parameter", "structuralParameter"):
+            parameters.append((variable, value))
+    lost = []
+    unread = []
+    for variable, value, held in slave.not_held(parameters):
+        # The Reference FMU with arrays of other lengths returns them in another order.
+        if held is None or (is_resized and variable.size > 1):
+            unread.append(variable.name)
+        else:
+            lost.append(f"{variable.name} is {held!r} after {value!r} was set")
+    if unread:
+        assembly.notes.append(f"{slave}: cannot be read back: {_few(unread)}")
+    if lost:
+        message = f"{slave}: {len(lost)} of {len(parameters)} given values are not held: {_few(lost)}"
+        if not assembly.scenario.run.accept_lost:
+            raise InputError(f"{message}; to run all the same: --accept-lost")
+        assembly.notes.append(message)
+
+
+def _few(texts: Sequence[str]) -> str:
+    """Return the first texts as a list."""
+    shown = list(texts[:3])
+    if len(texts) > 3:
+        shown.append("...")
+    return ", ".join(shown)
 
 
 def _exchange(name: str, slaves: Mapping[str, Slave], assembly: Assembly, sources: Collection[str]) -> None:

@@ -90,6 +90,8 @@ class Simulation(Result):
     ended: str = ""
     files: tuple[Path, ...] = ()
     ignored_parameters: tuple[str, ...] = ()
+    notes: tuple[str, ...] = Field(default=(), exclude=True)
+    """Sentences about the run that the user must know, as a shortened last step."""
     scenario: Scenario = Field(default=ABSENT, exclude=True, repr=False)
     provenance: dict[str, Any] = Field(default=ABSENT, exclude=True, repr=False)
     averages: PositionRecord | None = Field(default=None, exclude=True, repr=False)
@@ -308,6 +310,8 @@ def _recorded(
         with progress_bar("simulating", grid.steps, show=progress) as update_bar:
             ended = run_fmus(assembly, keep, progress=update_bar, flush=lambda: journal.due, compiled=compiled)
         so_far: dict[str, Any] = {}
+        if assembly.notes:
+            journal.provenance["notes"] = list(assembly.notes)
         if ended:
             so_far = {"steps": reached, "final_time_s": grid.time(reached), "ended": ended}
         columns = ["time_s"]
@@ -322,6 +326,7 @@ def _recorded(
                 columns=columns,
                 final_time_s=so_far.get("final_time_s", journal.provenance["final_time_s"]),
                 ended=ended,
+                notes=tuple(assembly.notes),
                 files=files,
                 scenario=scenario,
                 provenance={**journal.provenance, **so_far},

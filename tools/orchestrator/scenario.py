@@ -71,7 +71,8 @@ class RunSetting(Section):
       that passes outputs on after all FMUs have stepped.
 
     An FMU from a file runs in a process of its own, unless `in_process`. A call longer than `call_limit_s` [s] ends the
-    run.
+    run. So does an output that is not a number, unless `allow_nan`, and a parameter that an FMU does not hold, unless
+    `accept_lost`.
     """
 
     start_s: Finite = 0.0
@@ -82,6 +83,8 @@ class RunSetting(Section):
     iterations: Annotated[int, Field(ge=2, le=1_000_000)] | None = None
     in_process: bool | None = None
     call_limit_s: Positive | None = None
+    accept_lost: bool | None = None
+    allow_nan: bool | None = None
 
     @property
     def allowed_change(self) -> float:
@@ -116,6 +119,13 @@ class RunOptions:
     coupling: str | None = None
     in_process: bool = False
     call_limit: float | None = None
+    accept_lost: bool = False
+    allow_nan: bool = False
+    tolerance: float | None = None
+    interface: Literal["me", "cs"] | None = None
+    values: tuple[str, ...] = ()
+    inputs: Path | None = None
+    record: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("start", "stop", "step"):
