@@ -16,7 +16,7 @@ from . import campaign as campaigns
 from . import live, orchestrator, own_effects, reports, ssp, trials
 from . import measure as measuring
 from .errors import InputError
-from .options import Baseline, EffectsFrom, NoiseBound, Platform, Progress
+from .options import Baseline, EffectsFrom, InputTable, NoiseBound, Platform, Progress, SetValues
 
 if TYPE_CHECKING:
     from .comparison import Compared
@@ -32,6 +32,13 @@ def simulate(
     stop: float | None = None,
     step: float | None = None,
     coupling: Literal["jacobi", "iterate", "delayed"] | None = None,
+    values: SetValues = (),
+    inputs: InputTable = None,
+    record: Sequence[str] = (),
+    tolerance: float | None = None,
+    interface: Literal["me", "cs"] | None = None,
+    accept_lost: bool = False,
+    allow_nan: bool = False,
     in_process: bool = False,
     call_limit: float | None = None,
     effects_from: EffectsFrom = None,
@@ -47,13 +54,23 @@ def simulate(
     out : path, optional
         Folder for the results. Default: SCENARIO-run in the current folder; none in Python.
     start : float, optional
-        Start time of an .fmu [s]. Default: its default experiment, else 0.
+        Start time of an .ssp or .fmu [s]. Default: its default experiment, else 0.
     stop : float, optional
-        Stop time of an .fmu [s]. Default: its default experiment, else one second after the start.
+        Stop time of an .ssp or .fmu [s]. Default: its default experiment, else one second after the start.
     step : float, optional
-        Step of an .ssp or .fmu [s]. Default: the step in the file.
+        Step of an .ssp or .fmu [s]. Default: the step in the file. The last step is shortened where it must be.
     coupling : str, optional
         Treatment of algebraic loops in an .ssp; without it loops are refused. delayed: every connection is a step late.
+    record : sequence of str
+        Variables to record, as h or element.h. Repeat it for several. Default: outputs; without any, states.
+    tolerance : float, optional
+        Relative tolerance of the solver of .fmu files. Default: that of the file, else 1e-6.
+    interface : str, optional
+        Model exchange (me) or co-simulation (cs), for an .fmu that has both. Default: cs.
+    accept_lost : bool
+        Run even if an FMU does not hold a value that was set.
+    allow_nan : bool
+        Run on when an output is not a finite number.
     in_process : bool
         Run other makers' FMUs in this process. It is faster, but a crash of one FMU ends the program.
     call_limit : float, optional
@@ -79,8 +96,10 @@ def simulate(
     """
     if not isinstance(scenario, str | Path | Mapping | orchestrator.Scenario):
         raise InputError(f"a scenario is a path, or what its file says, not {type(scenario).__name__}")
-    choice = orchestrator.RunOptions(start, stop, step, coupling, in_process, call_limit)
-    with own_effects.with_effects_of(effects_from), ssp.opened(scenario, choice) as (checked, ignored):
+    choice = orchestrator.RunOptions(start, stop, step, coupling, in_process, call_limit, accept_lost, allow_nan)
+    table = None if inputs is None else Path(inputs)
+    adjustments = orchestrator.Adjustments(values, table, record, tolerance, interface)
+    with own_effects.with_effects_of(effects_from), ssp.opened(scenario, choice, adjustments) as (checked, ignored):
         folder = None if out is None else Path(out)
         run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
     if plot is not None:

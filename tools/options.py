@@ -46,6 +46,19 @@ NoiseBound = Annotated[
         "positions. Without it and --noise-sd, the record must give it."
     ),
 ]
+SetValues = Annotated[
+    Sequence[str],
+    Option("Value of a parameter or input, as mass=2.5 or element.mass=2.5. Repeat it for several.", name="--set"),
+]
+InputTable = Annotated[
+    str | Path | None,
+    Option(
+        "Table of inputs (CSV): times, then a column for each input by its name. Continuous inputs are linear between "
+        "rows, as in FMPy and fmusim.",
+        name="--input",
+        typed=Path | None,
+    ),
+]
 NoiseSd = Annotated[
     float | None,
     Option(

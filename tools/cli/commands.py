@@ -47,6 +47,8 @@ from .answer import (
 
 READING = ("channels", "stamps")
 """How the channels and time stamps of a record are read."""
+ADJUSTING = ("values", "inputs", "record", "tolerance", "interface")
+"""How the FMUs of a run are set, fed and recorded."""
 PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
 """What is said of a bench and its encoders and gyros."""
 
@@ -58,12 +60,18 @@ def installed_version() -> str:
 
 @with_options_of(library.simulate)
 def simulate_command(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
-    """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
+    """Example: trihedron simulate scenarios/static-calibration.toml --out run
+
+    Example: trihedron simulate plant.fmu --stop 5 --set mass=2.5 --input u.csv --record h
+    """
     out, plot = options.pop("out", None), options.pop("plot", None)
     effects = own_effects.with_effects_of(options.pop("effects_from", None))
     distinct_files({"the scenario": scenario, "--out": out, "--json": json, "--plot": plot})
-    choice = orchestrator.RunOptions(**options)
-    with effects, ssp.opened(scenario, choice) as (checked, ignored):
+    adjusting = {field: options.pop(field) for field in ADJUSTING if field in options}
+    table = adjusting.get("inputs")
+    distinct_files({"--input": table, "--out": out, "--json": json, "--plot": plot})
+    adjustments = orchestrator.Adjustments(**adjusting)
+    with effects, ssp.opened(scenario, orchestrator.RunOptions(**options), adjustments) as (checked, ignored):
         if ignored:
             names = list(ignored[:3])
             if len(ignored) > 3:
@@ -74,6 +82,8 @@ def simulate_command(scenario: Path, /, *, json: JsonFile = None, **options: Any
         run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True)
     if run.ended:
         print(run.ended, file=sys.stderr)
+    for note in run.notes:
+        print(note, file=sys.stderr)
     if run.no_positions:
         print(f"no position record: {run.no_positions}", file=sys.stderr)
     if plot is not None:

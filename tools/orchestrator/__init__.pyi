@@ -1,3 +1,4 @@
+from .adjustments import Adjustments as Adjustments
 from .interface import FmuVariable as FmuVariable
 from .interface import scale_of as scale_of
 from .load import usual_flavour as usual_flavour

@@ -33,7 +33,10 @@ MOST_TIMES, SMALL = 200, 64 << 20
 """Largest expansion ratio, and the unpacked size [bytes] above which it applies (protects disk and memory)."""
 TOLERANCE = 1e-6
 """Relative tolerance of a solver if neither the user nor the FMU gives one."""
+INTERFACES = {"me": "model exchange", "cs": "co-simulation"}
 LONGEST_SHOWN = 80
+MOST_LIBRARIES = 6
+"""Largest number of libraries that a message lists."""
 DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
 _LOADED = 1
 """Type of a segment of a library that is mapped into memory (PT_LOAD)."""
@@ -262,8 +265,8 @@ def xml_root(xml: bytes, name: str, kind_of_file: str, deepest: int | None = Non
     return roots[0]
 
 
-def _described(xml: bytes, label: str) -> ModelDescription:
-    """Return FMPy's reading of modelDescription.xml, or refuse the file with FMPy's first complaint."""
+def _described(xml: bytes, label: str, interface: str | None) -> ModelDescription:
+    """Return FMPy's reading of modelDescription.xml, with one interface, or refuse it with FMPy's first complaint."""
     name = f"{label}: modelDescription.xml"
     root, attributes = xml_root(xml, name, "an FMU")
     if root != "fmiModelDescription":
@@ -282,6 +285,13 @@ def _described(xml: bytes, label: str) -> ModelDescription:
             reason = f"it refers to {error.args[0]!r}, which is not there"
         raise InputError(f"{name} cannot be used ({reason})") from error
     _read_intervals(xml, description)
+    if interface is not None:
+        kinds = {"me": description.modelExchange, "cs": description.coSimulation}
+        if kinds[interface] is None:
+            other = {"me": "--interface cs", "cs": "--interface me"}[interface]
+            raise InputError(f"{label}: has no {INTERFACES[interface]}; {other} may be there")
+        if interface == "me":
+            description.coSimulation = None
     kind = description.coSimulation or description.modelExchange
     if kind is None:
         what = "neither co-simulation nor model exchange"
@@ -308,12 +318,15 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
         member = f"binaries/{platform}/{kind.modelIdentifier}{fmpy.sharedLibraryExtension}"
         if member in names:
             return member
-    platforms_inside = set()
-    for name in names:
-        if name.startswith("binaries/") and name.count("/") >= 2:
-            platforms_inside.add(name.split("/")[1])
-    names_inside = ", ".join(sorted(platforms_inside)) or "none at all"
-    raise InputError(f"{label}: has no binary for this platform ({platforms[0]}); it has {names_inside}")
+    inside = []
+    for name in sorted(names):
+        if name.startswith("binaries/") and name.endswith((".so", ".dll", ".dylib")):
+            inside.append(member_label(name)[1:-1])
+    if len(inside) > MOST_LIBRARIES:
+        inside[MOST_LIBRARIES:] = ["..."]
+    missing = f"binaries/{platforms[0]}/{kind.modelIdentifier}{fmpy.sharedLibraryExtension}"
+    there = ", ".join(inside) or "no library at all"
+    raise InputError(f"{label}: has no binary for this platform: {missing} is missing; it has {there}")
 
 
 @contextmanager
@@ -331,8 +344,10 @@ def temporary_folder() -> Iterator[Path]:
                     sys.modules.pop(module, None)
 
 
-def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> UnpackedFmu:
+def unpack(path: Path, label: str, make_folder: Callable[[str], Path], interface: str | None = None) -> UnpackedFmu:
     """Check an FMU archive and unpack it into the folder for its SHA-256, which is made after all checks pass.
+
+    `interface` is "me" or "cs"; None takes co-simulation if it is there.
 
     Raises InputError if it is missing, damaged, unsafe, not for this platform, or neither co-simulation nor model
     exchange of FMI 2.0 or 3.0.
@@ -344,7 +359,7 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
             members = archive.infolist()
             check_members(members, label, "modelDescription.xml")
             xml = archive.read("modelDescription.xml")
-            description = _described(xml, label)
+            description = _described(xml, label, interface)
             library = _library({m.filename for m in members}, description, label)
             refuse_damaged(archive.read(library), label)
             folder = make_folder(sha256)

@@ -174,7 +174,7 @@ class Slave:
         for variable, value in zip(variables, values, strict=True):
             if not math.isfinite(value):
                 infinite.append(f"{variable.name} is {float(value)}")
-        raise InputError(f"{self}: {infinite[0]} at {time:.9g} s")
+        raise InputError(f"{self}: {infinite[0]} at {time:.9g} s; to run all the same: --allow-nan")
 
     def call(self, name: str, *arguments: Any, time: float | None = None) -> None:
         """Call an FMI function of this instance by name.
@@ -263,9 +263,9 @@ class Slave:
                 different.append((variable, value, held))
         return different
 
-    def begin(self, start: float, stop: float) -> None:
-        """Set the times of the run and enter initialisation."""
-        self.call("fmi2SetupExperiment", 0, 0.0, start, 1, stop)
+    def begin(self, start: float, stop: float, tolerance: float | None = None) -> None:
+        """Set the times of the run and a tolerance for the FMU's own solver, and enter initialisation."""
+        self.call("fmi2SetupExperiment", int(tolerance is not None), tolerance or 0.0, start, 1, stop)
         self.call("fmi2EnterInitializationMode")
 
     def ended_at(self, begin: float) -> float | None:
@@ -348,9 +348,9 @@ class Slave3(Slave):
                 first, values_of_all, f"{name} = {values_of_all[0] if len(values_of_all) == 1 else values_of_all!r}"
             )
 
-    def begin(self, start: float, stop: float) -> None:
-        """Enter initialisation with the times of the run."""
-        self.call("fmi3EnterInitializationMode", False, 0.0, start, True, stop)
+    def begin(self, start: float, stop: float, tolerance: float | None = None) -> None:
+        """Enter initialisation with the times of the run and a tolerance for the FMU's own solver."""
+        self.call("fmi3EnterInitializationMode", tolerance is not None, tolerance or 0.0, start, True, stop)
 
 
 def _is_same(variable: FmuVariable, given: Value, held: Any) -> bool:

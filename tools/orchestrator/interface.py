@@ -243,6 +243,8 @@ class Interface:
     variables: Mapping[str, FmuVariable]
     scales: Mapping[str, Unit]
     version: int = 2
+    states: frozenset[str] = frozenset()
+    """Names of the continuous states."""
 
     @cached_property
     def arrays(self) -> dict[str, tuple[FmuVariable, ...]]:
@@ -388,6 +390,10 @@ def interface_of(
             if variable.name in variables:
                 raise InputError(f"{label}: modelDescription.xml has two variables '{variable.name}'")
             variables[variable.name] = variable
+    states = set[str]()
+    for entry in description.modelVariables:
+        if entry.derivative is not None:
+            states.add(str(entry.derivative.name))
     scales = {}
     for unit in description.unitDefinitions:
         base = unit.baseUnit
@@ -403,7 +409,11 @@ def interface_of(
         except ValueError as error:
             raise InputError(f"{label}: modelDescription.xml, unit '{unit.name}': {error}") from error
         scales[str(unit.name)] = scale_of(exponents, factor, offset)
-    return Interface(name, str(description.modelName), variables, scales, version)
+    elements = set[str]()
+    for variable in variables.values():
+        if variable.name in states or (variable.size > 1 and variable.name.rpartition("[")[0] in states):
+            elements.add(variable.name)
+    return Interface(name, str(description.modelName), variables, scales, version, frozenset(elements))
 
 
 def refer(

@@ -154,11 +154,9 @@ def load_fmus(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, L
                 target.mkdir()
                 built[key] = _component(name, setting, places, target)
             path = built[key]
-        fmu = unpack(path, label, lambda sha256: folder / f"{sha256}-{len(loaded)}")
+        fmu = unpack(path, label, lambda sha256: folder / f"{sha256}-{len(loaded)}", setting.interface)
         # An FMU that this run did not build itself may damage its process.
         exchange = fmu.description.coSimulation is None
-        if setting.tolerance is not None and not exchange:
-            raise InputError(f"fmus.{name}.tolerance: is for FMUs of model exchange; {label} makes its steps itself")
         if setting.event_mode and (exchange or not fmu.says("hasEventMode")):
             raise InputError(f"fmus.{name}.event_mode: {label} does not say hasEventMode for co-simulation (FMI 3.0)")
         # The process that handles its events has the FMU in it.
@@ -204,13 +202,13 @@ def _structural(
     return structural, {name: value for name, value in parameters.items() if name not in names}
 
 
-def alone(path: Path, options: RunOptions) -> Scenario:
+def alone(path: Path, options: RunOptions, interface: str | None = None) -> Scenario:
     """Return the scenario in which an FMU runs alone, by default with the times of its default experiment.
 
     Times that are still missing are FMPy's defaults: one second, in steps of about a thousandth.
     """
     with own_folder() as folder:
-        fmu = unpack(path, str(path), lambda sha256: folder / sha256)
+        fmu = unpack(path, str(path), lambda sha256: folder / sha256, interface)
     default, simulation = fmu.description.defaultExperiment, fmu.description.coSimulation
     inside = getattr(simulation, "fixedInternalStepSize", None)
     with said_of(f"{path}: modelDescription.xml, DefaultExperiment"):
@@ -231,7 +229,7 @@ def alone(path: Path, options: RunOptions) -> Scenario:
     name = re.sub(r"[^A-Za-z0-9_]", "_", path.stem)
     settings = {
         "title": fmu.description.modelName or path.stem,
-        "run": {"start_s": start, "stop_s": stop, "step_s": step},
+        "run": {"start_s": start, "stop_s": stop, "step_s": step, "shorten": True},
         "fmus": {name if name[:1].isalpha() else f"fmu_{name}": {"fmu": str(path.absolute())}},
         "record": {"format": "csv"},
     }

@@ -154,7 +154,7 @@ class _Loop:
         self.program, self.slaves, self.grid, self.blocks = program, slaves, grid, blocks
         self.goal, self.ended = grid.steps, ""
         self.state = np.zeros(op.CURSORS + program.cursors, dtype=np.int64)
-        self.clock = np.array([grid.start, 0.0])
+        self.clock = np.array([grid.start, 0.0, grid.stop])
         self.state[op.ROWS], self.state[op.AT] = len(program), -1
         self.state[op.EVERY] = grid.steps + 1
         records = np.zeros((0, 3), dtype=np.int64)
@@ -218,7 +218,7 @@ class _Loop:
     def _span(self) -> tuple[float, float]:
         """Begin and end of the step of the FMU whose call failed."""
         begin = self.grid.time(self.step - self._pace.back)
-        return begin, begin + self._pace.length
+        return begin, min(begin + self._pace.length, self.grid.stop)
 
     def _asks_to_end(self, status: int) -> bool:
         """Return True if the status means that an FMU asks for the end of the run; set `ended`.
@@ -285,7 +285,7 @@ def initialise_fmus(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
     entered: list[str] = []
     for group in assembly.groups:
         for name in group.members:
-            slaves[name].begin(grid.start, grid.time(grid.steps))
+            slaves[name].begin(grid.start, grid.end, assembly.loaded[name].fmu.tolerance)
             _set_late(slaves[name], assembly.loaded[name])
             _exchange(name, slaves, assembly, entered)
             entered.append(name)
@@ -348,7 +348,7 @@ def _exchange(name: str, slaves: Mapping[str, Slave], assembly: Assembly, source
     for feed in assembly.ports[name].feeds:
         _, _, rows, width, target = feed.words
         ctypes.memmove(target, rows, width)
-    program = Program(slaves, assembly.ports)
+    program = Program(slaves, assembly.ports, allow_nan=bool(assembly.scenario.run.allow_nan))
     program.add_transfers(name, sources)
     program.add_sets(name, constants=True)
     program.add_gets(name)

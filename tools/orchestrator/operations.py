@@ -50,12 +50,14 @@ STEP, LAST_STEP, ROW, EVERY, ROWS, RECORDS, ITERATION, CHANGING, AT, NEXT, CURSO
 the value that changed most, row of the failed call (-1: none), row to begin a step with, first cursor of a feed."""
 
 # Real numbers that both loops keep.
-START, CHANGE = range(2)
-"""Indices: start [s], largest change of a value in the last iteration relative to the allowed change."""
+START, CHANGE, STOP = range(3)
+"""Indices: start [s], largest change of a value in the last iteration relative to the allowed change, time at which a
+shortened last step ends [s]."""
 
 NOT_FINITE, NOT_SETTLED, ENDED, EARLY = 100, 101, 102, 103
 """Statuses beyond FMI's: a value that is not finite, a loop that does not settle, an FMU that asks for the end of the
 simulation, an FMU that returned before the end of the step."""
+BELOW_ONE = 1.0 - 2.0**-52
 WARNING = 1
 """Worst status of FMI with which a run continues."""
 
@@ -102,10 +104,19 @@ def loop_of(on: Any) -> Callable[..., int]:
                     status = call5(a, b, c, d, e, operations[at + 6])
                 elif code == STEP2:
                     size = numbers[2 * pc]
-                    status = step2(a, b, clock[START] + (step - e) // operations[at + 6] * size, size, c)
+                    time = clock[START] + (step - e) // operations[at + 6] * size
+                    if time + size > clock[STOP]:
+                        size = clock[STOP] - time
+                        if time + size > clock[STOP]:
+                            size = size * BELOW_ONE
+                    status = step2(a, b, time, size, c)
                 elif code == STEP3:
                     size = numbers[2 * pc]
                     time = clock[START] + (step - e) // operations[at + 6] * size
+                    if time + size > clock[STOP]:
+                        size = clock[STOP] - time
+                        if time + size > clock[STOP]:
+                            size = size * BELOW_ONE
                     status = step3(a, b, time, size, c, d, d + 1, d + 2, d + 8)
                     if status <= WARNING and load_byte(d + 1) != 0:
                         status = ENDED

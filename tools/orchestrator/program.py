@@ -257,8 +257,8 @@ class Program:
     `cursors` is the number of feeds.
     """
 
-    def __init__(self, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]) -> None:
-        self._slaves, self._ports = slaves, ports
+    def __init__(self, slaves: Mapping[str, Slave], ports: Mapping[str, Ports], *, allow_nan: bool = False) -> None:
+        self._slaves, self._ports, self._allow_nan = slaves, ports, allow_nan
         self.operations: list[Operation] = []
         self.places: list[Place] = []
         self._memory: list[Any] = []
@@ -349,12 +349,12 @@ class Program:
                     self._insert(Place(name), operations)
 
     def add_gets(self, name: str) -> None:
-        """Get the outputs and check that they are finite."""
+        """Get the outputs and check that they are finite, unless others are allowed."""
         ports = self._ports[name].outputs.values()
         for port in ports:
             self._add_access(name, "Get", port, len(port.references), len(port.variables))
         for port in ports:
-            if port.values.dtype == np.float64:
+            if port.values.dtype == np.float64 and not self._allow_nan:
                 self._add(Place(name, port=port), op.FINITE, port.address, len(port.variables))
 
     def _add_derivatives(self, name: str) -> None:
@@ -432,7 +432,7 @@ def step_program(
     groups: Sequence[StepGroup], run: RunSetting, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]
 ) -> Program:
     """Return the operations of one step of all FMUs, in the order of the groups."""
-    program = Program(slaves, ports)
+    program = Program(slaves, ports, allow_nan=bool(run.allow_nan))
     order = order_of(groups)
     for group in groups:
         if group.cyclic and run.coupling != "iterate":

@@ -14,6 +14,8 @@ from .program import Port, Ports
 from .stimuli import StepGrid
 
 BLOCK_BYTES = 16 << 20
+MOST_LOCAL = 100
+"""Largest number of local variables that are recorded because an FMU has neither outputs nor states."""
 Keep = Callable[[pl.DataFrame, int], None]
 """Called for each block with its rows and the communication point of the last one."""
 
@@ -42,20 +44,58 @@ class RecordColumn:
         return pl.Series(self.name, numbers)
 
 
-def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[RecordColumn]:
-    """Return the columns of the record; by default every output of every FMU.
+def has_outputs(interfaces: Mapping[str, Interface]) -> bool:
+    """Return True if an FMU of the run has an output that can be recorded."""
+    for interface in interfaces.values():
+        for variable in interface.variables.values():
+            if variable.causality == "output" and variable.access in VALUE_TYPES:
+                return True
+    return False
+
+
+def default_variables(interface: Interface, interfaces: Mapping[str, Interface]) -> list[FmuVariable]:
+    """Return the recorded variables of an FMU: its outputs; if no FMU has any, its states or local variables."""
+    variables = [variable for variable in interface.variables.values() if variable.access in VALUE_TYPES]
+    if has_outputs(interfaces):
+        return [variable for variable in variables if variable.causality == "output"]
+    states = [variable for variable in variables if variable.name in interface.states]
+    local = []
+    for variable in variables:
+        if variable.causality == "local" and variable.variability != "constant":
+            local.append(variable)
+    return states or local[:MOST_LOCAL]
+
+
+def _named_by_unit(fmu: str, variable: FmuVariable) -> RecordColumn:
+    """Return the column of a variable in its own unit, named after both."""
+    suffix = suffix_for(variable.unit)
+    name = f"{fmu}.{variable.name}_{suffix}" if suffix else f"{fmu}.{variable.name}"
+    return RecordColumn(name, fmu, variable)
+
+
+def resolve_columns(
+    columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface], *, own_units: bool = False
+) -> list[RecordColumn]:
+    """Return the columns of the record; by default every output of every FMU, or the states if none has outputs.
+
+    With `own_units` each column is in its variable's unit, and an array becomes a column for each element.
 
     Raises InputError for an unknown variable, an array, or a suffix that does not fit the variable's unit.
     """
     resolved = []
     if columns is None:
         for fmu, interface in interfaces.items():
-            for variable in interface.variables.values():
-                if variable.causality == "output" and variable.access in VALUE_TYPES:
-                    suffix = suffix_for(variable.unit)
-                    name = f"{fmu}.{variable.name}_{suffix}" if suffix else f"{fmu}.{variable.name}"
-                    resolved.append(RecordColumn(name, fmu, variable))
+            for variable in default_variables(interface, interfaces):
+                resolved.append(_named_by_unit(fmu, variable))
         return resolved
+    if own_units:
+        for text in columns.values():
+            with said_of(f"--record {text}"):
+                interface, variables = refer(text, interfaces)
+                for variable in variables:
+                    _ = variable.value_type
+                    resolved.append(_named_by_unit(interface.name, variable))
+        return list(dict.fromkeys(resolved))
     for name, text in columns.items():
         with said_of(f"record.columns.{name}"):
             if name == "time_s" or not name.strip() or any(c in name for c in ',"\r\n'):
@@ -144,7 +184,7 @@ class Blocks:
             return
         end = self._tick + self.row * self.every
         ticks = np.arange(self._tick, end, self.every)
-        series = [pl.Series("time_s", self._grid.start + ticks * self._grid.step)]
+        series = [pl.Series("time_s", np.minimum(self._grid.start + ticks * self._grid.step, self._grid.stop))]
         for column in self._columns:
             at = (column.fmu, column.variable.name)
             series.append(column.series(self._texts[at] if at in self._texts else self._values[at][: self.row]))

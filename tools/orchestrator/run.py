@@ -34,7 +34,7 @@ from .archive import temporary_folder
 from .load import Sources, interfaces_of, load_fmus, resolve_parameters
 from .loops import Assembly, run_fmus
 from .program import Ports
-from .recorded import RecordColumn, recorded_variables, resolve_columns
+from .recorded import RecordColumn, has_outputs, recorded_variables, resolve_columns
 from .scenario import Scenario
 from .stimuli import check_sources, resolve_stimuli
 from .wiring import check_states, paces_of, resolve_connections, stepping_groups
@@ -178,7 +178,8 @@ class PreparedScenario:
     @cached_property
     def columns(self) -> list[RecordColumn]:
         """Columns of the record, without `time_s`."""
-        return resolve_columns(self.scenario.record.columns, self.interfaces)
+        record = self.scenario.record
+        return resolve_columns(record.columns, self.interfaces, own_units=bool(record.own_units))
 
     def assemble(self, parameters: Mapping[str, Mapping[str, Any]]) -> Assembly:
         """Return the parts of a run, with some parameters in place of the scenario's own."""
@@ -198,7 +199,11 @@ class PreparedScenario:
             )
         for name in loaded:
             ports[name].connect([wire for wire in self._wires if wire.target == name], ports)
-        return Assembly(self._groups, self.scenario, self.columns, loaded, ports, grid)
+        notes = list(grid.notes)
+        if self.scenario.record.columns is None and not has_outputs(self.interfaces):
+            names = ", ".join(column.name for column in self.columns[:3]) or "nothing but the time"
+            notes.append(f"no FMU has outputs: {names} recorded; choose with --record NAME")
+        return Assembly(self._groups, self.scenario, self.columns, loaded, ports, grid, notes)
 
     def run(self, parameters: Mapping[str, Mapping[str, Any]]) -> pl.DataFrame:
         """Run the scenario with some parameters in place of its own: FMU -> variable, array or element -> value."""

@@ -72,7 +72,7 @@ class RunSetting(Section):
 
     An FMU from a file runs in a process of its own, unless `in_process`. A call longer than `call_limit_s` [s] ends the
     run. So does an output that is not a number, unless `allow_nan`, and a parameter that an FMU does not hold, unless
-    `accept_lost`.
+    `accept_lost`. With `shorten` a step that does not divide the run is shortened at its end.
     """
 
     start_s: Finite = 0.0
@@ -85,6 +85,7 @@ class RunSetting(Section):
     call_limit_s: Positive | None = None
     accept_lost: bool | None = None
     allow_nan: bool | None = None
+    shorten: bool | None = None
 
     @property
     def allowed_change(self) -> float:
@@ -121,11 +122,6 @@ class RunOptions:
     call_limit: float | None = None
     accept_lost: bool = False
     allow_nan: bool = False
-    tolerance: float | None = None
-    interface: Literal["me", "cs"] | None = None
-    values: tuple[str, ...] = ()
-    inputs: Path | None = None
-    record: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("start", "stop", "step"):
@@ -143,9 +139,10 @@ class RunOptions:
 
     def over(self, scenario: "Scenario") -> "Scenario":
         """Return the scenario with the options that it leaves to the command."""
-        if not self.in_process and self.call_limit is None:
-            return scenario
         options = {"in_process": self.in_process or None, "call_limit_s": self.call_limit}
+        options |= {"accept_lost": self.accept_lost or None, "allow_nan": self.allow_nan or None}
+        if not any(options.values()):
+            return scenario
         if self.call_limit is not None and not (self.call_limit > 0.0 and math.isfinite(self.call_limit)):
             raise InputError(f"--call-limit: {self.call_limit} must be greater than 0 s")
         run = scenario.run.model_copy(update={key: value for key, value in options.items() if value is not None})
@@ -155,8 +152,9 @@ class RunOptions:
 class FmuSetting(Section):
     """One FMU of the scenario: a component of ours or a file, its effects and its parameters, its own step [s].
 
-    `tolerance` is the relative tolerance of the solver for an FMU of model exchange. With `event_mode` (FMI 3.0) an FMU
-    returns at its events, which are handled, and takes its inputs as at an event.
+    `tolerance` is the relative tolerance of the solver: ours for an FMU of model exchange, otherwise the FMU's own.
+    `interface` chooses model exchange or co-simulation if an FMU has both; co-simulation is usual. With
+    `event_mode` (FMI 3.0) an FMU returns at its events, which are handled, and takes its inputs as at an event.
     """
 
     component: str | None = None
@@ -167,6 +165,7 @@ class FmuSetting(Section):
     effects: list[dict[str, Any]] = Field(default_factory=list)
     step_s: Positive | None = None
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
+    interface: Literal["me", "cs"] | None = None
     event_mode: bool | None = None
 
     @model_validator(mode="after")
@@ -175,6 +174,8 @@ class FmuSetting(Section):
             raise ValueError('give either component = "..." or fmu = "...", one of the two')
         if self.flavour is not None and self.component is None:
             raise ValueError("flavour belongs to a component, not to an fmu file")
+        if (self.tolerance or self.interface) and self.component is not None:
+            raise ValueError("tolerance and interface belong to an fmu file")
         if self.event_mode and self.component is not None:
             raise ValueError("event_mode belongs to an fmu file; our components have none")
         if self.effects and self.component is None:
@@ -195,7 +196,11 @@ class Connection(Section):
 
 
 class Stimulus(Section):
-    """Source of an input: a constant, timed rows (`csv`, `table` with `columns`) or a position programme."""
+    """Source of an input: a constant, timed rows (`csv`, `table` with `columns`) or a position programme.
+
+    With `interpolate` rows are read as FMPy and fmusim read a table of inputs: continuous inputs linearly at the
+    beginning of each step, in the inputs' own units; the first and the last row hold before and after.
+    """
 
     to: str | None = None
     constant: Plain | None = None
@@ -205,6 +210,7 @@ class Stimulus(Section):
     programme: PathText | None = None
     dwell_s: Positive | None = None
     table: Annotated[Any, BeforeValidator(_frame)] = None
+    interpolate: bool | None = None
 
     @property
     def kind(self) -> Literal["constant", "rows", "programme"]:
@@ -238,6 +244,8 @@ class Stimulus(Section):
             raise ValueError("give to or columns, not both of them")
         if self.stamp is not None and self.kind != "rows":
             raise ValueError("stamp goes with csv only")
+        if self.interpolate and (self.kind != "rows" or self.stamp is not None):
+            raise ValueError("interpolate goes with csv only, and without stamp")
         if self.dwell_s is not None and self.kind != "programme":
             raise ValueError("dwell_s goes with a programme only")
         if self.kind == "rows" and self.stamp is None:
@@ -256,11 +264,15 @@ class Stimulus(Section):
 
 
 class RecordSetting(Section):
-    """Settings of the record: interval in steps, file format, columns."""
+    """Settings of the record: interval in steps, file format, columns.
+
+    With `own_units` a column is in its variable's unit, and its name need not say so.
+    """
 
     every: int = Field(default=1, ge=1, le=MOST_STEPS)
     format: Literal["parquet", "csv"] = "parquet"
     columns: dict[str, str] | None = None
+    own_units: bool | None = None
 
     @field_validator("columns")
     @classmethod

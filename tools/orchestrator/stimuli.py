@@ -19,7 +19,7 @@ from ..errors import InputError, nearest, said_of
 from ..files import advice_on, bytes_of, fault_of_parquet
 from .interface import FmuVariable, Interface, Value, checked, conversion, is_angle, refer_to, spread
 from .load import Loaded, Sources, interfaces_of
-from .scenario import MOST_STEPS, Scenario, Stimulus
+from .scenario import MOST_STEPS, RunSetting, Scenario, Stimulus
 from .wiring import Wire
 
 ROW_TOLERANCE = 1e-3
@@ -36,14 +36,23 @@ class StepGrid:
     start: float
     step: float
     steps: int
+    stop: float = math.inf
+    """End of a shortened last step [s]."""
+    notes: tuple[str, ...] = ()
+    """What the user must know of the steps."""
 
     def time(self, tick: int) -> float:
         """t_k [s]."""
-        return self.start + tick * self.step
+        return min(self.start + tick * self.step, self.stop)
+
+    @property
+    def end(self) -> float:
+        """Time that no step passes, by no rounding [s]."""
+        return min(max(self.time(self.steps), self.time(self.steps - 1) + self.step), self.stop)
 
     def of_every(self, stride: int, step: float | None) -> "StepGrid":
         """Return the points of an FMU whose step of this length [s] has this many steps of the run."""
-        return StepGrid(self.start, step or self.step, self.steps // stride)
+        return StepGrid(self.start, step or self.step, self.steps // stride, self.stop)
 
 
 @dataclass(frozen=True)
@@ -72,10 +81,11 @@ class NumberTable:
         return f"{self.label}, row {int(self.lines[index])}"
 
 
-def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> StepGrid:
+def make_grid(scenario: Scenario, programme_ends: Sequence[int], constant: Sequence[str] = ()) -> StepGrid:
     """Count the run's steps; without a stop time the longest programme ends the run.
 
-    Raises InputError if a step does not divide the run, or if nothing sets its end.
+    `constant` are FMUs whose step must not change. Raises InputError if a step does not divide the run, or if
+    nothing sets its end.
     """
     run, strides = scenario.run, {name: scenario.stride(name) for name in scenario.fmus}
     if run.stop_s is None and not programme_ends:
@@ -88,6 +98,9 @@ def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> StepGrid:
         steps = ratio = span / run.step_s
         if ratio < 2**53:
             steps = round(ratio)
+            divides = steps >= 1 and abs(steps * run.step_s - span) <= 1e-9 * span
+            if not divides and run.shorten and set(strides.values()) == {1} and ratio < MOST_STEPS:
+                return _shortened(run, run.stop_s, constant)
             if steps < 1 or abs(steps * run.step_s - span) > 1e-9 * span:
                 shorter, longer = span / max(1, math.floor(ratio)), span / max(1, math.ceil(ratio))
                 fits = f"{longer!r} would" if shorter == longer else f"{longer:.9g} or {shorter:.9g} would"
@@ -102,6 +115,20 @@ def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> StepGrid:
             span = f"the run of {steps * run.step_s:.9g} s"
             raise InputError(f"fmus.{name}.step_s = {scenario.fmus[name].step_s!r} does not divide {span}")
     return StepGrid(run.start_s, run.step_s, int(steps))
+
+
+def _shortened(run: RunSetting, stop: float, constant: Sequence[str]) -> StepGrid:
+    """Return steps of which the last is shorter, or the whole steps if an FMU needs equal ones."""
+    span = stop - run.start_s
+    whole = math.floor(span / run.step_s)
+    rest = span - whole * run.step_s
+    ends = f"{run.step_s:.9g} s does not divide the run of {span:.9g} s"
+    if constant and whole:
+        reached = run.start_s + whole * run.step_s
+        note = f"{ends}: the run ends at {reached:.9g} s, since '{constant[0]}' allows no shorter last step"
+        return StepGrid(run.start_s, run.step_s, whole, notes=(note,))
+    note = f"{ends}: the last step is {rest:.9g} s long"
+    return StepGrid(run.start_s, run.step_s, whole + 1, stop, (note,))
 
 
 def read_number_table(path: Path, label: str, names: Sequence[str] | None) -> tuple[NumberTable, bytes]:
@@ -242,7 +269,10 @@ def resolve_rows(
             raise InputError(f"columns.'{text}' is an array; name each element: '{text}[1]' = \"...\"")
         if variables[0].value_type.by_address:
             raise InputError(f"columns.'{text}' is a {variables[0].kind}; rows are numbers")
-        ends.append((interface, variables[0], column, conversion(variables[0].unit, column, interface.scales)))
+        scaled = (1.0, 0.0)
+        if not stimulus.interpolate:
+            scaled = conversion(variables[0].unit, column, interface.scales)
+        ends.append((interface, variables[0], column, scaled))
     names, increments = ["time_s"], False
     for interface, variable, column, _ in ends:
         names.append(column)
@@ -264,6 +294,9 @@ def resolve_rows(
         _check_column(table, column, variable, values)
     drives = []
     for (fmu, _), group in groups.items():
+        if stimulus.interpolate:
+            drives.append(_interpolated(fmu, group, table, grids[fmu]))
+            continue
         rows, begins = held(grids[fmu])
         values = np.column_stack([values for _, values in group])
         # No copy if every row holds over some step: runs of an hour at 1 kHz are large.
@@ -271,6 +304,29 @@ def resolve_rows(
             values = values[rows]
         drives.append(Drive(fmu, tuple(variable for variable, _ in group), values, begins))
     return drives
+
+
+def _interpolated(
+    fmu: str, group: Sequence[tuple[FmuVariable, np.ndarray]], table: NumberTable, grid: StepGrid
+) -> Drive:
+    """Return rows at the beginning of each step: continuous inputs linearly between rows, others from the last row.
+
+    Two rows of one time are a jump. Raises InputError if times go back.
+    """
+    times = table.columns["time_s"]
+    back = np.flatnonzero(np.diff(times) < 0.0)
+    if back.size:
+        raise InputError(f"{table.row(int(back[0]) + 1)}: its time is before that of the row before")
+    begins = np.arange(grid.steps)
+    instants = grid.start + begins * grid.step
+    last = np.searchsorted(times, instants + ROW_TOLERANCE * grid.step, side="right") - 1
+    columns = []
+    for variable, values in group:
+        if variable.kind == "Real" and variable.variability == "continuous":
+            columns.append(np.interp(instants, times, values))
+        else:
+            columns.append(values[np.maximum(last, 0)])
+    return Drive(fmu, tuple(variable for variable, _ in group), np.column_stack(columns), begins)
 
 
 def _ticks(table: NumberTable, grid: StepGrid) -> np.ndarray:
@@ -438,7 +494,12 @@ def resolve_stimuli(
             with said_of(name):
                 positions = table(stimulus, name, None)
                 programmes[name] = resolve_programme(stimulus, positions, scenario, loaded)
-    grid = make_grid(scenario, [end for _, end in programmes.values()])
+    constant = []
+    for name, entry in loaded.items():
+        simulation = entry.fmu.description.coSimulation
+        if simulation is not None and not entry.fmu.says("canHandleVariableCommunicationStepSize"):
+            constant.append(name)
+    grid = make_grid(scenario, [end for _, end in programmes.values()], constant)
     grids = {name: grid.of_every(scenario.stride(name), setting.step_s) for name, setting in scenario.fmus.items()}
     drives: list[tuple[str, Drive]] = []
     for name, stimulus in stimuli.items():

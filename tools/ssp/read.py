@@ -16,6 +16,7 @@ from ...fmus.units import Unit
 from ..errors import InputError, full, one_line
 from ..files import bytes_of
 from ..locks import own_folder
+from ..orchestrator.adjustments import Adjustments
 from ..orchestrator.archive import DAMAGE, check_members, unpack
 from ..orchestrator.interface import Interface, Value, interface_of
 from ..orchestrator.load import alone
@@ -48,6 +49,7 @@ PROGRAMME = "PositionProgramme"
 LEADING = (PROGRAMME, TIMED_ROWS)
 """Components that know beforehand what they will give."""
 """Name of the component that stands for a position programme."""
+NO_OPTIONS, NO_ADJUSTMENTS = RunOptions(), Adjustments()
 FMU = "application/x-fmu-sharedlibrary"
 Path_ = tuple[str, ...]
 """Names of the systems that an element is in, without the outermost, and its own."""
@@ -78,7 +80,9 @@ class SystemPart:
 
 @contextmanager
 def opened(
-    scenario: str | Path | Mapping[str, Any] | Scenario, options: RunOptions
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    options: RunOptions,
+    adjustments: Adjustments = NO_ADJUSTMENTS,
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """Return the scenario of a file (TOML, .ssp or .fmu) or of its content, as long as its files exist.
 
@@ -95,33 +99,29 @@ def opened(
     if isinstance(scenario, str | Path):
         ending = Path(scenario).suffix.lower()
     if isinstance(scenario, str | Path) and ending == ".ssp":
-        system = "an .ssp says its start and its stop"
-        options.refuse("an .fmu", start=system, stop=system)
-        with scenario_of_ssp(Path(scenario), step=options.step, coupling=options.coupling) as (system, ignored):
-            yield options.over(system), ignored
+        with scenario_of_ssp(Path(scenario), options) as (system, ignored):
+            yield adjustments.on(system, options), ignored
         return
     if isinstance(scenario, str | Path) and ending == ".fmu":
         options.refuse("an .ssp", coupling="an .fmu alone has no cycles")
-        yield options.over(alone(Path(scenario), options)), ()
+        yield adjustments.on(alone(Path(scenario), options, adjustments.interface), options), ()
         return
     says = {key: f"a scenario says run.{key}_s" for key in ("start", "stop")}
-    options.refuse("an .fmu", **says)
+    options.refuse("an .ssp or an .fmu", **says)
     options.refuse("an .ssp or an .fmu", step="a scenario says run.step_s")
     options.refuse("an .ssp", coupling="a scenario says run.coupling")
     if isinstance(scenario, str | Path):
-        yield options.over(read_scenario(scenario)), ()
+        yield adjustments.on(read_scenario(scenario), options), ()
     else:
         if isinstance(scenario, Scenario):
             checked = scenario
         else:
             checked = checked_sections(scenario, Scenario)
-        yield options.over(checked), ()
+        yield adjustments.on(checked, options), ()
 
 
 @contextmanager
-def scenario_of_ssp(
-    path: Path, *, step: float | None = None, coupling: str | None = None
-) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
+def scenario_of_ssp(path: Path, options: RunOptions = NO_OPTIONS) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """Unpack an .ssp and read it as a scenario; see `opened`.
 
     An InputError for an archive that is damaged or unsafe, or what is not supported, by its name.
@@ -129,7 +129,7 @@ def scenario_of_ssp(
     with own_folder() as folder:
         _unpack(path, folder)
         try:
-            imported = _scenario(path, folder, step, coupling)
+            imported = _scenario(path, folder, options)
         except RecursionError as error:
             raise InputError(f"{path}: is not a system that can be read (nested too deeply)") from error
         except InputError as error:
@@ -151,7 +151,7 @@ def _unpack(path: Path, folder: Path) -> None:
         raise InputError(f"{label}: is not a readable .ssp archive ({error})") from error
 
 
-def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None) -> tuple[Scenario, tuple[str, ...]]:
+def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, tuple[str, ...]]:
     label = str(path)
     root = read_document(folder, STRUCTURE, label, "ssd:SystemStructureDescription")
     version = root.get("version", "")
@@ -162,13 +162,16 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
         raise InputError(f"{label}: {STRUCTURE} has no System")
     system = _read_part(outermost, (), folder, label, document_units(root, "ssd:Units", label))
     run = _run(root, outermost, label)
+    for key, seconds in (("start_s", options.start), ("stop_s", options.stop)):
+        if seconds is not None:
+            run[key] = seconds
     fmus = [part for part in system.walk() if part.source is not None]
     if not fmus:
         raise InputError(f"{label}: has no FMU")
     names = _names(fmus)
     interfaces, steps = _interfaces(fmus, names, folder, label)
     parameters, ignored = _parameters(system, interfaces)
-    coupled = _coupling(folder, label, coupling)
+    coupled = _coupling(folder, label, options.coupling)
     own_steps, between = (coupled.pop(name, {}) for name in RATES)
     for at, interface in interfaces.items():
         # The master decides how early it puts out commands; ours passes them on at once.
@@ -177,7 +180,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     if "stop_s" not in run:
         raise InputError(f"{label}: DefaultExperiment has no stopTime, so nothing says when the run ends")
     lengths = []
-    for length in (step, run.get("step_s"), min(steps, default=None)):
+    for length in (options.step, run.get("step_s"), min(steps, default=None)):
         if length is not None:
             lengths.append(length)
     if not lengths:
@@ -194,7 +197,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
             connections.append({"from": start, "to": end, "between": between.get(f"{start} -> {end}")})
     settings: dict[str, Any] = {
         "title": "",
-        "run": {"start_s": 0.0, **run, "step_s": lengths[0], **coupled},
+        "run": {"start_s": 0.0, **run, "step_s": lengths[0], "shorten": True, **coupled},
         "fmus": settings_of_fmus,
         "connections": connections,
         "base_folder": folder,

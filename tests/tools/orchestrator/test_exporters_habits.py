@@ -3,16 +3,19 @@
 import math
 from pathlib import Path
 
+import fmpy
 import pytest
 
 from foreign_fmus.habits import Habit, build_habit
 from scenario_runs import run_of_guests
+from trihedron.tools import library
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import Simulation
 
 INTERFACES = ("ModelExchange", "CoSimulation")
 EVERY = [(version, interface) for version in (2, 3) for interface in INTERFACES]
 RUN = {"stop_s": 1.0, "step_s": 0.1}
+VARYING = "canHandleVariableCommunicationStepSize='true'"
 CLOCK = "intervalVariability='constant' intervalDecimal='0.25'"
 
 
@@ -63,3 +66,98 @@ def test_a_value_that_is_not_held_is_refused(version: int, interface: str, tmp_p
         assert run.table["plant.x"][-1] == pytest.approx(exact(1.0, held), abs=2e-5)
         (note,) = run.notes
         assert f"k is {held} after 2.0 was set" in note
+
+
+@pytest.mark.parametrize(("version", "interface"), EVERY)
+def test_no_step_passes_the_stop_time(version: int, interface: str, tmp_path: Path) -> None:
+    """0.1 + 0.2 passes 0.3 by an ulp, and 0.4 s does not divide the run."""
+    for step, stop in ((0.1, 0.3), (0.4, 1.0), (1 / 3, 1.0), (0.3, 0.7)):
+        run = run_of(
+            Habit("strict", (), VARYING),
+            version,
+            interface,
+            tmp_path,
+            run=RUN | {"stop_s": stop, "step_s": step, "shorten": True},
+        )
+        assert run.table["time_s"][-1] == pytest.approx(stop, abs=1e-15)
+        assert run.table["plant.x"][-1] == pytest.approx(exact(stop), abs=2e-5)
+
+
+def test_a_last_step_is_shortened_only_for_an_fmu_that_allows_it(tmp_path: Path) -> None:
+    fixed = build_habit(Habit("fixed", ("FIXED",)), 2, "CoSimulation", tmp_path)
+    varying = build_habit(Habit("varying", (), VARYING), 2, "CoSimulation", tmp_path)
+    run = library.simulate(fixed, stop=0.95, step=0.1)
+    assert run.table["time_s"][-1] == pytest.approx(0.9)
+    assert "the run ends at 0.9 s" in run.notes[0]
+    run = library.simulate(varying, stop=0.95, step=0.1)
+    assert run.table["time_s"].to_list()[-2:] == pytest.approx([0.9, 0.95], abs=1e-15)
+    assert "the last step is 0.05 s long" in run.notes[0]
+
+
+@pytest.mark.parametrize(("version", "interface"), EVERY)
+def test_a_run_without_outputs_records_states(version: int, interface: str, tmp_path: Path) -> None:
+    run = run_of(Habit("silent", without_outputs=True), version, interface, tmp_path)
+    assert run.columns == ["time_s", "plant.x"]
+    assert run.table["plant.x"][-1] == pytest.approx(exact(1.0), abs=2e-5)
+    assert "no FMU has outputs: plant.x recorded" in run.notes[0]
+    fmu = tmp_path / f"silent{version}{interface[:1]}.fmu"
+    chosen = library.simulate(fmu, stop=1.0, step=0.1, record=["der(x)", "m"], values=["u=1"])
+    assert chosen.columns == ["time_s", f"{fmu.stem}.der(x)", f"{fmu.stem}.m"]
+    assert chosen.table[f"{fmu.stem}.der(x)"][0] == 1.0
+
+
+@pytest.mark.parametrize(("version", "interface"), EVERY)
+def test_nan_ends_the_run_unless_it_is_allowed(version: int, interface: str, tmp_path: Path) -> None:
+    habit = Habit("nan", ("NOT_A_NUMBER",))
+    with pytest.raises(InputError, match=r"y is nan at 0.6 s; to run all the same: --allow-nan"):
+        run_of(habit, version, interface, tmp_path)
+    table = run_of(habit, version, interface, tmp_path, run={**RUN, "allow_nan": True}).table
+    assert math.isnan(table["plant.y"][-1])
+    assert table["plant.x"][-1] == pytest.approx(exact(1.0), abs=2e-5)
+
+
+def test_a_missing_library_is_named_with_those_that_are_there(tmp_path: Path) -> None:
+    for habit in (Habit("renamed", library="other"), Habit("elsewhere", platform="win64")):
+        with pytest.raises(InputError) as refused:
+            run_of(habit, 2, "CoSimulation", tmp_path)
+        there = f"binaries/{habit.platform or fmpy.platform}/{habit.library}{fmpy.sharedLibraryExtension}"
+        missing = f"binaries/{fmpy.platform}/strict{fmpy.sharedLibraryExtension} is missing"
+        assert f"{missing}; it has {there}" in str(refused.value)
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_a_periodic_clock_ticks_on_the_grid(interface: str, tmp_path: Path) -> None:
+    """It ticks at 0, 0.25, 0.5, 0.75 and 1 s; with a shift of 0.1 s four times; by counters as by decimals."""
+    events = "hasEventMode='true' canReturnEarlyAfterIntermediateUpdate='true'"
+    for clock, count in (
+        (CLOCK, 5.0),
+        (f"{CLOCK} shiftDecimal='0.1'", 4.0),
+        ("intervalVariability='constant' intervalCounter='1' resolution='10'", 11.0),
+    ):
+        habit = Habit("clock", ("EVENTS",) if interface == "CoSimulation" else (), events, clock=clock, versions=(3,))
+        for step in (0.1, 0.5):
+            table = run_of(habit, 3, interface, tmp_path, run={"stop_s": 1.0, "step_s": step}).table
+            assert table["plant.ticks"][-1] == count
+            assert table["plant.x"][-1] == pytest.approx(exact(1.0), abs=2e-5)
+            assert table["plant.m"][-1] == 1.0
+
+
+def test_other_clocks_are_refused_by_name(tmp_path: Path) -> None:
+    clocks = {"triggered": "is triggered; only constant periodic clocks tick", "constant": "cannot tick"}
+    for variability, reason in clocks.items():
+        attributes = f"intervalVariability='{variability}' intervalDecimal='0.1'"
+        with pytest.raises(InputError) as refused:
+            run_of(Habit("clock", clock=attributes), 3, "CoSimulation", tmp_path)
+        assert "input clock 'clock'" in str(refused.value)
+        assert reason in str(refused.value)
+
+
+@pytest.mark.parametrize(("version", "interface"), EVERY)
+def test_a_table_of_inputs_is_read_as_fmpy_reads_it(version: int, interface: str, tmp_path: Path) -> None:
+    fmu = build_habit(Habit("fed"), version, interface, tmp_path)
+    table = tmp_path / "u.csv"
+    table.write_text("time,u,d\n0,0,1\n0.5,0.5,2\n1,1,3\n")
+    run = library.simulate(fmu, stop=1.0, step=0.001, inputs=table, tolerance=1e-8)
+    # x' = t - x with x(0) = 0: the input holds over each step of 1 ms.
+    assert run.table[f"{fmu.stem}.x"][-1] == pytest.approx(math.exp(-1.0), abs=1e-3)
+    assert run.table[f"{fmu.stem}.y"].to_list()[::250] == [1.0, 1.0, 1.0, 2.0, 2.0]

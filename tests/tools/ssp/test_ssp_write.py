@@ -17,7 +17,7 @@ from trihedron.fmus import build
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import Scenario, read_scenario, run_scenario
+from trihedron.tools.orchestrator import RunOptions, Scenario, read_scenario, run_scenario
 from trihedron.tools.ssp import scenario_of_ssp, self_contained, write_ssp
 from trihedron.tools.ssp.documents import children, parsed
 
@@ -151,7 +151,7 @@ def test_fmpy_gives_the_numbers_of_a_run_that_is_delayed(stimuli, tmp_path):
     """FMPy passes outputs on when all FMUs have stepped; so does coupling = "delayed": no number differs."""
     scenario = bench(**({"stimuli": ROWS[:1], "run": {"step_s": EIGHTH, "stop_s": 8.0}} if stimuli == "rows" else {}))
     path = write_ssp(scenario, tmp_path / "bench.ssp", flavour="python")
-    with scenario_of_ssp(path, coupling="delayed") as (again, _):
+    with scenario_of_ssp(path, RunOptions(coupling="delayed")) as (again, _):
         expected = run_scenario(again).table
     steps = expected.height - 1
     rows = simulate_ssp(str(path), stop_time=steps * EIGHTH, step_size=EIGHTH, parameter_set=all_parameters(path))
@@ -249,7 +249,7 @@ def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
     with scenario_of_ssp(path) as (again, _):
         assert again.run.coupling == scenario.run.coupling is not None
         assert run_scenario(again).table.equals(expected)
-    with scenario_of_ssp(path, coupling="jacobi") as (again, _):
+    with scenario_of_ssp(path, RunOptions(coupling="jacobi")) as (again, _):
         assert again.run.coupling == "jacobi"
     assert cli.main(["simulate", str(SCENARIOS / "table-stabilised.toml"), "--coupling", "jacobi"]) == 2
     assert "--coupling: belongs to an .ssp" in capsys.readouterr().err
@@ -273,7 +273,7 @@ def test_different_steps_go_out_and_come_back(tmp_path, options):
     with scenario_of_ssp(write_ssp(scenario, tmp_path / "rates.ssp", flavour="python")) as (again, _):
         assert run_scenario(again).table.select(expected.columns).equals(expected)
         assert again.fmus["block"].step_s is None
-    with scenario_of_ssp(tmp_path / "rates.ssp", coupling="delayed") as (again, _):
+    with scenario_of_ssp(tmp_path / "rates.ssp", RunOptions(coupling="delayed")) as (again, _):
         assert again.fmus["table"].step_s == 4 * EIGHTH
 
 
