@@ -43,7 +43,10 @@ NOTHING(fmi2EnterInitializationMode, C)
 NOTHING(fmi2ExitInitializationMode, C)
 NOTHING(fmi2Terminate, C)
 NOTHING(fmi2Reset, C)
-NOTHING(fmi2GetInteger, C, VRS, fmi2Integer v[])
+FMI2_Export fmi2Status fmi2GetInteger(C, VRS, fmi2Integer v[]) {
+    for (size_t i = 0; i < n; i++) v[i] = ((Instance *)c)->stops;
+    return fmi2OK;
+}
 NOTHING(fmi2GetBoolean, C, VRS, fmi2Boolean v[])
 NOTHING(fmi2GetString, C, VRS, fmi2String v[])
 NOTHING(fmi2SetBoolean, C, VRS, const fmi2Boolean v[])

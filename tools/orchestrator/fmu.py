@@ -235,10 +235,12 @@ class Slave:
         arguments: list[Any] = [variable.reference.to_bytes(4, sys.byteorder), 1, output]
         if self.prefix == "fmi3":
             arguments.append(count)
+        name = self.accessor("Get", variable.access)
         try:
-            status, contents = self._host.call(self.accessor("Get", variable.access), arguments)
+            self._host.address(name)
         except AttributeError:
             return None
+        status, contents = self._host.call(name, arguments)
         if status > WARNING:
             return None
         if variable.kind == "String":

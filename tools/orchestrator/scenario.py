@@ -141,7 +141,7 @@ class RunOptions:
         """Return the scenario with the options that it leaves to the command."""
         options = {"in_process": self.in_process or None, "call_limit_s": self.call_limit}
         options |= {"accept_lost": self.accept_lost or None, "allow_nan": self.allow_nan or None}
-        if not any(options.values()):
+        if all(value is None for value in options.values()):
             return scenario
         if self.call_limit is not None and not (self.call_limit > 0.0 and math.isfinite(self.call_limit)):
             raise InputError(f"--call-limit: {self.call_limit} must be greater than 0 s")

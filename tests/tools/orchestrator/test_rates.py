@@ -195,7 +195,7 @@ def test_a_slow_one_that_fails_or_ends_the_run_is_named_at_its_own_time(foreign:
         assert "FMU 'bad' (Failing.fmu): fmi2DoStep at 1 s ended with" in message
         fmus["bad"]["parameters"]["way"] = 3
         message = refusal(foreign, fmus, run=SECONDS, connections=wired)
-        assert message == "FMU 'bad' (Failing.fmu): y is nan at 1.5 s"
+        assert message == "FMU 'bad' (Failing.fmu): y is nan at 1.5 s; to run all the same: --allow-nan"
 
 
 @pytest.mark.acceptance

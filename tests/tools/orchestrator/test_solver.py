@@ -75,8 +75,8 @@ def test_its_failures_are_named(plants: Path, way: int, says: str) -> None:
 
 
 def test_what_does_not_go_with_it_is_refused(plants: Path) -> None:
-    message = refusal(plants, {"clock": {**CLOCK, "tolerance": 1e-3}})
-    assert message == "fmus.clock.tolerance: is for FMUs of model exchange; Clock.fmu makes its steps itself"
+    message = refusal(plants, {"clock": {**CLOCK, "interface": "me"}})
+    assert message == "Clock.fmu: has no model exchange; --interface cs may be there"
     fmus, around = {"plant": PLANT, "gain": GAIN}, wires("plant.x -> gain.u[1]", "gain.y[1] -> plant.u")
     message = refusal(plants, fmus, connections=around, run={"stop_s": 1.0, "step_s": 0.1, "coupling": "iterate"})
     assert "'plant' (Exchanged.fmu) cannot get and set its state" in message
