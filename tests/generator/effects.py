@@ -50,6 +50,11 @@ def lagged(hours: np.ndarray, temperature: np.ndarray, constant: float) -> np.nd
     return late
 
 
+def of_powers(temperature: np.ndarray, sizes: Numbers) -> np.ndarray:
+    """Return a polynomial (N,) without constant of the temperature above 20 °C, in tens of kelvins."""
+    return np.polynomial.polynomial.polyval((temperature - 20.0) / 10.0, [0.0, *sizes])
+
+
 Law = Callable[[Visits, np.ndarray, Numbers, Sequence[int]], np.ndarray]
 """Visits, the accelerometer's own input (N,), sizes, axes from 1 -> addition (N,) [g]."""
 LAWS: dict[str, Law] = {
@@ -71,6 +76,10 @@ LAWS: dict[str, Law] = {
     ),
     "temperature-bias": lambda v, x, s, _: s[0] * (v.temperature - 20.0),
     "temperature-scale": lambda v, x, s, _: s[0] * (v.temperature - 20.0) * x,
+    "temperature-bias-quadratic": lambda v, x, s, _: of_powers(v.temperature, s),
+    "temperature-bias-cubic": lambda v, x, s, _: of_powers(v.temperature, s),
+    "temperature-scale-quadratic": lambda v, x, s, _: of_powers(v.temperature, s) * x,
+    "temperature-scale-cubic": lambda v, x, s, _: of_powers(v.temperature, s) * x,
 }
 AXES = ("outer-axis", "inner-axis")
 

@@ -27,6 +27,12 @@ CONTRACT = {
     "latency": (1, "s"),
     "lag": (3, "s"),
     "gyro-g-squared": (9, "rad/s/g2"),
+    "gyro-temperature-bias": (3, "rad/s"),
+    "gyro-temperature-bias-quadratic": (6, "rad/s"),
+    "gyro-temperature-bias-cubic": (9, "rad/s"),
+    "gyro-temperature-scale": (3, "1"),
+    "gyro-temperature-scale-quadratic": (6, "1"),
+    "gyro-temperature-scale-cubic": (9, "1"),
     "gyro-quantisation": (1, "rad/s"),
     "jitter": (1, "1"),
 }

@@ -1,5 +1,6 @@
 """A wrong row beside an effect: sought together, because neither alone makes the model fit."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..errors import InputError
 from ..evidence.bench import Bench
 from ..evidence.bench_visits import is_linear, signature_columns
 from ..evidence.evidence import Evidence
+from ..evidence.fit import contains
 from ..rounding import Stated
 from .change import Change, Mending
 from .removal import Removal, TooMany
@@ -38,7 +40,21 @@ def rows_beside_effects(evidence: Evidence) -> tuple[Simple, ...]:
         if len(pairs) > MOST_PAIRS:
             return ()
     faults = [_fault(evidence, table, *pair) for pair in pairs]
-    return tuple(fault for fault in faults if fault is not None)
+    standing = [fault for fault in faults if fault is not None]
+    return tuple(fault for fault in standing if not _is_wider(fault, standing))
+
+
+def _is_wider(fault: Simple, faults: Sequence[Simple]) -> bool:
+    """Return whether another fault of the same row has an effect that this one's contains: it is no rival."""
+    for rival in faults:
+        if rival.rows == fault.rows and contains(_places(fault), _places(rival)):
+            return True
+    return False
+
+
+def _places(fault: Simple) -> Sequence[EffectPlace]:
+    """Return the effects of a fault."""
+    return () if fault.fit is None else fault.fit.places
 
 
 def _rows_beside(table: Table, columns: NDArray) -> list[int]:
