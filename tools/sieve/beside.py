@@ -46,10 +46,8 @@ def rows_beside_effects(evidence: Evidence) -> tuple[Simple, ...]:
 
 def _is_wider(fault: Simple, faults: Sequence[Simple]) -> bool:
     """Return whether another fault of the same row has an effect that this one's contains: it is no rival."""
-    for rival in faults:
-        if rival.rows == fault.rows and contains(_places(fault), _places(rival)):
-            return True
-    return False
+    of_row = [rival for rival in faults if rival.rows == fault.rows]
+    return any(contains(_places(fault), _places(rival)) for rival in of_row)
 
 
 def _places(fault: Simple) -> Sequence[EffectPlace]:
