@@ -1,7 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """Noise of many drawn records of an hour: right processes, coverage of the intervals, no process in white noise."""
 
 import math
@@ -22,6 +18,15 @@ def channels_of(sizes, seed: int):
     return th.noise(static_record(ROWS, STEP, sizes, sizes | {}, seed)).channels
 
 
+def ends_of(channel, letter: str) -> tuple[float, float]:
+    """Return the ends of the interval of a process that the channel shows."""
+    one = channel.coefficient(letter)
+    assert one is not None
+    assert one.low is not None
+    assert one.high is not None
+    return one.low, one.high
+
+
 def right_and_inside(sizes, name: str) -> tuple[float, float, float]:
     """Return the parts of right sets, of sets with a process that is not there, and of intervals with the truth."""
     right, wrong, inside = [], [], []
@@ -33,26 +38,29 @@ def right_and_inside(sizes, name: str) -> tuple[float, float, float]:
             if channel.admissible[0] != name:
                 continue
             for letter, size in sizes.items():
-                one = channel.coefficient(letter)
-                inside.append(one.low <= size <= one.high)
+                low, high = ends_of(channel, letter)
+                inside.append(low <= size <= high)
     return float(np.mean(right)), float(np.mean(wrong)), float(np.mean(inside))
 
 
 @pytest.mark.parametrize(
-    ("sizes", "name", "least"),
+    ("sizes", "name"),
     [
-        ({"N": 1.0, "B": 0.2}, "N + B", 0.95),
-        ({"N": 1.0, "K": 0.03}, "N + K", 0.95),
-        ({"N": 1.0, "Q": 0.18}, "N + Q", 0.95),
-        ({"N": 1.0, "M": 0.46}, "N + M", 0.90),
+        ({"N": 1.0, "B": 0.2}, "N + B"),
+        ({"N": 1.0, "K": 0.03}, "N + K"),
+        ({"N": 1.0, "Q": 0.18}, "N + Q"),
+        ({"N": 1.0, "M": 0.8}, "N + M"),
     ],
 )
-def test_a_single_process_is_named_and_its_interval_holds_the_truth(sizes, name, least):
+def test_a_single_process_is_named_and_its_interval_holds_the_truth(sizes, name):
+    """Each process is one that no simpler set imitates: by the expected likelihood every other set of as few numbers
+    lies at least 40 above. For M of 0.46 flicker lies 21 above only, so that no test of this record tells them apart in
+    99 of 100 cases."""
     right, wrong, inside = right_and_inside(sizes, name)
     print(name, right, wrong, inside)
-    assert right >= least
-    assert wrong <= 0.02
-    assert 0.92 <= inside <= 0.98
+    assert right >= 0.95
+    assert wrong <= 0.01
+    assert 0.93 <= inside <= 0.97
 
 
 def test_white_noise_has_no_other_process():
@@ -62,14 +70,40 @@ def test_white_noise_has_no_other_process():
     assert named <= 3
 
 
-def test_coefficients_of_a_long_record_are_within_a_tenth():
-    """The record is 100 times as long as the time at which the curve is flat."""
-    errors = {"N": [], "K": []}
-    walk = math.sqrt(3.0) * 100.0 / DURATION
-    for seed in range(10):
-        for channel in channels_of({"N": 1.0, "K": walk}, 500 + seed):
-            for letter, truth in (("N", 1.0), ("K", walk)):
+def least_scatter(times_flat: float) -> float:
+    """Return the bound of Cramér and Rao of the relative scatter of K beside N = 1, by the sampled walk's spectrum.
+
+    `times_flat` is the length of the record over √3 N/K, where the Allan deviation is flat.
+    """
+    walk = math.sqrt(3.0) * times_flat / DURATION
+    of_walk = walk**2 * STEP / (4.0 * np.sin(0.5 * math.pi * np.arange(1, ROWS) / ROWS) ** 2)
+    white = np.full(ROWS - 1, 1.0 / STEP)
+    slopes = 2.0 * np.stack([white, of_walk]) / (white + of_walk)
+    return math.sqrt(np.linalg.inv(0.5 * slopes @ slopes.T)[1, 1])
+
+
+def relative_errors(sizes, records: int) -> dict[str, float]:
+    """Return the root mean square of the relative error of each coefficient."""
+    errors = {letter: [] for letter in sizes}
+    for seed in range(records):
+        for channel in channels_of(sizes, 500 + seed):
+            for letter, truth in sizes.items():
                 one = channel.coefficient(letter)
+                assert one is not None
                 errors[letter].append((one.estimate or 0.0) / truth - 1.0)
-    for letter, of_letter in errors.items():
-        assert math.sqrt(np.mean(np.square(of_letter))) < 0.1, letter
+    return {letter: math.sqrt(np.mean(np.square(values))) for letter, values in errors.items()}
+
+
+def test_coefficients_of_a_long_record_are_within_a_tenth():
+    """The record is 100 times as long as the time at which the curve is flat; 150 times for K."""
+    for sizes in ({"N": 1.0, "B": math.sqrt(227.0 / DURATION)}, {"N": 1.0, "K": math.sqrt(3.0) * 150.0 / DURATION}):
+        errors = relative_errors(sizes, 10)
+        print(errors)
+        assert max(errors.values()) < 0.1
+
+
+def test_a_random_walk_is_as_near_as_theory_allows():
+    """At 100 times no estimator is within a tenth: the least possible scatter of K is 10.8 %."""
+    assert least_scatter(100.0) == pytest.approx(0.108, abs=0.001)
+    errors = relative_errors({"N": 1.0, "K": math.sqrt(3.0) * 100.0 / DURATION}, 12)
+    assert errors["K"] < 1.15 * least_scatter(100.0)

@@ -13,12 +13,13 @@ from .likelihood import Fit, Likelihood
 from .pieces import Channel
 from .processes import NUMBERS, SPECTRAL, Letter, drift_variance
 from .result import BIAS_TAKEN, Against, HeldOut
-from .selection import NEEDED, NEEDED_WITH_TRENDS, Selection, select
+from .selection import Selection, select
 from .simulated import Sizes
 from .spectrum import bins_of
 
 FALSIFIED = 21.0
-"""Rise above which a simulation's noise is falsified: clean records rise so far in fewer than one of 100."""
+"""Rise above which a simulation's noise, or a change of it, is falsified: true noise rises so far in fewer than one of
+100 channels."""
 MOST = 2
 """Largest number of processes that change."""
 Verdict = Literal["consistent", "explained", "ambiguous", "falsified"]
@@ -60,13 +61,12 @@ def held_against(channel: Channel, step: float, selection: Selection, simulated:
         coefficients of the simulation by their letters [SI]
     """
     likelihood = selection.likelihood
-    needed = NEEDED_WITH_TRENDS if len(likelihood.bins.constants) else NEEDED
     best = _largest(likelihood)
     rise = _changed(likelihood, simulated, ()).fit.cost - best
     verdict: Verdict = "consistent"
     chosen: list[Change] = []
     if rise > FALSIFIED:
-        chosen = smallest_changes(likelihood, simulated, best + needed)
+        chosen = smallest_changes(likelihood, simulated, best + FALSIFIED)
         verdict = VERDICTS.get(len(chosen), "ambiguous")
     changed = chosen[0].sizes if chosen else {}
     held_out = []

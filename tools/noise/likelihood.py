@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls, root_scalar
+from scipy.optimize import minimize_scalar, nnls, root_scalar
 
 from .processes import Letter, template
 from .spectrum import Bins
@@ -28,6 +28,8 @@ LOWEST = 1e-9
 """A process below this part of its starting size is none."""
 STEP = 0.02
 """First step of the logarithm of θ towards an end of an interval; each further one is twice as long."""
+NEARBY = 1.5
+"""Logarithms of correlation times about the best one that an interval of a Markov process takes in."""
 WIDEST = 30.0
 """Change of the logarithm of θ beyond which no end is looked for."""
 
@@ -247,10 +249,18 @@ class Likelihood:
         return math.sqrt(start * math.exp(low)), math.sqrt(start * math.exp(high))
 
     def _cost_with(self, best: Fit, place: int, theta: float, trend: int | None) -> float:
-        """Return the least cost with one process of a fit fixed at a size θ."""
-        columns = self.columns(best.letters, best.constant)
-        others, start = np.delete(columns, place, axis=1), np.delete(best.power, place)
-        return self._beside(columns[:, place] * theta, others, others @ start, trend)[1]
+        """Return the least cost with one process of a fit fixed at a size θ; of Markov over its correlation times."""
+        others = np.delete(self.columns(best.letters, best.constant), place, axis=1)
+        start = others @ np.delete(best.power, place)
+        letter = best.letters[place]
+
+        def cost(logarithm: float) -> float:
+            column = template(letter, self.bins.angle, self.bins.step, best.constant * math.exp(logarithm)) / self.unit
+            return self._beside(column * theta, others, start, trend)[1]
+
+        if letter != "M":
+            return cost(0.0)
+        return float(minimize_scalar(cost, bounds=(-NEARBY, NEARBY), options={"xatol": 0.02}).fun)
 
     def fit_beside(
         self, fixed: NDArray[np.float64], letters: tuple[Letter, ...], constant: float = 0.0, trend: int | None = None
