@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
-from ..sieve import LEAST_OF_TWO, Simple, tells_two_things, with_rounding, wrong_pieces
+from ..sieve import LEAST_OF_TWO, Simple, other_breaks, tells_two_things, with_rounding, wrong_pieces
 from .beyond import Beyond, keys_of
 from .candidates import Candidates, named
 from .cause import Finding, causes_of, centred, excluded_sizes, finding_of
@@ -109,7 +109,8 @@ class Procedure:
             return self._result("insufficient", self.missing)
         if not self.evidence.model.falsified:
             return self._of_model_that_stands()
-        return self._of_list() if self.faults else self._of_physics()
+        faults = self.faults or self._in_place_of_steps
+        return self._of_list(faults) if faults else self._of_physics()
 
     @cached_property
     def _untried(self) -> list[str]:
@@ -167,6 +168,12 @@ class Procedure:
         if search(self.evidence.model, largest=1).fits:
             return ()
         return pairs_of_faults(self.evidence)
+
+    @property
+    def _in_place_of_steps(self) -> tuple[Simple, ...]:
+        """Breaks of other parts that do as well as a step of the catalogue beside other effects."""
+        fits = [finding.fit for finding in self.candidates.findings] if self.found.fits else []
+        return self._tried("breaks in place of steps", lambda: other_breaks(self.evidence, fits), ())
 
     @cached_property
     def objections(self) -> tuple[str, ...]:
@@ -267,9 +274,9 @@ class Procedure:
 
     # The results
 
-    def _of_list(self) -> Diagnosis:
+    def _of_list(self, faults: Sequence[Simple]) -> Diagnosis:
         """Return the diagnosis from one list of record faults, effects and functions of a quantity."""
-        shortlist = Shortlist.of(self.faults, self.candidates if self.found.fits else None, self.dependence)
+        shortlist = Shortlist.of(faults, self.candidates if self.found.fits else None, self.dependence)
         if shortlist.is_beaten:
             return self._of_physics()
         if shortlist.names_the_first:

@@ -3,6 +3,7 @@ from .faults import simple_faults as simple_faults
 from .joint import LEAST_OF_TWO as LEAST_OF_TWO
 from .joint import joint_faults as joint_faults
 from .joint import tells_two_things as tells_two_things
+from .other_breaks import other_breaks as other_breaks
 from .removal import Removal as Removal
 from .rows import fault_of_row as fault_of_row
 from .series import wrong_pieces as wrong_pieces
