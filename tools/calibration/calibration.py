@@ -83,6 +83,8 @@ MOST_ALONG = 0.3
 """Of the misfit by errors of angles so small a part is along gravity: what other parameters make of it."""
 LEAST_OF_ROUNDING, MOST_OF_ROUNDING = 0.5, 1.6
 """The least and the largest misfit over that of rounding, rms."""
+MOST_OF_HALF_STEP = 1.5
+"""The largest error of a fit to rounded angles, over that of half a step."""
 COARSE = 0.5
 """Steps of readings are said if half of one is more than this part of σ."""
 NOTICEABLE = 0.1
@@ -263,8 +265,11 @@ class Misfit:
     freedom: int
 
     def is_rounding(self, steps: AngleSteps, sigma: float) -> bool:
-        """Return true if the errors are as large, rms, as steps of the encoders make them, and turn gravity."""
-        if self.freedom < FEWEST_SPARE:
+        """Return true if the errors are as large, rms and at most, as steps of the encoders make them, and turn gravity.
+
+        A wrong row may be as large rms over all rows, but exceeds half a step.
+        """
+        if self.freedom < FEWEST_SPARE or np.abs(self.errors).max() > MOST_OF_HALF_STEP * (steps.error + sigma):
             return False
         size = float(np.sqrt(np.square(self.errors).sum() / self.freedom))
         # An error of an angle turns gravity: two ninths of its square are in each reading.

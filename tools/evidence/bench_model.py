@@ -48,6 +48,8 @@ ATTAINED = 1e-10
 """Relative difference between the radius of the programme and the largest misfit where it is attained."""
 ASTRAY = 10.0
 """No bench has a parameter as large [1], [rad], [g]: a fit that comes there runs away."""
+DIVERGED = 1e9
+"""No model of a bench has a reading as large [g]: the sizes of its effects run away."""
 NEAR = 1e-4
 """A step [1], [rad], [g] so small leads near enough to the fit to refuse what is far from standing."""
 SECOND_ORDER = 10.0
@@ -356,8 +358,10 @@ def fitted(
 
     def model_at(x: NDArray) -> Model | None:
         work.add(model_work(readings))
-        astray = not (np.abs(x[:count]).max() <= ASTRAY and np.isfinite(x[count:]).all())
-        return None if astray else cast.model(readings, x[:count], x[count:], blocks)
+        if not (np.abs(x[:count]).max() <= ASTRAY and np.isfinite(x[count:]).all()):
+            return None
+        model = cast.model(readings, x[:count], x[count:], blocks)
+        return model if model is not None and np.abs(model.reading).max() <= DIVERGED else None
 
     single = {place: count + block.start for place, block in zip(cast.places, blocks, strict=True)}
     single = {place: column for place, column in single.items() if is_linear(place)}
