@@ -265,7 +265,7 @@ class Misfit:
     freedom: int
 
     def is_rounding(self, steps: AngleSteps, sigma: float) -> bool:
-        """Return true if the errors are as large, rms and at most, as steps of the encoders make them, and turn gravity.
+        """Return true if the errors are as large, rms and at most, as those of encoder steps, and turn gravity.
 
         A wrong row may be as large rms over all rows, but exceeds half a step.
         """

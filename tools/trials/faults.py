@@ -1,7 +1,7 @@
 """Hidden faults of a record: a wrong row or a break. They are drawn, done to a measured record, and compared."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -93,24 +93,52 @@ class Fault(Told):
         )
 
     def is_break_of(self, explanation: Explanation) -> bool:
-        """Return true if an explanation names this break: its place in time, and everything that changes there."""
-        if explanation.kind != "break" or explanation.between_rows is None:
-            return False
+        """Return true if an explanation names this break alone."""
+        breaks = breaks_of(explanation)
+        return len(breaks) == 1 and self.is_break(breaks[0])
+
+    def is_break(self, named: "NamedBreak") -> bool:
+        """Return true if a named break is this one: its place in time, and everything that changes there."""
+        return named.first < self.row <= named.last and named.parts == set(self.change or ())
+
+
+@dataclass(frozen=True)
+class NamedBreak:
+    """A break that an explanation names: between two rows, with the parts that change."""
+
+    first: int
+    last: int
+    parts: frozenset[str]
+
+    @property
+    def listed(self) -> EffectPlace | None:
+        """The effect of the catalogue that the break is; None if it is none."""
+        if self.parts == set(MOUNTING_ANGLES):
+            return EffectPlace("mounting-slip", MOUNTING)
+        for p, where in enumerate(ACCELEROMETERS, start=1):
+            if self.parts == {f"bias_{p}_g"}:
+                return EffectPlace("bias-step", where)
+            if self.parts == {f"scale_factor_{p}"}:
+                return EffectPlace("scale-step", where)
+        return None
+
+
+def breaks_of(explanation: Explanation) -> list[NamedBreak]:
+    """Return the breaks that an explanation names, in the order of time; later ones have their row in their keys."""
+    if explanation.kind != "break" or explanation.between_rows is None:
+        return []
+    parts: dict[str, set[str]] = {}
+    for key in explanation.change or ():
+        part, _, later = key.partition("_from_r")
+        parts.setdefault(later, set()).add(part)
+    breaks = []
+    for later, names in parts.items():
         first, last = explanation.between_rows
-        return first < self.row <= last and set(explanation.change or ()) == set(self.change or ())
-
-
-def listed_break(explanation: Explanation) -> EffectPlace | None:
-    """Return the effect of the catalogue that a break is; None if it is none."""
-    names = tuple(explanation.change or ()) if explanation.kind == "break" else ()
-    if names == MOUNTING_ANGLES:
-        return EffectPlace("mounting-slip", MOUNTING)
-    for p, where in enumerate(ACCELEROMETERS, start=1):
-        if names == (f"bias_{p}_g",):
-            return EffectPlace("bias-step", where)
-        if names == (f"scale_factor_{p}",):
-            return EffectPlace("scale-step", where)
-    return None
+        if later:
+            last = int(later.rpartition("_")[2])
+            first = last - 1
+        breaks.append(NamedBreak(first, last, frozenset(names)))
+    return breaks
 
 
 def readings_of(bench: TrialBench) -> NDArray[np.float64]:

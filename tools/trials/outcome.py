@@ -10,7 +10,7 @@ from ..diagnosis import Cause, Diagnosis, Explanation, NamedEffect, diagnose, di
 from ..result import ABSENT, Told
 from .bench import NOISE_BOUND
 from .case import Case
-from .faults import Fault, listed_break
+from .faults import Fault, breaks_of
 from .sizes import Hidden, Secret
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
@@ -232,19 +232,21 @@ def _is_right(case: Case, explanation: Explanation) -> bool:
     if explanation.kind == "sigma":
         return False
     rows, effects = _rows_and_effects(case.places)
+    breaks = breaks_of(explanation)
     if case.fault is None or case.fault.kind == "rows":
-        is_fault = explanation.kind != "break"
         rows |= {case.fault.row} if case.fault is not None else set()
+    elif not (hidden := [named for named in breaks if case.fault.is_break(named)]):
+        return False
     else:
-        is_fault = case.fault.is_break_of(explanation)
+        breaks.remove(hidden[0])
+    for named in breaks:
+        # The catalogue has such a break, too: beside a fault it is named as one.
+        if named.listed not in effects:
+            return False
+        effects.remove(named.listed)
     named_rows, _ = _rows_and_effects([cause.place for cause in explanation.causes])
     causes = [cause for cause in explanation.causes if cause.effect != "outlier"]
-    listed = listed_break(explanation)
-    if listed in effects and not is_fault:
-        # The catalogue has such a break, too: beside a wrong row it is named as one.
-        effects.remove(listed)
-        is_fault = True
-    return is_fault and named_rows | set(explanation.rows or ()) == rows and _is_same(causes, effects)
+    return named_rows | set(explanation.rows or ()) == rows and _is_same(causes, effects)
 
 
 def _rows_and_effects(places: Sequence[EffectPlace]) -> tuple[set[int], list[EffectPlace]]:

@@ -1,6 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false
-# None where a value must be fails the test.
 """Faults of a record that a diagnosis names: the calibration beside them holds the truth, with close bounds."""
 
 import json
@@ -109,8 +106,12 @@ def faulty(seed: int) -> Faulty:
     for attempt in range(12):
         case = drawn(kind, np.random.default_rng([seed, attempt, 42]))
         best = case.diagnosis.best
-        named = case.diagnosis.verdict == "explained" and best is not None
-        if named and best.kind == {"row": "rows", "stretch": "stretch", "row and effect": "rows"}.get(kind, "break"):
+        named = case.diagnosis.verdict == "explained"
+        if (
+            named
+            and best is not None
+            and best.kind == {"row": "rows", "stretch": "stretch", "row and effect": "rows"}.get(kind, "break")
+        ):
             return case
     raise AssertionError(f"{kind} is not named with seed {seed}")
 

@@ -1,6 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false
-# None where a value must be fails the test.
 """Several records of one instrument: a fault of one is found there, said with its name, and set aside."""
 
 from dataclasses import replace
@@ -46,6 +43,7 @@ def test_a_wrong_row_of_one_record_is_named_there_and_the_others_judged_with_the
     assert "a fault of tuesday is set aside" in text
     assert f"uesday: {tuesday.set_aside} It is set aside." in text
     read = Diagnosis.model_validate_json(result.json_text())
+    assert read.records is not None
     assert read.records[1].set_aside == tuesday.set_aside
 
 

@@ -145,3 +145,21 @@ def test_a_break_is_no_coarse_encoder_where_the_programme_has_round_angles():
     diagnosis = diagnosed_case(case, case.measured())
     assert not any("in steps of" in line for line in diagnosis.warnings)
     assert judged_case(case, diagnosis).outcome in ("right", "candidate")
+
+
+def test_a_hidden_break_and_a_step_of_the_catalogue_are_named_as_two_breaks(case):
+    fault = Fault(kind="break", what="scale factors", row=12, change=dict.fromkeys(BREAKS["scale factors"], 1e-4))
+    hidden = Hidden(EffectPlace("bias-step", "accelerometer-2"), (1e-4, 0.02))
+    both = replace(case, fault=fault, hidden=(hidden,))
+    later = [f"{name}_from_row_12" for name in BREAKS["scale factors"]]
+    assert judged(both, "explained", broken((4, 5), "bias_2_g", *later)) == "right"
+    assert judged(both, "explained", broken((4, 5), "bias_1_g", *later)) == "wrong"
+    elsewhere = [f"{name}_from_row_20" for name in BREAKS["scale factors"]]
+    assert judged(both, "explained", broken((4, 5), "bias_2_g", *elsewhere)) == "wrong"
+
+
+@pytest.mark.parametrize("index", [8, pytest.param(37, marks=pytest.mark.acceptance)])
+def test_no_other_cause_is_named_beside_a_fault(index):
+    # 8: a row that errs by several steps of round angles; 37: a break beside an effect that is not linear.
+    case = draw_case(Options("beside", positions=(24, 100)), 5001, index)
+    assert judged_case(case, diagnosed_case(case, case.measured())).outcome == "right"
