@@ -20,10 +20,12 @@ _TYPES = {
 _FUNCTIONS = {
     "corrections": ("apply", "correction", "export_calibration"),
     "library": (
+        "campaign_report",
         "compare",
         "doctor",
         "export",
         "export_notebook",
+        "export_ssp",
         "hide",
         "measure",
         "new",

@@ -9,10 +9,12 @@ from .tools.exporting import write_fmpy_input
 from .tools.foreign import Imported as Imported
 from .tools.installation import Installation as Installation
 from .tools.instrument import add_to_instrument, entries_of, nearest_of_instrument, trend_of_instrument
+from .tools.library import campaign_report as campaign_report
 from .tools.library import compare as compare
 from .tools.library import doctor as doctor
 from .tools.library import export as export
 from .tools.library import export_notebook as export_notebook
+from .tools.library import export_ssp as export_ssp
 from .tools.library import hide as hide
 from .tools.library import measure as measure
 from .tools.library import new as new

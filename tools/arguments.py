@@ -44,12 +44,12 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
     def called(*positional: P.args, **keywords: P.kwargs) -> R:
         if _THREADS_LOST.is_set():
             raise InputError(FORKED)
-        bound = _bound(function.__name__, signature, positional, keywords)
+        bound = _bound(f"{function.__name__}()", signature, positional, keywords)
         try:
             for name, value in bound.arguments.items():
                 adapter = _adapters(function).get(name)
                 if adapter is not None:
-                    bound.arguments[name] = _checked(name, value, adapter)
+                    bound.arguments[name] = _checked(function.__name__, name, value, adapter)
             with one_thread(), inputs_kept():
                 return function(*bound.args, **bound.kwargs)
         except InputError as error:
@@ -81,9 +81,9 @@ def _bound(
     except TypeError as error:
         unknown = [word for word in keywords if word not in signature.parameters]
         if not unknown:
-            raise TypeError(f"{name}(): {error}") from None
+            raise TypeError(f"{name}: {error}") from None
         known = [word for word in signature.parameters if word != "progress"]
-        raise TypeError(f"{name}(): unexpected argument {unknown[0]}; {nearest(unknown[0], known)}") from None
+        raise TypeError(f"{name}: unexpected argument {unknown[0]}; {nearest(unknown[0], known)}") from None
 
 
 class _Names(dict[str, Any]):
@@ -131,8 +131,8 @@ def _no_text(value: Any) -> Any:
     return value
 
 
-def _checked(name: str, value: Any, adapter: TypeAdapter[Any]) -> Any:
-    """An argument, or an InputError that names it."""
+def _checked(function: str, name: str, value: Any, adapter: TypeAdapter[Any]) -> Any:
+    """Return a valid argument; an InputError names function and argument."""
     try:
         return adapter.validate_python(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
     except ValidationError as error:
@@ -143,7 +143,7 @@ def _checked(name: str, value: Any, adapter: TypeAdapter[Any]) -> Any:
         advice = ""
         if isinstance(value, str) and _is_number(value) and "a valid number" in kinds:
             advice = f"; write {name}={value.strip()}, without quotation marks"
-        raise InvalidInput(f"{name}: should be {' or '.join(kinds)}, not {text}{advice}") from None
+        raise InvalidInput(f"{function}(): {name} should be {' or '.join(kinds)}, not {text}{advice}") from None
 
 
 def _is_number(text: str) -> bool:

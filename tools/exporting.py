@@ -223,17 +223,23 @@ def write_fmpy_input(
     Parameters
     ----------
     source : path, table in memory or record
-        a strapdown record, of which increments are taken for AttitudeComputer, where it has increments of velocity for
-        VelocityComputer; or a raw record of a table, of which readings
+        a strapdown record: its increments serve AttitudeComputer, with increments of velocity VelocityComputer; or a
+        raw record of a table: its readings serve AccelerometerCompensation
     out : Path
+        the CSV file
     rates : str
-        "instantaneous" or "averaged": what a rate in the record means
+        "instantaneous" or "averaged": meaning of a rate in the record
     bridge_gaps : int
-        bridge gaps of a strapdown record of up to so many lost rows
+        longest gap of a strapdown record to bridge [rows]
     stamps : str or None
-        as of `read_record`
+        time stamps, as in `read_record`
     trust : bool
-        whether a person knows that the record is right, whatever speaks against it
+        use a record that looks wrong
+
+    Returns
+    -------
+    FmpyInput
+        the file, and FMPy's command
 
     Raises
     ------

@@ -16,7 +16,7 @@ from . import campaign as campaigns
 from . import live, orchestrator, own_effects, reports, ssp, trials
 from . import measure as measuring
 from .errors import InputError
-from .options import Baseline, EffectsFrom, InputTable, NoiseBound, Platform, Progress, SetValues
+from .options import Baseline, EffectsFrom, InputTable, NoiseBound, Platform, Progress, SetValues, SspVersion
 
 if TYPE_CHECKING:
     from .comparison import Compared
@@ -152,6 +152,49 @@ def export(
         return export_components(components, Path(out), flavour, fmi, platform, effects)
 
 
+def export_ssp(
+    scenario: "str | Path | orchestrator.Scenario",
+    out: str | Path,
+    *,
+    flavour: Literal["python", "native"] | None = None,
+    fmi: int = 2,
+    platform: Platform = None,
+    version: SspVersion = "1.0",
+) -> Path:
+    """Write the system of a scenario as an .ssp for OMSimulator, FMPy and `trihedron simulate`.
+
+    Its position programme becomes a component, and its constants become parameters.
+
+    Parameters
+    ----------
+    scenario : path or Scenario
+        The scenario file (TOML).
+    out : path
+        The .ssp to write.
+    flavour : str, optional
+        native: compiled, the default with a compiler; python: run by PythonFMU.
+    fmi : int
+        Version of FMI; tools that open an .ssp run 2.
+
+    Returns
+    -------
+    Path
+        The .ssp.
+
+    Raises
+    ------
+    InputError
+        a scenario that cannot be read, or content that an .ssp cannot hold
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.export_ssp("bench.toml", "bench.ssp")  # doctest: +SKIP
+    """
+    checked = scenario if isinstance(scenario, orchestrator.Scenario) else orchestrator.read_scenario(scenario)
+    return ssp.write_ssp(checked, Path(out), flavour=flavour, fmi=fmi, platform=platform, ssp=version)
+
+
 def hide(
     seed: int = 0,
     *effects: str,
@@ -245,6 +288,42 @@ def run_campaign(
     if result.folder is not None:
         reports.write_campaign_page(result.folder)
     return result
+
+
+def campaign_report(
+    folder: str | Path, *, against: str | Path | None = None, report: str | Path | None = None
+) -> "campaigns.CampaignResult | campaigns.Comparison":
+    """Write the page of a campaign, or its gains and losses against another one.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of a complete campaign.
+    against : path, optional
+        Folder of the campaign to compare with.
+    report : path, optional
+        File of the page. Default: index.html in the folder.
+
+    Returns
+    -------
+    CampaignResult or Comparison
+        The results over all runs; with `against` the changes.
+
+    Raises
+    ------
+    InputError
+        a folder without a complete campaign, or two campaigns of different kinds
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.campaign_report("new", against="old").of("worse")  # doctest: +SKIP
+    """
+    comparison = None if against is None else campaigns.compare_campaigns(Path(folder), Path(against))
+    reports.write_campaign_page(Path(folder), None if report is None else Path(report), comparison)
+    if comparison is not None:
+        return comparison
+    return campaigns.summarise(campaigns.open_result(Path(folder))[0])
 
 
 def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> list[Path]:

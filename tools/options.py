@@ -154,6 +154,7 @@ EffectsFrom = Annotated[
 Platform = Annotated[
     str | None, Option("Platform of native FMUs: host (the default), all, or a name: aarch64-linux, x86_64-windows.")
 ]
+SspVersion = Annotated[Literal["1.0", "2.0"], Option("Version of SSP; more tools read 1.0.", name="--ssp")]
 BridgeGaps = Annotated[
     int, Option("Longest gap to bridge [rows], 10 at most. The result bounds the attitude error of the gaps.")
 ]

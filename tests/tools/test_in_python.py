@@ -62,13 +62,13 @@ def test_a_table_of_any_library_gives_the_same_record(record):
         (lambda r: LOOSE.calibrate(5), "a record is a path, or a table with columns .*, not int"),
         (lambda r: LOOSE.calibrate({"alpha_deg": [3.0], "beta_deg": [1.0, 2.0]}), "a table in memory cannot be used"),
         (lambda r: LOOSE.calibrate(np.zeros((4, 5))), "a record is a path, or a table with columns .*, not ndarray"),
-        (lambda r: LOOSE.calibrate(r, noise_bound="x"), "noise_bound: should be a valid number.*, not 'x'"),
+        (lambda r: LOOSE.calibrate(r, noise_bound="x"), r"calibrate\(\): noise_bound should be a valid number"),
         (lambda r: LOOSE.calibrate(r, noise_bound=-1), "noise_bound -1: must be a fraction of g"),
-        (lambda r: LOOSE.calibrate(r, bounds=3), "bounds: should be a valid tuple, not 3"),
+        (lambda r: LOOSE.calibrate(r, bounds=3), r"calibrate\(\): bounds should be a valid tuple, not 3"),
         (lambda r: LOOSE.calibrate(r, noise_bound=SIGMA, targets=["X4-"]), "targets 'X4-': ends too early"),
         (
             lambda r: LOOSE.calibrate(r, baseline="round"),
-            "baseline: should be 'asymmetric' or 'symmetric', not 'round'",
+            r"calibrate\(\): baseline should be 'asymmetric' or 'symmetric', not 'round'",
         ),
         (
             lambda r: LOOSE.diagnose(r, noise_bound=SIGMA, hypotheses=["f2 +="]),
@@ -76,7 +76,7 @@ def test_a_table_of_any_library_gives_the_same_record(record):
         ),
         (lambda r: LOOSE.diagnose(r, rates="averaged"), "rates averaged: is of a strapdown record"),
         (lambda r: LOOSE.simulate(3), "a scenario is a path, or what its file says, not int"),
-        (lambda r: LOOSE.check(3), "file: should be"),
+        (lambda r: LOOSE.check(3), r"check\(\): file should be"),
     ],
 )
 def test_what_is_wrong_is_said_of_the_argument_and_not_of_an_option(record, call, said):
@@ -288,7 +288,7 @@ def test_python_dash_m_runs_the_command_line():
     assert run.stderr.startswith("trihedron: absent.csv: no such file")
 
 
-TERMINAL_ALONE = ("completion", "export-ssp", "campaign-report", "batch")
+TERMINAL_ALONE = ("completion",)
 """Commands without a function of their name."""
 
 
@@ -304,9 +304,7 @@ def test_every_command_has_its_function_of_the_same_name():
 
 
 def test_public_functions_say_what_they_return():
-    later = {"instrument_add", "instrument_list", "instrument_show", "instrument_trend", "fmpy_input"}
-    later |= {"reproduce_attitude", "reproduce_calibration", "reproduce_word_length"}
-    for name in set(th.__all__) - later:
+    for name in th.__all__:
         thing = getattr(th, name)
         if inspect.isfunction(thing):
             assert "\nReturns\n-------\n" in (inspect.getdoc(thing) or ""), name

@@ -2,6 +2,7 @@ from .file import Axis as Axis
 from .file import Campaign as Campaign
 from .file import parse_campaign as parse_campaign
 from .runs import carry_out_campaign as carry_out_campaign
+from .store import PAGE as PAGE
 from .store import Store as Store
 from .store import open_result as open_result
 from .summary import CampaignResult as CampaignResult

@@ -29,7 +29,7 @@ from .. import (
 )
 from ..errors import InputError, one_line
 from ..files import at_once, ordinary_file, ordinary_folder, write_text
-from ..options import BridgeGaps, Channels, ExportTarget, Platform, Rates, Stamps, Trust
+from ..options import BridgeGaps, Channels, ExportTarget, Rates, Stamps, Trust
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -98,40 +98,13 @@ def export_command(*components: str, fmi: Literal["2", "3"] = "2", json: JsonFil
     return answer(str(exported), json, exported.to_json())
 
 
-@with_options_of()
+@with_options_of(library.export_ssp)
 def export_ssp_command(
-    scenario: Path,
-    /,
-    *,
-    out: Annotated[Path, Parameter(name="--out")],
-    flavour: Literal["python", "native"] | None = None,
-    fmi: int = 2,
-    platform: Platform = None,
-    version: Annotated[Literal["1.0", "2.0"], Parameter(name="--ssp")] = "1.0",
-    json: JsonFile = None,
+    scenario: Path, /, *, out: Annotated[Path, Parameter(name="--out")], json: JsonFile = None, **options: Any
 ) -> Answer:
-    """Write the system of a scenario as an .ssp for OMSimulator, FMPy and `trihedron simulate`.
-
-    Its position programme becomes a component, and its constants become parameters.
-
-    Example: trihedron export-ssp bench.toml --out bench.ssp
-
-    Parameters
-    ----------
-    scenario
-        The scenario file (TOML).
-    out
-        The .ssp to write.
-    flavour
-        native: compiled, the default with a compiler; python: run by PythonFMU.
-    fmi
-        Version of FMI; tools that open an .ssp run 2.
-    version
-        Version of SSP; more tools read 1.0.
-    """
+    """Example: trihedron export-ssp bench.toml --out bench.ssp"""
     distinct_files({"the scenario": scenario, "--out": out, "--json": json})
-    checked = orchestrator.read_scenario(scenario)
-    path = ssp.write_ssp(checked, out, flavour=flavour, fmi=fmi, platform=platform, ssp=version)
+    path = library.export_ssp(scenario, out, **options)
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 

@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from .. import campaign as campaigns
-from .. import document, library, own_effects, papers, reports, trials, workbench
 from .. import instrument as folders
+from .. import library, own_effects, papers, reports, trials, workbench
 from ..errors import InputError
 from ..files import at_once, json_text, made_folder, ordinary_file, write_text
 from ..options import EffectsFrom
@@ -271,6 +271,7 @@ def campaign_command(campaign: Path, /, *, out: Folder = None, json: JsonFile = 
     return answer(result, json, files=[folder / "runs", folder / "summary.json", folder / "index.html"])
 
 
+@with_options_of(library.campaign_report)
 def campaign_report_command(
     folder: Path,
     /,
@@ -280,38 +281,25 @@ def campaign_report_command(
     report: ReportFile = None,
     json: JsonFile = None,
 ) -> Answer:
-    """Write the page of a campaign, or its gains and losses against another one.
-
-    Example: trihedron campaign-report attitude-60s
+    """Example: trihedron campaign-report attitude-60s
 
     Example: trihedron campaign-report new --against old --gate
 
     Parameters
     ----------
-    folder
-        Folder of a complete campaign.
-    against
-        Folder of the campaign to compare with.
     gate
         End with exit status 3 if a result is worse beyond chance.
-    report
-        File of the page. Default: index.html in the folder.
-    json
-        Write the comparison as JSON to this file; without --against the summary.
     """
     distinct_files({"--report": report, "--json": json})
     if gate and against is None:
         raise InputError("--gate: goes with --against, the campaign to compare with")
-    store, manifest = campaigns.open_result(folder)
-    comparison = None if against is None else campaigns.compare_campaigns(folder, against)
-    page = folder / "index.html" if report is None else report
-    summary = campaigns.summarise(store)
-    document.write_page(page, reports.campaign_page(store, manifest, comparison))
-    if comparison is None:
-        return answer(summary, json, files=[page])
-    worse = comparison.of("worse") if gate else ()
+    page = folder / campaigns.PAGE if report is None else report
+    result = library.campaign_report(folder, report=page, against=against)
+    if not isinstance(result, campaigns.Comparison):
+        return answer(result, json, files=[page])
+    worse = result.of("worse") if gate else ()
     complaint = f"{folder}: {len(worse)} worse than {against}, beyond chance" if worse else ""
-    return answer(comparison, json, files=[page], complaint=complaint, status=WORSE)
+    return answer(result, json, files=[page], complaint=complaint, status=WORSE)
 
 
 @with_options_of(library.compare)

@@ -79,11 +79,28 @@ def add_to_instrument(
     temperature: float | None = None,
     serial: str | None = None,
 ) -> Entry:
-    """Put the file of a calibration or diagnosis into an instrument's folder; the folder is made if missing.
+    """Put the file of a calibration or diagnosis into an instrument's folder; make the folder if it is missing.
 
-    What `date`, `temperature` [°C] and `serial` do not say the comment lines and temperatures of the records do; of
-    several records together the last that says it. An InputError for a file that is no such result, for no
-    date, another instrument's serial number, a result or record that is there.
+    Parameters
+    ----------
+    folder, result : Path
+        the folder, the result (JSON)
+    records : sequence of Path
+        the measured records
+    date, serial : str, optional
+        date and serial number; by default those of the records' comment lines
+    temperature : float, optional
+        [°C]; by default the mean of the records
+
+    Returns
+    -------
+    Entry
+        the new entry
+
+    Raises
+    ------
+    InputError
+        another kind of file, no date, another serial number, or a result or record that the folder holds already
     """
     content_bytes = bytes_of(result, most=LARGEST_RESULT)
     content = object_of(content_bytes, str(result))
@@ -171,7 +188,18 @@ def _said_by(paths: Sequence[Path], result: Path, digests: Sequence[str]) -> dic
 
 
 def entries_of(folder: Path) -> Entries:
-    """Return the entries of an instrument's folder, in order of the dates; an InputError for any other file in it."""
+    """Return the entries of an instrument's folder in order of the dates.
+
+    Returns
+    -------
+    Entries
+        serial number and entries
+
+    Raises
+    ------
+    InputError
+        no folder, or a JSON file in it that is no entry
+    """
     if not folder.is_dir():
         raise InputError(f"{folder}: is no folder")
     entries = []
@@ -194,9 +222,17 @@ def nearest_of_instrument(
     temperature: float | None = None,
     kind: Literal["calibration", "diagnosis"] | None = None,
 ) -> Entry:
-    """The entry, of one kind, that is nearest in date or temperature [°C]; the last one by default.
+    """Return the entry nearest in date or temperature [°C]; by default the last one.
 
-    An InputError for both, or for a folder that holds no such entry.
+    Returns
+    -------
+    Entry
+        the entry, of the given kind
+
+    Raises
+    ------
+    InputError
+        date and temperature together, or a folder without such an entry
     """
     if date is not None and temperature is not None:
         raise InputError("--date and --temperature: give one of the two")
@@ -219,7 +255,17 @@ def trend_of_instrument(folder: Path) -> Calibration:
     """Return each parameter by date, and the date from which no constant is possible.
 
     A constant is falsified at the first date whose interval is disjoint from an earlier one: intervals that meet
-    pairwise have a common point. An InputError for a folder with fewer than two entries with parameters.
+    pairwise have a common point.
+
+    Returns
+    -------
+    Calibration
+        a calibration of each record, with the `changes` of each parameter
+
+    Raises
+    ------
+    InputError
+        fewer than two entries with parameters
     """
     content = entries_of(folder)
     dated = []

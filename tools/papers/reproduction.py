@@ -162,7 +162,18 @@ class Reproduction(Result):
 
 
 def reproduce_attitude(numbers: Iterable[int] | None = None, *, progress: bool = False) -> Reproduction:
-    """Run published rows, all or by number: under the paper's conditions, exact ones, and without each cause shown."""
+    """Compute published rows of attitude errors under the paper's conditions and under exact ones.
+
+    Parameters
+    ----------
+    numbers : iterable of int, optional
+        rows to compute; all by default
+
+    Returns
+    -------
+    Reproduction
+        the errors of each row, and the effect of each condition
+    """
     rows = {row.row: row for row in published_rows()}
     chosen = sorted(rows if numbers is None else rows.keys() & set(numbers))
     tasks = []
@@ -332,7 +343,13 @@ def published_calibration() -> dict[str, list[dict[str, float]]]:
 
 
 def check_published_calibration() -> PublishedCalibration:
-    """Every row of the tables: unbiased, admissible, optimal?"""
+    """Check each published plan: unbiased, admissible, optimal.
+
+    Returns
+    -------
+    PublishedCalibration
+        the rows of Tables 1 and 2
+    """
     tables = published_calibration()
     with_bias = optimal_plans(tuple(tables), admissible="tables")
     as_printed = optimal_plans(tuple(tables), admissible="paper")
@@ -430,16 +447,21 @@ def word_length_errors(
     *,
     progress: bool = False,
 ) -> WordLength:
-    """Errors of update (22) on variant 1 of Table 1, for every arithmetic and every rounding of the increments.
+    """Compute errors of update (22) on variant 1 of Table 1, for every arithmetic and rounding of the increments.
 
     Parameters
     ----------
     duration, period : float
         length of the run and gyro sample period [s]
     motions, arithmetics : sequence of str
-        which ones
+        names
     progress : bool
         show a bar where standard error is a terminal
+
+    Returns
+    -------
+    WordLength
+        the errors
     """
     errors = []
     algorithm = algorithm_named("two-sample-rodrigues")

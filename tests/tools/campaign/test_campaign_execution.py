@@ -188,7 +188,7 @@ def test_failing_runs_are_recorded_with_their_message(tmp_path, stopped):
         ({"jobs": 0}, "jobs 0"),
         ({"scheduler": "tcp://nowhere:1"}, "scheduler: goes with"),
         ({"engine": "dask", "jobs": 2, "scheduler": "tcp://127.0.0.1:9"}, "one of the two"),
-        ({"engine": "dsk", "jobs": 1}, "engine: should be 'local' or 'dask', not 'dsk'"),
+        ({"engine": "dsk", "jobs": 1}, "engine should be 'local' or 'dask', not 'dsk'"),
     ],
 )
 def test_workers_that_there_cannot_be_are_refused(workers, message, tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+import trihedron as th
 from campaign_runs import content
 from page_text import html_of
 from trihedron.tools import cli
@@ -188,6 +189,10 @@ def test_a_regression_is_named_and_stops_at_the_gate(tmp_path, capsys):
     assert cli.main([*words, "--gate"]) == 3
     assert json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))["worse"] == 1
     assert "Beyond chance got 1 worse" in (tmp_path / "new" / "index.html").read_text(encoding="utf-8")
+    changes = th.campaign_report(tmp_path / "new", against=tmp_path / "old", report=tmp_path / "c.html")
+    assert changes.to_json() == json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+    assert "Beyond chance got 1 worse" in (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert th.campaign_report(tmp_path / "new").runs == 300
     reversed_words = ["campaign-report", str(tmp_path / "old"), "--against", str(tmp_path / "new"), "--gate"]
     assert cli.main(reversed_words) == 0
     assert "better   largest_error_rad" in capsys.readouterr().out

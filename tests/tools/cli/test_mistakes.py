@@ -111,12 +111,12 @@ def test_a_command_with_a_mistake(arguments: list[str], said: str, folder: Path,
         (lambda: th.export("AccelerometerBlok"), "did you mean 'AccelerometerBlock'?"),
         (
             lambda: th.export("AccelerometerBlock", flavour="rust"),  # type: ignore[arg-type]
-            "flavour: should be 'python' or 'native', not 'rust'",
+            "flavour should be 'python' or 'native', not 'rust'",
         ),
-        (lambda: th.export("AccelerometerBlock", flavour="native", fmi=1), "fmi: should be 2 or 3, not 1"),  # type: ignore[arg-type]
-        (lambda: th.hide(1, baseline="symmetrc"), "baseline: should be 'asymmetric' or 'symmetric'"),  # type: ignore[arg-type]
+        (lambda: th.export("AccelerometerBlock", flavour="native", fmi=1), "fmi should be 2 or 3, not 1"),  # type: ignore[arg-type]
+        (lambda: th.hide(1, baseline="symmetrc"), "baseline should be 'asymmetric' or 'symmetric'"),  # type: ignore[arg-type]
         (lambda: th.diagnose(th.hide(1).record, noise_bound=1e-5, rates="averaged"), "has no rates"),
-        (lambda: th.plan("X4", bounds=(1e-3, 1e-3, 1e-3)), "bounds: should be"),  # type: ignore[arg-type]
+        (lambda: th.plan("X4", bounds=(1e-3, 1e-3, 1e-3)), "bounds should be"),  # type: ignore[arg-type]
         (lambda: th.new("scenari"), "did you mean 'scenario'?"),
         (lambda: th.simulate({"run": {"step_s": 1.0}}), "fmus: is missing"),
         (lambda: th.calibrate(th.simulate(SCENARIOS / "table-attitude.toml")), "no position record"),

@@ -250,7 +250,7 @@ def test_rates_in_degrees_are_refused_before_they_wrap() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"rates": "average"}, "rates: should be 'instantaneous' or 'averaged'"),
+        ({"rates": "average"}, "rates should be 'instantaneous' or 'averaged'"),
         ({"gyro_bias": [0.1, 0.2]}, "three finite numbers"),
         ({"gyro_bias": [0.1, 0.2, math.nan]}, "three finite numbers"),
     ],

@@ -300,6 +300,9 @@ def test_by_commands(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     th.new("scenario", "bench.toml", positions=6)
     assert cli.main(["export-ssp", "bench.toml", "--out", "bench.ssp"]) == 0
+    by_command = Path("bench.ssp").read_bytes()
+    assert th.export_ssp("bench.toml", "bench.ssp") == Path("bench.ssp")
+    assert Path("bench.ssp").read_bytes() == by_command
     assert cli.main(["simulate", "bench.toml", "--out", "direct"]) == 0
     assert cli.main(["simulate", "bench.ssp", "--out", "through"]) == 0
     assert capsys.readouterr().out.split()[0] == "bench.ssp"
