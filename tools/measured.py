@@ -44,21 +44,25 @@ from .options import (
 
 
 def import_record(
-    file: str | Path,
+    file: "str | Path | records.Source",
+    second: str | Path | None = None,
     *,
     out: str | Path | None = None,
     mapping: str | Path | None = None,
     answers: Mapping[str, str] | None = None,
     preset: str = "",
+    part: str = "",
 ) -> "foreign.Imported":
-    """Make a record from a laboratory's own file: CSV of Windows, Excel, LabVIEW.
+    """Make a record from a measured file: CSV, Excel, MATLAB, HDF5, ULog, ROS bags, and others.
 
     Nothing is guessed silently: all open questions are asked at once, with the options that answer them.
 
     Parameters
     ----------
     file : path
-        The file.
+        The file, or a table in memory.
+    second : path, optional
+        The gyros, where `file` has the accelerometers alone. The record has the faster clock of both.
     out : path, optional
         The record (CSV). The mapping goes into RECORD.import.toml beside it.
     mapping : path, optional
@@ -67,6 +71,8 @@ def import_record(
         Answer to an open question, as KEY=VALUE: units.force=g, dates=day-first. Repeat it for several.
     preset : str, optional
         Known layout of columns and units, as px4, ros, xsens or adis. Without it, the names of the columns decide.
+    part : str, optional
+        Table of a file that holds several, as imu/data_raw; --list shows them.
 
     Returns
     -------
@@ -83,11 +89,13 @@ def import_record(
     >>> import trihedron as th
     >>> th.import_record("messung.csv", answers={"units.force": "mg"}).record  # doctest: +SKIP
     """
+    given = {"preset": preset, "part": part}
     return foreign.make_record(
-        Path(file),
+        file,
+        None if second is None else Path(second),
         out=None if out is None else Path(out),
         mapping=None if mapping is None else Path(mapping),
-        answers={**(answers or {}), **({"preset": preset} if preset else {})},
+        answers=dict(answers or {}) | {key: text for key, text in given.items() if text},
     )
 
 

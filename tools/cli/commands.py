@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
@@ -16,6 +16,7 @@ from .. import (
     corrections,
     diagnosis,
     document,
+    foreign,
     library,
     measured,
     motion,
@@ -489,28 +490,39 @@ def check_command(file: Path, /, *, json: JsonFile = None, **options: Any) -> An
 @with_options_of(measured.import_record)
 def import_command(
     file: Path,
+    second: Path | None = None,
     /,
     *,
-    out: Annotated[Path, Parameter(name="--out", validator=ordinary_file)],
+    out: Annotated[Path | None, Parameter(name="--out", validator=ordinary_file)] = None,
     mapping: Annotated[Path | None, Parameter(name="--mapping")] = None,
     answers: Annotated[tuple[str, ...], Parameter(name="--set", allow_leading_hyphen=True)] = (),
     preset: Annotated[str, Parameter(name="--as")] = "",
+    part: Annotated[str, Parameter(name="--from")] = "",
+    listing: Annotated[
+        bool, Parameter(name="--list", negative="", help="List the tables of the file instead: names, sizes, guesses.")
+    ] = False,
     json: JsonFile = None,
 ) -> Answer:
     """Example: trihedron import messung.csv --out record.csv
 
     Example: trihedron import messung.csv --out record.csv --set units.force=mg
     """
-    distinct_files({"the file": file, "--out": out, "--json": json})
+    distinct_files({"the file": file, "the second file": second, "--out": out, "--json": json})
     distinct_files({"--mapping": mapping, "--out": out, "the file": file})
+    if listing:
+        tables = foreign.listed(file)
+        content = {"schema": "trihedron.tables/1", "tables": [asdict(table) for table in tables]}
+        return answer("\n".join(map(str, tables)), json, content)
+    if out is None:
+        raise InputError(f"import {file}: give --out RECORD.csv, the record to write, or --list")
     settings = {}
     for words in answers:
         key, equals, text = words.partition("=")
         if not equals:
             raise InputError(f"--set {words}: write KEY=VALUE, as units.force=g")
         settings[key.strip()] = text
-    record = measured.import_record(file, out=out, mapping=mapping, answers=settings, preset=preset)
-    return answer(record, json)
+    options = {"out": out, "mapping": mapping, "answers": settings, "preset": preset, "part": part}
+    return answer(measured.import_record(file, second, **options), json)
 
 
 @with_options_of(library.new)

@@ -1,4 +1,5 @@
 from .importing import Imported as Imported
+from .importing import listed as listed
 from .importing import make_record as make_record
 from .numbers import clock as clock
 from .numbers import parsed_moment as parsed_moment

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from ..errors import InputError
@@ -53,6 +55,7 @@ from .numbers import (
     sexagesimal,
     unit_behind,
 )
+from .sheet import SEPARATORS
 from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, UnderstoodTable, ask_of_senses
 
 DIGITS_OF = 2000
@@ -113,20 +116,30 @@ def converted(table: UnderstoodTable) -> Conversion:
 
     Raises InputError with the row and column that cannot be converted.
     """
-    texts, lines, left_out = _texts(table)
+    frame = _numeric_frame(table)
+    given: dict[str, NDArray[np.float64]] = {}
+    lines: Sequence[int] = []
+    places = np.zeros(0, dtype=np.int_)
+    if frame is not None:
+        given, places, left_out = _values_of_frame(table, frame)
+        texts = {column: origin.field.texts[:DIGITS_OF] for column, origin in table.origins.items()}
+    else:
+        texts, lines, left_out = _texts(table)
+        places = np.array(lines, dtype=np.int_)
     if table.questions:
         return Conversion(left_out=left_out)
-    if not lines:
+    if not len(places):
         raise InputError(f"{table.sheet.path}: no row has all that a {table.kind.name} needs")
     numbers: dict[str, NDArray[np.float64]] = {}
     for column, origin in table.origins.items():
         if column == TIMES:
-            numbers[TIMES] = _times(table, texts, lines)
+            numbers[TIMES] = _counted_times(table, given[TIMES]) if given else _times(table, texts, lines)
         elif origin.form == NAME and column not in TEXTS:
             labels = np.array(texts[column])
             numbers[column] = np.cumsum(np.append(True, labels[1:] != labels[:-1]))
         elif column not in (*TEXTS, DATE):
-            values = _counts(table, column, _values(table, column, texts[column], lines))
+            values = given[column] if given else _values(table, column, texts[column], lines)
+            values = _counts(table, column, values)
             values = (values - origin.offset) * origin.sign
             # Units of angle give degrees; only the columns of increments are in radians.
             size = DEGREE if column in INCREMENT else 1.0
@@ -139,12 +152,15 @@ def converted(table: UnderstoodTable) -> Conversion:
         period = scaled_unit(table.mapping.units.get(TIME) or table.sheet.stated.time or "1 s") or LaboratoryUnit(
             TIME, 1.0
         )
-        numbers[TIMES] = np.arange(len(lines), dtype=np.float64) * period.factor
+        numbers[TIMES] = np.arange(len(places), dtype=np.float64) * period.factor
     if QUATERNION[0] in numbers and table.whole_mapping.attitude == "reference to body":
         for column in QUATERNION[1:]:
             numbers[column] = -numbers[column]
     words = {column: [text.strip() for text in texts[column]] for column in TEXTS if column in texts}
-    conversion = Conversion(numbers, words, np.array(lines), left_out, _resolutions(table, texts))
+    resolutions = {}
+    if frame is None or table.sheet.frame is None:
+        resolutions = _resolutions(table, texts)
+    conversion = Conversion(numbers, words, places, left_out, resolutions)
     if table.kind is POSITION:
         _average(table, conversion)
     return conversion
@@ -294,12 +310,12 @@ def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[
         assert origin.unit is not None
         values = _values(table, TIMES, texts[TIMES], lines)
         if np.abs(values * origin.unit.factor).max() > EPOCH:
+            table.start = Decimal(repr(values[0].item())) * Decimal(repr(origin.unit.factor))
+            if is_plain_decimal(texts[TIMES][0]):
+                table.start = Decimal(texts[TIMES][0].strip()) * Decimal(repr(origin.unit.factor))
             values = _since_first(texts[TIMES], values)
             table.notes.append("times count from the first row")
-        values, wraps = unwrapped(values)
-        if wraps:
-            table.notes.append(f"the counter of times wraps {plural(wraps, 'time')}")
-        return values * origin.unit.factor
+        return _counted_times(table, values)
     mapping = table.whole_mapping
     order = mapping.dates or "day-first"
     dates = texts.get(DATE, [""] * len(lines))
@@ -314,6 +330,7 @@ def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[
             raise InputError(f"{table.sheet.path}: row {line}, {what}")
         seconds.append(at + midnight)
     table.notes.append("times count from the first row")
+    table.start = Decimal(repr(seconds[0]))
     values = _without_clock_changes(table, np.array(seconds), texts[TIMES], lines) - seconds[0]
     if origin.form == CLOCK and DATE not in texts:
         nights = np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * DAY)
@@ -321,6 +338,101 @@ def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[
             table.notes.append(f"midnight passes {plural(int(nights[-1]), 'time')}")
         values = values + DAY * nights
     return values
+
+
+def _counted_times(table: UnderstoodTable, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return times [s] of a column of numbers (N,), without the wraps of its counter."""
+    unit = table.origins[TIMES].unit
+    assert unit is not None
+    values, wraps = unwrapped(values)
+    if wraps:
+        table.notes.append(f"the counter of times wraps {plural(wraps, 'time')}")
+    return values * unit.factor
+
+
+def _numeric_frame(table: UnderstoodTable) -> pl.DataFrame | None:
+    """Return the columns of a file that holds numbers; None where some column of the record is a text."""
+    frame = table.sheet.frame if table.whole is None else table.whole
+    if frame is None:
+        return None
+    for column, origin in table.origins.items():
+        kinds = [frame.dtypes[part.place].is_numeric() for part in (origin.field, *origin.beside)]
+        if not all(kinds) or origin.beside or origin.form != NUMBER or column in (*TEXTS, DATE):
+            return None
+    return frame
+
+
+def with_whole_text(table: UnderstoodTable) -> bool:
+    """Read the columns of a large text as numbers; return False where they are none, or not written plainly."""
+    sheet, source = table.sheet, table.sheet.whole
+    is_plain = sheet.separator != "blanks" and not table.thousands and not table.mapping.missing
+    if source is None or not is_plain or table.layout.last:
+        return False
+    for column, origin in table.origins.items():
+        if origin.form != NUMBER or origin.beside or column in (*TEXTS, DATE):
+            return False
+    try:
+        table.whole = _whole_text(table, source)
+    except pl.exceptions.PolarsError:
+        return False
+    return True
+
+
+def _whole_text(table: UnderstoodTable, source: Path | bytes) -> pl.DataFrame:
+    """Return the columns of a large text as numbers; those that the record does not use are empty."""
+    sheet = table.sheet
+    schema: dict[str, type[pl.DataType]] = {str(field.place): pl.String for field in table.fields}
+    for column, origin in table.origins.items():
+        whole = column == TIMES and all(text.lstrip("+-").isdigit() for text in origin.field.texts)
+        schema[str(origin.field.place)] = pl.Int64 if whole else pl.Float64
+    used = [field.place for field in table.fields if schema[str(field.place)] != pl.String]
+    frame = pl.read_csv(
+        source,
+        has_header=False,
+        skip_rows=table.layout.first - 1,
+        separator=SEPARATORS[sheet.separator],
+        schema=schema,
+        columns=used,
+        decimal_comma=table.decimal == ",",
+        null_values=["", "NaN", "nan", "NA", "N/A", "n/a", "-"],
+    )
+    missing = [pl.lit(None, pl.Float64).alias(name) for name in schema if name not in frame.columns]
+    return frame.with_columns(missing).select(list(schema))
+
+
+def _values_of_frame(
+    table: UnderstoodTable, frame: pl.DataFrame
+) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.int_], dict[str, list[int]]]:
+    """Return the numbers of columns (N,), the lines of their rows, and the lines left out, which lack a number."""
+    columns = {column: frame[frame.columns[origin.field.place]] for column, origin in table.origins.items()}
+    complete = np.ones(len(frame), dtype=bool)
+    lacking: Counter[str] = Counter()
+    for column, series in columns.items():
+        if column not in MAY_LACK and (series.null_count() or series.dtype.is_float()):
+            present = (series.is_not_null() & series.cast(pl.Float64).is_finite().fill_null(value=False)).to_numpy()
+            lacking[column] = int(np.count_nonzero(~present))
+            complete &= present
+    lines = np.arange(table.layout.first, table.layout.first + len(frame))
+    left_out = {}
+    if not complete.all():
+        left_out["a number is missing"] = lines[~complete].tolist()
+    count = int(np.count_nonzero(~complete))
+    if count > MOST_LEFT_OUT * len(frame) and table.mapping.incomplete in ("", OPEN):
+        _ask_of_gaps(table, lacking, len(frame))
+        return {}, lines[:0], left_out
+    values = {}
+    for column, series in columns.items():
+        present = series if complete.all() else series.filter(pl.Series(complete))
+        unit = table.origins[column].unit
+        if column == TIMES and unit is not None and len(present):
+            first = present[0]
+            if abs(float(first) * unit.factor) > EPOCH or abs(float(present[-1]) * unit.factor) > EPOCH:
+                # whole numbers of 64 bits subtract without loss
+                table.start = Decimal(repr(first)) * Decimal(repr(unit.factor))
+                present = (present.cast(pl.Int64) if present.dtype.is_integer() else present) - first
+                table.notes.append("times count from the first row")
+        values[column] = present.cast(pl.Float64).to_numpy()
+    return values, lines if complete.all() else lines[complete], left_out
 
 
 def _without_clock_changes(
@@ -348,6 +460,11 @@ def _without_clock_changes(
     jumps = np.zeros(len(seconds))
     jumps[changes + 1] = -HOUR * np.sign(steps[changes] - period)
     return seconds + np.cumsum(jumps)
+
+
+def is_plain_decimal(text: str) -> bool:
+    """Return True if a text is a plain decimal number."""
+    return re.fullmatch(r"\s*[+-]?\d+(\.\d*)?\s*", text) is not None
 
 
 def _since_first(texts: list[str], values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,6 +26,7 @@ from ..records.columns import (
     TEXTS,
     UP,
     VELOCITY,
+    RecordKind,
     quoted,
 )
 from .deciding_units import decide_units
@@ -78,7 +79,7 @@ OTHER_MARK = {".": ",", ",": "."}
 """Decimal mark -> mark between thousands beside it."""
 TRIADS_OF = {FORCE_QUANTITY: FORCE, RATE_QUANTITY: RATE}
 """Quantity -> its three columns of a record."""
-MANY_ROWS = 500
+MANY_ROWS = 200
 """Number of rows from which a table is likelier a series than a table of rests."""
 MOST_TRIADS = 3
 """Largest number of answers to a question about columns without names."""
@@ -86,8 +87,11 @@ COLUMNS = QUANTITY_OF.keys() | {"position", DATE} | set(QUATERNION + APPROACH + 
 """Columns of a record that a mapping may name."""
 
 
-def understood(sheet: Sheet, mapping: Mapping) -> UnderstoodTable:
-    """Decide the meaning of a sheet with the given mapping; ask all open questions at once."""
+def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -> UnderstoodTable:
+    """Decide the meaning of a sheet with the given mapping; ask all open questions at once.
+
+    `role` is the kind of record if the file is one of two.
+    """
     layout = layout_of(sheet, mapping)
     names = [head.text for head in layout.headings]
     preset = preset_of(mapping, names, [*layout.remarks, *layout.remarks.values()])
@@ -101,7 +105,10 @@ def understood(sheet: Sheet, mapping: Mapping) -> UnderstoodTable:
     # each file is searched for its lines: the next may have more of them
     table.settled = {"encoding": sheet.encoding, "separator": sheet.separator}
     fields = _fields_of_columns(table)
-    _decide_kind(table, fields)
+    if role is None:
+        _decide_kind(table, fields)
+    else:
+        _take_role(table, fields, role)
     _decide_marks(table, fields)
     _decide_time(table, fields)
     for column, field in fields.items():
@@ -313,6 +320,20 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
             free = free[1:] + free[:1]
 
 
+def _take_role(table: UnderstoodTable, fields: dict[str, Field], role: RecordKind) -> None:
+    """Take a file for accelerometers or gyros alone; three columns x, y, z are then those of its instrument."""
+    table.kind = role
+    quantity, columns = (RATE_QUANTITY, RATE) if RATE[0] in role.required else (FORCE_QUANTITY, FORCE)
+    if not fields.keys() & set(columns):
+        free = [field for field in table.filled if field not in fields.values()]
+        triads = [triad for triad in named_triads(free) if not triad.further]
+        if len(triads) == 1 and triads[0].quantity in ("", quantity):
+            fields.update(zip(columns, triads[0].fields, strict=True))
+    missing = [column for column in columns if column not in fields]
+    for column in _without_triads(table, missing, fields):
+        table.ask(f"columns.{column}", [field.label for field in table.filled][:3], f"which column is {column}")
+
+
 def _without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str, Field]) -> list[str]:
     """Ask for all three channels at once where none is known; return the columns that are still missing."""
     used = set(fields.values())
@@ -323,7 +344,7 @@ def _without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str
         if field not in used and field.texts and table.values(field.texts):
             free.append(field)
     triads = [triad for triad in named_triads(free) if not triad.further and not triad.quantity]
-    times = rising(table, free)
+    times = rising(table, free)[:1]
     triads = triads or unnamed_triads(table, [field for field in free if not field.head.text and field not in times])
     left_over = list(missing)
     for quantity, columns in TRIADS_OF.items():
@@ -434,7 +455,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
         return
     why = "no column is known as a time: {}; else columns.time_s=NAME says which"
     if not table.sheet.stated.time and not has_unit:
-        likely = likely_of(table.mapping).get(TIME, "100 Hz")
+        likely = table.sheet.stated.likely_rate or likely_of(table.mapping).get(TIME, "100 Hz")
         table.ask("units.time", (likely,), why.format("rows at which rate"))
 
 

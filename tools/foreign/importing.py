@@ -8,18 +8,21 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from ..errors import InputError
-from ..files import at_once, bytes_of, is_workbook, note_own, ordinary_file, together, write_text
+from ..files import at_once, bytes_of, is_workbook, note_own, note_read, ordinary_file, together, write_text
 from ..motion import trust_of
 from ..records import Record, write_record
-from ..records.columns import FORCE, SCATTER, VELOCITY
-from ..records.read import record_from
+from ..records.columns import FORCE, FORCES, SCATTER, VELOCITY, RecordKind
+from ..records.read import PACKED, record_from
 from ..result import ABSENT, Result
 from ..rounding import upwards
-from .conversion import Conversion, converted, record_columns
+from .containers import is_container, read_begin
+from .conversion import Conversion, converted, record_columns, with_whole_text
 from .deciding import understood
-from .layout import has_table, upright, with_exact_seconds
+from .joining import GYROS, joined
+from .layout import has_table, layout_of, upright, with_exact_seconds
 from .mapping import (
     OPEN,
+    SCHEMA,
     Mapping,
     OpenQuestions,
     mapping_text,
@@ -31,8 +34,12 @@ from .mapping import (
     with_answers,
 )
 from .names import DATE
+from .novatel import is_novatel, novatel_sheet
+from .parts import GUESSES, TableInFile, rank_of, sheet_in_memory, sheet_of_part, tables_in
 from .sheet import (
+    HEAD,
     LABVIEW,
+    LARGE,
     LARGEST,
     Sheet,
     decoded,
@@ -120,14 +127,21 @@ class Imported(Result):
 
 
 def make_record(
-    file: Path, *, out: Path | None = None, mapping: Path | None = None, answers: AnyMapping[str, str] | None = None
+    source: Any,
+    second: Path | None = None,
+    *,
+    out: Path | None = None,
+    mapping: Path | None = None,
+    answers: AnyMapping[str, str] | None = None,
 ) -> Imported:
     """Make a record of a measured file from elsewhere; see `trihedron.import_record`.
 
     Raises InputError if something is unclear. The message lists all options that answer it, and the mapping beside
     `out` is written with a line to fill in for each.
     """
-    mapping_file = None
+    file, mapping_file = Path("table"), None
+    if isinstance(source, str | Path):
+        file = Path(source)
     if out is not None:
         mapping_file = mapping_beside(out)
     for path in (out, mapping_file):
@@ -139,14 +153,12 @@ def make_record(
         note_own(mapping_file)
     answers = {printable(key): printable(text) for key, text in (answers or {}).items()}
     filled = with_answers({} if mapping is None else read_mapping(mapping), answers)
-    sheets = sheets_of(file, filled)
-    table = understood(sheets[0], filled)
-    if len(sheets) > 1:
-        table.ask("sheet", names_of(sheets), "tables stand in several sheets")
-    if table.questions:
-        conversion = Conversion()
+    if not isinstance(source, str | Path):
+        table, conversion = _converted_sheets(file, [sheet_in_memory(source)], filled)
+    elif second is None:
+        table, conversion = _converted(file, filled)
     else:
-        conversion = converted(table)
+        table, conversion = _of_two(file, second, filled)
     if table.questions:
         raise _questions(table, file, mapping_file, is_own=is_own)
     columns = record_columns(table, conversion)
@@ -159,6 +171,61 @@ def make_record(
     return _imported(table, conversion, record, (file, out, mapping_file))
 
 
+def _converted(file: Path, mapping: Mapping, role: RecordKind | None = None) -> tuple[UnderstoodTable, Conversion]:
+    """Understand a file and convert its rows; the table has the questions that are open.
+
+    `role` is the kind of record of one of two files.
+    """
+    return _converted_sheets(file, sheets_of(file, mapping), mapping, role)
+
+
+def _converted_sheets(
+    file: Path, sheets: list[Sheet], mapping: Mapping, role: RecordKind | None = None
+) -> tuple[UnderstoodTable, Conversion]:
+    table = understood(sheets[0], mapping, role)
+    if len(sheets) > 1:
+        table.ask("sheet", names_of(sheets), "tables stand in several sheets")
+    if sheets[0].stated.parts:
+        table.ask("part", sheets[0].stated.parts, f"tables in the file; --list shows them: {file.name}")
+    if table.questions:
+        return table, Conversion()
+    if sheets[0].whole is not None and not with_whole_text(table):
+        table = understood(_whole_text_sheet(file, sheets[0]), mapping, role)
+    return table, converted(table)
+
+
+def _of_two(file: Path, second: Path, mapping: Mapping) -> tuple[UnderstoodTable, Conversion]:
+    """Understand accelerometers and gyros of two files, and join them; the table has the open questions of both."""
+    forces, rates = (second, file) if "gyr" in file.name.lower() and "acc" in second.name.lower() else (file, second)
+    force_table, force = _converted(forces, mapping, FORCES)
+    rate_table, rate = _converted(rates, mapping, GYROS)
+    for question in rate_table.questions:
+        force_table.ask(question.key, question.answers, question.why)
+    if force_table.questions:
+        return force_table, Conversion()
+    return joined((force_table, force), (rate_table, rate))
+
+
+def listed(file: Path) -> list[TableInFile]:
+    """Return the tables of a file: of a container, or the sheets of a workbook; a text has one."""
+    if is_container(file, read_begin(file)):
+        return tables_in(file)
+    tables = []
+    for sheet in sheets_of(file, Mapping(schema=SCHEMA)):
+        layout = layout_of(sheet, Mapping(schema=SCHEMA))
+        names = tuple(head.text for head in layout.headings)
+        rows = len(sheet.cells if sheet.cells is not None else sheet.lines) - layout.first + 1
+        tables.append(TableInFile(sheet.name, rows, len(names), GUESSES[rank_of(names)]))
+    return tables
+
+
+def _whole_text_sheet(file: Path, sheet: Sheet) -> Sheet:
+    """Return a large text with all its lines."""
+    content = sheet.whole if isinstance(sheet.whole, bytes) else bytes_of(file, "a measured file is needed")
+    text, _ = decoded(file, content, sheet.encoding)
+    return upright(with_exact_seconds(replace(sheet, lines=lines_of(file, text), whole=None)))
+
+
 def mapping_beside(out: Path) -> Path:
     """Return the path of a record's mapping."""
     if out.suffix.lower() != ".csv":
@@ -168,14 +235,26 @@ def mapping_beside(out: Path) -> Path:
 
 def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     """Return the candidate sheets of a file: one for a text; for a workbook the given one, or all with a table."""
+    begin = read_begin(file)
+    if is_container(file, begin):
+        note_read(file, file.stat())
+        return [sheet_of_part(file, mapping.part)]
+    if begin and not begin.startswith((PACKED, b"PK")) and LARGE < file.stat().st_size <= LARGEST:
+        note_read(file, file.stat())
+        with file.open("rb") as opened:
+            return [_large_sheet(file, opened.read(HEAD), file, mapping)]
     content = bytes_of(file, "a measured file is needed", most=LARGEST)
     if not content:
         raise InputError(f"{file}: is empty; a table of measured data is needed")
     content = unpacked(file, content)
+    if len(content) > LARGE and not is_workbook(content):
+        return [_large_sheet(file, content[:HEAD], content, mapping)]
     if not is_workbook(content):
         refuse_other(file, content)
         text, encoding = decoded(file, content, mapping.encoding)
         lines = lines_of(file, text)
+        if is_novatel(lines):
+            return [novatel_sheet(file, lines)]
         if lines[0].strip().startswith(LABVIEW):
             return [labview_sheet(file, lines, encoding)]
         return [upright(with_exact_seconds(text_sheet(file, lines, encoding, mapping.separator)))]
@@ -189,6 +268,19 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     if not tables:
         raise InputError(f"{file}: no sheet has rows of at least three numbers; a table of measured data is needed")
     return tables
+
+
+def _large_sheet(file: Path, head: bytes, whole: Path | bytes, mapping: Mapping) -> Sheet:
+    """Return a large text, of which the first lines are examined; other encodings than UTF-8 are read whole."""
+    refuse_other(file, head)
+    complete = head[: head.rfind(b"\n") + 1] or head
+    text, encoding = decoded(file, complete, mapping.encoding)
+    lines = lines_of(file, text)
+    sheet = text_sheet(file, lines, encoding, mapping.separator)
+    is_odd = with_exact_seconds(sheet) is not sheet or upright(sheet) is not sheet or lines[0].startswith(LABVIEW)
+    if encoding not in ("utf-8", "utf-8-sig") or is_odd or lines[0].startswith("sep="):
+        return _whole_text_sheet(file, replace(sheet, whole=whole))
+    return replace(sheet, whole=whole)
 
 
 def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *, is_own: bool) -> OpenQuestions:

@@ -93,6 +93,9 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     count = max(width, _width(cells))
     under = lines.get(units) or sheet.stated.units
     groups = _groups(lines.get(names - 1, []), count)
+    if sheet.frame is not None:
+        count = sheet.frame.width
+        groups = [""] * count
     headings, in_two_lines = [], False
     for place in range(count):
         unit = cell(under, place)
@@ -237,6 +240,8 @@ def _refuse_fields(sheet: Sheet, names: tuple[int, int], readings: tuple[int, in
 
 def _last_data(sheet: Sheet, first: int) -> int:
     """Return the last row of data if words follow it, else 0."""
+    if sheet.frame is not None or sheet.whole is not None:
+        return 0
     count = len(sheet.cells if sheet.cells is not None else sheet.lines)
     tail = list(sheet.rows(max(first, count - TAIL)))
     lines = []

@@ -75,7 +75,7 @@ _PATTERNS = (
     (
         TIMES,
         ("", TIME),
-        r"(elapsed |rel |relative |mess)?(time|zeit)( stamp|stempel| rel| of day)?|t|timestamp|x value|elapsed|temps"
+        r"(elapsed |rel |relative |mess)?(time|zeit)( stamp|stempel| rel| of day)?|t|ts|timestamp|x value|elapsed|temps"
         r"|stamp|header stamp|(unix ?|utc ?)?epoch|unix( ?time)?|uhrzeit|clock|date ?time"
         r"|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время|i ?tow|tow|(gps ?)?(tow|time of week)|gps ?time",
     ),

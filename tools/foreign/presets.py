@@ -30,6 +30,8 @@ class Preset:
         quantity -> unit that is certain; unit that is the first answer to a question
     columns : dict
         column of the record -> column of the file
+    scales : dict
+        quantity -> sensitivities of the instruments that write it, in one order
     instance : str
         column that counts several sensors in one table
     """
@@ -42,6 +44,7 @@ class Preset:
     units: dict[str, str] = field(default_factory=dict)
     likely: dict[str, str] = field(default_factory=dict)
     columns: dict[str, str] = field(default_factory=dict)
+    scales: dict[str, list[str]] = field(default_factory=dict)
     instance: str = ""
 
     def is_layout_of(self, names: Iterable[str], above: Iterable[str]) -> bool:

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records.columns import POSITION
+from ..records.columns import VELOCITY as VELOCITIES
 from .mapping import Mapping
-from .names import normal
-from .numbers import FORCE, RATE, TIME, LaboratoryUnit, bits_of_signed, known_unit, scaled_unit
+from .names import TIMES, normal
+from .numbers import ANGLE, FORCE, RATE, TIME, VELOCITY, LaboratoryUnit, bits_of_signed, known_unit, scaled_unit
 from .presets import presets
 from .understanding import Field, UnderstoodTable
 
@@ -124,14 +125,16 @@ def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Tria
         if three[2].place - three[0].place != 2:
             continue
         values = values_of(table, three)
-        if len(values) < 3 or any(len(set(column)) < min(len(values), FEWEST_VALUES) for column in values.T.tolist()):
+        if len(values) < 3:
             continue
+        fewest = min(len(set(column)) for column in values.T.tolist())
         size = np.linalg.norm(values, axis=1)
         median = float(np.median(size))
         if median > 0.0:
             spread = float(np.median(np.abs(size - median))) / median
-            triads.append((spread > STEADY, not force_units(median), three[0].place, Triad(three)))
-    return [triad for *_, triad in sorted(triads, key=lambda entry: entry[:3])]
+            rank = (fewest < FEWEST_VALUES, spread > STEADY, not force_units(median), three[0].place)
+            triads.append((rank, Triad(three)))
+    return [triad for _, triad in sorted(triads, key=lambda entry: entry[0])]
 
 
 def values_of(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.float64]:
@@ -179,6 +182,8 @@ def likely_units(
         first.append(likely)
     if quantity == FORCE and len(fields) == 3:
         first = _force_answers(values_of(table, fields), first)
+    elif quantity in (VELOCITY, ANGLE):
+        first = _scales(table, quantity)
     elif quantity == TIME and fields and table.kind is not POSITION:
         first += time_units(table, fields[0])
     elif quantity == RATE and fields:
@@ -199,6 +204,24 @@ def _force_answers(values: NDArray[np.float64], likely: list[str]) -> list[str]:
         near = counts + [text for text in near if text not in counts]
     agreed = [text for text in likely if text in near]
     return agreed + near + [text for text in likely if not near]
+
+
+def _scales(table: UnderstoodTable, quantity: str) -> list[str]:
+    """Return the sensitivities of a layout's increments, those of the instrument that gravity fits first."""
+    preset = presets().get(table.mapping.preset)
+    if preset is None or quantity not in preset.scales or not table.origins.keys() >= {*VELOCITIES, TIMES}:
+        return []
+    increments = values_of(table, [table.origins[column].field for column in VELOCITIES])
+    times = values_of(table, [table.origins[TIMES].field])[:, 0]
+    if len(times) < 2 or not len(increments):
+        return []
+    size = float(np.median(np.linalg.norm(increments, axis=1))) / max(float(np.median(np.diff(times))), 1e-6)
+    distances = []
+    for place, text in enumerate(preset.scales["velocity"]):
+        unit = scaled_unit(text)
+        assert unit is not None
+        distances.append((abs(np.log(max(size * unit.factor, 1e-12) / ONE_G)), place))
+    return [preset.scales[quantity][place] for _, place in sorted(distances)]
 
 
 def time_units(table: UnderstoodTable, field: Field) -> list[str]:

@@ -8,6 +8,7 @@ parts that a table needs, and no more memory than tables take.
 import csv
 import io
 import json
+import math
 import re
 import subprocess
 import sys
@@ -18,13 +19,17 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
+import polars as pl
+
 from ..errors import InputError, nearest
 from ..files import advice_on
 from ..records.read import PACKED
 from .numbers import Typed, bare, date_of, has_degree_mark, is_clock, is_missing, parsed_number
 
-LARGEST = 400_000_000
+LARGEST = 2 << 30
 """Largest file that is read [bytes]."""
+LARGE, HEAD = 30_000_000, 4_000_000
+"""Size of a text from which its columns are read as numbers at once, and of its part that is examined [bytes]."""
 MOST_ROWS = 2_000_000
 """Largest number of rows that are read."""
 LONGEST_LINE = 100_000
@@ -42,7 +47,6 @@ OTHERS = {
     r"PK": "is a ZIP archive; unpack it and give the file in it",
     r"BZh|\xfd7zXZ|7z\xbc\xaf|Rar!|\(\xb5/\xfd": "is a packed archive; unpack it and give the file in it",
     r"%PDF-": "is a PDF; export the table as CSV",
-    r"PAR1": "is Parquet; with the columns of a record it is one as it is: trihedron check FILE",
     r"(?i)<(\?xml|!doctype|html|table)\b": "is HTML or XML, whatever its name; save it from a spreadsheet as CSV",
     r'\{\s*["}]|\[\s*[{[]': "is JSON; save its table as CSV",
 }
@@ -126,13 +130,16 @@ Row = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class HeaderFacts:
-    """Facts that a file states: decimal mark, line of names, unit of each field, column and period of time."""
+    """Facts that a file states: decimal mark, line of names, units, period of time, a rate that may be its own, and the
+    names of tables in the file that may be meant, too."""
 
     decimal: str = ""
     header_row: int = 0
     units: tuple[str, ...] = ()
     first_row: int = 0
     time: str = ""
+    likely_rate: str = ""
+    parts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -153,6 +160,10 @@ class Sheet:
         facts that the file states
     shape : str
         original shape of a table that was made upright
+    frame : table, or None
+        columns of numbers, of a file that holds such; its names are line 1 if they are stated
+    whole : Path, bytes or None
+        content of a large text, of which `lines` are the first
     """
 
     path: Path
@@ -163,9 +174,14 @@ class Sheet:
     name: str = ""
     stated: HeaderFacts = field(default_factory=HeaderFacts)
     shape: str = ""
+    frame: pl.DataFrame | None = None
+    whole: Path | bytes | None = None
 
     def rows(self, first: int = 1, last: int | None = None) -> Iterator[Row]:
         """Yield the non-empty rows from line `first` on."""
+        if self.frame is not None:
+            yield from self._rows_of_frame(self.frame, first, last)
+            return
         if self.cells is not None:
             for line, texts in enumerate(self.cells[first - 1 : last], first):
                 if has_text(texts):
@@ -189,9 +205,23 @@ class Sheet:
             if has_text(texts):
                 yield line, texts
 
+    def _rows_of_frame(self, frame: pl.DataFrame, first: int, last: int | None) -> Iterator[Row]:
+        """Yield the names and the rows of columns of numbers, as texts."""
+        if self.stated.header_row >= first:
+            yield 1, list(frame.columns)
+        before = self.stated.header_row + 1
+        rows = frame.slice(max(first - before, 0), None if last is None else max(last - first + 1, 0))
+        line = max(first, before)
+        for part in rows.iter_slices(LOOKED_AT):
+            for values in part.iter_rows():
+                yield line, [_text_of(value) for value in values]
+                line += 1
+
     @property
     def about(self) -> str:
         """Return the format in words."""
+        if self.frame is not None:
+            return f"columns of {self.name}" if self.name else "columns"
         shape = ""
         if self.shape:
             shape = f", {self.shape}"
@@ -202,6 +232,17 @@ class Sheet:
         else:
             between = repr(self.separator)
         return f"{self.encoding}, {between} between fields{shape}"
+
+
+def _text_of(value: object) -> str:
+    """Return a value of a column as a text: a number keeps its digits, NaN and nothing are empty."""
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return ""
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, int | float):
+        return Typed(repr(value))
+    return str(value)
 
 
 def has_text(texts: Sequence[str]) -> bool:

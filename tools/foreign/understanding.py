@@ -2,8 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal
 from functools import cached_property
 from typing import Literal
+
+import polars as pl
 
 from ..records.columns import ANGLES, POSITION, RecordKind
 from .layout import COMMENT, SheetLayout
@@ -94,7 +97,8 @@ class UnderstoodTable:
     """A sheet, its layout, the user's mapping, and all further answers and questions.
 
     The keys of `origins` and `beside` are columns of the record; `beside` has the fields of further readings of a rest.
-    `given` is the user's mapping without a known layout; `proposed` has the likeliest fields of an open quantity.
+    `given` is the user's mapping without a known layout; `proposed` has the likeliest fields of an open quantity,
+    `whole` the columns of a large text; `start` [s] is the time of the first row if times count from it.
     """
 
     sheet: Sheet
@@ -108,8 +112,10 @@ class UnderstoodTable:
     thousands: str = ""
     settled: dict[str, object] = field(default_factory=dict)
     beside: dict[str, tuple[Field, ...]] = field(default_factory=dict)
+    whole: pl.DataFrame | None = None
     given: Mapping = field(default_factory=lambda: Mapping(schema=SCHEMA))
     proposed: dict[str, tuple[Field, ...]] = field(default_factory=dict)
+    start: Decimal = Decimal(0)
 
     @cached_property
     def rows(self) -> list[Row]:

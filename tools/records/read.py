@@ -186,9 +186,21 @@ def read_written(path: Path) -> Record:
 
 
 def table_in_memory(source: object) -> pl.DataFrame:
-    """Return a table in memory of any library; an InputError for any other object."""
+    """Return a table in memory of any library; an InputError for any other object.
+
+    The index of pandas is a column if it has a name or holds times; the coordinates of xarray are columns.
+    """
+    if isinstance(source, pl.LazyFrame):
+        source = source.collect()
     if isinstance(source, pl.DataFrame):
         return source
+    to_dataframe = getattr(source, "to_dataframe", None)
+    if to_dataframe is not None:
+        source = to_dataframe()
+    index = getattr(source, "index", None)
+    has_names = [name for name in getattr(index, "names", ()) if name is not None]
+    if hasattr(source, "reset_index") and (has_names or getattr(getattr(index, "dtype", None), "kind", "") in "Mm"):
+        source = source.reset_index()  # type: ignore[attr-defined]
     named = getattr(getattr(source, "dtype", None), "names", None) or getattr(source, "columns", None)
     names = []
     if isinstance(source, Mapping):
@@ -196,7 +208,7 @@ def table_in_memory(source: object) -> pl.DataFrame:
     elif named is not None:
         names = [str(name) for name in named]
     try:
-        return pl.DataFrame({name: np.asarray(source[name]).tolist() for name in names})  # type: ignore[index]
+        return pl.DataFrame({name: _column_in_memory(np.asarray(source[name])) for name in names})  # type: ignore[index]
     except (TypeError, ValueError, KeyError, pl.exceptions.PolarsError) as error:
         raise InputError(f"a table in memory cannot be used: {str(error).splitlines()[0]}") from error
 
@@ -204,6 +216,13 @@ def table_in_memory(source: object) -> pl.DataFrame:
 def read_undecided(path: Path, *, stamps: str | None = None) -> Record:
     """Read a record of any kind from a file without the decisions beside it; errors as `read_record`."""
     return with_stamps(_parsed(path, KINDS, any_times=times_unused(stamps), decided=False), stamps)
+
+
+def _column_in_memory(values: np.ndarray) -> Any:
+    """Return the values of a column; times stay times, in nanoseconds."""
+    if values.dtype.kind in "mM":
+        return values.astype(f"{values.dtype.kind}8[ns]")
+    return values.tolist()
 
 
 def _parsed(

@@ -1,0 +1,501 @@
+"""Files that hold several tables of numbers: MATLAB, NumPy, HDF5, Parquet, ULog, ROS bags, MCAP, TDMS.
+
+A maintained library reads each; a part of a file is a table with named columns. Nothing is unpickled.
+"""
+
+import io
+import json
+import zipfile
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import scipy.io
+from numpy.typing import NDArray
+
+from ..errors import InputError
+
+LARGEST = 4 << 30
+"""Largest content of a part that is read [bytes]."""
+MOST_CHANNELS = 16
+"""Largest number of columns of an array; the longer side has the rows."""
+FEWEST_ROWS = 3
+UNNAMED = "column"
+"""Name of the columns of an array that has no name."""
+HDF5, MATLAB, NUMPY, ULOG = b"\x89HDF\r\n\x1a\n", b"MATLAB 5.0 MAT-file", b"\x93NUMPY", b"ULog\x01\x12\x35"
+PARQUET, ROS1, MCAP, TDMS, SQLITE = b"PAR1", b"#ROSBAG V", b"\x89MCAP", b"TDSm", b"SQLite format 3\0"
+EXTRAS = {"nptdms": "pip install 'trihedron[tdms]'"}
+"""Library -> command that installs it, if not that for all others."""
+EXTRA = "pip install 'trihedron[logs]'"
+SUFFIXES = {".npy": "NumPy file", ".parquet": "Parquet file", ".ulg": "ULog file", ".bag": "ROS 1 bag"}
+SUFFIXES |= {".mcap": "MCAP file", ".tdms": "TDMS file", ".h5": "HDF5 file", ".hdf5": "HDF5 file"}
+SUFFIXES |= {".db3": "ROS 2 bag"}
+"""Ending of a name -> the kind of file that it must be."""
+IMU = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
+IMU_COLUMNS = (
+    "header.stamp",
+    *(f"angular_velocity.{axis}" for axis in "xyz"),
+    *(f"linear_acceleration.{axis}" for axis in "xyz"),
+)
+RATES = ("fs", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "frequency", "freq")
+"""Names of a single number beside a table that may be its rate [Hz]."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A column of a part: its name, its unit if the file states one, its numbers (N,)."""
+
+    name: str
+    values: NDArray[Any] | pl.Series
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A table in a file: its name there, the number of its rows, the names of its columns, and how it is read."""
+
+    name: str
+    rows: int
+    names: tuple[str, ...]
+    read: Callable[[], list[Channel]]
+    rate: float = 0.0
+
+
+@dataclass
+class Tree:
+    """Arrays of a file by their paths, with units, and its single numbers."""
+
+    arrays: dict[str, tuple[tuple[int, ...], Callable[[], NDArray[Any]]]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+
+    def add(self, path: str, value: Any, unit: str = "") -> None:
+        """Add an array of numbers, or the fields of a structured one; other values are passed over."""
+        array = np.asarray(value)
+        if array.dtype.names:
+            for name in array.dtype.names:
+                self.add(f"{path}/{name}" if path else name, array[name], unit)
+        elif array.dtype.kind in "iufb" and array.size == 1:
+            self.numbers[path] = float(array.reshape(-1)[0])
+        elif array.dtype.kind in "iufb":
+            self.arrays[path] = (array.shape, partial(np.asarray, array))
+            self.units[path] = unit
+
+    def parts(self) -> list[Part]:
+        """Return the arrays of equal length in a folder as tables, and those of the whole file where they differ."""
+        groups: dict[tuple[str, int], list[str]] = {}
+        for path, (shape, _) in self.arrays.items():
+            rows = _rows_of(shape)
+            if rows >= FEWEST_ROWS:
+                groups.setdefault((path.rpartition("/")[0], rows), []).append(path)
+        together: dict[int, list[str]] = {}
+        for (_, rows), paths in groups.items():
+            together.setdefault(rows, []).extend(paths)
+        parts = [self._part(name, rows, paths) for (name, rows), paths in groups.items()]
+        for rows, paths in together.items():
+            if all(len(part.names) < len(paths) or part.rows != rows for part in parts):
+                parts.append(self._part("", rows, paths))
+        return parts
+
+    def _part(self, name: str, rows: int, paths: list[str]) -> Part:
+        names = []
+        for path in paths:
+            names += _names_in(path, self.arrays[path][0], alone=len(paths) > 1)
+        rate = 0.0
+        for path, number in self.numbers.items():
+            if path.rpartition("/")[2].replace("_", "").lower() in RATES and number > 0.0:
+                rate = number
+        return Part(name, rows, tuple(names), partial(self._read, paths), rate)
+
+    def _read(self, paths: Iterable[str]) -> list[Channel]:
+        channels = []
+        for path in paths:
+            shape, read = self.arrays[path]
+            values = read()
+            columns = values.reshape(-1, 1) if _is_line(shape) else values.reshape(shape)
+            if columns.ndim == 2 and columns.shape[0] < columns.shape[1]:
+                columns = columns.T
+            names = _names_in(path, shape, alone=True)
+            for name, column in zip(names, columns.T, strict=True):
+                channels.append(Channel(name, np.ascontiguousarray(column), self.units.get(path, "")))
+        return channels
+
+
+def _is_line(shape: tuple[int, ...]) -> bool:
+    return len(shape) == 1 or (len(shape) == 2 and min(shape) == 1)
+
+
+def _rows_of(shape: tuple[int, ...]) -> int:
+    """Return the rows of an array of channels; 0 for any other array."""
+    if _is_line(shape):
+        return max(shape)
+    if len(shape) == 2 and min(shape) <= MOST_CHANNELS:
+        return max(shape)
+    return 0
+
+
+def _names_in(path: str, shape: tuple[int, ...], *, alone: bool) -> list[str]:
+    """Return the names of an array's columns: its own, with the number of the column from 0."""
+    folder, _, name = path.rpartition("/")
+    if name in ("x", "y", "z") and folder:
+        name = f"{folder.rpartition('/')[2]} {name}"
+    if _is_line(shape):
+        return [name]
+    return [f"{name}[{k}]" for k in range(min(shape))]
+
+
+def array_channels(array: NDArray[Any]) -> list[Channel]:
+    """Return the columns of an array without names.
+
+    Raises InputError if it is no array of two dimensions with three rows or more.
+    """
+    tree = Tree()
+    tree.add(UNNAMED, array)
+    parts = tree.parts()
+    if not parts:
+        raise InputError(f"table: has the shape {array.shape}; rows of at least three numbers are needed")
+    return parts[0].read()
+
+
+def is_container(path: Path, begin: bytes) -> bool:
+    """Return True if a file or folder holds tables that a library reads."""
+    return _reader_of(path, begin) is not None
+
+
+def parts_of(path: Path, begin: bytes) -> list[Part]:
+    """Return the tables of a file.
+
+    Raises InputError if a library is missing, or cannot read the file.
+    """
+    reader = _reader_of(path, begin)
+    assert reader is not None
+    word, read = reader
+    try:
+        parts = read(path)
+    except InputError:
+        raise
+    except ImportError as error:
+        library = (error.name or "").partition(".")[0]
+        raise InputError(
+            f"{path}: is a {word}; to read it: {EXTRAS.get(library, EXTRA)} ({library} is missing)"
+        ) from error
+    except Exception as error:
+        raise InputError(f"{path}: is no readable {word} ({_reason(error)}); copy or export it again") from error
+    if not parts:
+        raise InputError(f"{path}: holds no table of numbers with {FEWEST_ROWS} rows or more")
+    return parts
+
+
+def channels_of(path: Path, part: Part) -> list[Channel]:
+    """Return the columns of a part; raises InputError if a library cannot read them."""
+    try:
+        return part.read()
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{path}: {part.name}: cannot be read ({_reason(error)}); copy or export it again") from error
+
+
+def _reason(error: Exception) -> str:
+    return " ".join((str(error) or type(error).__name__).split())[:120]
+
+
+def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Part]]] | None:
+    """Return the kind of a file in words, and its reader; None for text and workbooks."""
+    if path.is_dir():
+        return "folder of a ROS 2 bag", _ros_parts
+    if begin.startswith(HDF5) or begin[512:].startswith(HDF5):
+        return "HDF5 file (.h5, .mat v7.3)", _hdf5_parts
+    is_text = begin.decode("latin-1").isprintable() or all(byte in b"\t\r\n" or 32 <= byte < 127 for byte in begin)
+    if begin.startswith(b"MATLAB") or (path.suffix.lower() == ".mat" and begin and not is_text):
+        return "MATLAB file (.mat)", _matlab_parts
+    if begin.startswith(NUMPY):
+        return "NumPy file (.npy)", _numpy_parts
+    if begin.startswith(b"PK") and path.suffix.lower() == ".npz":
+        return "NumPy archive (.npz)", _numpy_archive_parts
+    for magic, word, reader in (
+        (PARQUET, "Parquet file", _parquet_parts),
+        (ULOG, "ULog file", _ulog_parts),
+        (ROS1, "ROS 1 bag", _ros_parts),
+        (SQLITE, "ROS 2 bag", _ros_parts),
+        (MCAP, "MCAP file", _mcap_parts),
+        (TDMS, "TDMS file", _tdms_parts),
+    ):
+        if begin.startswith(magic):
+            return word, reader
+    suffixes = {
+        ".npy": "NumPy file",
+        ".parquet": "Parquet file",
+        ".ulg": "ULog file",
+        ".bag": "ROS 1 bag",
+        ".db3": "ROS 2 bag",
+    }
+    suffixes |= {".mcap": "MCAP file", ".tdms": "TDMS file", ".h5": "HDF5 file", ".hdf5": "HDF5 file"}
+    word = suffixes.get(path.suffix.lower())
+    if word and begin:
+        raise InputError(f"{path}: does not begin as a {word} does; copy or export it again")
+    return None
+
+
+def _numpy_parts(path: Path) -> list[Part]:
+    tree = Tree()
+    array = np.load(path, allow_pickle=False)
+    tree.add("" if array.dtype.names else UNNAMED, array)
+    return tree.parts()
+
+
+def _numpy_archive_parts(path: Path) -> list[Part]:
+    with zipfile.ZipFile(path) as archive:
+        if sum(member.file_size for member in archive.infolist()) > LARGEST:
+            raise InputError(f"{path}: unpacks to more than {LARGEST} bytes; not read")
+    tree = Tree()
+    with np.load(path, allow_pickle=False) as archive:
+        for name in archive.files:
+            tree.add(name, archive[name])
+    return tree.parts()
+
+
+def _matlab_parts(path: Path) -> list[Part]:
+    size = 0
+    for _, shape, _ in scipy.io.whosmat(path):
+        size += 8 * int(np.prod([float(side) for side in shape]))
+    if size > LARGEST:
+        raise InputError(f"{path}: unpacks to more than {LARGEST} bytes; not read")
+    tree, objects = Tree(), list[str]()
+    content = scipy.io.loadmat(path, squeeze_me=True)
+    for name, value in content.items():
+        if not name.startswith("__"):
+            _add_matlab(tree, name, value, objects)
+    if "__function_workspace__" in content and not tree.arrays:
+        objects.append("a table or object")
+    parts = tree.parts()
+    if objects and not parts:
+        what = f"holds {objects[0]}, which only MATLAB reads"
+        raise InputError(f"{path}: {what}; save its columns as arrays, for instance table2struct(T,'ToScalar',true)")
+    return parts
+
+
+def _add_matlab(tree: Tree, path: str, value: Any, objects: list[str]) -> None:
+    """Add a variable of MATLAB with the fields of its structures; `objects` gets those that cannot be read."""
+    if isinstance(value, scipy.io.matlab.MatlabOpaque | scipy.io.matlab.MatlabFunction):
+        objects.append(path)
+        return
+    array = np.asarray(value)
+    if array.dtype.names and array.size == 1:
+        for name in array.dtype.names:
+            _add_matlab(tree, f"{path}/{name}", array[name].item(), objects)
+    elif not array.dtype.names:
+        tree.add(path, array)
+
+
+def _hdf5_parts(path: Path) -> list[Part]:
+    h5py = import_module("h5py")
+    tree = Tree()
+
+    def visit(name: str, item: Any) -> None:
+        if not isinstance(item, h5py.Dataset) or item.shape is None or item.is_virtual or item.external:
+            return
+        if name.startswith("#") or item.size * item.dtype.itemsize > LARGEST:
+            return
+        unit = item.attrs.get("units", item.attrs.get("unit", ""))
+        text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
+        if item.dtype.names or item.size == 1:
+            tree.add(name, item[()], text)
+        elif item.dtype.kind in "iufb":
+            tree.arrays[name] = (tuple(item.shape), partial(_hdf5_values, path, name))
+            tree.units[name] = text
+
+    with h5py.File(path, "r") as file:
+        file.visititems(visit)
+    return tree.parts()
+
+
+def _hdf5_values(path: Path, name: str) -> NDArray[Any]:
+    with import_module("h5py").File(path, "r") as file:
+        return file[name][()]
+
+
+def _parquet_parts(path: Path) -> list[Part]:
+    schema = pl.read_parquet_schema(path)
+    rows = pl.scan_parquet(path).select(pl.len()).collect().item()
+    return [Part("", rows, tuple(schema), partial(_parquet_channels, path))]
+
+
+def _parquet_channels(path: Path) -> list[Channel]:
+    return table_channels(pl.read_parquet(path))
+
+
+def table_channels(frame: pl.DataFrame) -> list[Channel]:
+    """Return the columns of a table; structures and arrays of fixed length become columns, times nanoseconds."""
+    channels = []
+    for series in frame:
+        dtype = series.dtype
+        if isinstance(dtype, pl.Struct):
+            inner = series.struct.unnest()
+            named = inner.rename({name: f"{series.name}.{name}" for name in inner.columns})
+            channels += table_channels(named)
+        elif isinstance(dtype, pl.List | pl.Array):
+            nested = series.cast(pl.List(dtype.inner))
+            lengths = nested.list.len().unique().to_list()
+            if len(lengths) == 1 and lengths[0] and lengths[0] <= MOST_CHANNELS:
+                for k in range(lengths[0]):
+                    channels.append(Channel(f"{series.name}[{k}]", nested.list.get(k)))
+        elif dtype.is_temporal() and dtype != pl.Date and dtype != pl.Time:
+            cast = pl.Duration("ns") if isinstance(dtype, pl.Duration) else pl.Datetime("ns")
+            plain = series.dt.replace_time_zone(None) if isinstance(dtype, pl.Datetime) else series
+            channels.append(Channel(series.name, plain.cast(cast).cast(pl.Int64), "ns"))
+        else:
+            channels.append(Channel(series.name, series))
+    return channels
+
+
+def _ulog_parts(path: Path) -> list[Part]:
+    log = import_module("pyulog").ULog(str(path))
+    several = {topic.name for topic in log.data_list if topic.multi_id}
+    parts = []
+    for topic in log.data_list:
+        name = f"{topic.name}/{topic.multi_id}" if topic.name in several else topic.name
+        rows = len(topic.data["timestamp"])
+        names = [_short(topic.name, column) for column in topic.data]
+        channels = [Channel(column, values) for column, values in zip(names, topic.data.values(), strict=True)]
+        if rows >= FEWEST_ROWS:
+            parts.append(Part(name, rows, tuple(names), partial(list, channels)))
+    return parts
+
+
+def _short(topic: str, column: str) -> str:
+    if column in ("x", "y", "z"):
+        return f"{topic} {column}"
+    return column
+
+
+def _tdms_parts(path: Path) -> list[Part]:
+    file = import_module("nptdms").TdmsFile.read(path)
+    parts = []
+    for group in file.groups():
+        channels: dict[int, list[Channel]] = {}
+        for channel in group.channels():
+            values = np.asarray(channel[:])
+            if values.dtype.kind not in "iufb" or len(values) < FEWEST_ROWS:
+                continue
+            unit = str(channel.properties.get("unit_string", ""))
+            same = channels.setdefault(len(values), [])
+            if not same and channel.properties.get("wf_increment"):
+                same.append(Channel("time", np.asarray(channel.time_track()), "s"))
+            same.append(Channel(channel.name, values, unit))
+        for rows, same in channels.items():
+            parts.append(Part(group.name, rows, tuple(one.name for one in same), partial(list, same)))
+    return parts
+
+
+def _ros_parts(path: Path) -> list[Part]:
+    with _ros_reader(path) as reader:
+        connections = [(connection.topic, connection.msgtype, connection.msgcount) for connection in reader.connections]
+    parts = []
+    for topic, kind, count in connections:
+        if kind in IMU and count >= FEWEST_ROWS:
+            parts.append(Part(topic.strip("/"), count, IMU_COLUMNS, partial(_imu_channels, path, topic)))
+    if not parts:
+        kinds = sorted({kind for _, kind, _ in connections})
+        raise InputError(f"{path}: has no messages sensor_msgs/Imu, but {', '.join(kinds)[:200] or 'none'}")
+    return parts
+
+
+def _ros_reader(path: Path) -> Any:
+    highlevel, stores = import_module("rosbags.highlevel"), import_module("rosbags.typesys")
+    return highlevel.AnyReader([path], default_typestore=stores.get_typestore(stores.Stores.ROS2_HUMBLE))
+
+
+def _imu_channels(path: Path, topic: str) -> list[Channel]:
+    """Return the stamps [ns], rates and specific forces of a topic's messages."""
+    stamps, rows = list[int](), list[list[float]]()
+    with _ros_reader(path) as reader:
+        connections = [connection for connection in reader.connections if connection.topic == topic]
+        for connection, _, content in reader.messages(connections=connections):
+            message = reader.deserialize(content, connection.msgtype)
+            stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
+            rate, force = message.angular_velocity, message.linear_acceleration
+            rows.append([rate.x, rate.y, rate.z, force.x, force.y, force.z])
+    values = [np.array(stamps, dtype=np.int64), *np.array(rows, dtype=np.float64).T]
+    return [Channel(name, column) for name, column in zip(IMU_COLUMNS, values, strict=True)]
+
+
+def _mcap_parts(path: Path) -> list[Part]:
+    reader = import_module("mcap.reader")
+    with path.open("rb") as file:
+        summary = reader.make_reader(file).get_summary()
+    if summary is None or summary.statistics is None:
+        raise InputError(f"{path}: has no summary; repair it: mcap recover {path.name}")
+    encodings = {channel.message_encoding for channel in summary.channels.values()}
+    if "json" not in encodings:
+        if not encodings & {"cdr", "ros1"}:
+            what = f"has messages as {', '.join(sorted(encodings))}"
+            raise InputError(f"{path}: {what}; those of ROS (cdr) and JSON are read")
+        return _ros_parts(path)
+    rows: dict[str, list[dict[str, float]]] = {}
+    with path.open("rb") as file:
+        for _, channel, message in reader.make_reader(file).iter_messages():
+            if channel.message_encoding == "json":
+                numbers = {"log_time": message.log_time} | _flat_numbers(json.loads(message.data))
+                rows.setdefault(channel.topic, []).append(numbers)
+    parts = []
+    for topic, messages in rows.items():
+        frame = pl.DataFrame(messages, infer_schema_length=None)
+        channels = table_channels(frame)
+        if len(frame) >= FEWEST_ROWS:
+            parts.append(Part(topic.strip("/"), len(frame), tuple(frame.columns), partial(list, channels)))
+    return parts
+
+
+def _flat_numbers(content: Any, prefix: str = "") -> dict[str, float]:
+    """Return the numbers of an object by their paths; seconds beside nanoseconds are one number of nanoseconds."""
+    numbers: dict[str, float] = {}
+    if not isinstance(content, Mapping):
+        return numbers
+    for nano in ("nsec", "nanosec", "nsecs"):
+        if "sec" in content and nano in content:
+            return {prefix or "stamp": int(content["sec"]) * 10**9 + int(content[nano])}
+    for name, value in content.items():
+        path = f"{prefix}.{name}" if prefix else str(name)
+        if isinstance(value, bool) or value is None:
+            continue
+        if isinstance(value, int | float):
+            numbers[path] = value
+        else:
+            numbers |= _flat_numbers(value, path)
+    return numbers
+
+
+def frame_of(path: Path, channels: list[Channel]) -> pl.DataFrame:
+    """Return columns as a table; names that are there twice get a number.
+
+    Raises InputError if the columns have different lengths.
+    """
+    series: dict[str, pl.Series] = {}
+    for channel in channels:
+        name, count = channel.name, 1
+        while name in series:
+            count += 1
+            name = f"{channel.name} ({count})"
+        values = channel.values
+        if isinstance(values, np.ndarray):
+            native = values.astype(values.dtype.newbyteorder("="), copy=False)
+            values = pl.Series(name, native.astype(np.float32) if native.dtype == np.float16 else native)
+        series[name] = values.alias(name)
+    lengths = {len(column) for column in series.values()}
+    if len(lengths) != 1:
+        raise InputError(f"{path}: its columns have {len(lengths)} different lengths")
+    return pl.DataFrame(list(series.values()))
+
+
+def read_begin(path: Path) -> bytes:
+    """Return the first bytes of a file, none of a folder."""
+    if path.is_dir() or not path.exists():
+        return b""
+    with path.open("rb") as file:
+        return io.BytesIO(file.read(1024)).getvalue()

@@ -1,0 +1,96 @@
+"""Choose the table of a file that holds several, and list them."""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError, nearest
+from ..records.columns import FORCE, RATE
+from ..records.read import table_in_memory
+from .containers import UNNAMED, Part, array_channels, channels_of, frame_of, parts_of, read_begin, table_channels
+from .names import TIMES, from_one, heading
+from .presets import presets
+from .ranking import named_triads
+from .sheet import HeaderFacts, Sheet
+from .understanding import Field
+
+GUESSES = ("numbers", "gyros", "accelerometers", "gyros and accelerometers")
+"""What the names of a table's columns mean, by rank."""
+
+
+@dataclass(frozen=True)
+class TableInFile:
+    """A table in a file: its name, its size, and what its columns mean by their names."""
+
+    name: str
+    rows: int
+    columns: int
+    guess: str
+
+    def __str__(self) -> str:
+        return f"{self.name or '(the file)'}: {self.rows} rows, {self.columns} columns, {self.guess}"
+
+
+def tables_in(file: Path) -> list[TableInFile]:
+    """Return the tables of a file that holds several, those with gyros and accelerometers first."""
+    parts = parts_of(file, read_begin(file))
+    ranked = sorted(parts, key=lambda part: (-rank_of(part.names), part.name))
+    return [TableInFile(part.name, part.rows, len(part.names), GUESSES[rank_of(part.names)]) for part in ranked]
+
+
+def rank_of(names: tuple[str, ...]) -> int:
+    """Return the index of the guess of what columns mean by their names."""
+    heads = from_one([heading(name) for name in names])
+    if any(preset.is_layout_of(names, ()) for preset in presets().values()):
+        return 3
+    columns = {head.column for head in heads}
+    fields = [Field(place, head, [], ()) for place, head in enumerate(heads)]
+    quantities = {triad.quantity for triad in named_triads(fields)}
+    has_force = columns >= set(FORCE) or "force" in quantities
+    has_rate = columns >= set(RATE) or "rate" in quantities
+    return 2 * has_force + has_rate
+
+
+def sheet_of_part(file: Path, name: str) -> Sheet:
+    """Return the table of a name, or the only one with the most instruments; the sheet names all others that may be.
+
+    Raises InputError if there is no such table.
+    """
+    parts = parts_of(file, read_begin(file))
+    names = [part.name for part in parts]
+    if name:
+        chosen = [part for part in parts if part.name == name.strip("/")]
+        if not chosen:
+            raise InputError(f"{file}: --from {name}: is no table in it; {nearest(name, names)}")
+    else:
+        best = max(rank_of(part.names) for part in parts)
+        chosen = [part for part in parts if rank_of(part.names) == best]
+    chosen.sort(key=lambda part: (-(heading_of_time(part)), -part.rows, part.name))
+    others = tuple(part.name or "(all)" for part in chosen) if len(chosen) > 1 else ()
+    return _sheet(file, chosen[0], others)
+
+
+def sheet_in_memory(source: object) -> Sheet:
+    """Return a table in memory of any library as a sheet; an array without names has columns without names."""
+    path = Path("table")
+    if isinstance(source, np.ndarray) and source.dtype.names is None:
+        channels = array_channels(source)
+    else:
+        channels = table_channels(table_in_memory(source))
+    return _sheet(path, Part("", len(channels[0].values), (), partial(list, channels)), ())
+
+
+def heading_of_time(part: Part) -> bool:
+    """Return True if a column of a part is a time by its name."""
+    return any(heading(name).column == TIMES for name in part.names)
+
+
+def _sheet(file: Path, part: Part, others: tuple[str, ...]) -> Sheet:
+    channels = channels_of(file, part)
+    likely = f"{part.rate:g} Hz" if part.rate else ""
+    units = tuple(channel.unit for channel in channels)
+    named = int(not all(channel.name.startswith(UNNAMED) for channel in channels))
+    stated = HeaderFacts(header_row=named, first_row=named + 1, units=units, likely_rate=likely, parts=others)
+    return Sheet(file, name=part.name, stated=stated, frame=frame_of(file, channels))
