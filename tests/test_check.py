@@ -202,6 +202,17 @@ def test_a_good_record_says_what_is_in_it(record: Path):
     assert "rows" in checked.summary[0]
 
 
+@pytest.mark.parametrize(
+    "comment", ["# " + "x" * 120_000, "#\tschema " + "y" * 99_990, "# a\n" * 60_000, "# a\x85b\x0bc"]
+)
+def test_comments_of_any_length_and_letters_stand_before_a_record(comment: str, record: Path, tmp_path: Path):
+    text = record.read_text(encoding="utf-8")
+    checked = th.check(written(tmp_path, f"{comment}\n{text}", "record.csv"))
+    assert checked.good, str(checked)
+    assert checked.summary == th.check(record).summary
+    assert checked.kind == "position record"
+
+
 def test_a_channel_at_its_limit_is_a_warning_of_series_of_every_kind(tmp_path: Path):
     """Clip a sine at 80 %; without the clip there is no warning."""
     time = 0.01 * np.arange(3000)

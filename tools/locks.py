@@ -25,13 +25,20 @@ class Taken(Exception):
     """Another process has the lock."""
 
 
+def refuse_irregular(path: Path) -> None:
+    """Refuse a pipe, a device or a folder in the place of a file: opening it could wait for ever."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: is not a regular file; remove it, or give another place")
+
+
 @contextmanager
 def locked(path: Path, *, make: bool = True) -> Iterator[None]:
     """Hold the lock of a file, which stays: a lock that is taken away while it is held would not keep anybody out.
 
     Without `make` the file has to be there. Taken where another process holds it; on a file system that knows no locks
-    nobody is kept out.
+    nobody is kept out. An InputError where it is no regular file.
     """
+    refuse_irregular(path)
     with path.open("ab" if make else "r+b") as file:
         try:
             if sys.platform == "win32":

@@ -106,6 +106,8 @@ def exactly(value: float | None, count: int = MOST_DIGITS) -> Number:
     """
     if value is None:
         return NONE
+    if math.isnan(value):
+        return Number("nan")
     return _significant(float(f"{value:.{count}g}"), MOST_DIGITS, ROUND_HALF_EVEN)
 
 

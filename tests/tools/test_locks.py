@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -115,3 +116,11 @@ def test_a_disk_of_temporary_files_that_is_full_is_said(number: int, base: Path)
     with pytest.raises(PermissionError), own_folder():
         raise PermissionError
     assert list(base.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
+def test_what_is_no_file_is_no_lock_and_nobody_waits_for_it(make: Callable[[Path], None], tmp_path: Path) -> None:
+    make(tmp_path / "lock")
+    with pytest.raises(InputError, match="is not a regular file"), locked(tmp_path / "lock"):
+        pass

@@ -123,6 +123,7 @@ def test_a_radius_is_shown_on_its_side_of_one(radius):
         (digits(12.3456), "12.3"),
         (exactly(0.07), "0.07"),
         (exactly(30.0), "30"),
+        (exactly(math.nan), "nan"),
         (residual(None), ""),
         (to_bound(0.00393096, 2.4e-5), "0.003931"),
         (to_bound(-0.00062534, 1.06e-5), "-0.000625"),

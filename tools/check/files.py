@@ -67,6 +67,8 @@ MODELS = {
 }
 ALIGNED = np.eye(3)
 """Default mounting of a block."""
+LONGEST_HEAD = 100_000
+"""Largest number of bytes of a line with names."""
 MOST = 200
 """Largest number of a record's problems that are listed."""
 
@@ -180,7 +182,7 @@ def _check_table(
     if findings.problems:
         return
     findings.warnings += warnings(columns)
-    if not names:
+    if content.startswith(MAGIC):
         names = list(read_parquet_schema(BytesIO(content)))
     present = [name for name in columns.layout.present if name in names]
     findings.summary = (f"{len(columns.row)} rows, columns {', '.join(present)}",)
@@ -226,10 +228,11 @@ def channels_warning(record: PositionRecord | RawRecord, mounting: NDArray | Non
 
 
 def _header(content: bytes) -> list[str]:
-    """Return the names in the first written line; empty if there is no text."""
-    lines = content[:100_000].decode("utf-8-sig", "replace").splitlines()
-    for line in lines:
-        if line.strip() and not line.startswith("#"):
+    """Return the names in the first written line, behind comments of any length; empty if there is none."""
+    for written in BytesIO(content):
+        for line in written[:LONGEST_HEAD].decode("utf-8-sig", "replace").split("\r"):
+            if not line.strip() or line.startswith("#"):
+                continue
             try:
                 return [name.strip() for name in next(csv.reader([line]))]
             except (csv.Error, StopIteration):

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from ..diagnosis import Diagnosis, diagnose
 from ..errors import InputError
 from ..files import LARGEST_TEXT, bytes_of, make_folders, refuse_input, said_writable
-from ..locks import Taken, locked
+from ..locks import Taken, locked, refuse_irregular
 from ..records import PositionRecord, read_record, write_record
 from .programme import TableProgramme
 from .readings import RecordLines, Source, by_count
@@ -75,6 +75,8 @@ class Files:
         """Open the record and write the session's header; with `cut`, remove lines without an end."""
         for path in (self.record, self.positions_file):
             refuse_input(path)
+        for path in (self.record, self.words_file):
+            refuse_irregular(path)
         with said_writable(self.record):
             make_folders(self.record.parent)
             if not cut:
