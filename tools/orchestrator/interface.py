@@ -113,6 +113,13 @@ _SCALES = _scales()
 _SUFFIXES = column_units()
 
 
+def plain_unit(unit: str) -> str:
+    """Return a unit without the brackets that some tools write around it."""
+    if unit.startswith("[") and unit.endswith("]"):
+        return unit[1:-1].strip()
+    return unit
+
+
 def between(
     first: str | None,
     second: str | None,
@@ -126,7 +133,7 @@ def between(
     A variable without a unit fits every unit. Units that an FMU does not define come from our table. A difference
     (`relative`) has no offset.
     """
-    if first is None or second is None:
+    if first is None or second is None or (plain_unit(first) == plain_unit(second) and first != second):
         return 1.0, 0.0
     source_scale, target_scale = (
         scales.get(first) or _SCALES.get(first),

@@ -199,7 +199,7 @@ class PreparedScenario:
             )
         for name in loaded:
             ports[name].connect([wire for wire in self._wires if wire.target == name], ports)
-        notes = list(grid.notes)
+        notes = [*self.scenario.notes, *grid.notes]
         if self.scenario.record.columns is None and not has_outputs(self.interfaces):
             names = ", ".join(column.name for column in self.columns[:3]) or "nothing but the time"
             notes.append(f"no FMU has outputs: {names} recorded; choose with --record NAME")

@@ -187,12 +187,16 @@ class Connection(Section):
     """An output that feeds an input: whole arrays (`fmu.name`) or single elements (`fmu.name[2]`).
 
     `between` applies if the two FMUs have different steps: "hold", the last value; "interpolate", linearly between the
-    values of a slower FMU; "sum", the sum of a faster FMU's values since the reader's previous step.
+    values of a slower FMU; "sum", the sum of a faster FMU's values since the reader's previous step. The input is
+    factor * output + offset, in the output's unit, and is then converted to its own, unless `convert` is false.
     """
 
     source: str = Field(alias="from")
     target: str = Field(alias="to")
     between: Literal["hold", "interpolate", "sum"] | None = None
+    factor: Finite | None = None
+    offset: Finite | None = None
+    convert: bool | None = None
 
 
 class Stimulus(Section):
@@ -292,6 +296,8 @@ class Scenario(Section):
     connections: list[Connection] = Field(default_factory=list)
     stimuli: list[Stimulus] = Field(default_factory=list)
     record: RecordSetting = Field(default_factory=RecordSetting)
+    notes: list[str] = Field(default_factory=list, exclude=True)
+    """Sentences about the file that the user must know."""
     base_folder: Path = Field(default_factory=Path, exclude=True)
     source: Path | None = Field(default=None, exclude=True)
 

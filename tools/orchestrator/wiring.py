@@ -85,7 +85,9 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
         if output.kind != input_.kind:
             raise InputError(f"{ends}: types differ, {output.kind} and {input_.kind}")
         relative = output.relative or input_.relative
-        conversion = between(output.unit, input_.unit, source.scales, target.scales, relative=relative)
+        conversion: tuple[float, float] | None = (1.0, 0.0)
+        if connection.convert is not False:
+            conversion = between(output.unit, input_.unit, source.scales, target.scales, relative=relative)
         if conversion is None:
             raise InputError(f"{ends}: units differ, {output.unit} and {input_.unit}")
         if output.kind == "Integer":
@@ -95,6 +97,11 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
         factor, offset = conversion
         if output.kind != "Real":
             factor, offset = 1.0, 0.0
+        if connection.factor is not None or connection.offset is not None:
+            if output.kind != "Real":
+                raise InputError(f"{ends}: a linear transformation is for kind Real, not {output.kind}")
+            offset += factor * (connection.offset or 0.0)
+            factor *= 1.0 if connection.factor is None else connection.factor
         yield Wire(source.name, output, target.name, input_, factor, offset, connection.between)
 
 

@@ -12,7 +12,7 @@ from ...fmus.units import Unit
 from ..errors import InputError, said_of
 from ..files import bytes_of
 from ..orchestrator.archive import MOST_DESCRIPTION_BYTES, refuse_outside, xml_root
-from ..orchestrator.interface import BASE_UNITS, FmuVariable, Value, checked, scale_of
+from ..orchestrator.interface import BASE_UNITS, FmuVariable, Value, checked, plain_unit, scale_of
 
 BASE = "http://ssp-standard.org/SSP1/SystemStructure"
 NAMESPACES = {
@@ -204,7 +204,7 @@ def _parameter_set(binding: Element, folder: Path, label: str, units: Mapping[st
         typed = [e for e in parameter if local_name(e) in KINDS and e.tag == namespace + local_name(e)][:1]
         if not typed or typed[0].get("value") is None:
             raise InputError(f"{where}: parameter '{name}' has no value of a type that FMI 2.0 has")
-        unit, kind = typed[0].get("unit"), KINDS[local_name(typed[0])]
+        unit, kind = typed[0].get("unit") or None, KINDS[local_name(typed[0])]
         values.append(BoundValue(name, kind, typed[0].get("value", ""), unit, scales.get(unit or ""), where))
     return values
 
@@ -289,6 +289,8 @@ def _ascii(text: str) -> str:
 def _converted(value: float, binding: BoundValue, variable: FmuVariable, scales: Mapping[str, Unit]) -> float:
     """A value from the binding's unit into the variable's."""
     if binding.unit is None or variable.unit is None:
+        return value
+    if binding.unit != variable.unit and plain_unit(binding.unit) == plain_unit(variable.unit):
         return value
     variable_scale, binding_scale = scales.get(variable.unit), binding.scale or scales.get(binding.unit)
     if binding.unit == variable.unit and (variable_scale is None or binding_scale is None):

@@ -6,7 +6,7 @@ import re
 import zipfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -57,11 +57,41 @@ Node = tuple[Path_, str]
 """A connector: the path of its element, and its name."""
 
 
+@dataclass(frozen=True)
+class Transformation:
+    """What connections do to a value: factor * value + offset, and whether units are converted."""
+
+    factor: float = 1.0
+    offset: float = 0.0
+    convert: bool = True
+
+    def then(self, after: "Transformation") -> "Transformation":
+        """Return both, one after the other."""
+        offset = after.factor * self.offset + after.offset
+        return Transformation(after.factor * self.factor, offset, self.convert and after.convert)
+
+    def of(self, binding: BoundValue) -> BoundValue:
+        """Return a bound value behind these connections."""
+        whole = Transformation(binding.factor, binding.offset, binding.convert).then(self)
+        return replace(binding, factor=whole.factor, offset=whole.offset, convert=whole.convert)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Settings of a connection of the scenario."""
+        changes = {"factor": self.factor, "offset": self.offset, "convert": self.convert}
+        plain = {"factor": 1.0, "offset": 0.0, "convert": True}
+        return {key: value for key, value in changes.items() if value != plain[key]}
+
+
+Edge = tuple[Node, Node, Transformation]
+INTERFACES = {"ModelExchange": "me", "CoSimulation": "cs"}
+
+
 @dataclass
 class SystemPart:
     """An FMU, with its file in the archive as `source`, or a system with named elements and connections.
 
-    Connectors are name to kind; an edge is (from, to).
+    Connectors are name to kind; an edge is (from, to, transformation). An FMU has an `interface` if it must be one.
     """
 
     path: Path_
@@ -69,7 +99,8 @@ class SystemPart:
     connectors: dict[str, str] = field(default_factory=dict)
     bindings: list[BoundValue] = field(default_factory=list)
     parts: dict[str, "SystemPart"] = field(default_factory=dict)
-    edges: list[tuple[Node, Node]] = field(default_factory=list)
+    edges: list["Edge"] = field(default_factory=list)
+    interface: str | None = None
 
     def walk(self) -> Iterator["SystemPart"]:
         """Yield all parts, from inside out, and this one last."""
@@ -161,7 +192,7 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
     if outermost is None:
         raise InputError(f"{label}: {STRUCTURE} has no System")
     system = _read_part(outermost, (), folder, label, document_units(root, "ssd:Units", label))
-    run = _run(root, outermost, label)
+    run = _run(root, label)
     for key, seconds in (("start_s", options.start), ("stop_s", options.stop)):
         if seconds is not None:
             run[key] = seconds
@@ -177,8 +208,6 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
         # The master decides how early it puts out commands; ours passes them on at once.
         if coupled.get("coupling") != "delayed" and interface.model in LEADING and "lead_steps" in interface.variables:
             parameters[at]["lead_steps"] = 0
-    if "stop_s" not in run:
-        raise InputError(f"{label}: DefaultExperiment has no stopTime, so nothing says when the run ends")
     lengths = []
     for length in (options.step, run.get("step_s"), min(steps, default=None)):
         if length is not None:
@@ -189,17 +218,26 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
     for part in fmus:
         name = names[part.path]
         setting = {"fmu": part.source, "parameters": parameters[part.path], "step_s": own_steps.get(name)}
+        setting["interface"] = part.interface
         settings_of_fmus[name] = setting
     connections: list[dict[str, Any]] = []
+    notes = []
+    if "stop_s" not in run:
+        run["stop_s"] = run.get("start_s", 0.0) + 1.0
+        notes.append(f"{label} says no stop time: the run ends at {run['stop_s']:g} s; --stop says another")
     for source, targets in _reached(system).items():
-        for target in targets if source[0] in names else ():
+        for target, transformation in targets if source[0] in names else ():
             start, end = f"{names[source[0]]}.{source[1]}", f"{names[target[0]]}.{target[1]}"
-            connections.append({"from": start, "to": end, "between": between.get(f"{start} -> {end}")})
+            ends = {"from": start, "to": end, "between": between.get(f"{start} -> {end}")}
+            connections.append({**ends, **transformation.settings})
+            if target[1] in parameters[target[0]]:
+                notes.append(f"{end} has a value and a connection: the connection from {start} counts")
     settings: dict[str, Any] = {
         "title": "",
         "run": {"start_s": 0.0, **run, "step_s": lengths[0], "shorten": True, **coupled},
         "fmus": settings_of_fmus,
         "connections": connections,
+        "notes": notes,
         "base_folder": folder,
         "source": path,
     }
@@ -209,14 +247,17 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
     return checked_sections(settings, Scenario, label), tuple(dict.fromkeys(ignored))
 
 
-def _run(root: Element, system: Element, label: str) -> dict[str, float]:
-    """Return the times of the experiment, and the step of OMSimulator's annotation, where given."""
+def _run(root: Element, label: str) -> dict[str, float]:
+    """Return the times of the experiment, and the step of an annotation of OMSimulator or OSP, where given."""
     run: dict[str, float] = {}
     experiment = child(root, "ssd:DefaultExperiment")
     for key, attribute in (("start_s", "startTime"), ("stop_s", "stopTime")):
         if experiment is not None and attribute in experiment.attrib:
             run[key] = number_of(experiment, attribute, label)
-    for element in system.iter():
+    for element in root.iter():
+        if "baseStepSize" in element.attrib:
+            # The Open Simulation Platform writes it into the experiment.
+            return {**run, "step_s": number_of(element, "baseStepSize", label)}
         if local_name(element) in ("FixedStepMaster", "VariableStepMaster"):
             attribute = "maximumStepSize"
             if "stepSize" in element.attrib:
@@ -233,11 +274,9 @@ def _read_part(element: Element, path: Path_, folder: Path, label: str, units: d
     part.bindings = read_bindings(element, folder, label, units)
     if local_name(element) == "Component":
         kind = element.get("type", FMU)
-        if kind != FMU or element.get("implementation") == "ModelExchange":
-            what = "model exchange"
-            if kind != FMU:
-                what = kind
-            raise InputError(f"{label}: element '{'.'.join(path)}' is for {what}; co-simulation FMUs are run")
+        if kind != FMU:
+            raise InputError(f"{label}: element '{'.'.join(path)}' is of type {kind}; FMUs are run")
+        part.interface = INTERFACES.get(element.get("implementation", "any"))
         part.source = member(folder, element.get("source", ""), label)
         return part
     elements = child(element, "ssd:Elements")
@@ -252,12 +291,13 @@ def _read_part(element: Element, path: Path_, folder: Path, label: str, units: d
     return part
 
 
-def _edge(connection: Element, part: SystemPart, label: str) -> tuple[Node, Node]:
-    """A connection from where its value comes to where it goes."""
+def _edge(connection: Element, part: SystemPart, label: str) -> Edge:
+    """A connection from where its value comes to where it goes, and what happens to it."""
     ends: list[Node] = []
     feeding: list[bool | None] = []
     for side in ("start", "end"):
-        element, name = connection.get(f"{side}Element"), str(connection.get(f"{side}Connector"))
+        # Some tools write an empty element for the system itself.
+        element, name = connection.get(f"{side}Element") or None, str(connection.get(f"{side}Connector"))
         if element is not None and element not in part.parts:
             raise InputError(f"{label}: a connection names an element '{element}' that is not there")
         if element is None:
@@ -272,42 +312,47 @@ def _edge(connection: Element, part: SystemPart, label: str) -> tuple[Node, Node
             sources = ("input", "parameter")
         feeding.append(None if kind is None else kind in sources)
     ends_text = " -> ".join(".".join([*path, name]) for path, name in ends)
+    convert = connection.get("suppressUnitConversion") not in ("true", "1")
+    transformation = Transformation(convert=convert)
     for step in connection:
         kind = local_name(step)
         if not kind.endswith("Transformation"):
             continue
-        scaled = number_of(step, "factor", label, 1.0), number_of(step, "offset", label, 0.0)
-        if kind != "LinearTransformation" or scaled != (1.0, 0.0):
+        if kind != "LinearTransformation":
             raise InputError(f"{label}: connection {ends_text} has a {kind}, which is not supported")
+        where = f"{label}: connection {ends_text}"
+        scaled = number_of(step, "factor", where, 1.0), number_of(step, "offset", where, 0.0)
+        transformation = Transformation(*scaled, convert)
     backwards = feeding[0] is False and feeding[1] is not False
     if backwards:
         ends.reverse()
-    return ends[0], ends[1]
+    return ends[0], ends[1], transformation
 
 
-def _reached(system: SystemPart) -> dict[Node, list[Node]]:
-    """The FMUs' connectors that each connector feeds, through connectors of systems."""
-    following: dict[Node, list[Node]] = {}
+def _reached(system: SystemPart) -> dict[Node, list[tuple[Node, Transformation]]]:
+    """The FMUs' connectors that each connector feeds, through connectors of systems, each with its transformation."""
+    following: dict[Node, list[tuple[Node, Transformation]]] = {}
     for part in system.walk():
-        for start, end in part.edges:
-            following.setdefault(start, []).append(end)
+        for start, end, transformation in part.edges:
+            following.setdefault(start, []).append((end, transformation))
     systems = set()
     for part in system.walk():
         if part.source is None:
             systems.add(part.path)
-    targets: dict[Node, list[Node]] = {}
+    targets: dict[Node, list[tuple[Node, Transformation]]] = {}
     for node in following:
         visited, waiting = {node}, list(following[node])
         targets[node] = []
         while waiting:
-            after = waiting.pop(0)
+            after, so_far = waiting.pop(0)
             if after in visited:
                 continue
             visited.add(after)
-            if after[0] in systems:
-                waiting += following.get(after, [])
-            else:
-                targets[node].append(after)
+            if after[0] not in systems:
+                targets[node].append((after, so_far))
+                continue
+            for further, step in following.get(after, []):
+                waiting.append((further, so_far.then(step)))
     return targets
 
 
@@ -340,7 +385,9 @@ def _interfaces(
     steps: list[float] = []
     for number, part in enumerate(fmus):
         where = f"{label}: {part.source}"
-        unpacked = unpack(folder / str(part.source), where, lambda _, n=number: folder.with_name(f"fmu-{n}"))
+        unpacked = unpack(
+            folder / str(part.source), where, lambda _, n=number: folder.with_name(f"fmu-{n}"), part.interface
+        )
         interfaces[part.path] = interface_of(names[part.path], where, unpacked.description)
         experiment = unpacked.description.defaultExperiment
         text = None
@@ -395,25 +442,29 @@ def _parameters(
             targets = _targets(part, binding.name, interfaces, feeds)
             if not targets:
                 ignored.append(binding.name)
-            for at, name in targets:
+            for (at, name), transformation in targets:
                 interface = interfaces[at]
-                values[at][name] = value_for(binding, interface.variables[name], interface.scales)
+                transformed = transformation.of(binding)
+                values[at][name] = value_for(transformed, interface.variables[name], interface.scales)
     return values, ignored
 
 
 def _targets(
-    part: SystemPart, name: str, interfaces: Mapping[Path_, Interface], feeds: Mapping[Node, list[Node]]
-) -> list[Node]:
-    """The variables of FMUs that a parameter's hierarchical name means."""
+    part: SystemPart,
+    name: str,
+    interfaces: Mapping[Path_, Interface],
+    feeds: Mapping[Node, list[tuple[Node, Transformation]]],
+) -> list[tuple[Node, Transformation]]:
+    """The variables of FMUs that a parameter's hierarchical name means, and what connections do to the value."""
     if part.source is not None:
         exists = name in interfaces[part.path].variables
-        return [(part.path, name)] * exists
+        return [((part.path, name), Transformation())] * exists
     if name in part.connectors:
         fed = feeds.get((part.path, name), [])
         variables = []
-        for at, variable in fed:
+        for (at, variable), transformation in fed:
             if variable in interfaces[at].variables:
-                variables.append((at, variable))
+                variables.append(((at, variable), transformation))
         return variables
     for inner, below in part.parts.items():
         if name.startswith(f"{inner}."):

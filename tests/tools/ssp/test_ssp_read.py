@@ -11,7 +11,7 @@ from foreign_fmus import build_foreign
 from ssp_files import HEAD, component, inline, packed, system, values, wire
 from trihedron.fmus import build
 from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.tools import cli
+from trihedron.tools import cli, library
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import Scenario, run_scenario
 from trihedron.tools.ssp import scenario_of_ssp
@@ -183,7 +183,8 @@ def test_a_value_in_another_unit_or_outside_its_limits(tmp_path, fmus, written, 
 
 GAIN = component("gain", "Gain", u_1="input", y_1="output")
 OTHER = component("other", "Gain", u_1="input", y_1="output")
-SCALED = '<ssc:LinearTransformation factor="2"/>'
+SCALED = '<ssc:LinearTransformation factor="2" offset="0.5"/>'
+TABLE = '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/></ssc:IntegerMappingTransformation>'
 
 
 def alone(model: str = "Gain", *bound: str, attributes: str = "") -> str:
@@ -194,14 +195,17 @@ def alone(model: str = "Gain", *bound: str, attributes: str = "") -> str:
 @pytest.mark.parametrize(
     ("system_text", "says"),
     [
-        (system("root", GAIN, OTHER, wires=wire("gain.y[1]", "other.u[1]", SCALED)), "LinearTransformation"),
+        (
+            system("root", GAIN, OTHER, wires=wire("gain.y[1]", "other.u[1]", TABLE)),
+            "IntegerMappingTransformation, which is not supported",
+        ),
         (system("root", GAIN, wires=wire("gain.y[1]", "none.u[1]")), "an element 'none' that is not there"),
         (system("root", GAIN, GAIN), "two elements 'gain'"),
         (system("root"), "has no FMU"),
         (alone(), "give --step"),
         ("", "has no System"),
         (alone(attributes='type="application/x-ssp-package"'), "x-ssp-package"),
-        (alone(attributes='implementation="ModelExchange"'), "model exchange"),
+        (alone(attributes='implementation="ModelExchange"'), "has no model exchange"),
         (alone("None"), "has no file 'resources/None.fmu'"),
         (alone("../../Gain"), "would leave the archive's folder"),
         (system("root", '<ssd:Component name="g" source="file:///etc/passwd"/>'), "not a file of the archive"),
@@ -218,9 +222,11 @@ def test_what_is_not_supported_or_wrong_is_named(tmp_path, fmus, system_text, sa
 
 def test_an_experiment_that_says_no_end_or_none_that_can_be_counted(tmp_path, fmus):
     system_text = system("root", GAIN, after=STEP)
-    for tail, says in (("", "no stopTime"), ('stopTime="soon"', "'soon', not a finite number")):
-        experiment = f"<ssd:DefaultExperiment {tail}/>" if tail else ""
-        assert says in refusal(packed(tmp_path, fmus, system_text, "Gain", tail=experiment))
+    soon = '<ssd:DefaultExperiment stopTime="soon"/>'
+    assert "'soon', not a finite number" in refusal(packed(tmp_path, fmus, system_text, "Gain", tail=soon))
+    result = library.simulate(packed(tmp_path, fmus, system_text, "Gain", tail=""))
+    assert result.table["time_s"].to_list() == [0.0, 0.5, 1.0]
+    assert "says no stop time: the run ends at 1 s" in result.notes[0]
     ages = '<ssd:DefaultExperiment startTime="-1e308" stopTime="1e308"/>'
     with pytest.raises(InputError, match="makes inf steps; at most"):
         run(packed(tmp_path, fmus, system_text, "Gain", tail=ages))
@@ -248,3 +254,48 @@ def test_a_cycle_is_refused_as_in_a_scenario(tmp_path, fmus, capsys, monkeypatch
     straight = packed(tmp_path, fmus, system("root", GAIN, bound=(inline("gain.gian|Real|1"),)), "Gain")
     assert cli.main(["simulate", straight.name, "--step", "1", "--out", "r"]) == 0
     assert "1 parameters name nothing in it: gain.gian" in capsys.readouterr().err
+
+
+def test_a_connection_may_transform_its_value(tmp_path, fmus):
+    """2 x + 0.5, also through the connector of a system, whose own value takes the same way."""
+    inner = system("inner", GAIN, wires=wire("u", "gain.u[1]", SCALED) + wire("gain.y[1]", "y"), u="input", y="output")
+    clock = component("clock", "Clock", ended="output")
+    wired = wire("clock.ended", "inner.u") + wire("inner.y", "other.u[1]", SCALED)
+    table = run(packed(tmp_path, fmus, system("root", clock, inner, OTHER, wires=wired, after=STEP), "Gain", "Clock"))
+    ended = [0.0, 2.5, 3.0, 3.5, 4.0]
+    assert table["clock.ended"] == ended
+    assert table["inner_gain.y[1]"] == [2.0 * t + 0.5 for t in ended]
+    assert table["other.y[1]"] == [2.0 * y + 0.5 for y in table["inner_gain.y[1]"]]
+    bound = system("inner", GAIN, wires=wire("u", "gain.u[1]", SCALED), u="input")
+    text = system("root", bound, bound=(inline("inner.u|Real|3"),), after=STEP)
+    assert set(run(packed(tmp_path, fmus, text, "Gain"))["inner_gain.y[1]"]) == {6.5}
+
+
+def test_what_other_tools_write_is_read(tmp_path, fmus):
+    """An empty element is the system; the Open Simulation Platform's step; any implementation; times by options."""
+    experiment = (
+        '<ssd:DefaultExperiment startTime="0" stopTime="2"><ssd:Annotations><ssc:Annotation type="com.osp">'
+        '<a><FixedStepAlgorithm baseStepSize="0.25"/></a></ssc:Annotation></ssd:Annotations></ssd:DefaultExperiment>'
+    )
+    gain = component("gain", "Gain", attributes='implementation="any"', u_1="input", y_1="output")
+    empty = '<ssd:Connection startElement="" startConnector="u" endElement="gain" endConnector="u[1]"/>'
+    text = system("root", gain, wires=empty, bound=(inline("u|Real|1.5"),), u="input")
+    path = packed(tmp_path, fmus, text, "Gain", tail=experiment)
+    result = library.simulate(path)
+    assert result.table.height == 9
+    assert set(result.table["gain.y[1]"]) == {1.5}
+    options = {"start": 1.0, "stop": 2.1, "step": 0.5, "values": ["gain.gain=5"], "record": ["gain.gain", "gain.y[1]"]}
+    result = library.simulate(path, **options)
+    assert result.table["time_s"].to_list()[:3] == [1.0, 1.5, 2.0]
+    assert result.columns == ["time_s", "gain.gain", "gain.y[1]"]
+    assert set(result.table["gain.y[1]"]) == {7.5}
+    assert "0.5 s does not divide the run of 1.1 s" in result.notes[0]
+
+
+def test_where_a_value_and_a_connection_meet_the_connection_counts(tmp_path, fmus):
+    clock = component("clock", "Clock", ended="output")
+    gain = component("gain", "Gain", inline("u[1]|Real|99"), u_1="input", y_1="output")
+    text = system("root", clock, gain, wires=wire("clock.ended", "gain.u[1]"), after=STEP)
+    result = library.simulate(packed(tmp_path, fmus, text, "Gain", "Clock"))
+    assert result.table["gain.y[1]"].to_list() == result.table["clock.ended"].to_list()
+    assert result.notes == ("gain.u[1] has a value and a connection: the connection from clock.ended counts",)
