@@ -2,6 +2,7 @@ from .archive import version as version
 from .catalogue import build as build
 from .catalogue import component_names as component_names
 from .catalogue import components as components
+from .catalogue import is_built_here as is_built_here
 from .native.compile import PLATFORMS as PLATFORMS
 from .native.compile import BuildError as BuildError
 from .native.compile import host_compiler as host_compiler

@@ -1,9 +1,11 @@
 """Every component, and how it becomes an FMU."""
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from ..models.effects import EffectPlace
+from .cache import store, stored
 from .component import Component, extend
 from .instruments import (
     ACCELEROMETER_BLOCK,
@@ -16,6 +18,8 @@ from .instruments import (
 from .motions import HARMONIC_MOTION, POSITION_PROGRAMME, TABLE_CONTROLLER, TURNTABLE_MOTION
 from .source import build_python_fmu
 
+BUILT = "built"
+"""Folder of the cache with the digests of the FMUs that this program has built."""
 COMPONENTS = {
     c.name: c
     for c in (
@@ -90,7 +94,15 @@ def build(
         from .native.c_source import build_native_fmu
         from .native.compile import chosen_platforms
 
-        return build_native_fmu(component, folder, fmi, chosen_platforms(platform), portable=platform == "all")
-    if flavour == "python" and fmi == 2:
-        return build_python_fmu(component, folder)
-    raise ValueError(f"there is no flavour {flavour} of FMI {fmi}")
+        path = build_native_fmu(component, folder, fmi, chosen_platforms(platform), portable=platform == "all")
+    elif flavour == "python" and fmi == 2:
+        path = build_python_fmu(component, folder)
+    else:
+        raise ValueError(f"there is no flavour {flavour} of FMI {fmi}")
+    store(BUILT, hashlib.sha256(path.read_bytes()).hexdigest(), b"")
+    return path
+
+
+def is_built_here(sha256: str) -> bool:
+    """Return True if this program has built the FMU with this digest, and its cache knows it."""
+    return stored(BUILT, sha256) is not None

@@ -155,13 +155,16 @@ def load_fmus(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, L
                 built[key] = _component(name, setting, places, target)
             path = built[key]
         fmu = unpack(path, label, lambda sha256: folder / f"{sha256}-{len(loaded)}", setting.interface)
-        # An FMU that this run did not build itself may damage its process.
+        # An FMU that this program did not build may damage its process.
         exchange = fmu.description.coSimulation is None
         if setting.event_mode and (exchange or not fmu.says("hasEventMode")):
             raise InputError(f"fmus.{name}.event_mode: {label} does not say hasEventMode for co-simulation (FMI 3.0)")
         # The process that handles its events has the FMU in it.
         event_mode = bool(setting.event_mode) or (bool(fmu.clocks) and not exchange)
-        guest = setting.fmu is not None and (not scenario.run.in_process or exchange or event_mode)
+        is_trusted = bool(scenario.run.in_process)
+        if setting.fmu is not None and scenario.run.call_limit_s is None and scenario.run.in_process is None:
+            is_trusted = fmus.is_built_here(fmu.sha256)
+        guest = setting.fmu is not None and (not is_trusted or exchange or event_mode)
         fmu = replace(fmu, guest=guest, call_limit_s=scenario.run.call_limit_s, tolerance=setting.tolerance)
         fmu = replace(fmu, event_mode=event_mode)
         interface = interface_of(name, label, fmu.description)
