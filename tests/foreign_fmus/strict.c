@@ -1,10 +1,11 @@
 /* x' = u - k x with an event at 0.35 s, for FMI 2.0 and 3.0, model exchange and co-simulation (VERSION, EXCHANGE).
    Each call is accepted only in the modes in which the standard allows it; each step must begin where the last one
    ended and must not pass the stop time. The habits of exporters are macros: LATE, LOST, LIMITED, INTERNAL, FIXED,
-   CLOCK, EVENTS, NOT_A_NUMBER, RESTLESS. */
+   CLOCK, EVENTS, NOT_A_NUMBER, DEADLY, DEAF, TALKING. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 #if VERSION == 2
 #include "fmi2Functions.h"
 #define F(name) fmi2##name
@@ -194,6 +195,18 @@ static Status advance(Model *m, double from, double length, int early) {
 #endif
 #ifdef INTERNAL
     REFUSE(fabs(length / 0.05 - round(length / 0.05)) > 1e-9, "DoStep with no multiple of 0.05 s")
+#endif
+#ifdef DEADLY
+    if (from >= 0.5) abort();
+#endif
+#ifdef DEAF
+    REFUSE(from >= 0.5, "it will not go on")
+#endif
+#ifdef TALKING
+    /* Write to every pipe of the process. */
+    if (from >= 0.5)
+        for (int file = 3; file < 64; file++)
+            if (write(file, "nonsense", 8) < 0) continue;
 #endif
     double end = from + length;
 #ifdef EVENTS

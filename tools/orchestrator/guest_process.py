@@ -595,7 +595,7 @@ def _written(arguments: Sequence[Any], memory: Sequence[Any], status: int) -> li
     return contents
 
 
-def _end_with(parent: int) -> None:
+def end_with(parent: int) -> None:
     """End this process, and the processes that the FMU started, when the parent process is gone."""
     while os.getppid() == parent:
         time.sleep(1.0)
@@ -604,7 +604,7 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-def _limit_memory(most: int) -> None:
+def limit_memory(most: int) -> None:
     """Limit the memory of this process [bytes], if the system supports such a limit."""
     with suppress(ImportError, OSError, ValueError):
         import resource
@@ -634,11 +634,11 @@ def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush:
 def run_guest() -> None:
     """Serve on standard input and output, which are hidden from the FMU; its output goes to standard error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _limit_memory(int(sys.argv[1]))
+    limit_memory(int(sys.argv[1]))
     requests, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=end_with, args=(os.getppid(),), daemon=True).start()
     serve(requests.read, replies.write, replies.flush)
     sys.stdout.flush()
     # Do not wait for the FMU's threads.

@@ -36,6 +36,7 @@ from .loops import Assembly, run_fmus
 from .program import Ports
 from .recorded import RecordColumn, has_outputs, recorded_variables, resolve_columns
 from .scenario import Scenario
+from .shared_process import run_in_one_process
 from .stimuli import check_sources, resolve_stimuli
 from .wiring import check_states, paces_of, resolve_connections, stepping_groups
 
@@ -313,7 +314,9 @@ def _recorded(
 
     try:
         with progress_bar("simulating", grid.steps, show=progress) as update_bar:
-            ended = run_fmus(assembly, keep, progress=update_bar, flush=lambda: journal.due, compiled=compiled)
+            ended = run_in_one_process(
+                assembly, keep, progress=update_bar, flush=lambda: journal.due, compiled=compiled
+            )
         so_far: dict[str, Any] = {}
         if assembly.notes:
             journal.provenance["notes"] = list(assembly.notes)
