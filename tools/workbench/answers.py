@@ -14,7 +14,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
-from .. import by_hand, corrections, diagnosis, document, measured, records, reports
+from .. import by_hand, corrections, diagnosis, document, foreign, measured, records, reports
 from .. import calibration as calibrations
 from ..document.notation import plain as plain_text
 from ..document.notation import unit_text
@@ -55,6 +55,8 @@ ENDINGS |= {"csv": ".csv", "xlsx": ".xlsx"}
 MOST_ROWS = 2000
 """So many rows of a table are shown."""
 MOST_MARKS = 200
+FIRST_ROWS, FIRST_BYTES, MOST_CHARACTERS = 6, 4096, 160
+"""Of a file that is imported: so many rows of so many characters are shown."""
 KEPT: dict[tuple[Any, ...], records.Record] = {}
 """Records that were read, by file and the way of reading."""
 MOST_KEPT = 8
@@ -107,6 +109,48 @@ def described(path: str) -> dict[str, Any]:
     if is_table:
         about["table_rows"] = table_of(record)
     return about
+
+
+def understood(path: str, given: Mapping[str, str], out: str = "") -> dict[str, Any]:
+    """Return how a file that is no record is understood: open questions, or the columns and first rows of its record.
+
+    Parameters
+    ----------
+    path : str
+    given : mapping of str to str
+        question -> answer
+    out : str
+        the record to write; empty: none is written
+
+    Raises
+    ------
+    InputError
+        for a file that holds no table of measurements, or an answer that is none
+    """
+    try:
+        imported = foreign.make_record(Path(path), out=Path(out) if out else None, answers=given)
+    except foreign.OpenQuestions as error:
+        questions = []
+        for question in error.questions:
+            questions.append({"key": question.key, "answers": list(question.answers), "why": question.why})
+        return {"questions": questions, "text": _first_lines(path)}
+    columns = []
+    for column in imported.columns:
+        unit = f" [{column.unit}]" if column.unit else ""
+        columns.append(f"{column.column} from {column.source}{unit}{' reversed' if column.sign < 0 else ''}")
+    first = imported.record.to_polars().head(FIRST_ROWS)
+    rows = [["" if value is None else str(value) for value in row] for row in first.iter_rows()]
+    return {"questions": [], "text": "", "columns": columns, "header": first.columns, "rows": rows, "file": out}
+
+
+def _first_lines(path: str) -> str:
+    """Return the first lines of a text; of another file an empty text."""
+    with Path(path).open("rb") as file:
+        beginning = file.read(FIRST_BYTES)
+    if b"\0" in beginning:
+        return ""
+    lines = beginning.decode(errors="replace").splitlines()[:FIRST_ROWS]
+    return "\n".join(line[:MOST_CHARACTERS] for line in lines)
 
 
 def values_of(decisions: records.Decisions | None) -> dict[str, Any]:
@@ -401,22 +445,22 @@ def saved(what: str, record: str) -> dict[str, Any]:
     kind = type(result).__name__.lower()
     beside = Path(record)
     if what == "json":
-        out = _free(beside.with_name(f"{beside.stem}.{kind}.json"))
+        out = free_name(beside.with_name(f"{beside.stem}.{kind}.json"))
         write_text(out, json_text(result.to_json()))
     elif what == "report":
-        out = _free(beside.with_name(f"{beside.stem}.{kind}.html"))
+        out = free_name(beside.with_name(f"{beside.stem}.{kind}.html"))
         reports.write_report(out, result, made_of)
     elif what == "corrected":
-        out = _free(beside.with_name(f"{beside.stem}.corrected.csv"))
+        out = free_name(beside.with_name(f"{beside.stem}.corrected.csv"))
         corrected = corrections.apply(result, Path(record)).record
         if corrected is None:
             raise InputError("nothing that was found can be taken out of readings")
         records.write_record(corrected, out)
     elif what == "fmu":
-        out = _free(beside.with_name(f"{beside.stem}-fmus"))
+        out = free_name(beside.with_name(f"{beside.stem}-fmus"))
         _export(result, out)
     elif what in ENDINGS:
-        out = _free(beside.with_name(f"{beside.stem}.{what}{ENDINGS[what]}"))
+        out = free_name(beside.with_name(f"{beside.stem}.{what}{ENDINGS[what]}"))
         corrections.export_calibration(result, cast("ExportTarget", what), out)
     else:
         raise InputError(f"{what}: is nothing that a result is saved as")
@@ -432,7 +476,7 @@ def _export(result: Any, folder: Path) -> None:
         calibrations.export_calibrated(result, folder)
 
 
-def _free(path: Path) -> Path:
+def free_name(path: Path) -> Path:
     """Return the path, with a number where it is taken."""
     taken, number = path, 2
     while taken.exists():

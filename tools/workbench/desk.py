@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,12 @@ class OpenFile:
         decisions before each change, the last one last
     preview : Channels or None
         channels of a series, unchecked, for its pictures
+    given : mapping of str to str
+        answers to the questions of its import
+    imported : mapping or None
+        how it is understood, as `answers.understood` has it; None of a record, and of what cannot be imported
+    looked_at : Event
+        is set when it has been read
     """
 
     path: Path
@@ -46,6 +53,9 @@ class OpenFile:
     decisions: Mapping[str, Any] = field(default_factory=dict)
     earlier: list[Mapping[str, Any]] = field(default_factory=list)
     preview: Channels | None = None
+    given: Mapping[str, str] = field(default_factory=dict)
+    imported: Mapping[str, Any] | None = None
+    looked_at: threading.Event = field(default_factory=threading.Event)
 
 
 @dataclass(frozen=True)
@@ -103,10 +113,46 @@ class Desk:
         try:
             about = self.look(answers.described, str(file.path))
         except (InputError, OSError) as error:
-            file.problem = one_line(str(error))
+            problem = one_line(str(error))
+            with suppress(InputError, OSError):
+                file.imported = self.look(answers.understood, str(file.path), {})
+            file.problem = problem
         else:
             file.decisions, file.about, file.problem = about["decisions"], about, ""
         self.number += 1
+        file.looked_at.set()
+
+    def wait_for(self, number: int, seconds: float) -> None:
+        """Wait until a file has been read.
+
+        Raises
+        ------
+        InputError
+            for a file that is no record and cannot be imported
+        """
+        file = self.files[number]
+        if file.looked_at.wait(seconds) and file.about is None and file.imported is None:
+            raise InputError(file.problem)
+
+    def import_with(self, number: int, given: Mapping[str, str], *, write: bool) -> dict[str, Any]:
+        """Take answers about a file that is no record; with `write` make the record beside it, and open it.
+
+        Raises
+        ------
+        InputError
+            for an answer that is none
+        """
+        if not 0 <= number < len(self.files) or self.files[number].about is not None:
+            raise InputError("choose a file that is no record first")
+        file = self.files[number]
+        out = answers.free_name(file.path.with_name(f"{file.path.stem}.record.csv")) if write else ""
+        view = self.look(answers.understood, str(file.path), dict(given), str(out))
+        with self._lock:
+            file.given, file.imported = dict(given), view
+            self.number += 1
+        if write and not view["questions"]:
+            return {"file": self.open(Path(out))}
+        return {}
 
     def look(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return what a function of `answers` says of a record, beside a calculation."""
@@ -138,6 +184,8 @@ class Desk:
                         "problem": file.problem,
                         "decisions": file.decisions,
                         "preview": file.preview is not None,
+                        "imported": file.imported,
+                        "given": file.given,
                         "undo": bool(file.earlier),
                         "decisions_file": records.decisions_file(file.path).name,
                     }

@@ -91,7 +91,7 @@ function show() {
   const file = state.files[current];
   $("record-part").hidden = !file;
   if (file) {
-    const key = JSON.stringify([current, file.preview, file.about && file.about.sha256, file.decisions, file.problem, state.answer && state.answer.wrong]);
+    const key = JSON.stringify([current, file.preview, file.about && file.about.sha256, file.decisions, file.problem, state.answer && state.answer.wrong, file.imported]);
     if (key !== shownRecord) { shownRecord = key; showRecord(file); }
     $("undo").disabled = !file.undo;
   }
@@ -197,7 +197,7 @@ function interval(one) {
 
 async function showRecord(file) {
   const about = file.about;
-  $("import").hidden = Boolean(about);
+  $("import").hidden = true;
   $("series").hidden = about ? about.table : !file.preview;
   $("table").hidden = !about || !about.table;
   const saved = Object.keys(file.decisions).length ? `Decisions are kept in ${file.decisions_file}.` : "";
@@ -205,7 +205,8 @@ async function showRecord(file) {
   if (!about) {
     $("record-about").textContent = file.problem === READING ? `${file.name} ${file.problem} ...` : file.problem;
     if (file.preview) { rests = []; marks = []; $("rests").tBodies[0].replaceChildren(); await draw(); return; }
-    if (window.showImport) window.showImport(file);
+    $("import").hidden = !file.imported;
+    if (file.imported) showImport(file);
     return;
   }
   $("record-about").textContent = `${file.name}: ${about.word} of ${about.rows} rows.`;
@@ -213,6 +214,52 @@ async function showRecord(file) {
   $("turns").value = file.decisions.turns || "";
   if (!lines || lines.file !== current) await draw();
   await showRests();
+}
+
+// A file that is no record: its questions, then its first rows as understood
+
+function showImport(file) {
+  const { questions, text, columns, header, rows } = file.imported;
+  const tell = (given, write) => send({ do: "import", file: current, given, write });
+  $("record-about").textContent = questions.length ? `${file.name} is no record yet. Answer ${questions.length === 1 ? "one question" : questions.length + " questions"}:` : `${file.name} becomes this record:`;
+  const parts = questions.map(question => {
+    const label = element("label", `${question.key}: ${question.why}`), select = element("select", null, { "aria-label": question.key });
+    const other = element("input", null, { "aria-label": `Other answer to ${question.key}`, placeholder: "another answer" });
+    for (const word of ["", ...question.answers]) select.append(element("option", word));
+    const answered = value => { if (value) tell({ ...file.given, [question.key]: value }, false); };
+    select.addEventListener("change", () => answered(select.value));
+    other.addEventListener("change", () => answered(other.value.trim()));
+    const row = element("div", null, { class: "row" });
+    label.append(select);
+    row.append(label, other);
+    return row;
+  });
+  if (text) parts.push(element("pre", text));
+  if (!questions.length) {
+    const make = element("button", "Make the record", { type: "button", id: "make" });
+    make.addEventListener("click", async () => {
+      const result = await tell(file.given, true);
+      if (result.file !== undefined) { current = result.file; chosen = new Set([current]); span = null; await look(); }
+    });
+    parts.push(element("p", columns.join("; ")), tableOf(header, rows), make);
+  }
+  if (Object.keys(file.given).length) {
+    const words = Object.entries(file.given).map(([key, value]) => `${key}=${value}`).join(", ");
+    parts.push(element("p", `Answered: ${words}`), button("Answer again", () => tell({}, false)));
+  }
+  $("import").replaceChildren(...parts);
+}
+
+function tableOf(header, rows) {
+  const table = element("table", null), head = element("tr", null), wide = element("div", null, { class: "wide" });
+  head.append(...header.map(name => element("th", name, { class: "number" })));
+  table.append(head, ...rows.map(cells => {
+    const row = element("tr", null);
+    row.append(...cells.map(text => cell(text, "number")));
+    return row;
+  }));
+  wide.append(table);
+  return wide;
 }
 
 function showTable(file) {

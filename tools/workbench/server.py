@@ -21,6 +21,8 @@ MOST_BYTES = 1 << 20
 """Of a request with decisions."""
 MOST_DROPPED = 1 << 30
 """Of a file that is dropped on the page."""
+SMALL, FIRST_LOOK_S = 5_000_000, 30.0
+"""Files up to this size are read before the page opens [bytes], for so long at most [s]."""
 JSON = "application/json"
 FRAME = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'unsafe-inline'"
 
@@ -59,7 +61,7 @@ def open_records(*files: str | Path, port: int = 0, advise: answers.Advise | Non
     Raises
     ------
     InputError
-        for a file that cannot be read, or a port that is taken
+        for a file that is no record and cannot be imported, or a port that is taken
 
     Examples
     --------
@@ -72,6 +74,9 @@ def open_records(*files: str | Path, port: int = 0, advise: answers.Advise | Non
             raise NoSuchFileError(f"{file}: no such file")
     desk = Desk([Path(file) for file in files], advise)
     try:
+        for number, file in enumerate(desk.files):
+            if file.path.stat().st_size <= SMALL:
+                desk.wait_for(number, FIRST_LOOK_S)
         return DeskServer(desk, port)
     except InputError:
         desk.close()
@@ -164,6 +169,9 @@ def _done(desk: Desk, asked: Mapping[str, Any]) -> dict[str, Any]:
         desk.run(Request(str(asked.get("command")), tuple(files), options))
     elif what == "decide" and isinstance(asked.get("decisions"), dict) and type(asked.get("file")) is int:
         desk.decide(asked["file"], asked["decisions"])
+    elif what == "import" and isinstance(asked.get("given"), dict) and type(asked.get("file")) is int:
+        given = {str(key): str(value) for key, value in asked["given"].items()}
+        return desk.import_with(asked["file"], given, write=asked.get("write") is True)
     elif what == "undo" and type(asked.get("file")) is int:
         desk.undo(asked["file"])
     elif what == "stop":
