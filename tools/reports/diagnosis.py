@@ -11,6 +11,7 @@ from ..diagnosis.hypothesis import Hypothesis
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Page, Picture, Section, Table, Tone
 from ..document.notation import Cell, sentence, unit_text
+from ..errors import InputError
 from ..motion.inspect import Inspection
 from ..motion.norm import norm_values
 from ..records import PositionRecord
@@ -59,6 +60,26 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
         warnings=warnings,
         screen=terminal_lines(result, verdict, warnings),
     )
+
+
+def explanation_page(result: Diagnosis, number: int) -> Page:
+    """Return the page of one of the explanations: its size, gain and residuals, and what tells it from the others.
+
+    Raises
+    ------
+    InputError
+        if the diagnosis has no such explanation
+    """
+    if not 0 <= number < len(result.explanations):
+        raise InputError(f"explanation {number + 1}: the diagnosis has {len(result.explanations)}")
+    explanation = result.explanations[number]
+    places = [cause.place for cause in explanation.causes]
+    matching = [finding for finding in result.findings if [cause.place for cause in finding.causes] == places]
+    changed = {"explanations": (explanation,), "causes": explanation.causes, "findings": tuple(matching[:1])}
+    alone = result.model_copy(update={"verdict": "explained", "alternatives": None, **changed})
+    sections = answer_of(alone) if matching or not places else []
+    following = [section for section in remarks_of(result) if section.title.startswith("What to measure")]
+    return Page(explanation.sentence, f"It needs {explanation.numbers} numbers.", [*sections, *following])
 
 
 def _page_of_file(result: Diagnosis) -> Page:

@@ -431,6 +431,14 @@ def page() -> str:
     return document.html(shown)
 
 
+def explanation(number: int) -> str:
+    """Return the page of an explanation of the last diagnosis as HTML; an InputError where there is none."""
+    result, _ = LAST[0]
+    if not isinstance(result, diagnosis.Diagnosis):
+        raise InputError("the last result is no diagnosis")
+    return document.html(reports.explanation_page(result, number))
+
+
 def saved(what: str, record: str) -> dict[str, Any]:
     """Write a file of the last result beside a record: "json", "report", "corrected", "fmu", or a target of an export.
 

@@ -303,9 +303,13 @@ class Desk:
             raise InputError("choose a record first")
         return self.files[number]
 
-    def page(self) -> str:
-        """Return the page of the last result as HTML."""
-        return _value(self._calculating, answers.page)
+    def page(self, explanation: int | None = None) -> str:
+        """Return the page of the last result, or of one of its explanations, as HTML."""
+        if self.answer is None:
+            raise InputError("calculate something first")
+        if explanation is None:
+            return _value(self._calculating, answers.page)
+        return _value(self._calculating, answers.explanation, explanation)
 
     def save(self, what: str) -> dict[str, Any]:
         """Write a file of the last result beside its first record.

@@ -143,7 +143,7 @@ function showAnswer() {
   $("warnings").hidden = !answer.warnings.length;
   $("warnings").querySelector("summary").textContent = answer.warnings.length === 1 ? "1 warning" : `${answer.warnings.length} warnings`;
   $("warnings").querySelector("ul").replaceChildren(...answer.warnings.map(text => element("li", text)));
-  $("explanations").replaceChildren(...answer.explanations.map(showExplanation));
+  $("explanations").replaceChildren(...answer.explanations.map((one, number) => showExplanation(one, number)));
   if (state.before) showBefore(state.before, answer);
   $("command").textContent = answer.command;
   $("python").textContent = answer.python;
@@ -156,7 +156,7 @@ function showPage() {
   if ($("page-details").open && $("page").getAttribute("src") !== address) $("page").setAttribute("src", address);
 }
 
-function showExplanation(explanation) {
+function showExplanation(explanation, number) {
   const item = element("li", null), details = element("details", null), summary = element("summary", explanation.sentence);
   const numbers = explanation.numbers === 1 ? "1 number" : `${explanation.numbers} numbers`;
   details.append(summary, element("p", `It needs ${numbers}; the largest error is then ${explanation.radius === "unknown" ? "unknown" : explanation.radius + " σ"}.`));
@@ -169,6 +169,11 @@ function showExplanation(explanation) {
     }
     details.append(table);
   }
+  const frame = element("iframe", null, { title: explanation.sentence, sandbox: "allow-same-origin" });
+  details.addEventListener("toggle", () => {
+    if (details.open && !frame.hasAttribute("src")) frame.setAttribute("src", `page?explanation=${number}&answer=${state.answered}`);
+  });
+  details.append(frame);
   item.append(details);
   return item;
 }

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 1 << 20
 """Of a request with decisions."""
+MOST_EXPLANATIONS = 1000
 MOST_DROPPED = 1 << 30
 """Of a file that is dropped on the page."""
 SMALL, FIRST_LOOK_S = 5_000_000, 30.0
@@ -94,10 +95,21 @@ class _Handler(LoopbackHandler):
         elif name == "state":
             self._answer_object(desk.state())
         elif name == "page":
-            self.answer(200, desk.page().encode(), FRAME, in_frame=True)
+            self._answer_page(desk)
         elif name is not None:
             query = {key: values[0] for key, values in parse_qs(urlsplit(self.path).query).items()}
             self._tell(lambda: _looked(desk, name, query))
+
+    def _answer_page(self, desk: Desk) -> None:
+        """Send the page of the last result, or of one of its explanations, for a frame."""
+        query = parse_qs(urlsplit(self.path).query)
+        try:
+            explanation = _number(query["explanation"][0], MOST_EXPLANATIONS) if "explanation" in query else None
+            page = desk.page(explanation)
+        except InputError as error:
+            self.answer(404, one_line(str(error)).encode())
+            return
+        self.answer(200, page.encode(), FRAME, in_frame=True)
 
     def do_POST(self) -> None:
         name = self.trusted(("do", "drop"))

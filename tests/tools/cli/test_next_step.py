@@ -14,7 +14,17 @@ import pytest
 from command_table import QUICK, Command
 from trihedron.tools import cli
 
-WITHOUT_VERDICT = ("new", "simulate", "export", "export-ssp", "export-notebook", "completion", "plot", "fmpy-input")
+WITHOUT_VERDICT = (
+    "new",
+    "simulate",
+    "export",
+    "export-ssp",
+    "export-notebook",
+    "completion",
+    "open",
+    "plot",
+    "fmpy-input",
+)
 """Commands that print the names of files, or text for another program."""
 BEGINNINGS = (
     "import foreign.csv --out record.csv",

@@ -106,7 +106,7 @@ def is_same(shown: dict[str, float | None], expected: dict[str, float]) -> bool:
 
 
 def wrong_table(folder: Path) -> Path:
-    """Return a table of 24 positions, one with an angle that is wrong by 0.3 degrees."""
+    """Return a position record of 24 positions, one with an angle that is wrong by 0.3 degrees."""
     rng = np.random.default_rng(3)
     noise = rng.uniform(-1e-5, 1e-5, (24, 3))
     made = simulated(random_bench(rng), noise=noise)
@@ -119,9 +119,21 @@ def wrong_table(folder: Path) -> Path:
     return path
 
 
-def test_a_wrong_angle_is_left_out_and_the_record_corrected(tmp_path: Path, window: Window, opened) -> None:
-    path = wrong_table(tmp_path)
-    visitor = Visitor(window, opened(path))
+def workbook(table: Path) -> Path:
+    """Return a workbook with a table's columns, its accelerometers without a unit."""
+    names = {"position": "Nr", "time_s": "Time [s]", "alpha_deg": "alpha [deg]", "beta_deg": "beta [deg]"}
+    names |= {f"f{axis}_mps2": f"A{axis}" for axis in (1, 2, 3)}
+    path = table.with_suffix(".xlsx")
+    pl.read_csv(table).select(names).rename(names).write_excel(path)
+    return path
+
+
+def test_a_workbook_with_a_wrong_angle_becomes_a_corrected_record(tmp_path: Path, window: Window, opened) -> None:
+    wrong_table(tmp_path)
+    visitor = Visitor(window, opened(workbook(tmp_path / "table.csv")))
+    visitor.choose("#import select", "m/s2")
+    visitor.click("#make")
+    visitor.wait_for("state.files.length === 2 && state.files[1].about")
     visitor.type("[name=noise_bound]", "1e-5")
     verdict = visitor.answered(lambda: visitor.click("[data-command=diagnose]"))
     assert "Row 12 is wrong" in verdict
@@ -129,10 +141,11 @@ def test_a_wrong_angle_is_left_out_and_the_record_corrected(tmp_path: Path, wind
     assert visitor.answered(lambda: visitor.click("[data-command=calibrate]")).startswith("Consistent")
     corrected = visitor.saved("[data-save=corrected]")
     assert th.read_record(corrected).about["corrected_by"]
-    assert is_same(visitor.parameters(), estimates(by_command("calibrate", "table.csv", "--noise-bound", "1e-5")))
-    assert "left_out = [12]" in (tmp_path / "table.decisions.toml").read_text()
-    assert visitor.page.inner_text("#command") == "trihedron calibrate table.csv --noise-bound 1e-05"
-    assert visitor.clicks <= 6
+    content = by_command("calibrate", "table.record.csv", "--noise-bound", "1e-5")
+    assert is_same(visitor.parameters(), estimates(content))
+    assert "left_out = [12]" in (tmp_path / "table.record.decisions.toml").read_text()
+    assert visitor.page.inner_text("#command") == "trihedron calibrate table.record.csv --noise-bound 1e-05"
+    assert visitor.clicks <= 8
     assert window.complaints == []
 
 
@@ -204,6 +217,8 @@ def test_a_hidden_effect_is_found_and_exported(tmp_path: Path, window: Window, o
     assert visitor.page.locator("#explanations details").count() == len(content["explanations"])
     visitor.click("#explanations summary")
     assert visitor.page.locator("#explanations td").count() > 0
+    shown = visitor.page.frame_locator("#explanations iframe").first
+    shown.locator("h2", has_text="Residuals before and after").wait_for(timeout=SECONDS)
     folder = visitor.saved("[data-save=fmu]")
     assert list(folder.glob("*.fmu"))
     assert visitor.clicks <= 5
