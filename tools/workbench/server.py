@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, unquote, urlsplit
 
-from ..errors import InputError, NoSuchFileError, one_line
-from ..files import whole_file
+from ..errors import InputError, one_line
+from ..files import bytes_of, whole_file
 from ..live.loopback import LoopbackHandler, LoopbackServer, text_of
 from . import answers
 from .desk import COMMANDS, Desk, Request
@@ -70,14 +70,17 @@ def open_records(*files: str | Path, port: int = 0, advise: answers.Advise | Non
     >>> page = th.open("walk.csv")  # doctest: +SKIP
     >>> page.address  # doctest: +SKIP
     """
-    for file in files:
-        if not Path(file).is_file():
-            raise NoSuchFileError(f"{file}: no such file")
-    desk = Desk([Path(file) for file in files], advise)
+    small = []
+    for number, file in enumerate(files):
+        path = Path(file)
+        if not path.is_file() or path.stat().st_size <= SMALL:
+            bytes_of(path, "the file of a record is needed")
+            small.append(number)
+    desk = Desk((), advise)
+    numbers = [desk.open(Path(file)) for file in files]
     try:
-        for number, file in enumerate(desk.files):
-            if file.path.stat().st_size <= SMALL:
-                desk.wait_for(number, FIRST_LOOK_S)
+        for number in small:
+            desk.wait_for(numbers[number], FIRST_LOOK_S)
         return DeskServer(desk, port)
     except InputError:
         desk.close()

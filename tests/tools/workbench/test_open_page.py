@@ -124,7 +124,7 @@ def workbook(table: Path) -> Path:
     names = {"position": "Nr", "time_s": "Time [s]", "alpha_deg": "alpha [deg]", "beta_deg": "beta [deg]"}
     names |= {f"f{axis}_mps2": f"A{axis}" for axis in (1, 2, 3)}
     path = table.with_suffix(".xlsx")
-    pl.read_csv(table).select(names).rename(names).write_excel(path)
+    pl.read_csv(table).select(list(names)).rename(names).write_excel(path)
     return path
 
 
