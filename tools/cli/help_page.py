@@ -16,7 +16,7 @@ PARAMETERS, OPTIONS = "Parameters", "Options"
 """Title of the panel of options, and the heading of those without a group."""
 GROUPS = {
     "Noise": ("--noise", "--noise-bound", "--noise-sd", "--reference-bound"),
-    "Reading the file": ("--channels", "--stamps", "--trust", "--rates", "--bridge-gaps", "--mapping", "--set"),
+    "Reading the file": ("--channels", "--stamps", "--trust", "--rates", "--bridge-gaps", "--mapping"),
     "Model": (
         *("--gravity", "--mounting", "--mountings", "--convention", "--baseline", "--bounds", "--admissible"),
         *("--target", "--prior", "--with", "--effects-from", "--hypothesis", "--extend"),
@@ -31,7 +31,7 @@ GROUPS = {
         *("--allan", "--picture", "--answer"),
     ),
 }
-"""Headings of options; all others stand below `OPTIONS`, which comes first."""
+"""Headings of options; all others are below `OPTIONS`, which comes first."""
 
 
 class HelpPage:

@@ -198,7 +198,8 @@ def turns_to(up: NDArray, target: NDArray) -> list[Turn]:
     if cosine > -1.0 + 1e-9:
         axis = np.cross(target, up)
         angle = float(np.arccos(cosine))
-        words = f"turn by {digits(np.degrees(angle), 3)}°, the shortest way"
+        degrees = digits(np.degrees(angle), 3).removesuffix(".0")
+        words = f"turn by {degrees}°, the shortest way"
         return [Turn(axis / np.linalg.norm(axis), angle, target, words)]
     turns = []
     for number, axis in enumerate(np.eye(3), start=1):

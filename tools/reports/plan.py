@@ -463,8 +463,8 @@ def hand_page(plan: "HandPlan") -> Page:
         rows.append([number, step.turn or "begin", step.pose, digits(step.rest_s), pose_error, turn_error])
     header = ["step", "move", "then at rest", "rest [s]", "|f| in any pose [mg]", "turn of 90° [arcmin]"]
     words = [
-        "Hold it still at each rest: on a table, or against something firm. Directions need no accuracy: 10° off is as "
-        "good. Move within a few seconds from rest to rest, slower than the gyros' range. Record it as one file.",
+        "Hold the block still at each rest: on a table, or against something firm. Directions need no accuracy: 10° "
+        "off is as good. Move within a few seconds from rest to rest, slower than the gyros' range. Record one file.",
         "Axis 1 up: accelerometer 1 reads +1 g. Errors are predicted from the poses, the noise at rest "
         f"({digits(1e3 * plan.rest_sd, 2)} mg) and an error of each move of 7 arcmin.",
     ]
