@@ -30,7 +30,7 @@ from ..files import (
     whole_file,
     write_text,
 )
-from ..locks import Taken, locked
+from ..locks import Taken, locked, refuse_irregular
 from ..orchestrator.scenario import read_scenario
 from .file import Campaign, parse_campaign
 from .kinds import Output
@@ -268,6 +268,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     Raises InputError if there is none.
     """
     path = folder / MANIFEST
+    refuse_irregular(path)
     try:
         text = path.read_bytes()
         content = json.loads(text)
@@ -287,7 +288,8 @@ def open_result(folder: Path) -> tuple[Store, dict[str, Any]]:
     """Return the results in a folder, for reading."""
     manifest = read_manifest(folder)
     for path in (folder / MANIFEST, *folder.joinpath(RUNS).glob("*.parquet")):
-        note_read(path, path.stat())
+        if path.is_file():
+            note_read(path, path.stat())
     text = str(manifest.get("campaign_file", ""))
     campaign = parse_campaign(text.encode(), folder / CAMPAIGN_FILE)
     return Store(folder, campaign), manifest

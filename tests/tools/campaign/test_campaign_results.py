@@ -1,6 +1,7 @@
 """The computations over a campaign, its page, and its comparison with another one."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -241,6 +242,24 @@ def test_what_cannot_be_reported_is_refused_and_left_alone(tmp_path, prepare, wo
     assert message in error
     assert error.count("\n") == 1
     assert content(tmp_path) == before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes and links of POSIX")
+@pytest.mark.parametrize(
+    ("name", "make", "message"),
+    [
+        ("campaign.json", lambda path: os.mkfifo(path), "campaign.json: is not a regular file"),
+        ("runs/part-00002.parquet", lambda path: os.mkfifo(path), "(1 of 6 files of runs are missing)"),
+        ("runs/part-00002.parquet", lambda path: path.symlink_to("gone"), "(1 of 6 files of runs are missing)"),
+        ("runs/part-00002.parquet", lambda path: path.symlink_to(path), "(1 of 6 files of runs are missing)"),
+    ],
+)
+def test_pipes_and_links_to_nothing_are_no_results(name, make, message, tmp_path, capsys):
+    made(tmp_path, SWEPT, swept)
+    (tmp_path / name).unlink()
+    make(tmp_path / name)
+    assert cli.main(["campaign-report", str(tmp_path)]) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_campaigns_of_different_kinds_are_not_compared(tmp_path):
