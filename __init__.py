@@ -18,6 +18,7 @@ _TYPES = {
     "Simulation": "orchestrator",
 }
 _FUNCTIONS = {
+    "batch": ("batch",),
     "corrections": ("apply", "correction", "export_calibration"),
     "library": (
         "campaign_report",

@@ -1,3 +1,4 @@
+from .tools.batch import batch as batch
 from .tools.check import Check as Check
 from .tools.corrections import apply as apply
 from .tools.corrections import correction as correction

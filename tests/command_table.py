@@ -101,6 +101,8 @@ COMMANDS = (
     command("completion bash --json out.json"),
     command("open clean.csv --no-browser --duration 0 --json out.json", "clean.csv"),
     command("campaign campaign.toml --jobs 1 --out out --json out.json", "campaign.toml"),
+    # A record that cannot be used is a row of a batch, not its end.
+    command("batch clean.csv measured.csv --do calibrate --noise-bound 1e-5 --jobs 1 --out out --json out.json"),
     command("campaign-report finished --report out.html --json out.json"),
     command("compare clean.csv measured.csv --report out.html --json out.json", "clean.csv", "measured.csv"),
     command("plot strapdown.csv out.html --json out.json", "strapdown.csv"),

@@ -42,15 +42,19 @@ RUNS, RECORDS = "runs", "records"
 _PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
 _CODE = (
     "bounded",
+    "by_hand",
+    "calibrated.py",
     "calibration",
     "campaign",
     "compiled.py",
     "diagnosis",
     "evidence",
     "motion",
+    "noise",
     "orchestrator",
     "papers",
     "records",
+    "sieve",
     "trials",
 )
 """Sub-packages and modules of the tools that affect results, beside models and fmus."""

@@ -107,6 +107,7 @@ GROUPS = {
         "export-calibration": commands.export_calibration_command,
         "attitude": commands.attitude_command,
         "compare": studies.compare_command,
+        "batch": studies.batch_command,
     },
     "Advanced": {
         "campaign": studies.campaign_command,

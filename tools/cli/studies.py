@@ -11,11 +11,12 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
+from .. import batch as batches
 from .. import campaign as campaigns
 from .. import instrument as folders
 from .. import library, own_effects, papers, reports, trials, workbench
 from ..errors import InputError
-from ..files import at_once, json_text, made_folder, ordinary_file, write_text
+from ..files import at_once, json_text, made_folder, ordinary_file, ordinary_folder, write_text
 from ..options import EffectsFrom
 from .answer import (
     STANDARD_OUTPUT,
@@ -269,6 +270,46 @@ def campaign_command(campaign: Path, /, *, out: Folder = None, json: JsonFile = 
         result = library.run_campaign(campaign, out, **options, progress=True)
     folder = result.folder or Path()
     return answer(result, json, files=[folder / "runs", folder / "summary.json", folder / "index.html"])
+
+
+@with_options_of(batches.batch)
+def batch_command(
+    files: Path,
+    /,
+    *others: Path,
+    do: Literal["calibrate", "diagnose", "noise", "apply"],
+    out: Annotated[Path, Parameter(name="--out", validator=ordinary_folder)],
+    mounting: str | None = None,
+    calibration: Annotated[Path | None, Parameter(name="--with")] = None,
+    tolerance: File = None,
+    json: JsonFile = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron batch records/*.csv --do calibrate --noise-bound 1e-5 --out lot
+
+    Example: trihedron batch lot.csv --do diagnose --tolerance limits.toml --out lot
+
+    Parameters
+    ----------
+    others
+        Further records.
+    """
+    distinct_files({"the first record": files, "--json": json})
+    # Results are kept as they arrive, and --resume continues from them.
+    with at_once():
+        lot = batches.batch(
+            files,
+            *others,
+            do=do,
+            out=out,
+            mounting=mounting,
+            calibration=calibration,
+            tolerance=tolerance,
+            **options,
+            progress=True,
+        )
+    written = [out / name for name in ("index.html", "records.parquet", "lot.json")]
+    return answer(lot, json, files=written)
 
 
 @with_options_of(library.campaign_report)

@@ -4,5 +4,8 @@ from .folder import Entries as Entries
 from .folder import Entry as Entry
 from .folder import add_to_instrument as add_to_instrument
 from .folder import entries_of as entries_of
+from .folder import entry_with as entry_with
+from .folder import facts_of as facts_of
+from .folder import moment as moment
 from .folder import nearest_of_instrument as nearest_of_instrument
 from .folder import trend_of_instrument as trend_of_instrument

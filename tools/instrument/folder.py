@@ -16,7 +16,7 @@ from ..diagnosis.result import DIAGNOSES, Diagnosis, in_present_schema
 from ..errors import InputError
 from ..evidence.of_record import is_of_instrument, plain
 from ..files import LARGEST_RESULT, bytes_of, write_text
-from ..records import read_record
+from ..records import Record, read_record
 from ..result import Result, Told, object_of, parsed_result
 
 INSTRUMENT = "trihedron.instrument/1"
@@ -135,22 +135,8 @@ def add_to_instrument(
         measured = comments.get(digest, {}).get("date")
         if label and measured:
             dates.append(OnDate(record=label, date=_minute(measured, "--record")))
-    kind: Literal["calibration", "diagnosis"] = "calibration"
-    if isinstance(parsed, Diagnosis):
-        kind = "diagnosis"
-        if not parsed.records:
-            content = parsed.to_json()
-    entry = Entry(
-        kind=kind,
-        date=_minute(facts["date"], "--date"),
-        temperature_degC=_degrees(facts.get("temperature")),
-        serial=facts["serial"],
-        verdict=str(content["verdict"]),
-        sha256=hashlib.sha256(content_bytes).hexdigest(),
-        record_sha256=" ".join(sorted(digests or comments)),
-        dates=tuple(dates),
-        result=content,
-    )
+    entry = entry_with(parsed, content_bytes, facts)
+    entry = entry.model_copy(update={"record_sha256": " ".join(sorted(digests or comments)), "dates": tuple(dates)})
     present_entries: tuple[Entry, ...] = ()
     if folder.exists():
         present_entries = entries_of(folder).entries
@@ -161,9 +147,33 @@ def add_to_instrument(
             raise InputError(f"{result}: a {entry.kind} of this record is there already: {folder / present.file}")
         if entry.serial and present.serial and entry.serial != present.serial:
             raise InputError(f"{folder}: is of the instrument {present.serial}, not of {entry.serial}")
-    name = f"{entry.date.replace(':', '')}-{entry.kind}-{entry.sha256[:8]}.json"
-    write_text(folder / name, entry.json_text())
-    return entry.model_copy(update={"file": name})
+    write_text(folder / entry.file, entry.json_text())
+    return entry
+
+
+def entry_with(result: Held, content: bytes, facts: Mapping[str, str | None]) -> Entry:
+    """Return the entry of a result in an instrument's folder.
+
+    `content` is its file; `facts` has the date, and the temperature [°C] and the serial number where they are known.
+    """
+    kind: Literal["calibration", "diagnosis"] = "calibration"
+    published = object_of(content, "result")
+    if isinstance(result, Diagnosis):
+        kind = "diagnosis"
+        if not result.records:
+            published = result.to_json()
+    date, digest = _minute(facts["date"] or "", "--date"), hashlib.sha256(content).hexdigest()
+    return Entry(
+        kind=kind,
+        date=date,
+        temperature_degC=_degrees(facts.get("temperature")),
+        serial=facts.get("serial"),
+        verdict=str(published["verdict"]),
+        sha256=digest,
+        record_sha256=" ".join(sorted(filter(None, digests_of(result).values()))),
+        result=published,
+        file=f"{date.replace(':', '')}-{kind}-{digest[:8]}.json",
+    )
 
 
 def _said_by(paths: Sequence[Path], result: Path, digests: Sequence[str]) -> dict[str, dict[str, str]]:
@@ -176,15 +186,21 @@ def _said_by(paths: Sequence[Path], result: Path, digests: Sequence[str]) -> dic
             is_another = bool(comments)
         if is_another:
             raise InputError(f"{path}: is not the record of {result}: its SHA-256 is another")
-        facts: dict[str, str] = {}
-        for name, keys in SAID.items():
-            for key in reversed(keys):
-                if key in measured.about:
-                    facts[name] = measured.about[key]
-        if measured.temperature is not None:
-            facts.setdefault("temperature", str(float(measured.temperature.mean())))
-        comments[measured.sha256] = facts
+        comments[measured.sha256] = facts_of(measured)
     return comments
+
+
+def facts_of(record: Record) -> dict[str, str]:
+    """Return date, temperature and serial number of a record, from its comment lines and temperatures."""
+    facts: dict[str, str] = {}
+    for name, keys in SAID.items():
+        for key in reversed(keys):
+            if key in record.about:
+                facts[name] = record.about[key]
+    temperature = getattr(record, "temperature", None)
+    if temperature is not None:
+        facts.setdefault("temperature", str(float(temperature.mean())))
+    return facts
 
 
 def entries_of(folder: Path) -> Entries:

@@ -46,6 +46,7 @@ PAGES = {
     "Imported": ("pages", "import_page"),
     "Inspection": ("inspection", "inspection_page"),
     "Installation": ("pages", "installation_page"),
+    "Lot": ("lot", "lot_page"),
     "Measured": ("measure", "measured_page"),
     "Noise": ("noise", "noise_page"),
     "Plans": ("plan", "plans_page"),

@@ -1,0 +1,3 @@
+from .jobs import Job as Job
+from .jobs import jobs_of as jobs_of
+from .library import batch as batch

@@ -1,0 +1,5 @@
+"""A lot of instruments: distributions, odd instruments, shared causes, trends and tolerances."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
