@@ -468,6 +468,7 @@ def diagnose(
     effects_from: EffectsFrom = None,
     extend: Extend = False,
     bench: "calibrations.Bench | None" = None,
+    against: str | Path | None = None,
     progress: Progress = False,
 ) -> "diagnosis.Diagnosis":
     """Decide whether the simulation can explain a record; if not, name the missing effect.
@@ -487,6 +488,8 @@ def diagnose(
     bench : Bench, optional
         Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are held against
         the table, too.
+    against : path, optional
+        A scenario (TOML): the record's noise is held against that of its blocks. A rest of five minutes is needed.
 
     Returns
     -------
@@ -522,7 +525,31 @@ def diagnose(
     )
     with own_effects.with_effects_of(effects_from):
         result = diagnosis.diagnose(run, hypotheses=hypotheses, extend=extend, progress=progress, **options)
-    return result.model_copy(update={"made_of": run})
+    if against is None:
+        return result.model_copy(update={"made_of": run})
+    return result.model_copy(update={"made_of": run, "noise": _noise_against(run, against, gravity)})
+
+
+def _noise_against(
+    run: "records.PositionRecord | records.StrapdownRecord", against: str | Path, gravity: float
+) -> "noises.Noise":
+    """Return the noise of a record's rests against that of a scenario.
+
+    Raises
+    ------
+    InputError
+        for a table of positions, or rests that are too short
+    """
+    series = run.raw if isinstance(run, records.PositionRecord) else run
+    if series is None:
+        raise InputError(f"--against {against}: {run.path} has no readings in time; give a raw or strapdown record")
+    result = noises.identify([series], gravity=gravity, scenario=orchestrator.read_scenario(against))
+    if result.too_short_for:
+        raise InputError(
+            f"--against {against}: no rest of {run.path} is long enough for noise; record the block at rest for "
+            "five minutes or more, best for an hour"
+        )
+    return result
 
 
 # Several records of one instrument

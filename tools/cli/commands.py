@@ -311,7 +311,8 @@ def diagnose_command(
         Folder for the extended simulation: FMUs with the cause, parameter sets (.ssv), and a scenario that gives the
         record again.
     """
-    distinct_files({**_files_of(record, others), "--json": json, "--report": report})
+    against = options.get("against")
+    distinct_files({**_files_of(record, others), "--json": json, "--report": report, "--against": against})
     shared = _taken(options, ("shared", "own"))
     place = _taken(options, PLACE)
     if others:
@@ -319,7 +320,7 @@ def diagnose_command(
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
         of_one = {"hypothesis": options.pop("hypotheses", None), "noise": options.pop("noise_result", None)}
-        _refuse_of_one(of_one)
+        _refuse_of_one({**of_one, "against": options.pop("against", None)})
         several = measured.diagnose_together(record, *others, **shared, **options, progress=True)
         if report is not None:
             reports.write_report(report, several)

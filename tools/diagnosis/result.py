@@ -10,6 +10,7 @@ from typing_extensions import TypedDict
 from ...models.effects import EffectPlace
 from ..calibrated import Calibration, OpenTarget
 from ..evidence.fit import Gain
+from ..noise.result import Noise
 from ..result import Result, Told
 from ..sieve.simple import Simple, calibration_of
 from .band import BandOfFunctions
@@ -360,6 +361,8 @@ class Diagnosis(Told):
         errors of each record without effects, and with the effects found in each
     helps : tuple of Helps
         other records that each effect found improves
+    noise : Noise
+        the record's noise at rest against that of a scenario, where one was asked about
     evidence : Evidence
         evidence of the record, or of all that are judged together
     remaining : Evidence or None
@@ -423,6 +426,7 @@ class Diagnosis(Told):
     cross_gain: tuple[CrossGain, ...] | None = None
     helps: tuple[Helps, ...] | None = None
     not_searched: tuple[str, ...] | None = None
+    noise: Noise | None = None
     warnings: tuple[str, ...] = ()
 
     evidence: Any = Field(default=None, exclude=True)

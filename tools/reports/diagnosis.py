@@ -19,6 +19,7 @@ from ..rounding import digits, exactly, interval, residual, upwards
 from . import bench, beyond, calibration, evidence, witnesses
 from .bench import cause_lines, next_sections
 from .inspection import record_sections
+from .noise import against_sections
 from .pictures import WIDTH
 from .pictures.residuals import held_out, matrix_picture, shares_of_pieces
 from .sources import cited, versions
@@ -51,7 +52,7 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
     return Page(
         _title(result),
         verdict,
-        turns + beyond.sections(result) + answer_of(result) + remarks_of(result),
+        turns + beyond.sections(result) + answer_of(result) + noise_sections(result) + remarks_of(result),
         lambda: _record_sections(result, record) + sections_of(result),
         tone=TONES.get(result.verdict, "attention"),
         key=_key(result),
@@ -112,6 +113,13 @@ def answer_of(result: Diagnosis) -> list[Section]:
     sections = [cause_section(result), change_section(result), gain_section(result)]
     sections += _errors(result)[:1]
     return [section for section in sections if section is not None]
+
+
+def noise_sections(result: Diagnosis) -> list[Section]:
+    """Return the answer on the simulation's noise, where it was asked about."""
+    if result.noise is None:
+        return []
+    return against_sections(result.noise)
 
 
 def change_section(result: Diagnosis) -> Section | None:

@@ -15,9 +15,21 @@ SHOWN = 3
 """Lines of the spectrum that are shown for a channel."""
 
 
+def noise_text(result: Noise) -> str:
+    """Return in a sentence which channels have other noise than the simulation, and with which processes."""
+    wrong = []
+    for one in result.against:
+        if one.verdict != "consistent":
+            cause = " or ".join(one.alternatives) or "no set of two processes explains it"
+            wrong.append(f"{one.channel} ({cause})")
+    if not wrong:
+        return f"{result.scenario} simulates the noise of the record."
+    return f"{result.scenario} simulates other noise than the record has: {', '.join(wrong)}."
+
+
 def noise_page(result: Noise) -> Page:
     """Return the coefficients of each channel, what follows from them, and the Allan deviation."""
-    answer = _against_sections(result) + _sensor_sections(result)
+    answer = against_sections(result) + _sensor_sections(result)
     if result.averaged is not None:
         answer.append(Section("Averaged readings", averaged_lines(result.averaged)))
     answer.append(Section("Growth of errors", [GROWTH], table=_drifts(result)))
@@ -66,7 +78,7 @@ def _summary(result: Noise) -> str:
     return f"Noise of {digits(result.duration_s, 4)} s at {digits(result.rate_hz, 4)} Hz, {kind}: {'; '.join(parts)}."
 
 
-def _against_sections(result: Noise) -> list[Section]:
+def against_sections(result: Noise) -> list[Section]:
     """Return the answer on the simulation's noise, channel by channel, and the gain on the second half."""
     if not result.against:
         return []

@@ -11,6 +11,7 @@ from ..document.notation import sentence, unit_text
 from ..evidence.pairs import in_words
 from ..rounding import NONE, digits, exactly, interval, residual, upwards
 from . import beyond
+from .noise import noise_text
 
 WIDTH, LINES = 80, 23
 """Columns and lines of the answer; the next command takes two lines more of a screen."""
@@ -56,6 +57,8 @@ def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
     for hypothesis in (result.hypotheses or ())[:MOST_HYPOTHESES]:
         radii = f"{residual(hypothesis.radius_before)} -> {residual(hypothesis.radius)}"
         yield "Formula", f"{hypothesis.formula}: {hypothesis.answer}; largest error over its bound {radii}."
+    if result.noise is not None:
+        yield "Noise", noise_text(result.noise)
     yield "Tried", tried_text(result)
     yield "Gain", gain_text(result)
     yield "Advice", advice_text(result)
