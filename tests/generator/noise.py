@@ -1,11 +1,8 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """Time series of noise processes, and static records of them, made without the code under test."""
 
 import math
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +11,13 @@ from scipy.signal import lfilter
 from trihedron.tools.records import StrapdownRecord
 
 GRAVITY = 9.80665
+Value = TypeVar("Value")
+
+
+def known(value: Value | None) -> Value:
+    """Return a value that must not be missing."""
+    assert value is not None
+    return value
 
 
 def noise_series(
@@ -47,7 +51,7 @@ def _markov(rows: int, rate: float, draws: np.random.Generator) -> NDArray[np.fl
     decay = math.exp(-rate)
     drive = math.sqrt(-math.expm1(-2.0 * rate)) * draws.standard_normal(rows)
     drive[0] = draws.standard_normal()
-    return lfilter([1.0], [1.0, -decay], drive)
+    return np.asarray(lfilter([1.0], [1.0, -decay], drive))
 
 
 def static_record(

@@ -1,7 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """Noise of simulated records: right processes, true intervals, the Allan deviation of another program."""
 
 import json
@@ -13,9 +9,9 @@ import pytest
 import yaml
 
 import trihedron as th
-from generator.noise import GRAVITY, noise_series, static_record
+from generator.noise import GRAVITY, known, noise_series, static_record
 from trihedron.tools.cli import main
-from trihedron.tools.noise import Noise
+from trihedron.tools.noise import Letter, Noise, Sensor
 from trihedron.tools.records import ForceRecord, StrapdownRecord, write_record
 
 STEP = 0.01
@@ -35,7 +31,7 @@ def noise_of(gyro, accelerometer, seed: int, rows: int = HOUR) -> Noise:
     return th.noise(record)
 
 
-def interval_holds(result: Noise, sensor: str, letter: str, truth: float) -> list[bool]:
+def interval_holds(result: Noise, sensor: Sensor, letter: Letter, truth: float) -> list[bool]:
     """Return for each axis whether the interval of a coefficient holds the truth."""
     holds = []
     for channel in result.of(sensor):
@@ -46,7 +42,7 @@ def interval_holds(result: Noise, sensor: str, letter: str, truth: float) -> lis
     return holds
 
 
-def sets_of(result: Noise, sensor: str) -> list[str]:
+def sets_of(result: Noise, sensor: Sensor) -> list[str]:
     return [channel.admissible[0] for channel in result.of(sensor)]
 
 
@@ -74,13 +70,11 @@ def test_large_processes_are_named_with_their_size(sizes, name):
 def test_a_process_that_is_not_there_has_an_upper_end_near_the_limit_of_detection():
     result = noise_of({"N": 1.0}, {"N": 1.0}, seed=1)
     for channel in result.of("gyro"):
-        flicker, walk = channel.coefficient("B"), channel.coefficient("K")
-        assert flicker is not None
-        assert walk is not None
+        flicker, walk = known(channel.coefficient("B")), known(channel.coefficient("K"))
         assert not flicker.detected
         # medians over records: 3.8 N/sqrt(T) and 12 N/T
-        assert 0.3 < flicker.high / (3.8 * GYRO_SIZE / 60.0) < 4.0
-        assert 0.3 < walk.high / (12.0 * GYRO_SIZE / 3600.0) < 5.0
+        assert 0.3 < known(flicker.high) / (3.8 * GYRO_SIZE / 60.0) < 4.0
+        assert 0.3 < known(walk.high) / (12.0 * GYRO_SIZE / 3600.0) < 5.0
 
 
 def test_allan_deviation_is_that_of_another_program():
@@ -129,7 +123,7 @@ def test_growth_of_the_attitude_error_is_at_least_that_of_simulated_records():
     """The prediction takes upper ends, and the worst axis: it is up to twice the spread, never far below."""
     step, sizes = 0.1, {"N": 1e-4, "B": 4e-5}
     result = th.noise(static_record(72_000, step, sizes, {"N": 1e-3}, seed=9))
-    predicted = math.radians(result.drifts[1].attitude_deg)
+    predicted = math.radians(known(result.drifts[1].attitude_deg))
     ends = []
     for seed in range(80):
         rates = noise_series(6600, step, sizes, 5000 + seed)
@@ -141,7 +135,7 @@ def test_rests_of_a_longer_record_are_pooled_and_a_moved_record_is_not_static():
     rows = 3000
     record = static_record(rows, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=4)
     force = record.specific_force.copy()
-    rate = record.rate.copy()
+    rate = known(record.rate).copy()
     middle = slice(1400, 1600)
     rate[middle, 0] += 0.8
     force[1600:, 1:] = force[1600:, :0:-1]
@@ -149,7 +143,7 @@ def test_rests_of_a_longer_record_are_pooled_and_a_moved_record_is_not_static():
     result = th.noise(turned)
     assert not result.static
     assert result.stretches == 2
-    assert 0.9 < result.of("gyro")[0].coefficient("N").estimate / 1e-4 < 1.1
+    assert 0.9 < known(known(result.of("gyro")[0].coefficient("N")).estimate) / 1e-4 < 1.1
 
 
 def test_accelerometers_alone_have_noise_too():
@@ -158,13 +152,13 @@ def test_accelerometers_alone_have_noise_too():
     result = th.noise(alone)
     assert result.static
     assert [channel.channel for channel in result.channels] == ["accelerometer 1", "accelerometer 2", "accelerometer 3"]
-    assert result.of("accelerometer")[0].coefficient("N").estimate == pytest.approx(1e-3, rel=0.02)
+    assert known(result.of("accelerometer")[0].coefficient("N")).estimate == pytest.approx(1e-3, rel=0.02)
 
 
 def test_mains_is_a_line_and_no_process():
     record = static_record(60_000, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=5)
     hum = 2.0 * 1e-3 * np.sin(2.0 * np.pi * 30.0 * record.time_s)
-    rate = record.rate.copy()
+    rate = known(record.rate).copy()
     rate[:, 1] += hum
     humming = StrapdownRecord(time_s=record.time_s, rate=rate, increment=None, specific_force=record.specific_force)
     channel = th.noise(humming).of("gyro")[1]
@@ -175,7 +169,7 @@ def test_mains_is_a_line_and_no_process():
 
 def test_a_filter_of_the_sensor_gives_no_false_process():
     record = static_record(120_000, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=6)
-    rate = record.rate.copy()
+    rate = known(record.rate).copy()
     for row in range(1, len(rate)):
         rate[row] += 0.28 * rate[row - 1]
     filtered = StrapdownRecord(time_s=record.time_s, rate=rate, increment=None, specific_force=record.specific_force)
@@ -187,7 +181,7 @@ def test_warm_up_at_the_start_is_left_out_on_request():
     record = static_record(120_000, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=7)
     warming = 2e-4 * np.exp(-record.time_s / 60.0)[:, None]
     warm = StrapdownRecord(
-        time_s=record.time_s, rate=record.rate + warming, increment=None, specific_force=record.specific_force
+        time_s=record.time_s, rate=known(record.rate) + warming, increment=None, specific_force=record.specific_force
     )
     assert "K" not in sets_of(th.noise(warm), "gyro")[0].split(" + ")
     assert sets_of(th.noise(warm, skip=500.0), "gyro") == ["N", "N", "N"]
@@ -205,7 +199,7 @@ def test_command_writes_json_page_and_kalibr(tmp_path, capsys):
     assert max(len(line) for line in shown.splitlines() if "warning" not in line) <= 80
     content = json.loads(files["noise.json"].read_text())
     assert content["schema"] == "trihedron.noise/1"
-    assert Noise.model_validate(content).averaged.sigma > 0.0
+    assert known(Noise.model_validate(content).averaged).sigma > 0.0
     densities = yaml.safe_load(files["imu.yaml"].read_text())
     assert densities["update_rate"] == 100
     assert densities["gyroscope_noise_density"] == pytest.approx(1e-4, rel=0.1)

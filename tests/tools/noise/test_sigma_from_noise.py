@@ -1,7 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """The loop: static record, noise, σ, calibration. σ from the noise hardly ever falsifies clean records."""
 
 import json
@@ -10,7 +6,7 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from generator.noise import GRAVITY, noise_series, static_record
+from generator.noise import GRAVITY, known, noise_series, static_record
 from generator.positions import Session
 from trihedron.tools.cli import main
 from trihedron.tools.records import write_record
@@ -33,12 +29,13 @@ def averaged_record(seed: int, count: int = POSITIONS):
 
 
 def test_clean_records_of_the_instrument_are_consistent(noise):
-    verdicts = [th.calibrate(averaged_record(seed), noise_result=noise).verdict for seed in range(40)]
-    assert verdicts.count("consistent") >= 39
+    """At most one of a hundred is falsified."""
+    verdicts = [th.calibrate(averaged_record(seed), noise_result=noise).verdict for seed in range(100)]
+    assert verdicts.count("consistent") >= 99
 
 
 def test_sigma_is_not_needlessly_wide(noise):
-    radii = [th.calibrate(averaged_record(seed), noise_result=noise).radius for seed in range(10)]
+    radii = [float(known(th.calibrate(averaged_record(seed), noise_result=noise).radius)) for seed in range(10)]
     assert np.median(radii) > 0.25
 
 
