@@ -100,6 +100,7 @@ def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -
         mapping = preset.filled_in(mapping, names)
     table = UnderstoodTable(sheet, layout, mapping, given=given)
     if preset is not None:
+        _ask_of_instances(table, preset.instance)
         units = ", ".join(preset.units.values()) or "as answered"
         table.notes.append(f"columns and units of {preset.name}: {units}")
     # each file is searched for its lines: the next may have more of them
@@ -171,6 +172,16 @@ def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
             names = [str(field.place + 1) for field in alike]
         table.ask(f"columns.{column}", names[:4], why)
     return fields
+
+
+def _ask_of_instances(table: UnderstoodTable, name: str) -> None:
+    """Ask for the sensor if the rows of several are mixed in one table, as the column `name` counts them."""
+    for field in table.fields:
+        if name and field.head.text == name:
+            counts = sorted(set(field.texts))
+            if len(counts) > 1:
+                answers = [f"{name}={count}" for count in counts]
+                table.ask("part", answers, f"the rows of {len(counts)} sensors are mixed")
 
 
 def _ask_of_triads(table: UnderstoodTable, quantity: str, fields: list[Field]) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from ..errors import InputError
@@ -35,7 +36,7 @@ from .mapping import (
 )
 from .names import DATE
 from .novatel import is_novatel, novatel_sheet
-from .parts import GUESSES, TableInFile, rank_of, sheet_in_memory, sheet_of_part, tables_in
+from .parts import GUESSES, TableInFile, of_instance, rank_of, sheet_in_memory, sheet_of_part, tables_in
 from .sheet import (
     HEAD,
     LABVIEW,
@@ -59,6 +60,8 @@ if TYPE_CHECKING:
 
 SHOWN = 3
 """Number of first rows that are shown as understood."""
+JUDGED = 1_000_000
+"""Largest number of rows whose readings are examined."""
 LISTED = 8
 """Largest number of left-out lines that are listed."""
 
@@ -182,6 +185,8 @@ def _converted(file: Path, mapping: Mapping, role: RecordKind | None = None) -> 
 def _converted_sheets(
     file: Path, sheets: list[Sheet], mapping: Mapping, role: RecordKind | None = None
 ) -> tuple[UnderstoodTable, Conversion]:
+    if "=" in mapping.part:
+        sheets = [of_instance(sheets[0], mapping.part), *sheets[1:]]
     table = understood(sheets[0], mapping, role)
     if len(sheets) > 1:
         table.ask("sheet", names_of(sheets), "tables stand in several sheets")
@@ -352,7 +357,11 @@ def _imported(
         left_out.append(f"{plural(len(rows), 'row')} ({why}): {listed}")
     if layout.last:
         left_out.append(f"what stands below row {layout.last}")
-    check = trust_of(record)
+    judged = record
+    if len(record) > JUDGED:
+        judged = record.selected(np.arange(JUDGED))
+        table.notes.append(f"the first {JUDGED} rows are examined; trihedron check examines all")
+    check = trust_of(judged)
     notes = [*table.notes, *conversion.notes, *check.warnings]
     notes += [f"results of this record would be wrong: {line}" for line in check.faults]
     scatter, readings = None, len(conversion.row)

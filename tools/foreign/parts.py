@@ -1,6 +1,6 @@
 """Choose the table of a file that holds several, and list them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from .containers import UNNAMED, Part, array_channels, channels_of, frame_of, pa
 from .names import TIMES, from_one, heading
 from .presets import presets
 from .ranking import named_triads
-from .sheet import HeaderFacts, Sheet
+from .sheet import HeaderFacts, Sheet, cell
 from .understanding import Field
 
 GUESSES = ("numbers", "gyros", "accelerometers", "gyros and accelerometers")
@@ -80,6 +80,28 @@ def sheet_in_memory(source: object) -> Sheet:
     else:
         channels = table_channels(table_in_memory(source))
     return _sheet(path, Part("", len(channels[0].values), (), partial(list, channels)), ())
+
+
+def of_instance(sheet: Sheet, part: str) -> Sheet:
+    """Return a text's rows of one sensor, as I=0: those whose column I holds 0; other rows are empty.
+
+    Raises InputError if there is no such column or no such row.
+    """
+    name, _, value = part.partition("=")
+    cells: list[list[str]] = []
+    place, count = -1, 0
+    for line, texts in sheet.rows():
+        cells += [[] for _ in range(line - 1 - len(cells))]
+        if place < 0 and name in texts:
+            place = texts.index(name)
+        elif place >= 0 and cell(texts, place).strip() != value:
+            texts = []
+        elif place >= 0:
+            count += 1
+        cells.append(texts)
+    if not count or sheet.whole is not None:
+        raise InputError(f"{sheet.path}: --from {part}: there is no such row; give the column and its value, as I=0")
+    return replace(sheet, lines=(), cells=cells)
 
 
 def heading_of_time(part: Part) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
+import polars as pl
 
 from ..errors import InputError
 from ..files import whole_file
@@ -556,6 +557,10 @@ class PoseRecord(_Record):
     scatter: np.ndarray | None = None
 
 
+LONG = 500_000
+"""Rows from which a record is written in columns."""
+
+
 def write_record(
     record: "PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord",
     path: Path,
@@ -578,6 +583,8 @@ def write_record(
         when the record could not be read again (a number that is not finite, a time that repeats once it is
         rounded), or the file cannot be written
     """
+    if len(record) > LONG and decimals is None and _written_long(record, path):
+        return
     texts: dict[str, list[str]] = {}
     for name, values in record.columns().items():
         if not isinstance(values, np.ndarray) or values.dtype == np.int64:
@@ -600,3 +607,19 @@ def write_record(
     writer.writerows(zip(*texts.values(), strict=True))
     with whole_file(Path(path)) as file:
         file.write_text(table.getvalue(), encoding="utf-8", newline="")
+
+
+def _written_long(
+    record: "PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord", path: Path
+) -> bool:
+    """Write a long series of numbers that are all known, in columns; return False for any other record."""
+    columns = record.columns()
+    for values in columns.values():
+        if not isinstance(values, np.ndarray) or values.dtype != np.float64 or not np.isfinite(values).all():
+            return False
+    if Path(path).suffix.lower() != ".csv" or np.any(np.diff(columns.get("time_s", np.zeros(1))) <= 0.0):
+        return False
+    with whole_file(Path(path)) as file, file.open("wb") as out:
+        out.write(comment_lines(record.about).encode())
+        pl.DataFrame(columns).write_csv(out)
+    return True

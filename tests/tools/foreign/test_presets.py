@@ -13,8 +13,10 @@ import trihedron as th
 from field_files import field_file
 from laboratory_imports import asked, imported, refused, written
 from trihedron.tools.cli import main
+from trihedron.tools.foreign import importing
 from trihedron.tools.foreign.numbers import scaled_unit
 from trihedron.tools.foreign.presets import presets
+from trihedron.tools.records import kinds
 
 G = 9.80665
 COUNT = 60
@@ -216,3 +218,57 @@ def test_packed_files_of_a_known_layout(tmp_path: Path):
     path = tmp_path / "log.csv.gz"
     path.write_bytes(gzip.compress(LAYOUTS["px4"].encode()))
     assert len(th.import_record(path).record) == COUNT
+
+
+def test_rows_of_two_sensors_are_not_mixed(tmp_path: Path):
+    """ArduPilot writes its IMUs one after the other, with nearly the same times."""
+    lines = LAYOUTS["ardupilot"].splitlines()
+    mixed = [lines[0]]
+    for line in lines[1:]:
+        stamp, micros, _, *rest = line.split(",")
+        mixed += [line, ",".join([stamp, str(int(micros) + 40), "1", *rest[:3], "0.0", "0.0", "9.9", *rest[6:]])]
+    path = written(tmp_path, "\n".join(mixed))
+    keys, message = asked(path)
+    assert keys == {"part"}
+    assert "part=I=0 or" in message
+    record = th.import_record(path, part="I=0").record
+    assert record.specific_force == pytest.approx(FORCE, abs=1e-12)
+    assert th.import_record(path, part="I=1").record.specific_force[:, 2] == pytest.approx(9.9)
+    with pytest.raises(th.InputError, match="I=7"):
+        th.import_record(path, part="I=7")
+
+
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_a_large_text_is_read_as_a_small_one(mark: str, tmp_path: Path, monkeypatch):
+    """Its columns are read at once; the numbers, the rows that are left out and the record's file are the same."""
+    rng = np.random.default_rng(3)
+    rows = []
+    for k in range(5000):
+        numbers = [f"{v:.7f}" for v in (*(9.8 * rng.standard_normal(2)), 9.8, *(0.1 * rng.standard_normal(3)))]
+        if k == 4321:
+            numbers[1] = "nan"
+        rows.append([str(1700000000123456789 + 10_000_000 * k), *numbers])
+    names = ["t [ns]", *(f"acc {axis} [m/s2]" for axis in "xyz"), *(f"gyro {axis} [rad/s]" for axis in "xyz")]
+    text = "\n".join(mark.join(row) for row in [names, *rows])
+    path = written(tmp_path, text if mark == "," else text.replace(".", ","))
+    small = th.import_record(path, out=tmp_path / "small.csv")
+    monkeypatch.setattr(importing, "LARGE", 1000)
+    monkeypatch.setattr(importing, "HEAD", 300_000)
+    monkeypatch.setattr(kinds, "LONG", 100)
+    large = th.import_record(path, out=tmp_path / "large.csv")
+    assert small.left_out == large.left_out
+    assert small.first_rows == large.first_rows
+    written_records = [th.read_record(tmp_path / name) for name in ("small.csv", "large.csv")]
+    for one, other in ((small.record, large.record), written_records):
+        for name, values in one.columns().items():
+            assert np.array_equal(values, other.columns()[name]), name
+    # a word in a late row: the text is read row by row, and the row is named
+    path.write_text(path.read_text() + "\n" + mark.join(["Ende", *["x"] * 6]) + "\n")
+    assert len(th.import_record(path).record) == len(small.record)
+
+
+def test_the_page_lists_every_layout():
+    """Its table is that of the data."""
+    page = (Path(th.__file__).parent / "docs" / "your-file.md").read_text(encoding="utf-8")
+    rows = [f"| `{preset.name}` | {preset.title} |" for preset in presets().values()]
+    assert "\n".join(["| `--as` | tool |", "|---|---|", *rows]) in page
