@@ -3,8 +3,10 @@
 import atexit
 import os
 import sys
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 from cyclopts import App, Group, Parameter
 
@@ -156,6 +158,15 @@ def carried_out(words: list[str]) -> object:
     names, _, _ = app.parse_commands(words)
     following = next_command(Call(app, " ".join(names), bound.arguments), outcome.result)
     return replace(outcome, text=f"{outcome.text}\n\nNext: {following}")
+
+
+def advice(command: str, paths: Sequence[str], options: Mapping[str, Any], result: Any) -> str:
+    """Return the command that follows a result about records, for a page."""
+    arguments = {"record": paths[0], "others": tuple(paths[1:]), **options}
+    return next_command(Call(app, command, arguments), result)
+
+
+studies.ADVICE.append(advice)
 
 
 def gone_option(words: list[str]) -> str:

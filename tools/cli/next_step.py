@@ -1,7 +1,7 @@
 """The command to run after another one: an answer ends with it, and it can be run as printed."""
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -114,14 +114,6 @@ def next_command(call: Call, result: Any) -> str:
     line = "" if after is None else after(call, result)
     name = call.name.split()[0]
     return line or call.with_one_more(report=f"{name}.html", out=name, json=f"{name}.json")
-
-
-def advice(command: str, paths: Sequence[str], options: Mapping[str, Any], result: Any) -> str:
-    """Return the command that follows a result about records, in a process that has no command line yet."""
-    from . import app
-
-    arguments = {"record": paths[0], "others": tuple(paths[1:]), **options}
-    return next_command(Call(app, command, arguments), result)
 
 
 def _after_import(call: Call, result: Any) -> str:

@@ -31,8 +31,9 @@ from .answer import (
     page_file,
     with_options_of,
 )
-from .next_step import advice
 
+ADVICE: list[workbench.Advise] = []
+"""Gives the command that follows a result; `tools.cli` puts it here, which knows all commands."""
 LONGEST_S = 1e6
 """Of a page that ends by itself."""
 WORSE = 3
@@ -92,7 +93,7 @@ def open_command(
     if duration is not None and not 0.0 <= duration <= LONGEST_S:
         raise InputError(f"--duration {duration:g}: must be from 0 to {LONGEST_S:g} s")
     distinct_files({**{f"file {number}": path for number, path in enumerate(files, start=1)}, "--json": json})
-    with at_once(), closing(workbench.open_records(*files, port=port, advise=advice)) as page:
+    with at_once(), closing(workbench.open_records(*files, port=port, advise=ADVICE[0])) as page:
         if json is not None:
             listed = [str(path) for path in files]
             content = json_text({"schema": "trihedron.open/1", "address": page.address, "files": listed})

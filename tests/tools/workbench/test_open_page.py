@@ -16,8 +16,7 @@ from browser import Window
 from by_hand import GRAVITY, Instrument
 from generator.stands import random_bench, simulated
 from hand_sessions import directions, ferraris, hand_moved, poses
-from trihedron.tools.cli import main
-from trihedron.tools.cli.next_step import advice
+from trihedron.tools.cli import advice, main
 from trihedron.tools.records import write_record
 from trihedron.tools.workbench import DeskServer, open_records
 
