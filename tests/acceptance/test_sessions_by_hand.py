@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 import trihedron as th
 from by_hand import GRAVITY, NAMES, Instrument
 from hand_sessions import directions, ferraris, hand_moved, poses, truth
-from trihedron.tools.by_hand.forces import SPHERE, slopes_at
+from trihedron.tools.motion.determinacy import UNSEEN, slopes_of
 from trihedron.tools.motion.norm import norm_equations
 
 pytestmark = pytest.mark.acceptance
@@ -24,7 +24,7 @@ SD = 4e-4
 def well_spread(rng: np.random.Generator, count: int) -> np.ndarray:
     """Return the best of some draws of directions (count, 3)."""
     drawn = [directions(rng, count) for _ in range(60 if count < 20 else 5)]
-    return max(drawn, key=lambda up: float(np.linalg.svd(slopes_at(np.zeros(9), up), compute_uv=False)[-1]))
+    return max(drawn, key=lambda up: float(np.linalg.svd(slopes_of(up), compute_uv=False)[-1]))
 
 
 @pytest.mark.parametrize(("count", "bound"), [(9, 1e-3), (12, 1e-3), (20, 1e-3), (40, 1e-3), (20, 5e-3)])
@@ -81,7 +81,7 @@ def test_standard_errors_of_free_poses_are_right_within_ten_percent() -> None:
         for symbol in NAMES:
             ratios.append((result[symbol].estimate - known[symbol]) / result[symbol].standard_error)
         fitted = np.array([result[symbol].estimate for symbol in NAMES])
-        readings = instrument.readings(GRAVITY * SPHERE) / GRAVITY
+        readings = instrument.readings(GRAVITY * UNSEEN) / GRAVITY
         of_poses.append(np.abs(norm_equations(fitted, readings)[0]).max() / result.by_hand.pose_error.worst)
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.1)
     assert np.quantile(of_poses, 0.9) < 3.0

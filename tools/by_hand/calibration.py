@@ -22,19 +22,13 @@ from ..calibrated import (
     TurnError,
     Verdict,
 )
+from ..motion.determinacy import DETERMINED, LEAST_SD, PRIOR_SD, UNSEEN, USABLE, closing_poses
 from ..motion.norm import NAMES, UNITS_OF, norm_equations
 from ..records import ForceRecord, PoseRecord
 from ..rounding import digits, upwards
 from .forces import (
-    FLOOR,
-    PRIOR,
-    SPHERE,
-    USABLE,
     Forces,
     fitted_forces,
-    grade,
-    open_directions,
-    poses_to_close,
     scatter_of,
 )
 from .gyros import PRIOR as GYRO_PRIOR
@@ -43,6 +37,18 @@ from .moves import BIAS, MATRIX, Moves, Windows
 from .possible import BOX, Possible, possible_forces
 from .run import HandRecord, HandRequest, Run, run_of
 
+WORDS = (
+    (DETERMINED, "determined"),
+    (3e-3, "determined to {}"),
+    (USABLE, "usable"),
+    (3e-2, "near the poses seen"),
+)
+"""Largest predicted error of an unseen pose [g], and its word."""
+UNDETERMINED = "not determined"
+MAIN_PART = 0.3
+"""Parts of a direction below this, of its largest, are not named."""
+MOST_POSES = 6
+"""Largest number of poses that are asked for."""
 WELL = 3e-3
 """Largest predicted error of an unseen pose that asks for no further pose [g]."""
 USABLE_TURN = np.radians(1.0)
@@ -89,7 +95,7 @@ def fit_of(run: Run) -> HandFit:
         forces = fitted_forces(run.rests.force, deviation, run.faces)
     gyros = None
     if run.moves is not None:
-        usual = float(np.median(deviation)) if len(deviation) else FLOOR
+        usual = float(np.median(deviation)) if len(deviation) else LEAST_SD
         gyros = fitted_gyros(run.rests, usual, forces, run.moves, run.turns)
     return HandFit(forces, gyros, deviation, scatter, chance)
 
@@ -131,7 +137,7 @@ def calibration_of(run: Run, fit: HandFit, gravity: float, *, with_gain: bool = 
         possible = possible_forces(fit.forces.x, force, run.bound)
         if possible.radius <= 1.0 and not _is_possible(values, force, run.bound) and least <= run.bound:
             values, estimator = centre, "central programme"
-    pose = fit.forces.pose_errors()
+    pose = fit.forces.determinacy.pose_errors()
     verdict = _verdict(run, fit, possible, float(pose.max()))
     gyros, axes = fit.gyros, "accelerometers"
     if isinstance(run.moves, Windows):
@@ -162,7 +168,7 @@ def least_bound(x: NDArray, reading: NDArray) -> tuple[float, NDArray]:
     radius = np.inf
     for _ in range(CENTRINGS):
         residual, slopes, back = norm_equations(x, reading)
-        radius, step, _ = chebyshev_radius(slopes, -residual, np.abs(back).sum(axis=1), low=-PRIOR, high=PRIOR)
+        radius, step, _ = chebyshev_radius(slopes, -residual, np.abs(back).sum(axis=1), low=-PRIOR_SD, high=PRIOR_SD)
         x = x + step
         if np.abs(step).max() < 1e-9:
             break
@@ -187,7 +193,7 @@ def _sigma(run: Run, fit: HandFit) -> Sigma:
     """Return σ as it was given, or three standard deviations of a mean reading, estimated."""
     if run.bound is not None:
         return Sigma.of(run.bound, run.basis)
-    usual = float(np.median(fit.deviation)) if len(fit.deviation) else FLOOR
+    usual = float(np.median(fit.deviation)) if len(fit.deviation) else LEAST_SD
     value = min(3.0 * usual, 0.99)
     basis = f"3 sd of a mean at rest, {upwards(1e3 * value / 3.0, 2)} mg: {_why(run, fit)}"
     return Sigma.model_validate({"value": value, "kind": "estimated", "from": basis})
@@ -196,7 +202,7 @@ def _sigma(run: Run, fit: HandFit) -> Sigma:
 def _why(run: Run, fit: HandFit) -> str:
     if fit.scatter > 1.0:
         return "the scatter of the norms"
-    if len(run.deviation) and np.median(run.deviation) > FLOOR:
+    if len(run.deviation) and np.median(run.deviation) > LEAST_SD:
         return "the noise within the rests"
     return "the least that real instruments leave, more than the noise at rest"
 
@@ -228,7 +234,7 @@ def _of_forces(forces: Forces, values: NDArray, possible: Possible | None) -> li
                 symbol=symbol,
                 name=name_of(symbol),
                 unit=UNITS_OF[symbol],
-                determined=bool(forces.determined[number]),
+                determined=bool(forces.determinacy.determined[number]),
                 estimate=float(values[number]),
                 standard_error=float(forces.errors[number]),
                 low=low,
@@ -275,7 +281,7 @@ def _priors(possible: Possible | None) -> list[KnownBefore]:
 
 def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
     """Return what a calibration rests on, and how well it predicts."""
-    pose = fit.forces.pose_errors()
+    pose = fit.forces.determinacy.pose_errors()
     worst = int(np.argmax(pose))
     norms = norm_equations(fit.forces.x, run.rests.force)[0]
     gyros = fit.gyros
@@ -298,7 +304,7 @@ def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
         pose_error=PoseError(
             worst_g=float(pose[worst]),
             rms_g=_rms(pose),
-            direction=SPHERE[worst].tolist(),
+            direction=UNSEEN[worst].tolist(),
             words=grade(float(pose[worst])),
         ),
         turn_error=turn,
@@ -365,15 +371,31 @@ def _sizes(errors: list[NDArray]) -> float | None:
 
 def open_of_forces(fit: HandFit) -> list[Open]:
     """Return the open directions of the accelerometers, each with a pose that closes it."""
-    directions = open_directions(fit.forces.covariance, PRIOR)
-    deviation = float(np.median(fit.deviation)) if len(fit.deviation) else FLOOR
-    poses = poses_to_close(fit.forces, deviation, max(WELL, 3.0 * deviation))
+    deviation = float(np.median(fit.deviation)) if len(fit.deviation) else LEAST_SD
+    before = fit.forces.determinacy
+    directions = before.open
+    poses = closing_poses(before, max(WELL, 3.0 * deviation), deviation, MOST_POSES)
     entries = []
     for pose in poses:
-        entries.append(Open(parameters=list(pose.parameters), close_by=f"a rest with {pose.words}"))
-    for parameters in directions[len(poses) :]:
-        entries.append(Open(parameters=parameters, close_by=MORE_RESTS))
+        gain = (np.diag(before.covariance) - np.diag(pose.after.covariance)) / PRIOR_SD**2
+        entries.append(Open(parameters=_main(gain), close_by=f"a rest with {pose.words}"))
+        before = pose.after
+    for direction in directions[len(poses) :]:
+        entries.append(Open(parameters=_main(np.abs(direction)), close_by=MORE_RESTS))
     return entries
+
+
+def _main(parts: NDArray) -> list[str]:
+    """Return the parameters whose parts (9,) are not far below the largest."""
+    return [name for name, part in zip(NAMES, parts, strict=True) if part > MAIN_PART * parts.max()]
+
+
+def grade(worst: float) -> str:
+    """Return the word for a predicted error of an unseen pose [g]."""
+    for limit, word in WORDS:
+        if worst <= limit:
+            return word.format(f"{upwards(1e3 * worst)} mg")
+    return UNDETERMINED
 
 
 def open_of_gyros(gyros: GyroFit | None) -> list[Open]:

@@ -13,9 +13,10 @@ from scipy.special import chdtrc, fdtrc
 
 from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, Parameter, PooledTest
 from ..errors import InputError
+from ..motion.determinacy import PRIOR_SD
 from ..motion.norm import norm_equations
 from .calibration import HandFit, calibration_of, fit_of
-from .forces import PRIOR, ROUNDS, SPARE, Forces
+from .forces import ROUNDS, SPARE, Forces
 from .gyros import PRIOR as GYRO_PRIOR
 from .gyros import GyroFit, fitted_gyros
 from .moves import BIAS, MATRIX, SENSITIVITY
@@ -158,8 +159,8 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
     for run, fit, deviation, own in zip(runs, alone, deviations, columns, strict=True):
         forces = Forces(x[own], covariance[np.ix_(own, own)], fit.forces.case, fit.forces.case_error)
         square += _square(forces.x, run, deviation)
-        square_alone += _square(fit.forces.x, run, deviation) + float(np.square(fit.forces.x / PRIOR).sum())
-        effective_alone += 9.0 - float((np.diag(fit.forces.covariance) / PRIOR**2).sum())
+        square_alone += _square(fit.forces.x, run, deviation) + float(np.square(fit.forces.x / PRIOR_SD).sum())
+        effective_alone += 9.0 - float((np.diag(fit.forces.covariance) / PRIOR_SD**2).sum())
         count += len(run.rests)
         gyros = None
         if run.moves is not None:
@@ -181,7 +182,7 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
 
 def _prior(width: int) -> NDArray[np.float64]:
     """Return the prior of the shared parameters and each run's biases."""
-    return np.concatenate([PRIOR[SHARED], np.full(width - 6, PRIOR[8])])
+    return np.concatenate([PRIOR_SD[SHARED], np.full(width - 6, PRIOR_SD[8])])
 
 
 def _square(x: NDArray, run: Run, deviation: NDArray) -> float:

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from ...fmus.parameters import GRAVITIES
 from ..errors import InputError
+from ..motion.determinacy import LEAST_SD
 from ..motion.rests import mean_rates, rates_of, sampling_of
 from ..motion.truth import known_rows, usable_in, windows_between
 from ..records import ForceRecord, PoseRecord, StrapdownRecord
@@ -21,7 +22,7 @@ from ..records.columns import face_of, part_of, turn_of
 from ..records.decisions import Decisions, rows_of_rests
 from ..records.noise import noise_bound_of
 from ..rounding import digits, exactly
-from .forces import FACE_ERROR, FLOOR, Faces
+from .forces import FACE_ERROR, Faces
 from .moves import Moves, Turns, Way, Windows, moves_of
 from .still import SCATTER, Series, StillRests, averaged, still_rests
 
@@ -218,7 +219,7 @@ def _with_noise(
 ) -> Run:
     """Return a run with its faces and the errors of its readings."""
     bound, basis = request.noise_bound, ""
-    deviation = np.maximum(rests.deviation, FLOOR)
+    deviation = np.maximum(rests.deviation, LEAST_SD)
     if request.noise_sd is not None:
         deviation = np.full(len(rests), request.noise_sd)
         noise = noise_bound_of(request.noise_sd, len(rests))

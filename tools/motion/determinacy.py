@@ -6,8 +6,8 @@ what is known of any instrument. The error of |f| in a pose u has the variance j
 any number of poses by its use; a count of poses or a singular value does not.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Self
 
@@ -26,6 +26,8 @@ OPEN = 0.25
 """A direction of the parameters is open where the rests leave more than this part of the variance before."""
 DETERMINED, USABLE = 1e-3, 1e-2
 """Predicted standard errors of |f| [g] in the worst pose up to which a calibration is determined, and of use."""
+POWER = 8
+"""Power of the predicted errors whose mean a further pose is to lessen."""
 MOST_POSES = 24
 """Largest number of poses that are asked for."""
 
@@ -43,12 +45,17 @@ UNSEEN = _directions(400)
 """Poses over which the error is predicted: directions up (400, 3)."""
 
 
-def slopes_of(up: NDArray) -> NDArray[np.float64]:
-    """Return the derivatives (K, 9) of |n| by the parameters, for a nominal instrument in poses `up` (K, 3)."""
-    return -np.hstack([up[:, ROWS] * up[:, COLUMNS], up])
+def slopes_of(up: NDArray, x: NDArray | None = None) -> NDArray[np.float64]:
+    """Return the derivatives (K, 9) of |n| by the parameters in poses `up` (K, 3), at parameters x (9,) or nominal."""
+    back = up
+    if x is not None:
+        matrix = np.eye(3)
+        matrix[ROWS, COLUMNS] += x[:6]
+        back = np.linalg.solve(matrix.T, up.T).T
+    return -np.hstack([back[:, ROWS] * up[:, COLUMNS], back])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Determinacy:
     """Determinacy of the nine parameters by rests.
 
@@ -58,10 +65,13 @@ class Determinacy:
         of the parameters, with what is known of any instrument
     prior_sd : (9,) array
         standard deviations before the rests
+    x : (9,) array or None
+        the parameters; None of a nominal instrument
     """
 
     covariance: NDArray[np.float64]
-    prior_sd: NDArray[np.float64]
+    prior_sd: NDArray[np.float64] = field(default_factory=PRIOR_SD.copy)
+    x: NDArray[np.float64] | None = None
 
     @classmethod
     def of(cls, slopes: NDArray, sd: NDArray | float, prior_sd: NDArray = PRIOR_SD) -> Self:
@@ -82,9 +92,14 @@ class Determinacy:
         """Standard errors (9,) of the parameters."""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """The parameters (9,) whose variance is less than the part `OPEN` of that before the rests."""
+        return self.standard_errors < np.sqrt(OPEN) * self.prior_sd
+
     def pose_errors(self, up: NDArray = UNSEEN) -> NDArray[np.float64]:
         """Return the standard error (M,) [g] of |f| in poses `up` (M, 3)."""
-        slopes = slopes_of(up)
+        slopes = slopes_of(up, self.x)
         return np.sqrt(np.einsum("ki,ij,kj->k", slopes, self.covariance, slopes))
 
     @property
@@ -116,10 +131,10 @@ class Determinacy:
 
     def with_pose(self, up: NDArray, sd: float) -> Self:
         """Return the determinacy after one more rest, with direction `up` (3,) and standard deviation `sd` [g]."""
-        slopes = slopes_of(up[None, :])[0]
+        slopes = slopes_of(up[None, :], self.x)[0]
         change = self.covariance @ slopes
         covariance = self.covariance - np.outer(change, change) / (sd**2 + slopes @ change)
-        return type(self)(covariance, self.prior_sd)
+        return replace(self, covariance=covariance)
 
 
 @dataclass(frozen=True)
@@ -157,18 +172,24 @@ def candidate_poses() -> dict[str, NDArray]:
 
 
 def closing_poses(
-    determinacy: Determinacy, wanted: float, sd: float = LEAST_SD, candidates: Mapping[str, NDArray] | None = None
+    determinacy: Determinacy, wanted: float, sd: float = LEAST_SD, most: int = MOST_POSES
 ) -> Sequence[Pose]:
     """Return the poses that bring the worst predicted error down to `wanted` [g], the most useful first.
 
-    Each is the candidate that lessens the worst error most; after each the error is predicted again. There are at most
-    `MOST_POSES`: their last `after` says what they reach.
+    Each is the candidate that lessens the predicted errors most; after each they are predicted again. There are at most
+    `most`: their last `after` says what they reach.
     """
-    candidates = candidate_poses() if candidates is None else candidates
     poses: list[Pose] = []
-    while determinacy.worst > wanted and len(poses) < MOST_POSES:
-        trials = [Pose(words, up, determinacy.with_pose(up, sd)) for words, up in candidates.items()]
-        best = min(trials, key=lambda trial: trial.after.worst)
+    while determinacy.worst > wanted and len(poses) < most:
+        trials = []
+        for words, up in candidate_poses().items():
+            trials.append(Pose(words, up, determinacy.with_pose(up, sd)))
+        best = min(trials, key=_size)
         poses.append(best)
         determinacy = best.after
     return poses
+
+
+def _size(pose: Pose) -> tuple[float, str]:
+    """Return the size of the errors after a pose: the worst, and others where several directions are equally open."""
+    return float(f"{np.mean(pose.after.pose_errors() ** POWER):.9g}"), pose.words
