@@ -352,9 +352,11 @@ class ByHand(Part):
         of several records
     scatter_limit : float or None
         scatter of an accelerometer at rest, over its noise, up to which rests are found; None of rests that are given
+    covariance : list of 9 lists
+        of gamma_11, gamma_21, gamma_22, gamma_31, gamma_32, gamma_33 [1] and bias_1, bias_2, bias_3 [g], with the prior
     """
 
-    omitted: ClassVar[frozenset[str]] = frozenset({"scatter_limit", "gain", "pooled", "largest_rad"})
+    omitted: ClassVar[frozenset[str]] = frozenset({"scatter_limit", "gain", "pooled", "largest_rad", "covariance"})
 
     rests: Count
     moves: Count = 0
@@ -370,6 +372,7 @@ class ByHand(Part):
     gain: HandGain | None = None
     pooled: PooledTest | None = None
     scatter_limit: Size | None = None
+    covariance: list[list[Number]] | None = None
 
 
 class CalibratedEffect(Part):

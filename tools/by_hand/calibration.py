@@ -315,6 +315,7 @@ def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
         case=case,
         gain=gain,
         scatter_limit=run.rests.limit,
+        covariance=fit.forces.covariance.tolist(),
     )
 
 

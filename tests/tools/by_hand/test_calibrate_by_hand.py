@@ -129,3 +129,32 @@ def test_one_line_refuses_options_of_a_table_and_columns_that_may_be_gyros(tmp_p
         th.calibrate(table, rest_scatter=3.0)
     with pytest.raises(ValueError, match="never changes"):
         th.calibrate(table.with_columns(f2_mps2=pl.lit(0.1)))
+
+
+def test_the_covariance_of_the_json_predicts_the_error_of_a_pose() -> None:
+    _, table = normal_poses(5, 16)
+    result = th.calibrate(table, noise_sd=SD, gravity=GRAVITY)
+    covariance = np.array(result.to_json()["by_hand"]["covariance"])
+    errors = [result[symbol].standard_error for symbol in NAMES]
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), errors, rtol=1e-12)
+    # A pose along u reads A u + b; the norm of what is corrected changes by each parameter as finite steps show.
+    x = np.array([result[symbol].estimate for symbol in NAMES])
+    up = np.array(result.by_hand.pose_error.direction)
+    reading = affine(x)[0] @ up + affine(x)[1]
+    slopes = []
+    for step in 1e-6 * np.eye(9):
+        sizes = [np.linalg.norm(np.linalg.solve(*_equation(x + sign * step, reading))) for sign in (1.0, -1.0)]
+        slopes.append((sizes[0] - sizes[1]) / 2e-6)
+    assert np.sqrt(np.array(slopes) @ covariance @ slopes) == pytest.approx(result.by_hand.pose_error.worst, rel=1e-6)
+
+
+def affine(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrix (3, 3) and the biases (3,) of nine parameters."""
+    matrix = np.eye(3)
+    matrix[np.tril_indices(3)] += x[:6]
+    return matrix, x[6:]
+
+
+def _equation(x: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    matrix, bias = affine(x)
+    return matrix, reading - bias
