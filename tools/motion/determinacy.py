@@ -47,12 +47,11 @@ UNSEEN = _directions(400)
 
 def slopes_of(up: NDArray, x: NDArray | None = None) -> NDArray[np.float64]:
     """Return the derivatives (K, 9) of |n| by the parameters in poses `up` (K, 3), at parameters x (9,) or nominal."""
-    back = up
+    matrix = np.eye(3)
     if x is not None:
-        matrix = np.eye(3)
         matrix[ROWS, COLUMNS] += x[:6]
-        back = np.linalg.solve(matrix.T, up.T).T
-    return -np.hstack([back[:, ROWS] * up[:, COLUMNS], back])
+    back = up @ np.linalg.inv(matrix)
+    return -np.hstack([back[:, ROWS] * up[:, COLUMNS], back]).astype(np.float64)
 
 
 @dataclass(frozen=True, eq=False)
