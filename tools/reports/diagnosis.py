@@ -451,7 +451,8 @@ def diagnosis_sentence(result: Diagnosis) -> str:
     return f"{_verdict(result)} {sentence(proviso)}" if proviso else _verdict(result)
 
 
-LACKS = "The simulation lacks something"
+DOES_NOT_FIT = "The model without effects does not explain the record"
+COUNTS = {1: "One effect explains the record", 2: "Two effects together explain the record"}
 
 
 def _verdict(result: Diagnosis) -> str:
@@ -486,7 +487,9 @@ def _explained(result: Diagnosis) -> str:
         if result.cut_off_at is not None:
             text += f" But {cut_off(result.cut_off_at)}."
     else:
-        text = f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
+        causes = result.findings[0].causes
+        head = COUNTS.get(len(causes), f"{len(causes)} effects together explain the record")
+        text = f"{head}: {sentences_of(result.findings[0], result)}."
     gain = result.gain
     if gain is not None and not gain.improves:
         before, after = digits(gain.held_out_rms_before), digits(gain.held_out_rms_after)
@@ -499,10 +502,10 @@ def _explained(result: Diagnosis) -> str:
 
 def _ambiguous(result: Diagnosis) -> str:
     """Return the sets that would explain the record, and the objection to the first."""
-    text = f"{LACKS}, and the record does not say what: {rivals(result)}"
+    text = f"{DOES_NOT_FIT}. {rivals(result)}"
     if any(explanation.kind in OF_RECORD for explanation in result.explanations):
         sentences = [explanation.sentence.rstrip(".") for explanation in result.explanations[:FEW_RIVALS]]
-        text = f"The record or the simulation is wrong, and the record does not say which: {'; or: '.join(sentences)}."
+        text = f"The record does not tell which of these is true: {'; or: '.join(sentences)}."
     if result.objections:
         text += f" But {result.objections[0]}."
     if only_unlisted(result):
@@ -514,13 +517,13 @@ def _unexplained(result: Diagnosis) -> str:
     """Return a sentence on an unexplained record: an objection, a cut-off, a place, or the residual."""
     least = f"with the best parameters its largest error is {residual(result.radius or 0.0)} times its bound"
     if result.not_named:
-        return f"{LACKS}: {least}, and {result.not_named[0]}."
+        return f"{DOES_NOT_FIT}: {least}. Not named: {result.not_named[0]}."
     if result.cut_off_at is not None:
-        return f"{LACKS}: {least}. {sentence(cut_off(result.cut_off_at))}"
+        return f"{DOES_NOT_FIT}: {least}. {sentence(cut_off(result.cut_off_at))}"
     proven = beyond.proven_text(result)
     if proven:
-        return f"{LACKS}, and what is {proven}."
-    text = f"{LACKS} that is not in the catalogue: {least}, and no set of up to three effects mends it."
+        return f"{DOES_NOT_FIT}. {sentence(proven)}."
+    text = f"{DOES_NOT_FIT}: {least}. No set of up to three effects of the catalogue makes it fit."
     return f"{text} {beyond.beyond_words(result)}".rstrip()
 
 
@@ -535,9 +538,11 @@ def missing_words(result: Diagnosis) -> str:
 def rivals(result: Diagnosis) -> str:
     """Return the remaining sets of effects, few by their names, and the use of further positions."""
     sets = sets_of(result)
-    text = f"{len(sets)} sets of effects would explain it"
-    if len(sets) <= FEW_RIVALS:
-        text = f"{' or '.join([finding.title for finding in sets])} would explain it"
+    text = f"{len(sets)} sets of effects would each explain it"
+    if len(sets) == 1:
+        text = f"This effect would explain it: {sets[0].title}"
+    elif len(sets) <= FEW_RIVALS:
+        text = f"Each of these would explain it: {'; or '.join([finding.title for finding in sets])}"
     if result.cut_off_at is not None:
         text += f", {OTHERS_MAY}"
     proposed = len(result.next_positions or ())
@@ -549,7 +554,7 @@ def rivals(result: Diagnosis) -> str:
         positions = "position decides" if proposed == 1 else "positions decide"
         return f"{text}. Readings at {proposed} further {positions}."
     tells = {0: "none surely tells", 1: "one surely tells"}.get(sure, f"{sure} surely tell")
-    return f"{text}. Of {proposed} further positions that are proposed {tells} two of them apart."
+    return f"{text}. Of the {proposed} proposed positions, {tells} two of them apart."
 
 
 def sets_of(result: Diagnosis) -> tuple[Finding, ...]:

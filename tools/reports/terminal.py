@@ -125,6 +125,7 @@ def detection_limit(result: Diagnosis) -> str:
 def _sizes(result: Diagnosis, *, may_be_zero: bool) -> list[str]:
     """Return each named size with its interval: those that may be zero, or the others."""
     causes, texts = result.causes, []
+    between = "surely between" if result.calibration.sigma.kind == "bound" else "between"
     for cause in causes:
         of = f"{cause.place.title}: " if len(causes) > 1 else ""
         for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
@@ -137,9 +138,9 @@ def _sizes(result: Diagnosis, *, may_be_zero: bool) -> list[str]:
             if NONE in (least, most):
                 texts.append(f"{head}: {estimate} {unit}".rstrip())
             elif may_be_zero:
-                texts.append(f"{head}: may be zero, from {least} to {most} {unit}".rstrip())
+                texts.append(f"{head}: may be zero, between {least} and {most} {unit}".rstrip())
             else:
-                texts.append(f"{head}: {estimate}, from {least} to {most} {unit}".rstrip())
+                texts.append(f"{head}: {estimate}, {between} {least} and {most} {unit}".rstrip())
     return texts
 
 
@@ -188,12 +189,16 @@ def tried_text(result: Diagnosis) -> str:
     """Return the explanations that were tried."""
     if result.calibration.verdict != "falsified" and not result.tried:
         return ""
-    texts = ["a larger σ", "wrong rows", "breaks"] if result.calibration.linearised is not None else []
+    texts = (
+        ["a larger noise bound", "wrong rows", "a change between two rows"]
+        if result.calibration.linearised is not None
+        else []
+    )
     if result.tried and result.cut_off_at != 1:
-        texts.append(f"{len(result.tried)} single effects")
+        texts.append(f"each of {len(result.tried)} effects alone")
     if result.cut_off_at is not None:
-        largest = {1: "single effects", 2: "sets of two", 3: "sets of three"}[result.cut_off_at]
-        texts.append(f"{largest} not all")
+        largest = {1: "effects", 2: "pairs of effects", 3: "sets of three effects"}[result.cut_off_at]
+        texts.append(f"only some {largest}")
     if result.suffices:
         texts.append("functions of one quantity")
     return f"{', '.join(texts)}."

@@ -39,7 +39,7 @@ def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, c
         "--report", "d.html",
     )  # fmt: skip
     assert (status, err) == (0, "")
-    assert out.startswith("The simulation lacked this: ")
+    assert out.startswith("One effect explains the record: ")
     assert "Gain:        on " in out
     assert len(out.partition("extended/")[0].splitlines()) <= 25
     assert max(len(line) for line in out.partition("\nNext: ")[0].splitlines()) <= 80

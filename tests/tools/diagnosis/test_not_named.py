@@ -91,7 +91,7 @@ def with_fifth_power(record: PositionRecord) -> PositionRecord:
 def test_what_the_catalogue_lacks_is_not_given_a_name(spoilt: Callable):
     result = diagnosed(spoilt(hidden_record(5)))
     assert (result.verdict, result.causes) == ("unexplained", ())
-    assert str(result).startswith("The simulation lacks something")
+    assert str(result).startswith("The model without effects does not explain the record")
     structure = result.to_json()["residual_structure"]
     assert all(0.0 <= entry["explained"] <= 1.0 for entry in structure)
     if spoilt is with_fifth_power:

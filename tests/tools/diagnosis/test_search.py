@@ -61,5 +61,5 @@ def test_some_of_many_sets_are_no_answer_beside_one_function_as_simple():
     assert (result.verdict, result.complete, result.cut_off_at) == ("unexplained", False, 2)
     assert (result.causes, bool(result.not_named)) == ((), True)
     assert all("would do; others may that were not tried, and, as simple, a function" in s for s in result.not_named)
-    assert str(result).startswith("The simulation lacks something")
+    assert str(result).startswith("The model without effects does not explain the record")
     assert "\nNot certain: " in str(result)

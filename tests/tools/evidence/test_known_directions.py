@@ -35,7 +35,7 @@ def test_a_nonlinear_scale_factor_is_named_with_its_true_size_inside(seed, tmp_p
     assert low <= size <= high
     assert high - low < 0.5 * abs(size)
     assert result.stated.verdict == "consistent"
-    assert str(result).startswith(f"The simulation lacked this: {cause.sentence[0].lower()}")
+    assert str(result).startswith(f"One effect explains the record: {cause.sentence[0].lower()}")
     assert "None" not in str(result)
     assert result.report(tmp_path / "page.html").stat().st_size > 10_000
 
