@@ -97,6 +97,10 @@ class Fault(Told):
         breaks = breaks_of(explanation)
         return len(breaks) == 1 and self.is_break(breaks[0])
 
+    def has_part(self, named: "NamedBreak") -> bool:
+        """Return true if a named break is this one, or of some of its parts."""
+        return named.first < self.row <= named.last and named.parts <= set(self.change or ())
+
     def is_break(self, named: "NamedBreak") -> bool:
         """Return true if a named break is this one: its place in time, and everything that changes there."""
         return named.first < self.row <= named.last and named.parts == set(self.change or ())
@@ -113,14 +117,19 @@ class NamedBreak:
     @property
     def listed(self) -> EffectPlace | None:
         """The effect of the catalogue that the break is; None if it is none."""
-        if self.parts == set(MOUNTING_ANGLES):
-            return EffectPlace("mounting-slip", MOUNTING)
-        for p, where in enumerate(ACCELEROMETERS, start=1):
-            if self.parts == {f"bias_{p}_g"}:
-                return EffectPlace("bias-step", where)
-            if self.parts == {f"scale_factor_{p}"}:
-                return EffectPlace("scale-step", where)
-        return None
+        places = [EffectPlace("mounting-slip", MOUNTING)]
+        for where in ACCELEROMETERS:
+            places += [EffectPlace("bias-step", where), EffectPlace("scale-step", where)]
+        return next((place for place in places if parts_of(place) == self.parts), None)
+
+
+def parts_of(place: EffectPlace) -> frozenset[str]:
+    """Return the parts that change at a step of the catalogue, as the diagnosis names them; empty of other effects."""
+    if place.effect == "mounting-slip":
+        return frozenset(MOUNTING_ANGLES)
+    number = place.where[-1]
+    names = {"bias-step": f"bias_{number}_g", "scale-step": f"scale_factor_{number}"}
+    return frozenset({names[place.effect]}) if place.effect in names else frozenset()
 
 
 def breaks_of(explanation: Explanation) -> list[NamedBreak]:

@@ -10,7 +10,7 @@ from ..diagnosis import Cause, Diagnosis, Explanation, NamedEffect, diagnose, di
 from ..result import ABSENT, Told
 from .bench import NOISE_BOUND
 from .case import Case
-from .faults import Fault, breaks_of
+from .faults import Fault, breaks_of, parts_of
 from .sizes import Hidden, Secret
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
@@ -261,11 +261,17 @@ def _rows_and_effects(places: Sequence[EffectPlace]) -> tuple[set[int], list[Eff
 
 
 def _is_part(case: Case, explanation: Explanation) -> bool:
-    """Return True if an explanation names the hidden fault or the hidden effects alone."""
+    """Return True if an explanation names nothing false: the hidden fault, the effects, or parts of their breaks."""
     if case.fault is None or not case.places:
         return False
     fault_alone, effects_alone = replace(case, hidden=()), replace(case, fault=None)
-    return _is_right(fault_alone, explanation) or _is_right(effects_alone, explanation)
+    if _is_right(fault_alone, explanation) or _is_right(effects_alone, explanation):
+        return True
+    breaks = breaks_of(explanation)
+    hidden = [parts_of(place) for place in case.places]
+    of_breaks = all(case.fault.has_part(named) or any(named.parts <= parts for parts in hidden) for named in breaks)
+    rows = {case.fault.row} if case.fault.kind == "rows" else set()
+    return bool(breaks) and of_breaks and set(explanation.rows or ()) <= rows and not explanation.causes
 
 
 def outcome_kind(

@@ -158,6 +158,17 @@ def test_a_hidden_break_and_a_step_of_the_catalogue_are_named_as_two_breaks(case
     assert judged(both, "explained", broken((4, 5), "bias_2_g", *elsewhere)) == "wrong"
 
 
+def test_a_part_of_a_hidden_step_is_a_part_of_the_secret(case):
+    fault = Fault(kind="rows", what="a copied row", row=5, numbers=(7.0,))
+    hidden = Hidden(EffectPlace("mounting-slip", "mounting"), (1e-6, 1e-4, 1e-6, 0.02))
+    both = replace(case, fault=fault, hidden=(hidden,))
+    of_row = {"rows": (5,), "where": ("mounting", "row-5")}
+    one = broken((9, 10), "mounting_2_rad").model_copy(update=of_row)
+    assert judged(both, "explained", one) == "part"
+    other = broken((9, 10), "bias_2_g").model_copy(update=of_row)
+    assert judged(both, "explained", other) == "wrong"
+
+
 @pytest.mark.parametrize("index", [8, pytest.param(37, marks=pytest.mark.acceptance)])
 def test_no_other_cause_is_named_beside_a_fault(index):
     # 8: a row that errs by several steps of round angles; 37: a break beside an effect that is not linear.
