@@ -371,7 +371,7 @@ def _by_chance(design: NDArray, rate: NDArray, bound: NDArray, radius: float) ->
 def _hindrance(design: NDArray) -> str | None:
     """Why a model cannot be tried; None where it can."""
     if len(design) < design.shape[1] + SPARE:
-        return f"{len(design)} rests, {design.shape[1] + SPARE} are needed"
+        return f"{design.shape[1] + SPARE} rests are needed, not {len(design)}"
     size = np.abs(design).max(axis=0)
     if not size.all():
         return "nothing changes"

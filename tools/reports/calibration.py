@@ -257,7 +257,7 @@ def target_sections(
     paragraphs = estimator_texts(result)
     if result.verdict == "falsified":
         paragraphs += beside_texts(result)
-        paragraphs.append("No error is guaranteed. `trihedron diagnose` says what the model lacks.")
+        paragraphs.append("No error is guaranteed. `trihedron diagnose` finds the cause.")
         return [Section("Targets", paragraphs, table=beside_table(result), files=files)]
     if result.verdict == "noise-unknown" and not result.stands:
         return [Section("Targets", paragraphs + beside_texts(result), table=beside_table(result), files=files)]

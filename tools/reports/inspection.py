@@ -83,6 +83,8 @@ def rest_lines(inspection: Inspection) -> list[str]:
     if not len(rests):
         return ["no rests: neither gyros nor accelerometers can be judged at rest"]
     head = f"{len(rests)} rests {span_of(rests.length_s)} s, median {digits(np.median(rests.length_s))} s"
+    if len(rests) == 1:
+        head = f"1 rest {span_of(rests.length_s)} s"
     if rests.turning:
         head += f"; {rests.turning} slow turns left out"
     lines = [head]

@@ -130,4 +130,4 @@ def proof_lines(calibration: Calibration) -> list[str]:
     if not calibration.witness:
         return []
     readings = [f"f{reading.accelerometer} at {reading.position}" for reading in calibration.witness]
-    return [f"Proof, by accelerometer and position: {listed(readings, MOST_READINGS)}."]
+    return [f"Readings that prove it, by accelerometer and position: {listed(readings, MOST_READINGS)}."]

@@ -202,7 +202,7 @@ def test_a_single_rest_has_one_length_and_nine_rests_no_standard_errors(tmp_path
         write_record(strapdown_record(true_motion(POSES[:count])), tmp_path / f"{count}.csv")
         assert main(["inspect", str(tmp_path / f"{count}.csv")]) == 0
     printed = capsys.readouterr().out
-    assert "1 rests of 2.6 s" in printed
+    assert "1 rest of 2.6 s" in printed
     assert "scale factor of accelerometer 1" in printed
     assert "±" not in printed
 

@@ -282,7 +282,7 @@ def test_a_block_says_on_what_it_rests_and_what_is_missing():
     for fact in (record.sha256, "instantaneous", "9.80665 m/s²", "seed of the shuffles", "highspy"):
         assert fact in below
     said = unescape(text_of("block, insufficient"))
-    assert "1 rests of" in said
+    assert "1 rest of" in said
     assert all(str(thing) in said for thing in shown("block, insufficient")[0].missing)
     ambiguous = shown("block, ambiguous")[0]
     assert "no interval is given" in section("block, ambiguous", "The block's own parameters").paragraphs[0]
