@@ -55,7 +55,7 @@ HIDDEN = (
     Hidden(EffectPlace("quadratic", "accelerometer-2"), (2e-3,)),
     Hidden(EffectPlace("encoder-harmonic", "outer-axis", 2), (3e-4, 0.9)),
 )
-"""Effects of which the seed hides one."""
+"""Effects; the seed hides one of them."""
 SHOWN = ("X1", "X16", "B1")
 """Parameters that the terminal shows."""
 MEASURED, ANSWER = "measured.csv", "hidden-answer.json"

@@ -340,7 +340,7 @@ KINDS_OF_FILES = {
     "system": "a system of FMUs (SSP): did you mean `trihedron simulate {file}`?",
     "workbook": "a workbook: did you mean `trihedron import {file} --out RECORD.csv`?",
 }
-"""What a file can be, and what is said where it is given in place of another."""
+"""Kinds of file, and the advice when one is given in place of another."""
 
 
 def kind_of_file(content: bytes) -> str:

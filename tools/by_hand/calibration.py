@@ -58,9 +58,9 @@ CHANCE = 1e-3
 FOLDS, FEWEST_FOLDED = 5, 12
 """Contiguous parts that are left out in turn; of fewer rests none is."""
 LARGE = 0.2
-"""A parameter beyond this is said."""
+"""A larger parameter gets a warning."""
 MORE = 3.0
-"""Scatter of the norms over what is taken for it that is said."""
+"""Scatter of the norms over the assumed scatter from which a warning follows."""
 HALF_PRIOR = 0.5
 """A parameter is determined where its error is below this part of the prior's."""
 CENTRINGS = 6

@@ -16,7 +16,7 @@ from ..records.limits import runs_of
 from ..records.stamps import grid_of
 
 SCATTER = 3.0
-"""An accelerometer at rest scatters at most so many times as much as its noise."""
+"""Largest scatter of an accelerometer at rest over its noise."""
 WIDER = 5.0
 """The limit of a second pass, where the first leaves fewer than `FEWEST` rests."""
 FEWEST = 9

@@ -78,7 +78,7 @@ SAY_THE_NOISE = (
 ROUNDING = 2e-15
 """What the evaluation of readings and model may be wrong by, as a fraction of g."""
 WIDE = 2.0
-"""Steps of the encoders may falsify a model if they move readings by so many σ."""
+"""Change of readings [σ] from which steps of the encoders may falsify a model."""
 MOST_ALONG = 0.3
 """Of the misfit by errors of angles so small a part is along gravity: what other parameters make of it."""
 LEAST_OF_ROUNDING, MOST_OF_ROUNDING = 0.5, 1.6
@@ -86,13 +86,13 @@ LEAST_OF_ROUNDING, MOST_OF_ROUNDING = 0.5, 1.6
 MOST_OF_HALF_STEP = 1.5
 """The largest error of a fit to rounded angles, over that of half a step."""
 COARSE = 0.5
-"""Steps of readings are said if half of one is more than this part of σ."""
+"""Half a step of readings over σ from which a warning names the step."""
 NOTICEABLE = 0.1
-"""The part of σ from which on it is said that a comment line adds to it."""
+"""Part of σ from which a warning names a comment line that adds to it."""
 FEWEST_PASTED = 3
 """So many rows one after the other that stand in a record twice, with all digits, were pasted."""
 SMALL_RADIUS = 0.1
-"""Of so many readings beside the parameters the largest error is seldom so small a part of σ."""
+"""Number of readings beside the parameters, and the part of σ that their largest error rarely stays below."""
 FEWEST_SPARE = 12
 FAR, MOST_FAR = 0.2, 3
 """No parameter of an aligned bench is so large [1], [rad], [g]; so many that are larger are named."""

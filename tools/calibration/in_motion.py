@@ -28,7 +28,7 @@ from .turns import ROUNDS, STILL, WithTurns, fitted_step
 HALF_S, HALF_RAD, FEWEST = 0.08, 0.08, 3
 """To either side of the middle so much time [s] and turn [rad] is taken, and at least so many rows."""
 STEADY = 2.5
-"""Angles are a parabola of time where they miss it by no more than so many bounds of an encoder."""
+"""Largest distance of angles from a parabola of time [bounds of an encoder]."""
 UNSEEN = 4.0
 """An acceleration that changes by a goes unseen for √(4 · 2.5 bounds / a) at most, near the end of a window."""
 APART = 0.8
@@ -39,7 +39,7 @@ CERTAIN = 5e-3
 SURE = 6e-3
 """An input nearer to zero [g] may change its sign while a reading is taken, by what the bench is off or by turning."""
 UNTOLD = 1.0
-"""Bound of a reading of which nothing is said, as where the input's sign is not sure [g]."""
+"""Bound of a reading without information, as where the input's sign is not certain [g]."""
 SLOW = 0.02
 """An axis that turns by less [rad/s] hardly turns."""
 FURTHER = ("A", "r11", "r12", "r13", "r21", "r22", "r23", "r31", "r32", "r33")

@@ -42,7 +42,7 @@ APART = np.radians(50.0)
 BESIDE = 4
 """Rows to either side of an end, over which the table's rate there is taken."""
 SEEN = 4.0
-"""Changes of an angle beyond so many bounds of the encoder are motion."""
+"""Change of an angle that counts as motion [bounds of the encoder]."""
 LARGEST = 0.5
 """No gyro has a larger scale-factor error or misalignment."""
 PLAUSIBLE = np.array([1e-2] * 3 + [1e-2] * 9 + [1e-2] * 9 + [1e-2])

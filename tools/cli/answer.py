@@ -35,7 +35,7 @@ NOT_ALLOWED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno
 LEAST_MEMORY = 1 << 30
 """Bytes of addresses without which libraries do not load, or end the process."""
 LONG_S = 20.0
-"""Who has waited so long without numba is told of it [s]."""
+"""Time without numba after which a hint names it [s]."""
 INTERRUPTED = 130
 """128 and the number of the signal, as shells count."""
 COLOURS = {"good": "bold green", "attention": "bold yellow", "neutral": "bold"}

@@ -51,7 +51,7 @@ READING = ("channels", "stamps")
 ADJUSTING = ("values", "inputs", "record", "tolerance", "interface")
 """How the FMUs of a run are set, fed and recorded."""
 PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
-"""What is said of a bench and its encoders and gyros."""
+"""Options of a bench with its encoders and gyros."""
 
 
 def installed_version() -> str:

@@ -32,11 +32,11 @@ RIVAL = 1.5
 NEAR = 1.3
 """Below this radius a slightly larger noise bound is a candidate like any other: nothing is proven."""
 MOST_SECOND_ORDER = 1.0
-"""The linear model may be wrong by at most so many bounds, or nothing is said of functions."""
+"""Largest error of the linear model for which functions are judged [bounds]."""
 FURTHER_NUMBERS = 2
 """What leaves more than a bound, as the linear model may be wrong, is a proof where so many numbers more mend that."""
 OWN = 1e-7
-"""Columns of which so small a part is beyond the model are imitated by it."""
+"""Part of a column beyond the model below which the model imitates it."""
 AGREED = 1e-7
 """A radius that changes by so little as the model is linearised anew is that of the exact model."""
 MOST_ROUNDS = 4

@@ -19,7 +19,7 @@ MOST_STEPS, MOST_TRIED = 4, 12
 HELPS = 0.02
 """An effect stands in the order when it takes so much off the errors that were left out."""
 SHOWN = 1.5
-"""An effect whose errors, with everything else refitted, are so many bounds is shown by a length."""
+"""Errors of an effect that a length shows, with everything else refitted [bounds]."""
 
 Sizes = Mapping[EffectPlace, NDArray[np.float64]]
 """Effects with their linear coefficients."""

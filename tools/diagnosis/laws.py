@@ -44,7 +44,7 @@ SHARPEST = 0.05
 LARGEST = 0.5
 """No law adds more [g], [rad]."""
 TURNS = 1.2
-"""A function that goes up and down by so many times its size is one that steps, at most."""
+"""Sum of changes over size above which a function counts as steps."""
 MOST_LISTED = 3
 """So many sets of effects of the catalogue are laws of a pair."""
 LIKE = 0.05

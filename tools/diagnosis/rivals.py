@@ -23,7 +23,7 @@ from .dependence import LARGEST_PART, Dependence, Standing, most_of_rivals
 LIKE = 0.05
 """An effect is a function of a quantity where so little of it, relatively, is none."""
 SURE_SECOND_ORDER = 0.3
-"""Where the linear model may be wrong by so many bounds at most, what stands with it is a rival."""
+"""Largest error of the linear model with which a set that fits is a rival [bounds]."""
 NOT_COMPARED = "functions that are in no catalogue were not compared: the misfit is too large for the linear model"
 ROUGHLY = (
     "the misfit is so large that the linear model, by which functions are compared, may be wrong: other laws may stand"
@@ -33,7 +33,7 @@ CHOSEN = re.compile(r"\*\* \d|(?:sin|cos)\(\d+ \*")
 OUTLIER = "outlier"
 """A single reading: no quantity is its cause, though a function with a spike where it was read would do as much."""
 TABLES = ("lookup", "bias-wander")
-"""Effects of which the law says the knots."""
+"""Effects whose law gives the knots."""
 MOST_RIVALS = 3
 """Number of rivals that further positions are to tell apart."""
 FURTHER = 2

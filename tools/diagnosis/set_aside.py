@@ -17,7 +17,7 @@ READINGS = 3
 SECOND_ORDER = 0.05
 """What the linear model of all records may be wrong by, in bounds."""
 ROW = 4
-"""Numbers that a wrong row needs of which nothing is known."""
+"""Numbers of a wrong row without a known change."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,11 +23,11 @@ from .rivals import OUTLIER, complexity_of
 NOTHING_PROVEN = 1.3
 """Below this radius no fault of the record is named: a slightly larger noise bound would do as well."""
 CLOSE = 1
-"""An explanation that needs so many numbers more than the simplest is its rival."""
+"""Numbers more than the simplest explanation with which another is its rival."""
 
 
 def single_faults(evidence: Evidence) -> tuple[Simple, ...]:
-    """Return the faults of a record each of which makes the model fit, the simplest first."""
+    """Return the faults of a record that make the model fit alone, the simplest first."""
     kinds = too_small_bounds if evidence.model.radius < NOTHING_PROVEN else simple_faults
     return _simplest_first(kinds(evidence))
 

@@ -147,7 +147,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class Programme:
-    """Readings of a record, with effects and breaks of which the sizes are unknown."""
+    """Readings of a record, with effects and breaks of unknown size."""
 
     record: PositionRecord
     evidence: Evidence

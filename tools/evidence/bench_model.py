@@ -53,13 +53,13 @@ DIVERGED = 1e9
 NEAR = 1e-4
 """A step [1], [rad], [g] so small leads near enough to the fit to refuse what is far from standing."""
 SECOND_ORDER = 10.0
-"""A model differs from the linear one by at most so many times the square of a step's length, the sum of its parts."""
+"""Factor of the square of a step's length that bounds the error of the linear model."""
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
 DETERMINED = 1e-8
 """Directions of so small a part of the largest singular value are not determined by readings that are kept."""
 MAX_LEVERAGE = 1.0
-"""A held-out reading is scored when its prediction is at most so many times as uncertain (rms) as a reading."""
+"""Largest uncertainty (rms) of a scored prediction over that of a reading."""
 
 
 Exact = Callable[[Sequence[EffectPlace], NDArray, NDArray], tuple[NDArray, NDArray, NDArray]]

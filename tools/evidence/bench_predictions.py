@@ -47,9 +47,9 @@ LATER = (0.25, 0.5, 0.75, 1.0)
 HOUR_DIGITS = 5
 """Decimals of a time [h]: 0.04 s."""
 WORTH_IT = 0.6
-"""A mounting is proposed when it makes the correlation of two causes at most so many times what it was."""
+"""Largest ratio of correlations of two causes, after and before, for which a mounting is proposed."""
 HELD_OUT_EVERY = 4
-"""One position in so many is held out."""
+"""Number of positions for each that is held out."""
 FEWEST_SCORED = 3
 
 

@@ -49,7 +49,7 @@ STANDS_OUT = 0.5
 """An effect stands out that leaves at most this part of the usual misfit."""
 LEAST_SLACK = 0.05
 SECOND_ORDER = 5.0
-"""The linear model may be wrong by so many times the square of the usual misfit, as fractions of g."""
+"""Error of the linear model over the square of the usual misfit, as fractions of g."""
 TOO_MUCH = 0.3
 """With more slack than this, effects that stand out are fitted before others are sought."""
 MOST_ANCHORS = 3

@@ -51,7 +51,7 @@ ROUNDS_OF_ROBUST = 4
 LEAST_FORCE = 1e-9
 """Bounds of means [g] are not taken for less."""
 MANY = 4.0
-"""Errors of so many bounds, root mean square over that of noise at its bound, may hold a second order that counts."""
+"""Rms error, over that of noise at its bound, from which second order may matter."""
 SETTLED = 0.9
 """A run about the fit to the one before that leaves so much of its errors was the last that is needed."""
 MOST_ONSETS = 24
@@ -59,7 +59,7 @@ MOST_ONSETS = 24
 MOST_OF_IT = 3.0
 """By so much an effect must lower the errors to be the main one."""
 JUMP, ROUNDS_OF_JUMPS = 12.0, 6
-"""A window with so many times the median error that all effects leave is a jump; jumps are dropped in rounds."""
+"""Error of a window that counts as a jump, over the median error that all effects leave."""
 RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"
 WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest{earth}"
 AS_STATED = "the noise of the gyros at rest{earth}, and the true attitude's error at a row, as stated: {stated} arcmin"

@@ -30,13 +30,13 @@ FEWEST_ROWS = 2
 CELL = 0.15
 """Width of a cell of time constants, as a difference of their logarithms."""
 LONGEST = 10.0
-"""Time constants up to so many times a record's length are sought: a longer one cannot be told from a drift."""
+"""Longest time constant over the record's length; a longer one looks like a drift."""
 SHORTEST_ROW = 2
 """What settles before this row is an outlier of the first."""
 SHORTER = 0.05
 """A lag of so small a part of the time of that row is still sought; a shorter one is none."""
 BEFORE = 0.5
-"""By so many times the range of a record's temperatures those before it may be beyond it, on both sides."""
+"""Distance of earlier temperatures beyond the record's, on both sides, over its range."""
 MOST_THIRD = 0.43
 """The largest third derivative of e^(−x) by the logarithm of x."""
 AT_ONCE = 1e-300

@@ -46,7 +46,7 @@ HELD = 1e-9
 LEFT_AWAY = 1e-3
 """A few columns hold those of a range of time constants where the largest size does so much of a bound otherwise."""
 FEWEST = 2
-"""So many moves, or windows of the least length, are wholly before an onset, and so many after."""
+"""Least number of moves, or windows of the least length, before an onset and after it."""
 Columns = list[NDArray[np.float64]]
 OverBounds = Callable[[Sequence[NDArray[np.float64]]], NDArray[np.float64]]
 """Columns (S, d, K) of each group of pieces -> rows (M, K) over their bounds."""

@@ -392,7 +392,7 @@ class Reader:
     read_off: ClassVar[Sequence[ReadOff]] = ()
     """Effects that readings show by themselves; what they change is left out of the rows."""
     pairs: ClassVar[Sequence[Pair]] = ()
-    """Places, each with a quantity on which its error may depend, whatever the law."""
+    """Places, each with a quantity on which its error may depend by any law."""
     rerun: ClassVar[Rerun | None] = None
     lengths: ClassVar[Lengths | None] = None
 

@@ -28,7 +28,7 @@ from .of_record import Differs, InRecord, differs, in_record, is_of_instrument, 
 from .rows import Rows, reading_at
 
 OPEN = 0.01
-"""An effect of which a record leaves open so much of what it does, relatively, is not sought in several records."""
+"""Relative part of an effect left open by a record above which several records do not seek it."""
 LEAST_SLACK, MOST_SLACK = 1e-3, 0.5
 """What the linear model of a search may be wrong by, in bounds: at least, and at most."""
 LEAST_PART = 1e-3

@@ -39,7 +39,7 @@ LARGEST = 1.0
 LARGEST_INPUT = 1.01
 """Of an accelerometer on a bench with errors [g]: the range of inputs has it at both ends."""
 FINER = 4
-"""Functions that the model imitates are sought with so many times as many pieces."""
+"""Factor of the number of pieces for functions that the model imitates."""
 IMITATED = 2e-3
 """Of one that the model imitates so much of the sum of squares is left, at most: what such pieces cannot follow."""
 OWN = 0.05

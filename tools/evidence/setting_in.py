@@ -29,7 +29,7 @@ from .evidence import Linear, limits_of
 from .fit import Fit, coefficient_count
 
 MOST_TRIED = 12
-"""After so many rows of a range that stands its least radius is no longer sought."""
+"""Number of rows of a range that fits, after which its least radius is not refined."""
 FINE, DECIDED, FINER, LEAST_FINER, MOST_TIMES = 0.02, 1e-6, 16.0, 1.2, 5000
 """Time constants are taken so near each other that bounds grow by this part of themselves; where none stands, though
 not all are refused, by the second. Then they are so many times nearer, at least so many, and so many at most."""

@@ -37,7 +37,7 @@ SENSITIVITIES = {
 """Quantity -> an example of one volt or count, and a sensitivity as data sheets write it."""
 ONE_G = 9.80665
 LEAST_SIZE, FEWEST = 0.2, 10
-"""Median |f| [g] of so many rows, or more, below which gravity is not in the readings."""
+"""Median |f| [g], and number of rows, below which gravity is not in the readings."""
 TRUE_SIZE = (0.8, 1.25)
 """Range of the median |f| [g] in the unit of a layout."""
 DAYS = (30_000.0, 80_000.0)

@@ -276,7 +276,7 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
 
 
 def _large_sheet(file: Path, head: bytes, whole: Path | bytes, mapping: Mapping) -> Sheet:
-    """Return a large text, of which the first lines are examined; other encodings than UTF-8 are read whole."""
+    """Return a large text whose first lines are examined; read other encodings than UTF-8 whole."""
     refuse_other(file, head)
     complete = head[: head.rfind(b"\n") + 1] or head
     text, encoding = decoded(file, complete, mapping.encoding)

@@ -360,7 +360,7 @@ def lines_of(path: Path, text: str) -> list[str]:
 
 
 def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "") -> Sheet:
-    """Return a text file as a sheet; the default separator is the one that gives most values."""
+    """Return a text file as a sheet; the default separator gives most values."""
     sheet = Sheet(path, lines, encoding=encoding)
     if separator:
         if separator not in SEPARATORS:

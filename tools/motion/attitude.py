@@ -35,7 +35,7 @@ REST_BLOCK = 1.0
 """Length of the blocks in which rest is looked for [s]."""
 
 QUIET = 2.0
-"""A block is at rest when its gyros scatter at most so many times as much as in the record's quietest block."""
+"""Largest scatter of gyros in a block at rest, over that of the record's quietest block."""
 
 FEWEST_PERIODS = 4
 """A period that is looked for is at most this part of the run."""

@@ -26,7 +26,7 @@ JITTER = 0.01
 MOST_JITTER = 0.5
 """Largest deviation that is taken for jitter of the stamps: rates are then integrated over the intervals as logged."""
 MOST_BRIDGED = 10
-"""More lost rows than so many in one gap are not bridged."""
+"""Most lost rows of a gap that is bridged."""
 AROUND = 10
 """So many rows, and as many as are lost, are looked at on each side of a gap."""
 FEWEST_AROUND = 4

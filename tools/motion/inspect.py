@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 LEAST_BOUND = 1e-9
 """Bounds of means [g], [rad/s] are not taken for less: arithmetic has errors too."""
 EXCITED = 5.0
-"""An axis is excited when its rate's rms in moves is so many times the noise of a sample."""
+"""Rms rate in moves over the noise of a sample from which an axis is excited."""
 SPARE = 3
-"""A model is tried with at least so many rests more than it has parameters for each gyro."""
+"""Rests that a model needs beside its number of parameters for each gyro."""
 DISTINCT = 1e-3
 """Least singular value, over the largest, of columns of size one that can be told apart."""
 SHUFFLES, CHANCE = 200, 0.01

@@ -14,21 +14,21 @@ from ..rounding import digits
 Series = RawRecord | StrapdownRecord | ForceRecord
 """Records of readings in time."""
 LONGEST = 3
-"""A spike holds at most so many rows."""
+"""Most rows of a spike."""
 UNLIKE = 10.0
-"""A spike differs from its neighbours by so many times their own spread."""
+"""Distance of a spike from its neighbours over their spread."""
 SHARPEST = 300.0
 """No hand and no table changes a rate so fast from one row to the next and back [rad/s²]; knocks are told apart."""
 LEAST_TURN = 0.01
 """Rows that turn the attitude by less are not refused [rad]."""
 ALONE = 30.0
-"""An accelerometer that is so many times as far off as each other feels no knock."""
+"""Ratio of an accelerometer's jump to that of each other that excludes a knock."""
 RANGE_PART = 0.75
 """A reading that overflows jumps by so much of the range between the channel's extremes."""
 STEADY = 0.25
 """Before and behind such a jump readings change by at most so much of it."""
 TOWARDS = 5.0
-"""And by more than so many times the usual change, towards the end of the range."""
+"""Least jump over the usual change, towards the end of the range."""
 LONGEST_LOSS = 0.5
 """Zeros for longer in a record without noise are no lost readings but a rest [s]."""
 STUCK, SELDOM = 6, 0.02

@@ -30,7 +30,7 @@ WINDOW = 0.5
 LAG = 0.05
 """Noise is taken from differences over this time [s]: long enough for filters to forget, short for a hand."""
 QUIET = 3.0
-"""A window is quiet when no channel scatters so many times as much as its noise."""
+"""Scatter over noise that no channel of a quiet window reaches."""
 QUIETEST = 0.1
 """Part of the windows that shows the noise."""
 IRREGULAR = 0.1
@@ -40,9 +40,9 @@ SHORTEST = 1.0
 SETTLING = 0.2
 """Dropped at both ends of a rest [s]."""
 SLOW = 3.0
-"""A rest whose thirds differ by so many times the noise of a sample is a slow turn."""
+"""Difference of a rest's thirds that counts as a slow turn, over the noise of a sample."""
 FAR = 10.0
-"""A rest whose mean rate is so many times the noise of a sample from what the others make expect is a steady turn."""
+"""Distance of a rest's mean rate from its expectation that counts as a steady turn, over the noise of a sample."""
 FEWEST_POSES = 10
 """Of fewer rests no dependence on gravity and time is taken away before."""
 REWEIGHTED = 30

@@ -118,7 +118,7 @@ def make_grid(scenario: Scenario, programme_ends: Sequence[int], constant: Seque
 
 
 def _shortened(run: RunSetting, stop: float, constant: Sequence[str]) -> StepGrid:
-    """Return steps of which the last is shorter, or the whole steps if an FMU needs equal ones."""
+    """Return steps with a shorter last one, or the whole steps if an FMU needs equal ones."""
     span = stop - run.start_s
     whole = math.floor(span / run.step_s)
     rest = span - whole * run.step_s

@@ -20,9 +20,9 @@ NEAREST = 3
 MOST_FITS = 3
 """So many sets, the first ones, are compared."""
 FARTHER = 1
-"""Breaks that need so many numbers more than the set are no rivals."""
+"""Numbers more than the set from which a break is no rival."""
 SLACK = 0.5
-"""The linear model about a set may be wrong by so many bounds for another break."""
+"""Largest error of the linear model about a set for another break [bounds]."""
 MOST_WORK = 2e7
 
 
@@ -98,6 +98,6 @@ def _in_place_of_steps(search: Search, fit: Fit) -> Iterator[Other]:
 
 
 def _with_and_without_one(places: Sequence[EffectPlace]) -> list[tuple[EffectPlace, ...]]:
-    """Return effects without any one of them, of which at least one remains, then all of them."""
+    """Return the effects without each one in turn (at least one remains), then all of them."""
     fewer = [tuple(place for place in places if place != other) for other in places] if len(places) > 1 else []
     return [*fewer, tuple(places)]

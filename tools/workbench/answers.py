@@ -56,7 +56,7 @@ MOST_ROWS = 2000
 """So many rows of a table are shown."""
 MOST_MARKS = 200
 FIRST_ROWS, FIRST_BYTES, MOST_CHARACTERS = 6, 4096, 160
-"""Of a file that is imported: so many rows of so many characters are shown."""
+"""Rows and characters of an imported file that are shown."""
 KEPT: dict[tuple[Any, ...], records.Record] = {}
 """Records that were read, by file and the way of reading."""
 MOST_KEPT = 8

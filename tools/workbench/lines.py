@@ -1,4 +1,4 @@
-"""The lines of a record for a screen: extremes of each channel in so many steps of time."""
+"""The lines of a record for a screen: extremes of each channel in steps of time."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -115,7 +115,7 @@ def extremes(values: NDArray[np.float64], edges: NDArray[np.int64]) -> tuple[NDA
 
 
 def plain(values: NDArray[np.float64], figures: int = 6) -> list[float | None]:
-    """Return numbers as JSON has them, of so many figures; None where there is none."""
+    """Return numbers of JSON, rounded to a number of digits; None for missing ones."""
     numbers: list[float | None] = []
     for value in values.tolist():
         numbers.append(float(f"{value:.{figures}g}") if np.isfinite(value) else None)
