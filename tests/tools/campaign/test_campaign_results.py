@@ -193,7 +193,7 @@ def test_a_regression_is_named_and_stops_at_the_gate(tmp_path, capsys):
     changes = th.campaign_report(tmp_path / "new", against=tmp_path / "old", report=tmp_path / "c.html")
     assert changes.to_json() == json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
     assert "Beyond chance got 1 worse" in (tmp_path / "c.html").read_text(encoding="utf-8")
-    assert th.campaign_report(tmp_path / "new").runs == 300
+    assert th.campaign_report(tmp_path / "new").to_json()["runs"] == 300
     reversed_words = ["campaign-report", str(tmp_path / "old"), "--against", str(tmp_path / "new"), "--gate"]
     assert cli.main(reversed_words) == 0
     assert "better   largest_error_rad" in capsys.readouterr().out
