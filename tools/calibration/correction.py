@@ -25,7 +25,7 @@ from ...fmus.parameters import (
 )
 from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
 from ..calibrated import LATENCIES, CalibratedEffect, Open, Provenance, Sigma
-from ..errors import InputError
+from ..errors import InputError, one_line
 from ..files import LARGEST_RESULT, advice_on, bytes_of
 from .model import checked_mounting
 from .targets import corners
@@ -269,6 +269,8 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
         covariance = _covariance(calibration)
     except ValueError as error:
         raise InputError(f"{where}: {error}") from error
+    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        raise InputError(f"{where}: is not as its schema says ({one_line(str(error))}); calibrate again") from error
     bias, mounting = np.array(block["bias"]), _mounting(calibration)
     correction = Correction(block["gravity"], plus, minus, gamma, bias, low, high, mounting, record, gyros, covariance)
     return replace(correction, **_origin(calibration, where))

@@ -1,6 +1,7 @@
 """Corrected readings: the inverse of the block, bounds that hold for every truth, correct files."""
 
 import json
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 
@@ -218,6 +219,19 @@ def test_a_calibration_edited_by_hand_is_refused(part, change, message):
     if "reading_errors" not in (part, *change):
         with pytest.raises(ValueError, match=message):
             bench_parameters(content)
+
+
+@pytest.mark.parametrize("key", json.loads(faultless()))
+def test_a_calibration_that_lacks_a_key_is_refused_or_corrects(key):
+    """No key that is missing, or of another kind, ends in another error."""
+    whole = json.loads(faultless())
+    for edited in ({k: v for k, v in whole.items() if k != key}, whole | {key: None}, whole | {key: [3]}):
+        with suppress(InputError):
+            assert isinstance(correction_of(edited, "edited.json"), Correction)
+    if key in ("verdict", "estimator"):
+        del whole[key]
+        with pytest.raises(InputError, match=f"edited.json: is not as its schema says .*{key}"):
+            correction_of(whole, "edited.json")
 
 
 def test_the_gyrocompass_is_where_the_record_says_it_was_measured(tmp_path):
