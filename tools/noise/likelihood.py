@@ -106,6 +106,7 @@ class Likelihood:
         # sizes near one: the fits are of ratios to a smooth level
         self.unit = float(np.exp(np.average(np.log(np.maximum(bins.power, 1e-300)), weights=bins.count)))
         self.templates: dict[tuple[Letter, float], NDArray[np.float64]] = {}
+        self.fits: dict[tuple[Letter, ...], Fit] = {}
 
     @cached_property
     def constants(self) -> NDArray[np.float64]:
@@ -134,15 +135,20 @@ class Likelihood:
 
     def fit(self, letters: tuple[Letter, ...], trend: Letter | None = None) -> Fit:
         """Return the best fit of a set of processes, over the correlation times and then the trends of that letter."""
-        if "M" not in letters:
-            best = self.fit_at(letters, 0.0, None)
-        else:
-            best = min((self.fit_at(letters, float(constant), None) for constant in self.constants), key=_cost_of)
-            best = self._refined(best, float(self.constants[1] / self.constants[0]))
+        if letters not in self.fits:
+            self.fits[letters] = self._without_trend(letters)
+        best = self.fits[letters]
         if trend is None:
             return best
         of_trend = np.flatnonzero((self.bins.constants == 0.0) == (trend == "R"))
         return min((self.fit_at(letters, best.constant, int(column)) for column in of_trend), key=_cost_of)
+
+    def _without_trend(self, letters: tuple[Letter, ...]) -> Fit:
+        """Return the best fit of a set of processes over the correlation times."""
+        if "M" not in letters:
+            return self.fit_at(letters, 0.0, None)
+        best = min((self.fit_at(letters, float(constant), None) for constant in self.constants), key=_cost_of)
+        return self._refined(best, float(self.constants[1] / self.constants[0]))
 
     def _refined(self, best: Fit, ratio: float) -> Fit:
         """Return the fit with a better correlation time, by halving the step of the grid."""
