@@ -39,6 +39,7 @@ def simulate(
     interface: Literal["me", "cs"] | None = None,
     accept_lost: bool = False,
     allow_nan: bool = False,
+    realtime: float | None = None,
     in_process: bool = False,
     call_limit: float | None = None,
     effects_from: EffectsFrom = None,
@@ -71,6 +72,8 @@ def simulate(
         Run even if an FMU does not hold a value that was set.
     allow_nan : bool
         Run on when an output is not a finite number.
+    realtime : float, optional
+        Wait for the clock: 1 is real time, 2 is twice as fast. Delays and overruns are reported.
     in_process : bool
         Run other makers' FMUs in this process. It is faster, but a crash of one FMU ends the program.
     call_limit : float, optional
@@ -96,7 +99,9 @@ def simulate(
     """
     if not isinstance(scenario, str | Path | Mapping | orchestrator.Scenario):
         raise InputError(f"a scenario is a path, or what its file says, not {type(scenario).__name__}")
-    choice = orchestrator.RunOptions(start, stop, step, coupling, in_process, call_limit, accept_lost, allow_nan)
+    choice = orchestrator.RunOptions(
+        start, stop, step, coupling, in_process, call_limit, accept_lost, allow_nan, realtime
+    )
     table = None if inputs is None else Path(inputs)
     adjustments = orchestrator.Adjustments(values, table, record, tolerance, interface)
     with own_effects.with_effects_of(effects_from), ssp.opened(scenario, choice, adjustments) as (checked, ignored):

@@ -48,11 +48,11 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def scenario(folder: Path, steps: int) -> Scenario:
+def scenario(folder: Path, steps: int, *, in_process: bool | None = True) -> Scenario:
     return Scenario.model_validate(
         {
             "base_folder": folder,
-            "run": {"stop_s": steps * STEP, "step_s": STEP, "in_process": True},
+            "run": {"stop_s": steps * STEP, "step_s": STEP, "in_process": in_process},
             "fmus": {name: {"fmu": "Light.fmu"} for name in "abc"},
             "connections": [{"from": "a.y", "to": "b.u"}, {"from": "b.y", "to": "c.u"}],
             "stimuli": [{"to": "a.u", "constant": [1.0, 2.0, 3.0]}],
@@ -113,3 +113,19 @@ def test_the_master_against_fmpys_list_api(folder: Path, tmp_path: Path, capsys:
             f"{plain:.2f}, orchestrator {ours:.3f} ({plain / ours:.0f} times), to disk {disk:.3f}"
         )
     assert plain / ours > 100.0
+
+
+@pytest.mark.benchmark_ratio
+def test_one_process_for_all_foreign_fmus(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its cost of a step, without its start, is at most 3 us above that in our process."""
+    costs = {}
+    for in_process in (True, None):
+        elapsed = []
+        for steps in (STEPS // 10, STEPS):
+            began = time.perf_counter()
+            run_scenario(scenario(folder, steps, in_process=in_process))
+            elapsed.append(time.perf_counter() - began)
+        costs[in_process] = 1e6 * (elapsed[1] - elapsed[0]) / (STEPS - STEPS // 10)
+    with capsys.disabled():
+        print(f"\nthree coupled FMUs, us a step: in process {costs[True]:.3f}, in one process {costs[None]:.3f}")
+    assert costs[None] < costs[True] + 3.0

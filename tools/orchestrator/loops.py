@@ -27,6 +27,7 @@ from .guest_process import DISCARD
 from .load import SETTABLE, Loaded
 from .operations import compiled_march, plain_march
 from .program import Ports, Program, order_of, step_program
+from .realtime import Pacer
 from .recorded import Blocks, Keep, RecordColumn
 from .scenario import Scenario
 from .stimuli import StepGrid
@@ -87,9 +88,15 @@ def run_fmus(
         blocks = Blocks(assembly.columns, ports, assembly.grid, assembly.scenario.record.every, keep_rows)
         blocks.record()
         loop = _Loop(program, slaves, assembly.grid, blocks, compiled=compiled)
-        stretch = 1
+        stretch, factor = 1, assembly.scenario.run.realtime
+        pacer = None
+        if factor is not None:
+            pacer = Pacer(assembly.grid.step, factor, assembly.grid.steps)
         try:
             while loop.step < loop.goal and not pressed():
+                if pacer is not None:
+                    pacer.wait(loop.step, pressed)
+                    stretch = 1
                 first, began = loop.step, clocks.perf_counter()
                 loop.go_on(min(stretch, blocks.room(first)))
                 elapsed = clocks.perf_counter() - began
@@ -104,6 +111,8 @@ def run_fmus(
         finally:
             loop.free_states()
         blocks.flush()
+        if pacer is not None:
+            assembly.notes.append(pacer.summary())
         for slave in slaves.values():
             slave.close(None if pressed() else assembly.grid.time(loop.step))
         return loop.ended

@@ -73,6 +73,7 @@ class RunSetting(Section):
     An FMU from a file runs in a process of its own, unless `in_process`. A call longer than `call_limit_s` [s] ends the
     run. So does an output that is not a number, unless `allow_nan`, and a parameter that an FMU does not hold, unless
     `accept_lost`. With `shorten` a step that does not divide the run is shortened at its end.
+    `realtime` is the number of seconds of the run in a second of the clock; without it the run does not wait.
     """
 
     start_s: Finite = 0.0
@@ -86,6 +87,7 @@ class RunSetting(Section):
     accept_lost: bool | None = None
     allow_nan: bool | None = None
     shorten: bool | None = None
+    realtime: Positive | None = None
 
     @property
     def allowed_change(self) -> float:
@@ -122,12 +124,15 @@ class RunOptions:
     call_limit: float | None = None
     accept_lost: bool = False
     allow_nan: bool = False
+    realtime: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("start", "stop", "step"):
             seconds = getattr(self, name)
             if seconds is not None and not math.isfinite(seconds):
                 raise InputError(f"--{name} {seconds}: must be a finite number of seconds")
+        if self.realtime is not None and not (self.realtime > 0.0 and math.isfinite(self.realtime)):
+            raise InputError(f"--realtime {self.realtime:g}: must be greater than 0")
         if self.step is not None and not self.step > 0.0:
             raise InputError(f"--step {self.step:g}: must be greater than 0 s")
 
@@ -140,7 +145,11 @@ class RunOptions:
     def over(self, scenario: "Scenario") -> "Scenario":
         """Return the scenario with the options that it leaves to the command."""
         options = {"in_process": self.in_process or None, "call_limit_s": self.call_limit}
-        options |= {"accept_lost": self.accept_lost or None, "allow_nan": self.allow_nan or None}
+        options |= {
+            "accept_lost": self.accept_lost or None,
+            "allow_nan": self.allow_nan or None,
+            "realtime": self.realtime,
+        }
         if all(value is None for value in options.values()):
             return scenario
         if self.call_limit is not None and not (self.call_limit > 0.0 and math.isfinite(self.call_limit)):

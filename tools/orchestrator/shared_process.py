@@ -41,7 +41,7 @@ class BrokenError(Exception):
 def is_worth_it(assembly: Assembly) -> bool:
     """Return True if a run has many exchanges with foreign FMUs, and all of them can run in one process."""
     run = assembly.scenario.run
-    if run.call_limit_s is not None or run.in_process is not None:
+    if run.call_limit_s is not None or run.in_process is not None or run.realtime is not None:
         return False
     guests = [entry.fmu for entry in assembly.loaded.values() if entry.fmu.guest]
     single = ("canBeInstantiatedOnlyOncePerProcess", "canBeInstantiatedOnlyOnce")

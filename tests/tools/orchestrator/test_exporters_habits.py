@@ -1,7 +1,9 @@
 """FMUs of our own, each with a habit of a real exporter: the right result, or a refusal with its reason."""
 
 import math
+import time
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import pytest
@@ -19,10 +21,10 @@ VARYING = "canHandleVariableCommunicationStepSize='true'"
 CLOCK = "intervalVariability='constant' intervalDecimal='0.25'"
 
 
-def run_of(habit: Habit, version: int, interface: str, folder: Path, **sections: object) -> Simulation:
-    """Run an FMU of a habit with u = 1 and k = 2."""
+def run_of(habit: Habit, version: int, interface: str, folder: Path, **sections: Any) -> Simulation:
+    """Run an FMU of a habit with u = 1, k = 2 and d = 3."""
     name = build_habit(habit, version, interface, folder).name
-    fmu = {"fmu": name, "parameters": {"k": 2.0, "u": 1.0, "d": 3.0}, **dict(sections.pop("fmu", {}))}
+    fmu = {"fmu": name, "parameters": {"k": 2.0, "u": 1.0, "d": 3.0}}
     return run_of_guests(folder, {"plant": fmu}, **{"run": RUN, **sections})
 
 
@@ -161,3 +163,15 @@ def test_a_table_of_inputs_is_read_as_fmpy_reads_it(version: int, interface: str
     # x' = t - x with x(0) = 0: the input holds over each step of 1 ms.
     assert run.table[f"{fmu.stem}.x"][-1] == pytest.approx(math.exp(-1.0), abs=1e-3)
     assert run.table[f"{fmu.stem}.y"].to_list()[::250] == [1.0, 1.0, 1.0, 2.0, 2.0]
+
+
+def test_a_run_in_real_time_takes_its_time(tmp_path: Path) -> None:
+    """Half a second at twice real time takes a quarter; the rows are those of any run."""
+    fmu = build_habit(Habit("paced"), 2, "CoSimulation", tmp_path)
+    began = time.perf_counter()
+    run = library.simulate(fmu, stop=0.5, step=0.05, realtime=2.0, in_process=True, values=["u=1", "k=2"])
+    assert time.perf_counter() - began > 0.2
+    assert run.table["paced2C.x"][-1] == pytest.approx(exact(0.5), abs=1e-12)
+    assert "real time times 2: 10 steps of 25 ms, delays" in run.notes[-1]
+    with pytest.raises(InputError, match=r"--realtime -1: must be greater than 0"):
+        library.simulate(fmu, realtime=-1.0)
