@@ -34,6 +34,8 @@ EXTRAS = {
     "native": ("ziglang",),
     "cluster": ("dask", "distributed", "cryptography"),
     "docs": ("mkdocs-material",),
+    "logs": ("h5py", "pyulog", "rosbags", "mcap"),
+    "tdms": ("npTDMS",),
 }
 """What each extra of the package installs."""
 POSITIONS, DWELL_S = 12, 2.0

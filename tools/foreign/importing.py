@@ -241,6 +241,8 @@ def mapping_beside(out: Path) -> Path:
 def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     """Return the candidate sheets of a file: one for a text; for a workbook the given one, or all with a table."""
     begin = read_begin(file)
+    if mapping.part and "=" not in mapping.part and not is_container(file, begin):
+        raise InputError(f"{file}: --from {mapping.part}: the file holds no parts; a sheet is --set sheet=NAME")
     if is_container(file, begin):
         note_read(file, file.stat())
         return [sheet_of_part(file, mapping.part)]

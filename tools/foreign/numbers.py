@@ -361,7 +361,7 @@ class LaboratoryUnit:
 
 
 _NAMES = {
-    LaboratoryUnit(FORCE, 1.0): "m/s2 ms-2 mps2 m/s/s m/sec2 ms2 m/ss м/с2",
+    LaboratoryUnit(FORCE, 1.0): "m/s2 ms-2 mps2 m/s/s m/sec2 ms2 m/ss mss м/с2",
     LaboratoryUnit(FORCE, STANDARD_GRAVITY): "g G g0 gn gs",
     LaboratoryUnit(FORCE, 1e-3 * STANDARD_GRAVITY): "mg mG milli-g",
     LaboratoryUnit(FORCE, 1e-6 * STANDARD_GRAVITY): "ug uG",
@@ -426,6 +426,8 @@ def spelled_unit(text: str) -> str:
     for old, new in (("μ", "u"), ("°", "deg"), ("º", "deg"), ("−", "-"), ("·", ""), ("⋅", ""), ("^", ""), ("*", "")):
         text = text.replace(old, new)
     text = re.sub(r"\s+", "", text).replace("/per/", "/")
+    # m/(s^2)
+    text = re.sub(r"/\((\w+)\)$", r"/\1", text)
     while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "{}", "<>"):
         text = text[1:-1]
     return text

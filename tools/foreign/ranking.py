@@ -48,12 +48,14 @@ EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
 STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 USUAL_STEP = (2e-4, 0.5)
 """Usual steps of a series [s]."""
+SLOW = 2.0
+"""Rate below which a number beside m/s² is more likely in rad/s than in deg/s."""
 SHOWN = 4
 """Largest number of answers to a question about a unit."""
 FEWEST_VALUES = 3
 """Fewest different values of a column that may be a channel."""
-STEADY = 0.25
-"""Largest spread of |f| over a record, relative to its median, of columns without names."""
+SPREADS = (0.02, 0.1, 0.25)
+"""Spread of |f| over a record, relative to its median: classes of columns without names, the steadiest first."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,8 @@ def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Tria
         median = float(np.median(size))
         if median > 0.0:
             spread = float(np.median(np.abs(size - median))) / median
-            rank = (fewest < FEWEST_VALUES, spread > STEADY, not force_units(median), three[0].place)
+            steadiness = int(np.searchsorted(SPREADS, spread))
+            rank = (fewest < FEWEST_VALUES, steadiness, not force_units(median), three[0].place)
             triads.append((rank, Triad(three)))
     return [triad for _, triad in sorted(triads, key=lambda entry: entry[0])]
 
@@ -273,6 +276,7 @@ def _rate_units(table: UnderstoodTable, fields: Sequence[Field]) -> list[str]:
     if largest > FASTEST:
         return ["deg/s", "rad/s"]
     wanders = float(np.abs(np.median(values, axis=0)).max())
-    if wanders < 0.03:
+    is_si = len(forces) == 3 and force_units(median_size(table, forces))[:1] == ["m/s2"]
+    if wanders < 0.03 or (is_si and largest < SLOW):
         return ["rad/s", "deg/s"]
     return ["deg/s", "rad/s"]

@@ -73,6 +73,114 @@ def test_a_known_layout_is_read_without_a_question(name: str, tmp_path: Path):
     assert any(note.startswith(f"columns and units of {name}") for note in conversion.notes)
 
 
+SECONDS = [f"{STEP * k:.2f}" for k in range(COUNT)]
+COUNTER = list(range(COUNT))
+DEGREES = np.round(np.degrees(RATE), 8)
+SI = {"units.force": "m/s2", "units.rate": "rad/s"}
+XYZ = ("x", "y", "z")
+XSENS = ["// General information:", "//  MT Manager version:\t2022.0", "//  Update Rate:\t100.0Hz"]
+ASKED: dict[str, tuple[str, dict[str, str]]] = {
+    "xsens": (
+        "\n".join(XSENS)
+        + "\n"
+        + text_of(
+            ["PacketCounter", *(f"Acc_{axis}" for axis in "XYZ"), *(f"Gyr_{axis}" for axis in "XYZ")],
+            [COUNTER, *channels(FORCE), *channels(RATE)],
+        ).replace(",", "\t"),
+        {"units.time": "100 Hz"},
+    ),
+    "xsens dot": (
+        "DeviceTag:,DOT7\nFirmwareVersion:,2.0\n\n"
+        + text_of(
+            ["PacketCounter", "SampleTimeFine"] + [f"{name}_{axis}" for name in ("Acc", "Gyr") for axis in "XYZ"],
+            [COUNTER, MICROS, *channels(FORCE), *channels(DEGREES)],
+        ),
+        {},
+    ),
+    "openimu": (
+        text_of(
+            ["time", *(f"{axis}Accel" for axis in XYZ), *(f"{axis}Rate" for axis in XYZ)],
+            [SECONDS, *channels(FORCE), *channels(DEGREES)],
+        ),
+        {"units.time": "s", "units.force": "m/s2", "units.rate": "deg/s"},
+    ),
+    "imucal": (
+        text_of(
+            [f"{name}_{axis}" for name in ("acc", "gyr") for axis in XYZ],
+            [*channels(FORCE), *channels(DEGREES)],
+        ),
+        {"units.time": "100 Hz", "units.force": "m/s2", "units.rate": "deg/s"},
+    ),
+    "blackbox with units": (
+        text_of(
+            ["loopIteration", "time (us)", *(f"gyroADC[{k}] (deg/s)" for k in range(3))]
+            + [f"accSmooth[{k}] (g)" for k in range(3)],
+            [COUNTER, MICROS, *channels(DEGREES), *channels(np.round(FORCE / G, 12))],
+        ),
+        {},
+    ),
+    "phone with units": (
+        text_of(
+            [
+                "Time (s)",
+                *(f"Acceleration {axis} (m/s^2)" for axis in XYZ),
+                *(f"Gyroscope {axis} (rad/s)" for axis in XYZ),
+            ],
+            [SECONDS, *channels(FORCE), *channels(RATE)],
+        ),
+        {},
+    ),
+    "PlotJuggler": (
+        text_of(
+            ["__time"]
+            + [f"/imu/{name}/{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in XYZ],
+            [SECONDS, *channels(RATE), *channels(FORCE)],
+        ),
+        SI | {"units.time": "s"},
+    ),
+    "words behind the axis": (
+        text_of(
+            ["timestamp_ms", *(f"accel_{axis}_mss" for axis in XYZ), *(f"gyro_{axis}_dps" for axis in XYZ)],
+            [[10 * k for k in COUNTER], *channels(FORCE), *channels(DEGREES)],
+        ),
+        {},
+    ),
+    "unit words": (
+        text_of(
+            [
+                "t_us",
+                *(f"acceleration_{axis}_mps2" for axis in XYZ),
+                *(f"angular_rate_{axis}_rad_per_s" for axis in XYZ),
+            ],
+            [MICROS, *channels(FORCE), *channels(RATE)],
+        ),
+        {},
+    ),
+    "brackets and powers": (
+        text_of(
+            ["Time[s]", *(f"Accel{axis}[m/(s^2)]" for axis in "XYZ"), *(f"Gyro{axis}[°/s]" for axis in "XYZ")],
+            [SECONDS, *channels(FORCE), *channels(DEGREES)],
+        ),
+        {},
+    ),
+}
+"""File of a tool -> its text, and the answers to its only round of questions."""
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_a_file_of_a_tool_is_read_or_asks_for_what_is_missing(name: str, tmp_path: Path):
+    text, answers = ASKED[name]
+    if answers:
+        keys, message = asked(written(tmp_path, text))
+        assert keys == set(answers), message
+        for key, answer in answers.items():
+            assert message.replace("'", "").index(f"{key}={answer}") == message.replace("'", "").index(f"{key}="), key
+    record = imported(tmp_path, text, answers).record
+    assert record.specific_force == pytest.approx(FORCE, abs=1e-9)
+    assert record.rate == pytest.approx(RATE, abs=1e-9)
+    assert np.diff(record.time_s) == pytest.approx(np.full(COUNT - 1, STEP), abs=1e-9)
+
+
 def test_a_layout_whose_unit_contradicts_gravity_is_asked(tmp_path: Path):
     """Readings in g under the names of a layout in m/s² are not taken silently."""
     in_g = text_of(
@@ -143,6 +251,25 @@ def test_a_table_without_names_is_one_round_of_questions_on_few_lines(tmp_path: 
     record = th.import_record(path, answers=answers).record
     assert record.specific_force == pytest.approx(force * (G / 16384), rel=1e-12)
     assert record.time_s == pytest.approx(STEP * np.arange(600))
+
+
+def test_counts_without_names_are_told_by_the_steadiness_of_their_size(tmp_path: Path):
+    """A large bias of gyros is steady, too, but less than gravity."""
+    rng = np.random.default_rng(8)
+    force = np.array([-132, 196, 24384]) + rng.integers(-40, 40, (400, 3))
+    rate = np.array([182, -48, -958]) + rng.integers(-60, 60, (400, 3))
+    rows = [
+        f"{0.046 * k:.3f}\t" + "\t".join(map(str, [*(force[k] % 65536), *(rate[k] % 65536), 0])) for k in range(400)
+    ]
+    _, message = asked(written(tmp_path, "\n".join(rows), "log.txt"))
+    assert "--set columns.force=2,3,4 or" in message
+    assert "--set columns.rate=5,6,7 or" in message
+    assert "--set columns.time_s=1 (" in message
+
+
+def test_a_part_of_a_file_without_parts_is_refused(tmp_path: Path):
+    with pytest.raises(th.InputError, match="holds no parts"):
+        imported(tmp_path, LAYOUTS["px4"], part="imu")
 
 
 def test_an_unknown_layout_is_refused_with_a_near_one(tmp_path: Path):
