@@ -43,9 +43,10 @@ def tables_in(file: Path) -> list[TableInFile]:
 def rank_of(names: tuple[str, ...]) -> int:
     """Return the index of the guess of what columns mean by their names."""
     heads = from_one([heading(name) for name in names])
-    if any(preset.is_layout_of(names, ()) for preset in presets().values()):
-        return 3
     columns = {head.column for head in heads}
+    for preset in presets().values():
+        if preset.is_layout_of(names, ()):
+            columns |= preset.columns.keys()
     fields = [Field(place, head, [], ()) for place, head in enumerate(heads)]
     quantities = {triad.quantity for triad in named_triads(fields)}
     has_force = columns >= set(FORCE) or "force" in quantities

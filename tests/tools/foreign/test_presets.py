@@ -193,6 +193,14 @@ def test_a_layout_whose_unit_contradicts_gravity_is_asked(tmp_path: Path):
     assert "--set units.force=g or" in message
 
 
+def test_a_given_unit_that_contradicts_gravity_is_stated(tmp_path: Path):
+    text, _ = ASKED["openimu"]
+    answers = {"units.time": "s", "units.force": "g", "units.rate": "deg/s"}
+    notes = imported(tmp_path, text, answers).notes
+    assert any(note.startswith("|f| is about 9.86 g") for note in notes)
+    assert not any("|f|" in note for note in imported(tmp_path, text, answers | {"units.force": "m/s2"}).notes)
+
+
 def test_acceleration_without_gravity_is_refused(tmp_path: Path):
     """Phones write it beside the true one, under a similar name."""
     names = ["Time (s)", *(f"Linear Acceleration {axis} (m/s^2)" for axis in "xyz")]
