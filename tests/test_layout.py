@@ -1,5 +1,6 @@
 """The root is the package: every module has one name, with any loader."""
 
+import ast
 import importlib
 import pkgutil
 import sys
@@ -63,3 +64,27 @@ def test_no_two_files_of_tests_have_the_same_name():
     """Pytest imports them by their names alone."""
     names = [file.name for file in (ROOT / "tests").rglob("test_*.py")]
     assert sorted(set(names)) == sorted(names)
+
+
+def large_factors(source: str) -> list[int]:
+    """Return the lines that call `svd` and do not say which factors they want: the default makes a square one."""
+    lines = []
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.Call):
+            continue
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        keywords = {keyword.arg for keyword in node.keywords}
+        if name == "svd" and not keywords & {"full_matrices", "compute_uv"}:
+            lines.append(node.lineno)
+    return lines
+
+
+def test_no_svd_makes_a_large_factor_unasked():
+    for part in PARTS:
+        for path in sorted((ROOT / part).rglob("*.py")):
+            lines = large_factors(path.read_text(encoding="utf-8"))
+            assert lines == [], f"{path}: give full_matrices or compute_uv to svd"
+
+
+def test_an_svd_with_a_large_factor_is_seen():
+    assert large_factors("np.linalg.svd(a)\nsvd(a, full_matrices=False)\nnp.linalg.svd(a, compute_uv=False)") == [1]

@@ -78,7 +78,7 @@ class Bounded:
         jacobian = self.rows[0]
         size = np.abs(jacobian).max(axis=0, initial=0.0)
         size[size == 0.0] = 1.0
-        _, values, turned = np.linalg.svd(np.linalg.qr(shortened(jacobian / size), mode="r"))
+        _, values, turned = np.linalg.svd(np.linalg.qr(shortened(jacobian / size), mode="r"), full_matrices=True)
         determined = values > LEAST_VALUE * values.max(initial=0.0)
         return turned[: len(values)][determined].T / values[determined] / size[:, None]
 

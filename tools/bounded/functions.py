@@ -232,7 +232,8 @@ def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.fl
 
 def _null_space(matrix: NDArray) -> NDArray[np.float64]:
     """Return the null space (K, d) of a matrix (M, K), as orthonormal columns."""
-    _, values, directions = np.linalg.svd(matrix)
+    # The triangle has the same values and directions, without a large factor of the rows.
+    _, values, directions = np.linalg.svd(np.linalg.qr(matrix, mode="r"), full_matrices=True)
     remaining = np.zeros(matrix.shape[1], dtype=bool)
     remaining[: len(values)] = values > IMITATED * np.linalg.norm(matrix, axis=0).max(initial=0.0)
     return directions[~remaining].T

@@ -97,7 +97,8 @@ class Possible(Steps):
     @cached_property
     def span(self) -> NDArray[np.float64]:
         """Basis (n, rank) of the space that the rows determine."""
-        _, values, directions = np.linalg.svd(self._branches[0].rows, full_matrices=False)
+        triangle = np.linalg.qr(self._branches[0].rows, mode="r")
+        _, values, directions = np.linalg.svd(triangle, full_matrices=False)
         return directions[values > LEAST_VALUE * values.max(initial=0.0)].T
 
     @property

@@ -148,7 +148,7 @@ class Faces:
         up = self.up[self.known]
         if not len(up) or np.linalg.matrix_rank(up, tol=0.3) < 2:
             return None
-        left, _, right = np.linalg.svd(up.T @ inputs_of(x, reading[self.known]))
+        left, _, right = np.linalg.svd(up.T @ inputs_of(x, reading[self.known]), full_matrices=True)
         sense = float(np.sign(np.linalg.det(left @ right)))
         return left @ np.diag([1.0, 1.0, sense]) @ right
 

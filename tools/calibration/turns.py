@@ -373,7 +373,7 @@ def _determined(rows: NDArray, sizes: NDArray) -> NDArray:
 
     The identity where they determine everything.
     """
-    _, values, directions = np.linalg.svd(rows * sizes, full_matrices=False)
+    _, values, directions = np.linalg.svd(np.linalg.qr(rows * sizes, mode="r"), full_matrices=False)
     large = values > 1.0
     if large.all() and len(values) == len(sizes):
         return np.eye(len(sizes))

@@ -237,7 +237,7 @@ def imitated(pair: Pair, base: NDArray) -> Pair:
     def inexact() -> NDArray[np.float64]:
         columns = pair.spread(space)
         remainder = columns - base @ (base.T @ columns)
-        _, sizes, directions = np.linalg.svd(remainder, full_matrices=False)
+        _, sizes, directions = np.linalg.svd(np.linalg.qr(remainder, mode="r"), full_matrices=False)
         near = directions[sizes <= BLUR * np.linalg.norm(columns @ directions.T, axis=0)]
         return (remainder @ near.T) @ (space @ near.T).T
 
