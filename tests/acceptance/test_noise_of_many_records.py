@@ -7,6 +7,7 @@ import pytest
 
 import trihedron as th
 from generator.noise import noise_series, static_record
+from trihedron.tools.noise import Letter
 from trihedron.tools.noise.likelihood import Likelihood
 from trihedron.tools.noise.spectrum import bins_of
 
@@ -67,12 +68,13 @@ def test_a_single_process_is_named_and_its_interval_holds_the_truth(sizes, name)
 
 def test_intervals_hold_the_truth_in_19_of_20_records():
     """Of 500 records 93 to 97 % are within two standard deviations of chance."""
-    inside = {"N": [], "K": []}
+    truths: dict[Letter, float] = {"N": 1.0, "K": 0.03}
+    inside: dict[str, list[bool]] = {"N": [], "K": []}
     for seed in range(500):
         bins, _ = bins_of([noise_series(36_000, 0.1, {"N": 1.0, "K": 0.03}, 90_000 + seed)], 0.1)
         likelihood = Likelihood(bins)
         fit = likelihood.fit(("N", "K"))
-        for letter, truth in (("N", 1.0), ("K", 0.03)):
+        for letter, truth in truths.items():
             low, high = likelihood.interval(fit, letter)
             inside[letter].append(low <= truth <= high)
     for of_letter in inside.values():
