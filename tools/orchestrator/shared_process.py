@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -24,13 +24,12 @@ import polars as pl
 from ..errors import InputError, one_line
 from ..locks import own_folder
 from .guest import LONGEST_REPLY, memory_limit
-from .guest_process import HEAD, end_with, limit_memory
+from .guest_process import HEAD
 from .loops import Assembly, held_interrupt, run_fmus
 from .recorded import Keep, RecordColumn
 
 WORTH_EXCHANGES = 40_000
 """Number of exchanges with guests, one a step and FMU, from which the start of this process is worth its time."""
-FLUSH_SECONDS = 0.5
 _CALL = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from {module} import serve; serve(int(sys.argv[2]))"
 
 
@@ -92,7 +91,7 @@ class _Process:
 
     def __init__(self, assembly: Assembly, folder: Path) -> None:
         self._assembly = assembly
-        module = f"{__package__}.shared_process"
+        module = f"{__package__}.shared_serving"
         program = [sys.executable, "-P", "-c", _CALL.format(module=module), json.dumps(sys.path), str(memory_limit())]
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(
@@ -181,7 +180,7 @@ class _Process:
         count = _count(message["rows"], self._assembly.grid.steps + 1)
         series = []
         for empty in self._empty:
-            numbers = np.frombuffer(self._content(stream), dtype=_dtype(empty))
+            numbers = np.frombuffer(self._content(stream), dtype=dtype_of(empty))
             if len(numbers) != count:
                 raise BrokenError
             series.append(pl.Series(empty.name, numbers).cast(empty.dtype))
@@ -199,57 +198,8 @@ def _empty(column: RecordColumn) -> pl.Series:
     return column.series(np.zeros(0, dtype=column.variable.value_type.dtype))
 
 
-def _dtype(series: pl.Series) -> np.dtype[Any]:
+def dtype_of(series: pl.Series) -> np.dtype[Any]:
     """Return the type of a column's numbers in a message."""
     if series.dtype == pl.Boolean:
         return np.dtype(np.uint8)
     return series.to_numpy().dtype
-
-
-def serve(most_memory: int) -> None:
-    """Run the scenario that standard input holds; answer on standard output, which is hidden from the FMUs."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    scenario = pickle.load(sys.stdin.buffer)
-    limit_memory(most_memory)
-    replies = os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    os.dup2(2, 1)
-    threading.Thread(target=end_with, args=(os.getppid(),), daemon=True).start()
-    _answer(scenario, replies)
-    os._exit(0)
-
-
-def _answer(scenario: Any, replies: BinaryIO) -> None:
-    from .run import PreparedScenario
-
-    def send(content: bytes) -> None:
-        replies.write(HEAD.pack(len(content)) + content)
-
-    def say(**message: Any) -> None:
-        send(json.dumps(message).encode())
-        replies.flush()
-
-    def keep(rows: pl.DataFrame, tick: int) -> None:
-        say(rows=rows.height, tick=tick)
-        for series in rows:
-            send(np.ascontiguousarray(series.to_numpy()).astype(_dtype(series), copy=False).tobytes())
-        replies.flush()
-
-    flushed = time.monotonic()
-
-    def is_due() -> bool:
-        nonlocal flushed
-        due = time.monotonic() - flushed > FLUSH_SECONDS
-        if due:
-            flushed = time.monotonic()
-        return due
-
-    run = scenario.run.model_copy(update={"in_process": True})
-    try:
-        prepared = PreparedScenario(scenario.model_copy(update={"run": run}))
-        assembly = prepared.assemble({})
-        ended = run_fmus(assembly, keep, progress=lambda count: say(progress=count), flush=is_due)
-    except InputError as error:
-        say(refused=str(error))
-        return
-    say(ended=ended, notes=assembly.notes)

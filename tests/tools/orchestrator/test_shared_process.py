@@ -59,8 +59,7 @@ def test_what_an_fmu_writes_to_the_pipe_is_no_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("always")
-def test_rows_before_a_failure_are_kept_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shared_process, "FLUSH_SECONDS", 0.0)
+def test_rows_before_a_failure_are_kept_once(tmp_path: Path) -> None:
     first = build_habit(Habit("deadly", ("DEADLY",)), 2, "CoSimulation", tmp_path)
     rows: list[float] = []
     scenario = run_of_guests(tmp_path, {"a": {"fmu": first.name}}, run={"stop_s": 0.4, "step_s": 0.1}).scenario
