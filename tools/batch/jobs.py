@@ -5,15 +5,15 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import polars as pl
 
 from ..errors import InputError, nearest
 from ..files import bytes_of
 from ..instrument import moment
+from .library import Do
 
-Do = Literal["calibrate", "diagnose", "noise", "apply"]
 FACTS = ("serial", "date", "temperature_degC")
 NUMBERS = ("noise_bound", "noise_sd", "gravity")
 """Options of a record that are numbers."""

@@ -32,7 +32,7 @@ from .answer import (
     with_options_of,
 )
 
-ADVICE: list[workbench.Advise] = []
+ADVICE: "list[workbench.Advise]" = []
 """Gives the command that follows a result; `tools.cli` puts it here, which knows all commands."""
 LONGEST_S = 1e6
 """Of a page that ends by itself."""
