@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
-import polars as pl
 
 from ..errors import InputError
 from ..files import whole_file
@@ -613,6 +612,8 @@ def _written_long(
     record: "PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord", path: Path
 ) -> bool:
     """Write a long series of numbers that are all known, in columns; return False for any other record."""
+    import polars as pl
+
     columns = record.columns()
     for values in columns.values():
         if not isinstance(values, np.ndarray) or values.dtype != np.float64 or not np.isfinite(values).all():
