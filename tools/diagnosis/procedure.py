@@ -277,7 +277,8 @@ class Procedure:
     def _of_list(self, faults: Sequence[Simple]) -> Diagnosis:
         """Return the diagnosis from one list of record faults, effects and functions of a quantity."""
         shortlist = Shortlist.of(faults, self.candidates if self.found.fits else None, self.dependence)
-        if shortlist.is_beaten:
+        # Breaks in place of steps are rivals of sets that contain a step, not of a simpler law.
+        if shortlist.is_beaten or (not self.faults and shortlist.has_simpler_function):
             return self._of_physics()
         if shortlist.names_the_first:
             return self._of_fault(shortlist.first, shortlist.explanations)

@@ -80,6 +80,11 @@ class Shortlist:
         return min(numbers, default=math.inf) + CLOSE < self.first.numbers
 
     @property
+    def has_simpler_function(self) -> bool:
+        """Return true if a function of a quantity needs fewer numbers than the simplest fault."""
+        return any(standing.complexity < self.first.numbers for standing in self.functions)
+
+    @property
     def names_the_first(self) -> bool:
         """Return true if the simplest fault has no rival."""
         close = [fault for fault in self.faults if fault.numbers <= self.first.numbers + CLOSE]
