@@ -43,8 +43,8 @@ def tens(temperature: float) -> float:
 def of_orders(unit: str, order: int, largest: float) -> tuple[EffectParameter, ...]:
     """Return the coefficients of a polynomial of x: "linear", "square", and "cube" for order 3."""
     parameters = []
-    for power, name in enumerate(ORDERS[:order], start=1):
-        parameters.append(EffectParameter(name, unit, f"coefficient of x to the power of {power}", largest))
+    for name, power in zip(ORDERS[:order], POWERS[:order], strict=True):
+        parameters.append(EffectParameter(name, unit, f"the coefficient at {power}", largest))
     return tuple(parameters)
 
 

@@ -278,7 +278,6 @@ def test_a_function_of_a_sense_has_no_formula():
     ("name", "law"),
     [
         ("x06_quintic_36.csv", "f1 += c * n1 ** 5"),
-        ("x09_quadT_36.csv", "f2 += a * (temperature - 20) ** 2"),
         ("f08_16.csv", "beta += a * cos(9 * beta) + b * sin(9 * beta)"),
     ],
 )
@@ -288,6 +287,14 @@ def test_a_formula_of_fewer_numbers_comes_before_sets_of_the_catalogue(name, law
     assert result.explanations[0].kind == "formula"
     assert all(other.numbers > result.explanations[0].numbers + 1 for other in result.explanations[1:])
     assert result.stated.verdict == "consistent"
+
+
+def test_a_square_of_temperature_is_the_effect_of_that_name(tmp_path):
+    result = th.diagnose(field_file("x09_quadT_36.csv", tmp_path), noise_bound=SIGMA)
+    (cause,) = result.causes
+    assert (result.verdict, cause.place.title) == ("explained", "temperature-bias-quadratic accelerometer-2")
+    assert cause.intervals[1][0] > 0.0
+    assert "the coefficient at x²: 0.000776" in " ".join(str(result).split())
 
 
 @pytest.mark.parametrize("seed", [1, 2])
