@@ -26,7 +26,7 @@ def records(tmp_path_factory, programs) -> Path:
     page = folder / "page.md"
     page.write_text(
         "```sh\ntrihedron new scenario bench.toml\ntrihedron simulate bench.toml --out run\n"
-        "cp run/positions.csv positions.csv\ntrihedron hidden measured.csv --seed 7\n```\n",
+        "cp run/positions.csv positions.csv\ntrihedron hidden measured.csv --seed 141\n```\n",
         encoding="utf-8",
     )
     Reader(page, folder, folder, programs, long=False).read()

@@ -18,6 +18,7 @@ from .. import library, own_effects, papers, reports, trials, workbench
 from ..errors import InputError
 from ..files import at_once, json_text, made_folder, ordinary_file, ordinary_folder, write_text
 from ..options import EffectsFrom
+from ..rounding import exactly
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -91,7 +92,7 @@ def open_command(
         Write the address and the files as JSON to this file; - prints them.
     """
     if duration is not None and not 0.0 <= duration <= LONGEST_S:
-        raise InputError(f"--duration {duration:g}: must be from 0 to {LONGEST_S:g} s")
+        raise InputError(f"--duration {exactly(duration)}: must be from 0 to {exactly(LONGEST_S)} s")
     distinct_files({**{f"file {number}": path for number, path in enumerate(files, start=1)}, "--json": json})
     with at_once(), closing(workbench.open_records(*files, port=port, advise=ADVICE[0])) as page:
         if json is not None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..records.columns import FORCE, RATE, STRAPDOWN_RATES, TEMPERATURE, RecordKind
-from ..rounding import upwards
+from ..rounding import digits, upwards
 from .conversion import Conversion
 from .names import TIMES
 from .understanding import UnderstoodTable
@@ -114,7 +114,10 @@ def _lag_note(numbers: dict[str, NDArray[np.float64]]) -> str:
     if correlation < LEAST_CORRELATION:
         return "no lag between the files can be estimated: too little of the motion turns gravity"
     behind = "behind" if lag >= 0.0 else "ahead of"
-    return f"the gyros are {abs(lag):.2g} s {behind} the accelerometers (correlation {correlation:.2f}); not corrected"
+    return (
+        f"the gyros are {digits(abs(lag), 2)} s {behind} the accelerometers (correlation {digits(correlation, 2)}); "
+        "not corrected"
+    )
 
 
 def lag_of(numbers: dict[str, NDArray[np.float64]]) -> tuple[float, float]:

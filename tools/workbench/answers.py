@@ -22,7 +22,7 @@ from ..errors import InputError, one_line
 from ..files import json_text, write_text
 from ..options import ExportTarget
 from ..records.limits import runs_of
-from ..rounding import digits, interval
+from ..rounding import digits, interval, residual
 from .lines import GROUPS, Channels, lines_of, plain
 
 PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
@@ -398,7 +398,7 @@ def _explanations(result: Any) -> list[dict[str, Any]]:
     """Return the explanations of a diagnosis: sentence, count of numbers, largest error and sizes."""
     listed = []
     for explanation in getattr(result, "explanations", ()):
-        radius = "unknown" if explanation.radius is None else str(digits(explanation.radius, 3))
+        radius = "unknown" if explanation.radius is None else str(residual(explanation.radius))
         listed.append(
             {
                 "sentence": explanation.sentence,
