@@ -623,7 +623,8 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evid
     moving = Moving.of(without, record, in_motion, travel.to_block, travel.lean, least)
     with_readings = with_turns(moving.read.here, fitted.turns, str(record.path))
     moving = moving.about(with_readings.point[: with_readings.own])
-    places = without.places + IN_MOTION + effects_of_gyros()
+    of_gyros = effects_of_gyros(with_temperature=raw.temperature is not None)
+    places = without.places + IN_MOTION + of_gyros
     names = rests.names + tuple(gyro_names()) + (("accelerometer-lag", "s"),)
     point = np.append(with_readings.point, 0.0)
     model = BenchInMotion(names, point, places, calibration, rests, moving, with_readings, travel, raw)

@@ -210,13 +210,17 @@ def acts_at_rest(place: EffectPlace) -> bool:
     return effect.component not in OF_GYROS and not (effect.in_motion and effect.component == "AccelerometerBlock")
 
 
-def effects_of_gyros() -> tuple[EffectPlace, ...]:
-    """Return the linear effects that gyros on a table can show beyond their calibration."""
+def effects_of_gyros(*, with_temperature: bool) -> tuple[EffectPlace, ...]:
+    """Return the linear effects that gyros on a table can show beyond their calibration.
+
+    Effects of temperature are among them only where the record has it.
+    """
     places: list[EffectPlace] = []
     for name, effect in STRAPDOWN_EFFECTS.items():
         if name in (*IN_THE_MODEL, *CONTAINING) or effect.component not in OF_GYROS:
             continue
-        if effect.linear and not effect.of_law:
+        is_told = with_temperature or "temperature" not in effect.needs
+        if effect.linear and not effect.of_law and is_told:
             places += effect.places
     return tuple(places)
 
