@@ -294,12 +294,15 @@ def _counts(table: UnderstoodTable, column: str, values: NDArray[np.float64]) ->
         if bits:
             why = f"{table.origins[column].name!r} has counts near both ends of {bits} bits"
             table.ask("integers", (f"signed {bits}", "unsigned"), why)
-    if not kind.startswith("signed"):
+    is_signed = kind.startswith("signed")
+    if not is_signed and (not kind.startswith("offset") or not table.origins[column].offset):
         return values
     size = 2.0 ** int(kind.split()[1])
     if values.min() < 0.0 or values.max() >= size:
         what = f"{table.origins[column].name!r} has numbers from {values.min():g} to {values.max():g}"
         raise InputError(f"{table.sheet.path}: integers = {kind!r}: {what}, not from 0 to {int(size) - 1}")
+    if not is_signed:
+        return values
     return np.where(values >= 0.5 * size, values - size, values)
 
 

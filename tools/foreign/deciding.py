@@ -29,7 +29,7 @@ from ..records.columns import (
     RecordKind,
     quoted,
 )
-from .deciding_units import decide_units
+from .deciding_units import ONE_G, TRUE_SIZE, decide_units
 from .layout import COMMENT, layout_of
 from .mapping import OPEN, Mapping
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of, normal
@@ -44,6 +44,7 @@ from .numbers import (
     is_clock,
     is_missing,
     is_rate,
+    known_unit,
     parsed_moment,
     parsed_number,
     two_parts,
@@ -51,7 +52,20 @@ from .numbers import (
 from .numbers import FORCE as FORCE_QUANTITY
 from .numbers import RATE as RATE_QUANTITY
 from .presets import preset_of
-from .ranking import likely_of, named_triads, rising, time_units, unnamed_triads
+from .ranking import (
+    Triad,
+    bits_of_offset,
+    force_units,
+    likely_of,
+    may_be_channel,
+    median_size,
+    named_triads,
+    numbers_in,
+    rising,
+    time_units,
+    unnamed_triads,
+    zero_of,
+)
 from .sheet import Sheet, cell
 from .understanding import (
     CLOCK,
@@ -280,15 +294,19 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     columns = list(fields.values())
     for further in table.beside.values():
         columns += further
-    free = []
-    for field in table.filled:
-        if field not in columns:
-            free.append(field.label)
     of_block = of_block or RATE_QUANTITY in table.proposed
+    left = _channels_left(table, fields, columns)
+    if of_block and not of_table:
+        _refuse_gyros_alone(table, fields, left)
     name = table.mapping.kind.replace(OPEN, "")
-    if not name and not of_table and not of_block and len(free) < 2 and fields.keys() >= set(FORCE):
-        # one column that is left is neither two angles nor three gyros
-        name = _kind_of_forces(fields)
+    if not name and not of_table and not of_block and len(left) - 3 < 2:
+        left = _without_only_triad(table, fields, left)
+    # one column that is left is neither two angles nor three gyros
+    has_forces = fields.keys() >= set(FORCE) or FORCE_QUANTITY in table.proposed
+    are_alone = has_forces and len(left) < 2 and not of_table and not of_block
+    if not name and are_alone:
+        name = _kind_of_forces(table, fields)
+    free = [field.label for field in left]
     if not name and not of_table and not of_block:
         # two unknown columns can be angles alone, three can be gyros: the question below decides
         angles = sum(field.quantity == ANGLE for field in table.fields)
@@ -298,7 +316,10 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
             name = STRAPDOWN_RATES.name
     required: Sequence[str] | None = None
     if not name:
-        if of_table == of_block:
+        if are_alone:
+            table.ask("kind", _kinds_of_forces(table), "accelerometers alone")
+            name = _kinds_of_forces(table)[0]
+        elif of_table == of_block:
             kinds = [POSITION.name, STRAPDOWN_RATES.name]
             why = "angles of a table and gyros are both there"
             if not of_table:
@@ -310,7 +331,7 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
             required = FORCE
         if of_block and not of_table:
             name = STRAPDOWN_RATES.name
-        else:
+        elif not are_alone:
             name = POSITION.name
     table.kind = next(kind for kind in KINDS if kind.name == name and kind is not STRAPDOWN_VELOCITIES)
     if name == STRAPDOWN_RATES.name and not fields.keys().isdisjoint(INCREMENT):
@@ -329,6 +350,61 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
             table.ask(f"columns.{column}", free[:3] or ("NAME",), f"which column is {column}")
             # each question has another first answer
             free = free[1:] + free[:1]
+
+
+def _channels_left(table: UnderstoodTable, fields: dict[str, Field], columns: list[Field]) -> list[Field]:
+    """Return the columns that may still be channels or angles; `columns` have a meaning."""
+    used = set(columns)
+    used.update(table.proposed.get(FORCE_QUANTITY, ()))
+    has_forces = fields.keys() >= set(FORCE) or FORCE_QUANTITY in table.proposed
+    is_series = len(table.rows) >= MANY_ROWS
+    left = []
+    for field in table.filled:
+        is_force = has_forces and field.quantity == FORCE_QUANTITY
+        if field not in used and not is_force and may_be_channel(table, field, is_series=is_series):
+            left.append(field)
+    return left
+
+
+def _refuse_gyros_alone(table: UnderstoodTable, fields: dict[str, Field], left: list[Field]) -> None:
+    """Refuse gyros without accelerometers: no kind of record has them alone."""
+    proposed = table.proposed.get(RATE_QUANTITY, ())
+    further = [field for field in left if field not in proposed]
+    if len(further) < 3 and FORCE_QUANTITY not in table.proposed and fields.keys().isdisjoint(FORCE + VELOCITY):
+        file = table.sheet.path
+        advice = f"if they are in another file, give both: trihedron import ACCELEROMETERS {file.name}"
+        raise InputError(f"{file}: holds gyros alone; a record needs three accelerometers; {advice}")
+
+
+def _without_only_triad(table: UnderstoodTable, fields: dict[str, Field], left: list[Field]) -> list[Field]:
+    """Take the only three columns x, y, z for accelerometers where nothing else can be; return what is left.
+
+    They are asked for, unless a certain unit makes their size gravity.
+    """
+    triads = [triad for triad in named_triads(left) if not triad.quantity and triad.further < 2]
+    if len(triads) != 1 or not fields.keys().isdisjoint(FORCE) or FORCE_QUANTITY in table.proposed:
+        return left
+    (triad,) = triads
+    if _is_gravity(table, triad):
+        fields.update(zip(FORCE, triad.fields, strict=True))
+        table.notes.append(f"{triad.answer} are taken as accelerometers: the size of their readings is gravity")
+    else:
+        table.proposed[FORCE_QUANTITY] = triad.fields
+        why = "which columns are the accelerometers"
+        if not force_units(median_size(table, triad.fields)):
+            why += "; gyros alone make no record"
+        table.ask("columns.force", [triad.answer], why)
+    return [field for field in left if field not in triad.fields]
+
+
+def _is_gravity(table: UnderstoodTable, triad: Triad) -> bool:
+    """Return True if the readings of three columns, in a certain unit, have the size of gravity."""
+    unit = known_unit(table.mapping.units.get(FORCE_QUANTITY, ""))
+    is_estimate = not NO_READING.isdisjoint(normal(table.sheet.path.stem).split())
+    if unit is None or unit.raw or is_estimate:
+        return False
+    size = median_size(table, triad.fields) * unit.factor / ONE_G
+    return TRUE_SIZE[0] < size < TRUE_SIZE[1]
 
 
 def _take_role(table: UnderstoodTable, fields: dict[str, Field], role: RecordKind) -> None:
@@ -370,11 +446,18 @@ def _without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str
     return left_over
 
 
-def _kind_of_forces(fields: dict[str, Field]) -> str:
+def _kinds_of_forces(table: UnderstoodTable) -> tuple[str, str]:
+    """Return the kinds of accelerometers alone, the likelier first."""
+    if len(table.rows) >= MANY_ROWS:
+        return FORCES.name, POSES.name
+    return POSES.name, FORCES.name
+
+
+def _kind_of_forces(table: UnderstoodTable, fields: dict[str, Field]) -> str:
     """Return the kind of a table of accelerometers alone: averaged poses, or a series; empty where it may be either."""
     if "position" in fields or (FACE in fields and TIMES not in fields and SAMPLE not in fields):
         return POSES.name
-    if TIMES in fields or SAMPLE in fields:
+    if TIMES in fields or SAMPLE in fields or table.is_asked(f"columns.{TIMES}"):
         return FORCES.name
     return ""
 
@@ -493,9 +576,25 @@ def _refuse_period(table: UnderstoodTable, where: str) -> None:
 
 
 def _ask_of_integers(table: UnderstoodTable) -> None:
-    """Ask whether counts are signed if they are all near 0 or near 65535."""
+    """Ask for the zero of counts: they are all near 0 or near 65535, or in the middle of a converter's range."""
+    zero = zero_of(table.mapping.integers)
+    for column in FORCE + RATE:
+        origin = table.origins.get(column)
+        if zero and origin is not None and _is_of_counts(origin) and not origin.offset:
+            table.origins[column] = replace(origin, offset=zero)
     if table.mapping.integers not in ("", OPEN):
         return
+    forces = [table.origins[column] for column in FORCE if column in table.origins]
+    fields = [origin.field for origin in forces] or list(table.proposed.get(FORCE_QUANTITY, ()))
+    if len(fields) == 3 and all(_is_of_counts(origin) and not origin.offset for origin in forces):
+        counts = numbers_in(table, fields)
+        bits = bits_of_offset(counts)
+        if bits:
+            answer = f"offset {bits}"
+            span = f"from {counts.min():.0f} to {counts.max():.0f} around {zero_of(answer):.0f}"
+            why = f"the accelerometers have counts {span}: zero is probably the middle of {bits} bits"
+            table.ask("integers", (answer, "unsigned"), why)
+            return
     channels = [origin.field for column, origin in table.origins.items() if column in FORCE + RATE]
     for proposed in table.proposed.values():
         channels += proposed
@@ -507,6 +606,11 @@ def _ask_of_integers(table: UnderstoodTable) -> None:
             why = f"column {channel.label!r} has counts {span}, near both ends of {bits} bits"
             table.ask("integers", (f"signed {bits}", "unsigned"), why)
             return
+
+
+def _is_of_counts(origin: Origin) -> bool:
+    """Return True if a column may be in counts: its unit is a sensitivity, or not yet known."""
+    return origin.unit is None or origin.unit.per is not None
 
 
 def _decide_dates(table: UnderstoodTable, field: Field) -> None:

@@ -86,7 +86,7 @@ def _check_size(table: UnderstoodTable) -> None:
     of_layout = table.given.units.get("force", OPEN) == OPEN and answers.get("force", OPEN) != OPEN
     is_answered = table.given.units.get("force", OPEN) != OPEN
     size = median_size(table, fields) * unit.factor / ONE_G
-    if is_answered and not TRUE_SIZE[0] < size < TRUE_SIZE[1] and table.mapping.integers in ("", OPEN):
+    if is_answered and not TRUE_SIZE[0] < size < TRUE_SIZE[1]:
         table.notes.append(f"|f| is about {size:.3g} g in the unit that is given, not 1 g")
     if is_answered or table.mapping.integers not in ("", OPEN):
         return

@@ -89,7 +89,8 @@ class Mapping(Section):
     time : str
         "order": no times were written, rows count as 1 s apart
     integers : str
-        meaning of large counts: "signed 16" (two's complement of 16 bits), 24, 32, or "unsigned"
+        meaning of large counts: "signed 16" (two's complement of 16 bits), 24, 32; "offset 10" (zero in the middle of
+        the range of 10 bits), 12, 14, 16, 18, 20, 24; or "unsigned"
     clock_changes : str
         jumps of local times by an hour: "corrected", or "none" is a change of the clock
     missing : tuple of str
@@ -122,7 +123,21 @@ class Mapping(Section):
     incomplete: Literal["leave out", "?", ""] = ""
     attitude: Literal["body to reference", "reference to body", "none", "?", ""] = ""
     time: Literal["order", "?", ""] = ""
-    integers: Literal["signed 16", "signed 24", "signed 32", "unsigned", "?", ""] = ""
+    integers: Literal[
+        "signed 16",
+        "signed 24",
+        "signed 32",
+        "offset 10",
+        "offset 12",
+        "offset 14",
+        "offset 16",
+        "offset 18",
+        "offset 20",
+        "offset 24",
+        "unsigned",
+        "?",
+        "",
+    ] = ""
     clock_changes: Literal["corrected", "none", "?", ""] = ""
     missing: list[str] = Field(default_factory=list)
     units: dict[str, str] = Field(default_factory=dict)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..records.columns import POSITION
 from ..records.columns import VELOCITY as VELOCITIES
-from .mapping import Mapping
+from .mapping import OPEN, Mapping
 from .names import TIMES, normal
 from .numbers import ANGLE, FORCE, RATE, TIME, VELOCITY, LaboratoryUnit, bits_of_signed, known_unit, scaled_unit
 from .presets import presets
@@ -30,6 +30,11 @@ _OTHER = (
     "field est estimated gps vel velocity pos position quat quaternion euler angle dt clipping temp temperature"
 )
 """Words of names that are no readings of the instrument."""
+_NO_CHANNEL = (
+    "mag magn magnet magnetic magnetometer magnetfeld temp temperature temperatur pressure druck humidity battery "
+    "gravity lat lon latitude longitude altitude std sigma var cov covariance"
+)
+"""Words of names that are neither accelerometers, gyros nor angles of a table."""
 AXES = {"x": 0, "y": 1, "z": 2, "1": 0, "2": 1, "3": 2}
 SIZES = ("m/s2", "g", "mg", "16384 LSB/g", "8192 LSB/g", "4096 LSB/g", "2048 LSB/g", "1024 LSB/g", "256 LSB/g")
 FURTHER = ("1000 LSB/g", "800 LSB/g", "1200 LSB/g", "4000 LSB/g", "512 LSB/g", "128 LSB/g", "ug", "cm/s2", "ft/s2")
@@ -56,6 +61,10 @@ FEWEST_VALUES = 3
 """Fewest different values of a column that may be a channel."""
 SPREADS = (0.02, 0.1, 0.25)
 """Spread of |f| over a record, relative to its median: classes of columns without names, the steadiest first."""
+OFFSET_BITS = (10, 12, 14, 16, 18, 20, 24)
+"""Bits of converters whose zero is in the middle of their range."""
+STEADY = 0.15
+"""Largest relative spread of |f| about the middle of the range that proves a zero there."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +90,9 @@ def named_triads(fields: Sequence[Field]) -> list[Triad]:
     places = _counted_from_zero(fields)
     for field in fields:
         words = normal(re.sub(r"\[(\d)\]", r" \1", field.head.name)).split()
+        if len(words) == 1:
+            # gx, gy, gz
+            words = re.sub(r"^([a-z])([xyz])$", r"\1 \2", words[0]).split()
         axes = [word for word in words if word in AXES or (word == "0" and field in places)]
         if len(axes) != 1:
             continue
@@ -94,6 +106,19 @@ def named_triads(fields: Sequence[Field]) -> list[Triad]:
         quantity = _quantity_of(stem, group[0].quantity)
         triads.append(Triad((group[0], group[1], group[2]), quantity, len(stem)))
     return triads
+
+
+def may_be_channel(table: UnderstoodTable, field: Field, *, is_series: bool) -> bool:
+    """Return True if a column may be a channel or an angle: of a long series, it varies and does not only rise."""
+    words = normal(field.head.name).split()
+    stems = {re.sub(r"[xyz]$", "", word) for word in words}
+    if not stems.union(words).isdisjoint(_NO_CHANNEL.split()) or (stems == {"m"} and stems.isdisjoint(words)):
+        return False
+    if field.quantity in (TIME, "temperature"):
+        return False
+    if not is_series:
+        return True
+    return len(set(field.texts)) >= FEWEST_VALUES and not rising(table, [field])
 
 
 def _counted_from_zero(fields: Sequence[Field]) -> set[Field]:
@@ -140,14 +165,54 @@ def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Tria
     return [triad for _, triad in sorted(triads, key=lambda entry: entry[0])]
 
 
-def values_of(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.float64]:
-    """Return the numbers of some columns, in the rows that have all of them (N, columns); counts with their signs."""
+def numbers_in(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.float64]:
+    """Return the numbers of some columns as written, in the rows that have all of them (N, columns)."""
     rows = []
     for _, texts in table.rows:
         row = table.values(texts[field.place] for field in fields if field.place < len(texts))
         if len(row) == len(fields):
             rows.append(row)
-    values = np.array(rows, dtype=np.float64).reshape(-1, len(fields))
+    return np.array(rows, dtype=np.float64).reshape(-1, len(fields))
+
+
+def bits_of_offset(counts: NDArray[np.float64]) -> int:
+    """Return the bits of a converter whose zero is in the middle of its range, by counts (N, 3) at rest; 0 if none.
+
+    All counts are within the middle 80 % of its range, and their distance from its middle is steady.
+    """
+    if not len(counts) or counts.min() <= 0.0 or (counts != np.round(counts)).any():
+        return 0
+    middle = 0.5 * float(counts.min() + counts.max())
+    bits = min(OFFSET_BITS, key=lambda bits: abs(np.log(middle / 2.0 ** (bits - 1))))
+    zero = 2.0 ** (bits - 1)
+    size = np.linalg.norm(counts - zero, axis=1)
+    median = float(np.median(size))
+    is_steady = float(np.median(np.abs(size - median))) <= STEADY * median
+    is_inside = bool((np.abs(counts - zero) < 0.8 * zero).all())
+    if median > 0.0 and is_steady and is_inside:
+        return bits
+    return 0
+
+
+def zero_of(integers: str) -> float:
+    """Return the count of zero that an answer about integers means: 512 for "offset 10", 0 for others."""
+    if not integers.startswith("offset"):
+        return 0.0
+    return 2.0 ** (int(integers.split()[1]) - 1)
+
+
+def values_of(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.float64]:
+    """Return the numbers of some columns, in the rows that have all of them (N, columns); counts with their signs."""
+    values, integers = numbers_in(table, fields), table.mapping.integers
+    if integers == "unsigned" or not len(values):
+        return values
+    if len(fields) == 3:
+        zero = zero_of(integers)
+        bits = bits_of_offset(values)
+        if integers in ("", OPEN) and bits:
+            zero = zero_of(f"offset {bits}")
+        if zero and values.min() >= 0.0 and values.max() > 0.5 * zero:
+            return values - zero
     for k in range(len(fields)):
         bits = bits_of_signed(values[:, k].tolist())
         if bits:
@@ -200,10 +265,11 @@ def _force_answers(values: NDArray[np.float64], likely: list[str]) -> list[str]:
     """Return units of readings (N, 3) by the size of gravity; the layout's first where it agrees, counts as counts."""
     if not len(values):
         return likely
-    near = force_units(float(np.median(np.linalg.norm(values, axis=1))))
+    size = float(np.median(np.linalg.norm(values, axis=1)))
+    near = force_units(size)
     largest = float(np.abs(values).max())
     if bool((values == np.round(values)).all()) and largest > LARGEST_PLAIN:
-        counts = [text for text in near if "LSB" in text] or ["16384 LSB/g"]
+        counts = [text for text in near if "LSB" in text] or [f"{size:.0f} LSB/g"]
         near = counts + [text for text in near if text not in counts]
     agreed = [text for text in likely if text in near]
     return agreed + near + [text for text in likely if not near]

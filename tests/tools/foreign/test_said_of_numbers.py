@@ -188,7 +188,7 @@ def test_counts_near_both_ends_are_asked_whether_they_are_signed(bits, tmp_path,
     assert read == pytest.approx(signed * 9.80665 / 2 ** (bits - 3), rel=1e-6)
 
 
-def test_counts_about_the_middle_of_a_converter_are_not_asked(tmp_path, capsys):
+def test_counts_about_the_middle_of_a_converter_are_not_asked_as_signed(tmp_path, capsys):
     """Use an offset of half the range, as converters of one polarity have it."""
     rng = np.random.default_rng(2)
     counts = {f"f{k}_mps2": rng.integers(17_000, 49_000, ROWS).tolist() for k in (1, 2, 3)}
@@ -196,7 +196,7 @@ def test_counts_about_the_middle_of_a_converter_are_not_asked(tmp_path, capsys):
     columns = {name: values for name, values in positions().items() if not name.startswith("f")}
     status, said, _ = imported(laboratory_file(tmp_path, columns | counts), capsys)
     assert status == 2
-    assert "integers" not in said
+    assert "integers=signed" not in said
     answers = ["units.force=16000 LSB/g", *(f"columns.f{k}_mps2.offset=33000" for k in (1, 2, 3))]
     status, said, _ = imported(laboratory_file(tmp_path, columns | counts), capsys, *answers)
     assert status == 0, said
