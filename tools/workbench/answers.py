@@ -387,11 +387,11 @@ def _or_nan(number: float | None) -> float:
 
 
 def _wrong_positions(result: Any, record: Any) -> list[int]:
-    """Return the numbers of the positions that a diagnosis names wrong."""
+    """Return the numbers of the positions that a diagnosis names wrong; it counts rows, without those left out."""
     explanations = getattr(result, "explanations", ())
     if not explanations or explanations[0].kind != "rows" or not hasattr(record, "position"):
         return []
-    return list(explanations[0].rows or ())
+    return [int(record.position[row - 1]) for row in explanations[0].rows or ()]
 
 
 def _explanations(result: Any) -> list[dict[str, Any]]:

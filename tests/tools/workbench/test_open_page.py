@@ -304,6 +304,17 @@ def test_what_cannot_be_done_is_refused_in_one_line(tmp_path: Path, opened, cont
     assert sorted(path.name for path in tmp_path.iterdir()) == ["table.csv"]
 
 
+def test_a_wrong_row_beside_one_left_out_has_the_number_of_its_position(tmp_path: Path, opened) -> None:
+    server = opened(wrong_table(tmp_path))
+    assert told(server, do="decide", file=0, decisions={"left_out": [3]}) == {}
+    assert told(server, do="run", command="diagnose", files=[0], options={"noise_bound": "1e-5"}) == {}
+    end = time.monotonic() + SECONDS / 1000.0
+    while server.desk.answer is None:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    assert server.desk.answer["wrong"] == [12]
+
+
 def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path: Path, opened) -> None:
     server = opened()
     origin = {"Origin": f"http://127.0.0.1:{server.port}"}
