@@ -77,6 +77,8 @@ MAY_LACK = (*QUATERNION, *UP, *TEXTS[1:])
 """Columns whose fields may be empty."""
 RESOLUTIONS = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
 """LaboratoryUnit in the names of columns -> columns whose last digit is examined."""
+FILLERS = (999.0, 9999.0, 99999.0, 999999.0)
+"""Sizes of numbers that loggers write for a missing measurement."""
 
 
 @dataclass
@@ -139,6 +141,7 @@ def converted(table: UnderstoodTable) -> Conversion:
             numbers[column] = np.cumsum(np.append(True, labels[1:] != labels[:-1]))
         elif column not in (*TEXTS, DATE):
             values = given[column] if given else _values(table, column, texts[column], lines)
+            _ask_of_fillers(table, column, values)
             values = _counts(table, column, values)
             values = (values - origin.offset) * origin.sign
             # Units of angle give degrees; only the columns of increments are in radians.
@@ -282,6 +285,25 @@ def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Seq
             what = f"column {origin.name!r}: {quoted(text.strip())} is neither {positive} nor {OPPOSITE[positive]}"
             raise InputError(f"{table.sheet.path}: row {line}, {what}, as columns.{column}.positive says")
     return signs
+
+
+def _ask_of_fillers(table: UnderstoodTable, column: str, values: NDArray[np.float64]) -> None:
+    """Ask whether numbers as -9999, unlike all others of a column (N,), stand for missing measurements."""
+    if "none" in table.mapping.missing:
+        return
+    is_filler = np.isin(np.abs(values), FILLERS)
+    others = values[~is_filler]
+    if not is_filler.any() or not len(others):
+        return
+    filler = float(values[is_filler][0])
+    have_decimals = float(np.mean(others != np.round(others))) > 0.5
+    if have_decimals or abs(filler) > 2.0 * float(np.abs(others).max()):
+        origin = table.origins[column]
+        written = [text.strip() for text in origin.field.texts if table.value(text) == filler]
+        text = next(iter(written), f"{filler:.0f}")
+        count = int(np.count_nonzero(is_filler))
+        why = f"{origin.name!r} has {text!r} in {plural(count, 'row')}: no measurement, or a number (none)"
+        table.ask("missing", (text, "none"), why)
 
 
 def _counts(table: UnderstoodTable, column: str, values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -94,7 +94,7 @@ class Mapping(Section):
     clock_changes : str
         jumps of local times by an hour: "corrected", or "none" is a change of the clock
     missing : tuple of str
-        further texts for a missing measurement
+        further texts for a missing measurement; "none": numbers as -9999 are readings
     units : dict
         quantity (force, rate, angle, time, temperature) -> unit, or a sensitivity as "16384 LSB/g"
     columns : dict

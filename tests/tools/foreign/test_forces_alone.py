@@ -148,3 +148,25 @@ def test_a_pipe_in_place_of_the_mapping_is_refused(tmp_path: Path, capsys):
     assert not out.exists()
     with pytest.raises(th.InputError, match="not a regular file"):
         th.import_record(log, out=out)
+
+
+@pytest.mark.parametrize("filler", ["-9999", "999", "-9999.0"])
+@pytest.mark.parametrize(("unit", "size"), [("rad/s", 1.0), ("deg/h", 206264.8)])
+def test_numbers_for_missing_readings_are_asked(filler: str, unit: str, size: float, tmp_path: Path):
+    head = f"time [s],ax [g],ay [g],az [g],wx [{unit}],wy [{unit}],wz [{unit}]"
+    lines = table_of(head, TIMES, FORCE / G, (0.3 + RATE) * size).splitlines()
+    cells = lines[101].split(",")
+    lines[101] = ",".join([*cells[:5], filler, cells[6]])
+    text = "\n".join(lines)
+    keys, message = asked(written(tmp_path, text))
+    assert keys == {"missing"}
+    assert f"--set missing={filler} or --set missing=none" in message
+    assert imported(tmp_path, text, {"missing": filler}).rows == ROWS - 1
+    assert imported(tmp_path, text, {"missing": "none"}).rows == ROWS
+
+
+def test_whole_counts_of_999_are_counts(tmp_path: Path):
+    counts = np.round(700.0 + 300.0 * np.sin(TIMES[:, None] * [3.0, 5.0, 7.0]))
+    counts[10] = 999.0
+    answers = {"units.force": "1024 LSB/g"}
+    assert imported(tmp_path, table_of("time [s],ax,ay,az", TIMES, counts, decimals=2), answers).rows == ROWS
