@@ -32,7 +32,7 @@ _OTHER = (
 """Words of names that are no readings of the instrument."""
 _NO_CHANNEL = (
     "mag magn magnet magnetic magnetometer magnetfeld temp temperature temperatur pressure druck humidity battery "
-    "gravity lat lon latitude longitude altitude std sigma var cov covariance"
+    "gravity lat lon latitude longitude altitude"
 )
 """Words of names that are neither accelerometers, gyros nor angles of a table."""
 AXES = {"x": 0, "y": 1, "z": 2, "1": 0, "2": 1, "3": 2}
