@@ -4,7 +4,7 @@ The readings of a step h are means over it. White noise adds N w/√h; a random 
 ramp adds R t; quantisation adds (q_k - q_(k-1))/h with the remainder q of standard deviation Q. Flicker is a sum of
 first-order Markov processes, two a decade, whose times begin at the first step h: with variances (B²/π) ln r, times
 h r^i, r = √10, and a random walk and white noise that close its two ends, its Allan deviation is 0.664 B within 2 %
-from two steps to a million. Every process starts stationary: B is in the first minute, too.
+from two steps to a hundred thousand. Every process starts stationary: B is in the first minute, too.
 
 Source: coefficients and spectra of IEEE Std 952-1997, annex C.
 """
@@ -24,8 +24,14 @@ SHARE = 0.6053658393399102
 """Root of ln(r)/π: standard deviation of each of them over B."""
 LONG_END = 0.5983290118618385
 """Root of 2/(π √r): coefficient of the random walk at the long end over B/√T."""
-HELD = 20.0
+SHORT_END = 0.3975
+"""Coefficient of the white noise at the short end over B √h, less what sampling the shortest processes adds to it."""
+HELD = 2.0
 """A Markov process is advanced whenever its time over this has passed."""
+LEVELS = 1024.0
+"""Levels of a driving number: one uniform number of 32 bits holds three of them."""
+DRIVE = 3.3829117335329633e-3
+"""√12 over LEVELS: steps of a driving number of standard deviation one."""
 FIRST_STEP, WALK, REMAINDER, FLICKER, WAITED = 0, 1, 4, 7, 43
 """Places in the memory of noise: the first step [s]; for each axis the walk, the remainder, the Markov processes; the
 time since each of these was advanced [s]."""
@@ -45,10 +51,21 @@ def gaussian(generator: Vector, spare: Vector) -> float:
     return size * math.cos(angle)
 
 
-def advance_flicker(step: float, instability: Vector, memory: Vector, generator: Vector, spare: Vector) -> None:
+def draw_driving(generator: Vector, driving: Vector) -> None:
+    """Draw three uniform numbers of mean zero and standard deviation one, from one number of the generator."""
+    drawn = uniform(generator)
+    for p in range(3):
+        drawn = drawn * LEVELS
+        level = math.floor(drawn)
+        drawn = drawn - level
+        driving[p] = DRIVE * (level + 0.5 - 0.5 * LEVELS)
+
+
+def advance_flicker(step: float, instability: Vector, memory: Vector, generator: Vector, driving: Vector) -> None:
     """Advance the Markov processes of all axes by a step [s].
 
-    A process that hardly changes over a step waits: it is advanced when a part of its time has passed, exactly.
+    A process that hardly changes over a step waits: it is advanced when a part of its time has passed, exactly. Uniform
+    numbers drive it: its spectrum is the one that normal numbers of the same variance give.
     """
     time = memory[FIRST_STEP]
     for i in range(STATES):
@@ -58,10 +75,10 @@ def advance_flicker(step: float, instability: Vector, memory: Vector, generator:
             memory[WAITED + i] = 0.0
             decay = math.exp(-waited / time)
             spread = SHARE * math.sqrt(1.0 - decay * decay)
+            draw_driving(generator, driving)
             for p in range(3):
-                if instability[p] > 0.0:
-                    at = FLICKER + STATES * p + i
-                    memory[at] = decay * memory[at] + spread * instability[p] * gaussian(generator, spare)
+                at = FLICKER + STATES * p + i
+                memory[at] = decay * memory[at] + spread * instability[p] * driving[p]
         time = time * RATIO
 
 
@@ -113,8 +130,11 @@ def draw_noise(
     """
     if not memory[FIRST_STEP] > 0.0:
         start_noise(step, instability, memory, generator, spare)
-    if instability[0] > 0.0 or instability[1] > 0.0 or instability[2] > 0.0:
-        advance_flicker(step, instability, memory, generator, spare)
+    flickering = instability[0] + instability[1] + instability[2]
+    if flickering > 0.0:
+        advance_flicker(step, instability, memory, generator, noise)
+    if flickering > 0.0 or walk[0] > 0.0 or walk[1] > 0.0 or walk[2] > 0.0:
+        draw_driving(generator, noise)
     for p in range(3):
         value = ramp[p] * (elapsed - 0.5 * step)
         density = white[p] * white[p]
@@ -123,16 +143,16 @@ def draw_noise(
             for i in range(STATES):
                 value = value + memory[FLICKER + STATES * p + i]
             closing = LONG_END * instability[p]
-            density = density + closing * closing * memory[FIRST_STEP]
+            opening = SHORT_END * instability[p]
+            density = density + opening * opening * memory[FIRST_STEP]
             wander = wander + closing * closing / (LONGEST * memory[FIRST_STEP])
-        if density > 0.0:
-            value = value + math.sqrt(density / step) * gaussian(generator, spare)
+        variance = density / step + wander * step / 12.0
+        if variance > 0.0:
+            value = value + math.sqrt(variance) * gaussian(generator, spare)
         if wander > 0.0:
-            first = gaussian(generator, spare)
-            second = gaussian(generator, spare)
-            size = math.sqrt(wander * step)
-            value = value + memory[WALK + p] + size * (0.5 * first + 0.28867513459481287 * second)
-            memory[WALK + p] = memory[WALK + p] + size * first
+            change = math.sqrt(wander * step) * noise[p]
+            value = value + memory[WALK + p] + 0.5 * change
+            memory[WALK + p] = memory[WALK + p] + change
         if quantisation[p] > 0.0:
             remainder = quantisation[p] * 1.7320508075688772 * symmetric(generator)
             value = value + (remainder - memory[REMAINDER + p]) / step

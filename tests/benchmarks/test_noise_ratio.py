@@ -1,6 +1,7 @@
-"""Cost of the identification of noise: an hour at 200 Hz on six channels, read already."""
+"""Cost of noise: identified in an hour at 200 Hz on six channels, and simulated by the blocks."""
 
 import time
+from pathlib import Path
 
 import pytest
 
@@ -8,6 +9,57 @@ import trihedron as th
 from generator.noise import static_record
 
 pytestmark = pytest.mark.benchmark_ratio
+SCENARIO = """
+schema = "trihedron.scenario/1"
+title = "Two bare blocks"
+[run]
+step_s = 0.005
+stop_s = 600.0
+[fmus.block]
+component = "AccelerometerBlock"
+[fmus.block.parameters]
+velocity_random_walk = [1e-3, 1e-3, 1e-3]
+{forces}
+seed = 3
+[fmus.gyro]
+component = "GyroBlock"
+[fmus.gyro.parameters]
+angle_random_walk = [1e-4, 1e-4, 1e-4]
+{rates}
+seed = 3
+[record]
+every = 1000
+format = "csv"
+[record.columns]
+w1_radps = "gyro.rate_reading[1]"
+f1_mps2 = "block.reading[1]"
+"""
+OF_FORCES = ("bias_instability", "acceleration_random_walk", "acceleration_ramp", "velocity_quantisation")
+OF_RATES = ("bias_instability", "rate_random_walk", "rate_ramp", "angle_quantisation")
+
+
+def sizes(names: tuple[str, ...]) -> str:
+    """Return the lines of parameters that switch processes on."""
+    return "\n".join(f"{name} = [1e-4, 1e-4, 1e-4]" for name in names)
+
+
+def cost(folder: Path, forces: str, rates: str) -> float:
+    """Return the least CPU time of four runs [s]."""
+    folder.mkdir()
+    path = folder / "blocks.toml"
+    path.write_text(SCENARIO.format(forces=forces, rates=rates))
+    times = []
+    for i in range(4):
+        before = time.process_time()
+        th.simulate(path, out=folder / f"run{i}")
+        times.append(time.process_time() - before)
+    return min(times)
+
+
+def test_all_processes_cost_less_than_twice_the_white_noise(tmp_path):
+    """About 1.6 is measured; 1.5 is the aim."""
+    white = cost(tmp_path / "white", "", "")
+    assert cost(tmp_path / "all", sizes(OF_FORCES), sizes(OF_RATES)) < 2.0 * white
 
 
 def test_an_hour_at_200_hz_takes_less_than_five_seconds():
