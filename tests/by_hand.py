@@ -1,10 +1,6 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """Calibrations by hand as their JSON has them, of instruments that are known."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +8,13 @@ NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33",
 OF_GYROS = ("B1", "B2", "B3", *(f"M{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)))
 SENSITIVITY = tuple(f"S{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
 GRAVITY = 9.81
+Value = TypeVar("Value")
+
+
+def present(value: Value | None) -> Value:
+    """Return a value that must be there."""
+    assert value is not None
+    return value
 
 
 class Instrument:
@@ -44,7 +47,7 @@ def calibration(
     **further: Any,
 ) -> dict[str, Any]:
     """Return the calibration of an instrument without errors: standard errors of 1e-4, intervals of `half_width`."""
-    values = dict(zip(NAMES, [*instrument.matrix[np.tril_indices(3)], *instrument.bias], strict=True))
+    values: dict[str, float] = dict(zip(NAMES, [*instrument.matrix[np.tril_indices(3)], *instrument.bias], strict=True))
     for p in (1, 2, 3):
         values[f"gamma_{p}{p}"] -= 1.0
     if gyros:

@@ -1,7 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """Simulated sessions of a block in a hand: poses without gyros, six faces with turns, moves from rest to rest."""
 
 from itertools import pairwise
@@ -21,7 +17,8 @@ FACES = ("+1", "-1", "+2", "-2", "+3", "-3")
 
 def truth(instrument: Instrument) -> dict[str, float]:
     """Return the true parameters of an instrument by their symbols."""
-    values = dict(zip(NAMES, [*(instrument.matrix - np.eye(3))[np.tril_indices(3)], *instrument.bias], strict=True))
+    entries = [*(instrument.matrix - np.eye(3))[np.tril_indices(3)], *instrument.bias]
+    values: dict[str, float] = dict(zip(NAMES, entries, strict=True))
     matrix = instrument.gyro_matrix - np.eye(3)
     for row in range(3):
         values[f"B{row + 1}"] = instrument.gyro_bias[row]
@@ -35,6 +32,11 @@ def directions(rng: np.random.Generator, count: int) -> np.ndarray:
     """Return random unit vectors (count, 3)."""
     vectors = rng.normal(size=(count, 3))
     return vectors / np.linalg.norm(vectors, axis=1)[:, None]
+
+
+def attitudes(rng: np.random.Generator, count: int) -> list[Rotation]:
+    """Return attitudes that are uniform over all rotations."""
+    return list(Rotation.from_quat(rng.normal(size=(count, 4))))
 
 
 def poses(instrument: Instrument, up: np.ndarray, errors: np.ndarray) -> pl.DataFrame:
@@ -106,7 +108,7 @@ def hand_moved(seed: int, count: int = 14, *, sensitivity: bool = False) -> tupl
     instrument = Instrument(seed)
     if not sensitivity:
         instrument.sensitivity = np.zeros((3, 3))
-    rests = list(Rotation.random(count, random_state=rng))
+    rests = attitudes(rng, count)
     time, attitude = turning(rests, 2.0, 3.0)
     return instrument, strapdown(instrument, time, attitude, rng, (3e-3, 2e-3))
 

@@ -1,7 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """Real records without a table, where they are: five parts, left out in turn, against plain least squares."""
 
 import os
@@ -12,8 +8,9 @@ import pytest
 from scipy.optimize import least_squares
 
 import trihedron as th
+from by_hand import present
 from trihedron.tools.by_hand.run import HandRequest, run_of
-from trihedron.tools.records import read_record
+from trihedron.tools.records import StrapdownRecord, read_record
 
 DATA = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[4] / "shared" / "data"))
 MARKS = {
@@ -44,22 +41,26 @@ def norms(x: np.ndarray, reading: np.ndarray) -> np.ndarray:
 def test_gyros_and_their_lag_against_a_true_attitude(name: str, part: float) -> None:
     """Both records are of one instrument, whose gyros lag by about 4 ms."""
     result = th.calibrate(record_of(name))
-    assert result.by_hand.axes == "true attitude"
+    assert present(result.by_hand).axes == "true attitude"
     assert result["L"].estimate == pytest.approx(4e-3, abs=1e-3)
-    assert result.by_hand.gain.move_after < part * result.by_hand.gain.move_before
+    assert present(present(present(result.by_hand).gain).move_after) < part * present(
+        present(present(result.by_hand).gain).move_before
+    )
 
 
 @pytest.mark.parametrize("name", MARKS)
 def test_unseen_rests_and_moves_are_predicted_no_worse_than_by_plain_least_squares(name: str) -> None:
     path = record_of(name)
-    reading = run_of(read_record(path), HandRequest()).rests.force
+    record = read_record(path)
+    assert isinstance(record, StrapdownRecord)
+    reading = run_of(record, HandRequest()).rests.force
     start = np.array([1.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     off = []
     for part in np.array_split(np.arange(len(reading)), 5):
         used = np.setdiff1d(np.arange(len(reading)), part)
         off.append(norms(least_squares(lambda x, used=used: norms(x, reading[used]), start).x, reading[part]))
     plain = float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
-    gain = th.calibrate(path).by_hand.gain
-    assert gain.rest_after <= 1.1 * plain
-    assert 1e3 * gain.rest_after <= 1.1 * MARKS[name][0]
-    assert np.degrees(gain.move_after) * 60.0 <= 1.1 * MARKS[name][1]
+    gain = present(present(th.calibrate(path).by_hand).gain)
+    assert present(gain.rest_after) <= 1.1 * plain
+    assert 1e3 * present(gain.rest_after) <= 1.1 * MARKS[name][0]
+    assert np.degrees(present(gain.move_after)) * 60.0 <= 1.1 * MARKS[name][1]

@@ -1,7 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOptionalOperand=false, reportOptionalSubscript=false
-# pyright: reportOptionalIterable=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportReturnType=false
-# None where a value must be fails the test.
 """Sessions of a laboratory without a table: faces and known turns, cut sections, rests of a file, a true attitude."""
 
 from itertools import pairwise
@@ -13,20 +9,22 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import trihedron as th
-from by_hand import GRAVITY, NAMES, Instrument
-from hand_sessions import NOISE, PERIOD, ferraris, hand_moved, strapdown, truth, turning, written
+from by_hand import GRAVITY, NAMES, Instrument, present
+from hand_sessions import NOISE, PERIOD, attitudes, ferraris, hand_moved, strapdown, truth, turning, written
 
 
 def test_six_faces_and_three_turns_by_their_parts() -> None:
     instrument, table = ferraris(3)
     result = th.calibrate(table, gravity=GRAVITY)
-    assert (result.by_hand.rests, result.by_hand.turns) == (6, 3)
-    assert result.by_hand.case is not None
+    assert (present(result.by_hand).rests, present(result.by_hand).turns) == (6, 3)
+    assert present(result.by_hand).case is not None
     known = truth(instrument)
     for symbol in ("gamma_11", "gamma_22", "gamma_33", "bias_1", "bias_2", "bias_3"):
         # The open misalignments, times the tilt of a face, are in the standard error.
-        assert result[symbol].standard_error < 3e-3
-        assert result[symbol].estimate == pytest.approx(known[symbol], abs=3.0 * result[symbol].standard_error)
+        assert present(result[symbol].standard_error) < 3e-3
+        assert present(result[symbol].estimate) == pytest.approx(
+            known[symbol], abs=3.0 * present(result[symbol].standard_error)
+        )
     for symbol in ("M11", "M22", "M33"):
         # A hand's turn is good to 2°: 0.6 % of 360°.
         assert result[symbol].estimate == pytest.approx(known[symbol], abs=4e-3)
@@ -64,8 +62,8 @@ def test_known_turns_are_found_among_the_moves_where_words_tell_them() -> None:
     attitude = Rotation.concatenate([turning([level, level], 0.5, 2.0)[1], *pieces])
     table = strapdown(instrument, PERIOD * np.arange(len(attitude)), attitude, rng, NOISE)
     told = th.calibrate(table, gravity=GRAVITY, turns="1:360,2:360,3:360")
-    assert told.by_hand.turns == 3
-    assert th.calibrate(table, gravity=GRAVITY, turns="360").by_hand.turns == 3
+    assert present(told.by_hand).turns == 3
+    assert present(th.calibrate(table, gravity=GRAVITY, turns="360").by_hand).turns == 3
     assert told["M33"].estimate == pytest.approx(truth(instrument)["M33"], abs=4e-3)
     with pytest.raises(ValueError, match="no turn 4"):
         th.calibrate(table, gravity=GRAVITY, turns="1:360,2:360,3:360,1:360")
@@ -75,8 +73,8 @@ def test_sections_that_are_cut_together_are_separate_rests() -> None:
     instrument, table = ferraris(7)
     cut = table.drop("part")[: 6 * 450]
     result = th.calibrate(cut, gravity=GRAVITY)
-    assert result.by_hand.rests == 6
-    assert result.by_hand.moves == 0
+    assert present(result.by_hand).rests == 6
+    assert present(result.by_hand).moves == 0
     assert any("cut there" in line for line in result.warnings)
     assert result["bias_1"].estimate == pytest.approx(truth(instrument)["bias_1"], abs=1e-3)
 
@@ -86,12 +84,12 @@ def test_rests_of_a_file_and_a_wider_limit(tmp_path: Path) -> None:
     begins = [5.0 * number + 0.3 for number in range(14)]
     rests = pl.DataFrame({"from_s": begins, "to_s": [begin + 2.4 for begin in begins]})
     result = th.calibrate(table, gravity=GRAVITY, rests=str(written(rests, tmp_path / "rests.csv")))
-    assert result.by_hand.rests == 14
-    assert result.by_hand.scatter_limit is None
+    assert present(result.by_hand).rests == 14
+    assert present(result.by_hand).scatter_limit is None
     for symbol in NAMES:
         p = result[symbol]
-        assert abs(p.estimate - truth(instrument)[symbol]) < 4.0 * p.standard_error
-    assert th.calibrate(table, gravity=GRAVITY, rest_scatter=4.0).by_hand.scatter_limit == 4.0
+        assert abs(present(p.estimate) - truth(instrument)[symbol]) < 4.0 * present(p.standard_error)
+    assert present(th.calibrate(table, gravity=GRAVITY, rest_scatter=4.0).by_hand).scatter_limit == 4.0
     late = written(rests.with_columns(from_s=pl.col("from_s") + 1e4, to_s=pl.col("to_s") + 1e4), tmp_path / "late.csv")
     with pytest.raises(ValueError, match=r"row 1: .* holds no readings"):
         th.calibrate(table, gravity=GRAVITY, rests=str(late))
@@ -103,7 +101,7 @@ def test_a_true_attitude_tells_gyros_and_their_lag() -> None:
     rng = np.random.default_rng(11)
     instrument = Instrument(11)
     instrument.sensitivity = np.zeros((3, 3))
-    time, attitude = turning(list(Rotation.random(30, random_state=rng)), 1.0, 0.5)
+    time, attitude = turning(attitudes(rng, 30), 1.0, 0.5)
     table = strapdown(instrument, time, attitude, rng, NOISE)
     quaternion = attitude.as_quat(scalar_first=True)
     late = 1
@@ -113,5 +111,7 @@ def test_a_true_attitude_tells_gyros_and_their_lag() -> None:
     shifted = shifted.with_columns([pl.Series(f"q{number}", quaternion[:, number]) for number in range(4)])
     result = th.calibrate(shifted, gravity=GRAVITY)
     assert result["L"].estimate == pytest.approx(late * PERIOD, abs=1.5e-3)
-    assert result.by_hand.gain.move_after < 0.3 * result.by_hand.gain.move_before
-    assert result.by_hand.largest_move >= result.by_hand.residual_move
+    assert present(present(present(result.by_hand).gain).move_after) < 0.3 * present(
+        present(present(result.by_hand).gain).move_before
+    )
+    assert present(present(result.by_hand).largest_move) >= present(present(result.by_hand).residual_move)
