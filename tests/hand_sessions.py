@@ -73,8 +73,8 @@ def strapdown(
     return pl.DataFrame({"time_s": time, **columns})
 
 
-def ferraris(seed: int) -> tuple[Instrument, pl.DataFrame]:
-    """Return an instrument, and its session of six faces and three whole turns about the vertical, with its parts."""
+def ferraris(seed: int, tilt: float = 0.03) -> tuple[Instrument, pl.DataFrame]:
+    """Return an instrument, and its session of six faces, tilted by some radians, and three turns."""
     rng = np.random.default_rng(seed)
     instrument = Instrument(seed)
     instrument.sensitivity = np.zeros((3, 3))
@@ -82,7 +82,7 @@ def ferraris(seed: int) -> tuple[Instrument, pl.DataFrame]:
     for word in FACES:
         axis = np.zeros(3)
         axis[int(word[1]) - 1] = 1.0 if word[0] == "+" else -1.0
-        up = axis + rng.normal(0.0, 0.03, 3)
+        up = axis + rng.normal(0.0, tilt, 3)
         faces.append(Rotation.align_vectors([[0.0, 0.0, 1.0]], [up / np.linalg.norm(up)])[0])
     tables, parts, start = [], [], 0.0
     for word, face in zip(FACES, faces, strict=True):
