@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from ...models.effects.lookup import TURNS
+from ..bounded.elimination import eliminated
 from ..bounded.programmes import chebyshev_radius, column_space, spaces_beyond
 from ..bounded.set_bounds import ACCEPTED, REFUSED, settle
 from ..bounded.sets import Problem, Work, sharp_weights
@@ -358,9 +359,20 @@ class Search:
         freedoms = []
         for freedom in dict.fromkeys(pair.freedom for pair in self.pairs):
             pair = first[freedom]
-            if pair.anything or self.stands(self.space_of(pair.spread(np.eye(len(pair.values))))):
+            if pair.anything or self.stands_freely(pair.spread(np.eye(len(pair.values)))):
                 freedoms.append(freedom)
         return freedoms
+
+    def stands_freely(self, columns: NDArray) -> bool:
+        """Return true if the model fits with an unknown for each value, of columns (M, K)."""
+        system = np.column_stack((self.problem.nominal, self.problem.residual))
+        remaining = eliminated(system, columns / self.evidence.rows.bound[:, None])
+        if remaining is None:
+            return self.stands(self.space_of(columns))
+        if not len(remaining):
+            return True
+        self.work.programme(*remaining.shape)
+        return chebyshev_radius(remaining[:, :-1], remaining[:, -1], np.ones(len(remaining)))[0] <= self.limit
 
     def space_of(self, columns: NDArray) -> NDArray[np.float64]:
         """Return the space that columns (M, K) add to the model."""
