@@ -53,7 +53,8 @@ def open_polynomial(place: EffectPlace, size: NDArray[np.float64], rows: Rows, o
 
     `size` (N,) is the value that the polynomial multiplies.
     """
-    x = tens(np.zeros(len(size)) if rows.temperature is None else rows.temperature)
+    temperature = np.full(len(size), NOMINAL_TEMPERATURE) if rows.temperature is None else rows.temperature
+    x = (temperature - NOMINAL_TEMPERATURE) / TENS
     slopes = [power * x ** (power - 1) / TENS for power in range(1, order + 1)]
     return open_temperature(place, np.abs(size) * np.linalg.norm(slopes, axis=0), rows)
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -266,7 +267,8 @@ class Likelihood:
 
         if letter != "M":
             return cost(0.0)
-        return float(minimize_scalar(cost, bounds=(-NEARBY, NEARBY), options={"xatol": 0.02}).fun)
+        least: Any = minimize_scalar(cost, bounds=(-NEARBY, NEARBY), options={"xatol": 0.02})
+        return float(least.fun)
 
     def fit_beside(
         self, fixed: NDArray[np.float64], letters: tuple[Letter, ...], constant: float = 0.0, trend: int | None = None
