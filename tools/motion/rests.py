@@ -14,6 +14,7 @@ from ...models.attitude_algorithms import MAX_INCREMENT
 from ..errors import InputError, nearest
 from ..records import StrapdownRecord
 from ..records.columns import LARGEST_FORCE
+from ..records.decisions import rows_of_rests
 from ..records.limits import Limits, channel_limits, runs_of
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
 from ..records.sigma import deviation_widening
@@ -287,7 +288,8 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     A window is quiet when each channel scatters in it less than three times as much as its noise, which is taken from
     differences over 0.05 s in the windows where they are least: a slow move has small differences and a large
     scatter. In a record without noise a window is quiet when nothing changes in it. Rests are quiet stretches of a
-    second and more without a gap, whose readings do not walk; there are none at all where nothing is quiet.
+    second and more without a gap, whose readings do not walk; there are none at all where nothing is quiet. Rests that
+    a person decided replace these.
     """
     rate = rates_of(record)
     # A knock would be all that sums of squares hold.
@@ -306,6 +308,30 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
         least = [LAST_DIGITS * np.abs(values).max() for values in channels]
         changes = np.any([np.abs(np.diff(v, prepend=v[0])) > e for v, e in zip(channels, least, strict=True)], axis=0)
         quiet = window_sums(changes[1:], size - 1) == 0
+    if record.decisions is not None and record.decisions.rests is not None:
+        still, turning = rows_of_rests(record.time_s, record.decisions.rests, str(record.path)), 0
+    else:
+        still, turning = _still_stretches(record, sampling, channels, quiet, noise)
+    limited = sampling.limits.of("f")
+    usable, clipped = [], []
+    for rows in still:
+        if np.mean(limited[rows]) > LEAST_SHARE:
+            clipped.append(rows)
+        else:
+            usable.append(rows)
+    finite_noise = np.where(np.isfinite(noise), noise, 0.0)
+    return _averaged(record, sampling, tuple(usable), finite_noise, turning=turning, clipped=tuple(clipped))
+
+
+def _still_stretches(
+    record: StrapdownRecord,
+    sampling: RecordSampling,
+    channels: list[NDArray],
+    quiet: NDArray[np.bool_],
+    noise: NDArray,
+) -> tuple[list[slice], int]:
+    """Return the rows of each stretch of quiet windows in which nothing turns, and the number of those that turn."""
+    size = len(record) - len(quiet) + 1
     begun = np.concatenate([[0], np.cumsum(quiet)])
     at = np.arange(len(record))
     resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]
@@ -322,18 +348,9 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
             turning += 1
         else:
             still.append(rows)
-    turns = _steady_turns(rate, record.specific_force, still, noise[:3])
+    turns = _steady_turns(rates_of(record), record.specific_force, still, noise[:3])
     turning += int(turns.sum())
-    still = [rows for rows, out in zip(still, turns, strict=True) if not out]
-    limited = sampling.limits.of("f")
-    usable, clipped = [], []
-    for rows in still:
-        if np.mean(limited[rows]) > LEAST_SHARE:
-            clipped.append(rows)
-        else:
-            usable.append(rows)
-    finite_noise = np.where(np.isfinite(noise), noise, 0.0)
-    return _averaged(record, sampling, tuple(usable), finite_noise, turning=turning, clipped=tuple(clipped))
+    return [rows for rows, out in zip(still, turns, strict=True) if not out], turning
 
 
 def channel_noise(values: NDArray, size: int, lag: int) -> float:

@@ -11,6 +11,7 @@ from ..by_hand.still import Series, still_rests
 from ..errors import InputError
 from ..motion.rests import quiet_rests, rates_of, sampling_of
 from ..records import RawRecord, StrapdownRecord, find_rests
+from ..records.decisions import rows_of_rests
 from ..records.kinds import BenchRecord, ForceRecord
 from ..records.stamps import grid_of
 from ..rounding import digits, exactly
@@ -149,6 +150,8 @@ def _rates(record: TimeSeries, period: float) -> NDArray[np.float64] | None:
 
 def _still_rows(record: TimeSeries) -> tuple[list[slice], bool]:
     """Return the rows of each rest, and whether the block stands still throughout, in one stretch."""
+    if record.decisions is not None and record.decisions.rests is not None:
+        return rows_of_rests(record.time_s, record.decisions.rests, str(record.path)), False
     if isinstance(record, ForceRecord):
         still = still_rests(Series(record.time_s, record.specific_force / STANDARD_GRAVITY))
         if len(still) and _same_pose(still.force):

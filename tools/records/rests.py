@@ -67,12 +67,15 @@ def find_rests(raw: RawRecord) -> list[Rest]:
     a quarter of the median rest. The unsettled start is dropped by a test of the readings themselves. Linear
     trends of angles and readings are tested: one of an angle beyond the quiet scatter refuses the rest, and so does
     one of a reading that is beyond the rest's scatter and unlike the record's other rests; the others are stated.
-    The rests come in the order of time, refused ones included.
+    The rests come in the order of time, refused ones included. Rests that a person decided are tested only.
     """
     if len(raw) < WINDOW:
         return []
     angles = angles_of(raw)
     tolerance = np.array([quiet_tolerance(angles[:, k]) for k in range(2)])
+    if raw.decisions is not None and raw.decisions.rests is not None:
+        decided = rows_of_rests(raw.time_s, raw.decisions.rests, str(raw.path))
+        return [tested(raw, angles, tolerance, rows.start, rows.stop - 1) for rows in decided]
     stops = find_stops(angles, tolerance)
     if not stops:
         return []
@@ -145,15 +148,8 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
 
 
 def position_record_of(raw: RawRecord) -> PositionRecord:
-    """The rests of a raw record, as decided or else as they are searched for, averaged; errors as `average_rests`."""
-    if raw.decisions is None or raw.decisions.rests is None:
-        return average_rests(raw, find_rests(raw))
-    angles = angles_of(raw)
-    tolerance = np.array([quiet_tolerance(angles[:, k]) for k in range(2)])
-    rests = []
-    for rows in rows_of_rests(raw.time_s, raw.decisions.rests, str(raw.path)):
-        rests.append(tested(raw, angles, tolerance, rows.start, rows.stop - 1))
-    return average_rests(raw, rests)
+    """The rests of a raw record found and averaged; errors as `average_rests`."""
+    return average_rests(raw, find_rests(raw))
 
 
 def tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int, last: int) -> Rest:
