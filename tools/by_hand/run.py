@@ -37,6 +37,8 @@ FEWEST_TOLD = 4
 """Of fewer rests no accelerometer that reads the same at all is dead."""
 FEWEST_ROWS = 16
 """Fewer rows have no rests."""
+LEAST = 0.6
+"""A move that reads less than this part of a known turn is another one, as a flip of 180° is of a whole turn."""
 HALF, STEADY = 0.5, 0.8
 """A known turn reads at least this part of its angle, and this part of its way about one axis."""
 WINDOW, FEWEST_WINDOWS = 2.0, 12
@@ -432,11 +434,11 @@ def turns_told(record: HandRecord, moves: Moves, request: HandRequest) -> Turns 
         if turn is not None:
             known.append(turn)
     sizes = [360.0 if math.isnan(angle) else abs(angle) for _, angle in known]
-    least = HALF * np.radians(min(sizes, default=360.0))
+    least = LEAST * np.radians(min(sizes, default=360.0))
     axes = np.argmax(np.abs(vectors), axis=1) + 1
     chosen, number = [], 0
     for move in np.flatnonzero(steady & (angles >= least)).tolist():
-        if number < len(known) and axes[move] == known[number][0] and angles[move] >= HALF * np.radians(sizes[number]):
+        if number < len(known) and axes[move] == known[number][0] and angles[move] >= LEAST * np.radians(sizes[number]):
             chosen.append(move)
             number += 1
     if number < len(known):

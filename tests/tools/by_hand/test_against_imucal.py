@@ -1,11 +1,14 @@
 """Six faces and three turns against imucal, whose faces are exact: the same numbers within their errors."""
 
+from pathlib import Path
+
 import numpy as np
 import polars as pl
 import pytest
 
 import trihedron as th
 from by_hand import GRAVITY, present
+from field_files import field_file
 from hand_sessions import FACES, PERIOD, ferraris
 from trihedron.tools.calibrated import Calibration
 
@@ -49,3 +52,12 @@ def test_exact_faces_give_the_numbers_of_imucal(seed: int) -> None:
     parts = [table.filter(pl.col("part") == word) for word in words]
     ratios = misses(th.calibrate(table, gravity=GRAVITY), of_imucal(parts, 1.0 / PERIOD, 360.0, GRAVITY))
     assert max(map(abs, ratios.values())) < 3.0, ratios
+
+
+def test_a_flip_between_two_faces_is_not_taken_for_a_whole_turn(tmp_path: Path) -> None:
+    """In this session the block is flipped by 184 degrees about axis 1 before the turn about it."""
+    record = tmp_path / "record.csv"
+    answers = {"units.time": "102.4 Hz", "units.rate": "deg/s", "units.force": "m/s2"}
+    th.import_record(field_file("ferraris_lab.csv", tmp_path), out=record, answers=answers)
+    result = th.calibrate(record, gravity=GRAVITY, turns="1:-360,2:-360,3:-360")
+    assert present(result.by_hand).turns == 3
