@@ -300,7 +300,7 @@ def _ask_of_fillers(table: UnderstoodTable, column: str, values: NDArray[np.floa
     if have_decimals or abs(filler) > 2.0 * float(np.abs(others).max()):
         origin = table.origins[column]
         written = [text.strip() for text in origin.field.texts if table.value(text) == filler]
-        text = next(iter(written), f"{filler:.0f}")
+        text = next(iter(written), str(round(filler)))
         count = int(np.count_nonzero(is_filler))
         why = f"{origin.name!r} has {text!r} in {plural(count, 'row')}: no measurement, or a number (none)"
         table.ask("missing", (text, "none"), why)

@@ -591,7 +591,7 @@ def _ask_of_integers(table: UnderstoodTable) -> None:
         bits = bits_of_offset(counts)
         if bits:
             answer = f"offset {bits}"
-            span = f"from {counts.min():.0f} to {counts.max():.0f} around {zero_of(answer):.0f}"
+            span = f"from {round(counts.min())} to {round(counts.max())} around {round(zero_of(answer))}"
             why = f"the accelerometers have counts {span}: zero is probably the middle of {bits} bits"
             table.ask("integers", (answer, "unsigned"), why)
             return

@@ -269,7 +269,7 @@ def _force_answers(values: NDArray[np.float64], likely: list[str]) -> list[str]:
     near = force_units(size)
     largest = float(np.abs(values).max())
     if bool((values == np.round(values)).all()) and largest > LARGEST_PLAIN:
-        counts = [text for text in near if "LSB" in text] or [f"{size:.0f} LSB/g"]
+        counts = [text for text in near if "LSB" in text] or [f"{round(size)} LSB/g"]
         near = counts + [text for text in near if text not in counts]
     agreed = [text for text in likely if text in near]
     return agreed + near + [text for text in likely if not near]
