@@ -47,7 +47,7 @@ setup: $(READY)
 
 $(READY): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "Trihedron needs Python 3.11 or newer; name one with PYTHON=..." >&2; exit 2; }
-	@echo "$(VENV): an environment of 1.3 GB with all that the work needs, once; it takes a minute or two"
+	@echo "$(VENV): an environment of 1.6 GB with all that the work needs, once; it takes a minute or two"
 	@$(PYTHON) -m venv $(VENV)
 	@PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
 	touch $(READY)
