@@ -322,7 +322,11 @@ class BenchReader(Reader):
         """Return the nominal calibration; for a fit with effects, its parameters with their possible intervals."""
         if fit is None or not fit.places:
             return self.model.calibration
-        parameters = parameters_with(self.rows.names, fit.estimate[: len(self.rows.names)], fit.ends(self.model.room))
+        count = len(self.rows.names)
+        values, ends = fit.estimate[:count], fit.ends(self.model.room, count=count)
+        # The set of a model that fits by its slack alone has no interior: the point beside it is stated, too.
+        ends = np.column_stack((np.minimum(ends[:, 0], values), np.maximum(ends[:, 1], values)))
+        parameters = parameters_with(self.rows.names, values, ends)
         extended = {"verdict": "consistent", "radius": fit.radius, "parameters": parameters, "witness": []}
         return extended_calibration(self.model.calibration, extended)
 

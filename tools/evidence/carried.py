@@ -249,7 +249,7 @@ class CarriedReader(RecordReader):
             sigma=Sigma.of(None, self.bounds_from),
             radius=radius,
             estimator="analytic centre" if stands else "least squares",
-            parameters=parameters_with(names, fit.estimate[: len(names)], ends),
+            parameters=parameters_with(names, fit.estimate[: len(names)], ends, inside=True),
             units={"radius": "1", "parameters": UNITS["parameters"]},
         )
 

@@ -541,22 +541,23 @@ def stacked_sizes(effects: Mapping[EffectPlace, NDArray], places: Sequence[Effec
     return np.concatenate(sizes)
 
 
-def parameters_with(names: Iterable[tuple[str, str]], values: NDArray, ends: NDArray) -> list[Parameter]:
+def parameters_with(
+    names: Iterable[tuple[str, str]], values: NDArray, ends: NDArray, *, inside: bool = False
+) -> list[Parameter]:
     """Parameters by name and unit with values (P,) and ends (P, 2), infinite where nothing bounds them.
 
-    An end that lies before its value, as where the possible set is all but a point, goes to the value.
+    `inside`: a value that is beyond an end is taken to it.
     """
     parameters = []
     for (name, unit), value, (low, high) in zip(names, values, ends, strict=True):
         bounded = bool(np.isfinite(low) and np.isfinite(high))
-        low, high = min(low, value), max(high, value)
         parameters.append(
             Parameter(
                 symbol=name,
                 name=words_of(name),
                 unit=unit,
                 determined=bounded,
-                estimate=float(value),
+                estimate=float(np.clip(value, low, high) if inside else value),
                 low=finite_or_none(low),
                 high=finite_or_none(high),
             )

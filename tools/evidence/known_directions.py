@@ -78,7 +78,7 @@ class DirectionsReader(Reader):
             sigma=Sigma.of(self.record.noise_bound, "given"),
             radius=fit.radius if fit else self.model.radius,
             estimator="analytic centre" if stands else None,
-            parameters=parameters_with(names, fit.estimate[: len(names)], fit.ends()) if fit else [],
+            parameters=parameters_with(names, fit.estimate[: len(names)], fit.ends(), inside=True) if fit else [],
         )
 
     def trials(self, fit: Fit) -> Iterator[Trial]:

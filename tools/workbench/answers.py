@@ -4,7 +4,6 @@ The answers are those of the functions of the library, of which the commands are
 """
 
 import inspect
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -23,10 +22,9 @@ from ..files import json_text, write_text
 from ..options import ExportTarget
 from ..records.limits import runs_of
 from ..rounding import digits, interval, residual
+from .equivalents import PLACE, command_line, python_lines
 from .lines import GROUPS, Channels, lines_of, plain
 
-PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
-"""Options of a bench with gyros."""
 OPTIONS: dict[str, type] = {
     "noise_bound": float,
     "noise_sd": float,
@@ -60,8 +58,39 @@ FIRST_ROWS, FIRST_BYTES, MOST_CHARACTERS = 6, 4096, 160
 KEPT: dict[tuple[Any, ...], records.Record] = {}
 """Records that were read, by file and the way of reading."""
 MOST_KEPT = 8
-LAST: list[tuple[Any, Any]] = []
-"""The last result and its record, for its page and its files."""
+LAST: "list[Shown]" = []
+"""The last result, for its page and its files."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A result with what it was made of.
+
+    Attributes
+    ----------
+    result : Result
+    record : record or None
+        the record for its page
+    run : record
+        the first record, with decisions
+    path : Path
+        file of the first record
+    channels : tuple of str
+        the channels with which it was read
+    """
+
+    result: Any
+    record: Any
+    run: Any
+    path: Path
+    channels: tuple[str, ...]
+
+
+def last() -> Shown:
+    """Return the last result; an InputError where the process that had it was stopped."""
+    if not LAST:
+        raise InputError("the result went with the calculation that was stopped; calculate again")
+    return LAST[0]
 
 
 def outcome(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
@@ -95,14 +124,19 @@ def described(path: str) -> dict[str, Any]:
     """
     record = record_at(path)
     is_table = isinstance(record, records.PositionRecord | records.PoseRecord)
-    decisions = records.read_decisions(Path(path), record.sha256)
+    warnings = list(record.warnings)
+    decisions = None
+    try:
+        decisions = records.read_decisions(Path(path), record.sha256)
+    except InputError as error:
+        warnings.append(f"{error}; your first decision here replaces it")
     about: dict[str, Any] = {
         "word": record.word,
         "rows": len(record),
         "table": is_table,
         "columns": list(record.columns()),
         "sha256": record.sha256,
-        "warnings": list(record.warnings),
+        "warnings": warnings,
         "decisions": values_of(decisions),
         "moved": isinstance(record, records.RawRecord),
     }
@@ -177,8 +211,10 @@ def table_of(record: records.PositionRecord | records.PoseRecord) -> dict[str, A
 
 
 def decided(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -> records.Record:
-    """Return the record of a file with decisions."""
+    """Return the record of a file with decisions; an InputError if it is not of the content that these are about."""
     record = record_at(path, options.get("stamps"))
+    if decisions.get("record_sha256", record.sha256) != record.sha256:
+        raise InputError(f"{Path(path).name}: has changed since it was opened; start `trihedron open` again")
     taken = records.decisions_of(decisions, "decisions")
     if taken:
         taken = replace(taken, file=records.decisions_file(Path(path)).name)
@@ -312,7 +348,8 @@ def answer(asked: Asked, advise: Advise | None = None) -> dict[str, Any]:
     result, record = _result(command, runs, options)
     page = reports.page_of(result, record)
     assert page is not None
-    LAST[:] = [(result, record)]
+    channels = (options["channels"],) if "channels" in options else ()
+    LAST[:] = [Shown(result, record, runs[0], Path(asked.paths[0]), channels)]
     shown = [_short(path) for path in asked.paths]
     following = "" if advise is None else advise(command, shown, options, result)
     return {
@@ -425,42 +462,41 @@ def _sizes(explanation: Any) -> list[tuple[str, str]]:
 
 def page() -> str:
     """Return the page of the last result as HTML."""
-    result, record = LAST[0]
-    shown = reports.page_of(result, record)
+    shown = reports.page_of(last().result, last().record)
     assert shown is not None
     return document.html(shown)
 
 
 def explanation(number: int) -> str:
     """Return the page of an explanation of the last diagnosis as HTML; an InputError where there is none."""
-    result, _ = LAST[0]
+    result = last().result
     if not isinstance(result, diagnosis.Diagnosis):
         raise InputError("the last result is no diagnosis")
     return document.html(reports.explanation_page(result, number))
 
 
-def saved(what: str, record: str) -> dict[str, Any]:
-    """Write a file of the last result beside a record: "json", "report", "corrected", "fmu", or a target of an export.
+def saved(what: str) -> dict[str, Any]:
+    """Write a file of the last result beside its first record; `what` is a target of an export, or one of these words.
 
-    A file that is there already is kept: the new one has a number in its name.
+    "json", "report", "corrected": the result, its page, the corrected record; "fmu": a folder of FMUs. A file that is
+    there already is kept: the new one has a number in its name.
 
     Raises
     ------
     InputError
         for what the result does not give
     """
-    result, made_of = LAST[0]
+    result, beside = last().result, last().path
     kind = type(result).__name__.lower()
-    beside = Path(record)
     if what == "json":
         out = free_name(beside.with_name(f"{beside.stem}.{kind}.json"))
         write_text(out, json_text(result.to_json()))
     elif what == "report":
         out = free_name(beside.with_name(f"{beside.stem}.{kind}.html"))
-        reports.write_report(out, result, made_of)
+        reports.write_report(out, result, last().record)
     elif what == "corrected":
         out = free_name(beside.with_name(f"{beside.stem}.corrected.csv"))
-        corrected = corrections.apply(result, Path(record)).record
+        corrected = corrections.apply(result, last().run, channels=last().channels).record
         if corrected is None:
             raise InputError("nothing that was found can be taken out of readings")
         records.write_record(corrected, out)
@@ -491,31 +527,3 @@ def free_name(path: Path) -> Path:
         taken = path.with_name(f"{path.stem}-{number}{path.suffix}")
         number += 1
     return taken
-
-
-def command_line(command: str, paths: Sequence[str], options: Mapping[str, Any]) -> str:
-    """Return the command that gives the same answer."""
-    words = ["trihedron", command, *map(shlex.quote, paths)]
-    for name, value in options.items():
-        words.append(f"--{name.replace('_', '-')}")
-        if value is not True:
-            words.append(shlex.quote(f"{value:g}" if isinstance(value, float) else str(value)))
-    return " ".join(words)
-
-
-def python_lines(command: str, paths: Sequence[str], options: Mapping[str, Any]) -> str:
-    """Return the lines of Python that give the same answer."""
-    words = [repr(path) for path in paths]
-    place = []
-    for name, value in options.items():
-        text = repr([value]) if name == "channels" else repr(value)
-        if name in PLACE:
-            place.append(f"{name}={text}")
-        else:
-            words.append(f"{name}={text}")
-    lines = ["import trihedron as th"]
-    if place:
-        lines.append(f"bench = th.bench_at(th.read_record({paths[0]!r}), {', '.join(place)})")
-        words.append("bench=bench")
-    function = f"{command}_together" if len(paths) > 1 and command != "noise" else command
-    return "\n".join([*lines, f"result = th.{function}({', '.join(words)})", "print(result)"])

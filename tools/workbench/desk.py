@@ -57,6 +57,11 @@ class OpenFile:
     imported: Mapping[str, Any] | None = None
     looked_at: threading.Event = field(default_factory=threading.Event)
 
+    @property
+    def of_content(self) -> dict[str, Any]:
+        """Return the decisions with the digest of the content that they are about."""
+        return {**self.decisions, "record_sha256": "" if self.about is None else self.about["sha256"]}
+
 
 @dataclass(frozen=True)
 class Request:
@@ -217,7 +222,7 @@ class Desk:
             if file.about is None:
                 raise InputError(f"{file.path.name}: is no record: {file.problem}")
         paths = [str(file.path) for file in chosen]
-        asked = answers.Asked(request.command, paths, [file.decisions for file in chosen], request.options)
+        asked = answers.Asked(request.command, paths, [file.of_content for file in chosen], request.options)
         with self._lock:
             self._stop()
             changed = self._request != request
@@ -265,7 +270,7 @@ class Desk:
         file = self._record(number)
         assert file.about is not None
         made = records.decisions_of(values, "decisions")
-        self.look(answers.decided_size, str(file.path), dict(values))
+        self.look(answers.decided_size, str(file.path), {**values, "record_sha256": file.about["sha256"]})
         with self._lock:
             file.earlier.append(file.decisions)
             self._keep(file, made, values)
@@ -319,10 +324,9 @@ class Desk:
         InputError
             without a result, or for what it does not give
         """
-        if self.answer is None or self._request is None:
+        if self.answer is None:
             raise InputError("calculate something first")
-        path = self.files[self._request.files[0]].path
-        return _value(self._calculating, answers.saved, what, str(path))
+        return _value(self._calculating, answers.saved, what)
 
     def close(self) -> None:
         """End both processes."""

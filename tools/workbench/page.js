@@ -203,6 +203,7 @@ function interval(one) {
 async function showRecord(file) {
   const about = file.about;
   $("import").hidden = true;
+  $("record-warnings").replaceChildren();
   $("series").hidden = about ? about.table : !file.preview;
   $("table").hidden = !about || !about.table;
   const saved = Object.keys(file.decisions).length ? `Decisions are kept in ${file.decisions_file}.` : "";
@@ -215,6 +216,7 @@ async function showRecord(file) {
     return;
   }
   $("record-about").textContent = `${file.name}: ${about.word} of ${about.rows} rows.`;
+  $("record-warnings").replaceChildren(...about.warnings.map(text => element("p", `Warning: ${text}.`, { class: "warning" })));
   if (about.table) return showTable(file);
   $("turns").value = file.decisions.turns || "";
   if (!lines || lines.file !== current) await draw();

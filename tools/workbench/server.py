@@ -164,7 +164,7 @@ def _looked(desk: Desk, name: str, query: Mapping[str, str]) -> dict[str, Any]:
         return desk.lines(number, begin, end, _number(query.get("points", "800"), 5000))
     options = {key: value for key, value in query.items() if key in answers.OPTIONS}
     file = desk.files[number]
-    return desk.look(answers.rests, str(file.path), dict(file.decisions), answers.typed(options))
+    return desk.look(answers.rests, str(file.path), file.of_content, answers.typed(options))
 
 
 def _number(text: str | None, most: int) -> int:

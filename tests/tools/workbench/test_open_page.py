@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import shlex
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -143,7 +144,7 @@ def test_a_workbook_with_a_wrong_angle_becomes_a_corrected_record(tmp_path: Path
     content = by_command("calibrate", "table.record.csv", "--noise-bound", "1e-5")
     assert is_same(visitor.parameters(), estimates(content))
     assert "left_out = [12]" in (tmp_path / "table.record.decisions.toml").read_text()
-    assert visitor.page.inner_text("#command") == "trihedron calibrate table.record.csv --noise-bound 1e-05"
+    assert visitor.page.inner_text("#command") == "trihedron calibrate table.record.csv --noise-bound 1e-5"
     assert visitor.clicks <= 8
     assert window.complaints == []
 
@@ -313,6 +314,86 @@ def test_a_wrong_row_beside_one_left_out_has_the_number_of_its_position(tmp_path
         assert time.monotonic() < end
         time.sleep(0.1)
     assert server.desk.answer["wrong"] == [12]
+
+
+def answered(server: DeskServer, count: int) -> None:
+    """Wait for an answer or a refusal."""
+    end = time.monotonic() + SECONDS / 1000.0
+    while server.desk.answered < count:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def test_a_record_that_changes_while_it_is_open_is_refused(tmp_path: Path, opened) -> None:
+    path = wrong_table(tmp_path)
+    server = opened(path)
+    assert told(server, do="decide", file=0, decisions={"left_out": [12]}) == {}
+    pl.read_csv(path).with_columns(f1_mps2=pl.col("f1_mps2") + 1e-3).write_csv(path)
+    told(server, do="run", command="calibrate", files=[0], options={"noise_bound": "1e-5"})
+    answered(server, 1)
+    assert "has changed since it was opened" in server.desk.refusal
+    assert server.desk.answer is None
+
+
+def test_decisions_about_another_content_are_said_and_replaced(tmp_path: Path, opened) -> None:
+    path = wrong_table(tmp_path)
+    beside = tmp_path / "table.decisions.toml"
+    beside.write_text('schema = "trihedron.decisions/1"\nrecord_sha256 = "0"\nleft_out = [2]\n')
+    server = opened(path)
+    about = server.desk.files[0].about
+    assert about is not None
+    assert about["decisions"] == {}
+    assert any("of another content" in line for line in about["warnings"])
+    assert told(server, do="decide", file=0, decisions={"left_out": [12]}) == {}
+    assert th.calibrate(path, noise_bound=1e-5).verdict == "consistent"
+
+
+def test_a_corrected_record_has_the_channels_of_its_calibration(tmp_path: Path, opened) -> None:
+    rng = np.random.default_rng(3)
+    made = simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3)))
+    path = tmp_path / "turned.csv"
+    write_record(made, path)
+    names = {"f1_mps2": "f2_mps2", "f2_mps2": "f1_mps2"}
+    table = pl.read_csv(path, comment_prefix="#").rename(names)
+    table.with_columns(f3_mps2=-pl.col("f3_mps2")).write_csv(path)
+    server = opened(path)
+    options = {"noise_bound": "1e-5", "channels": "2,1,-3"}
+    told(server, do="run", command="calibrate", files=[0], options=options)
+    answered(server, 1)
+    file = told(server, do="save", what="corrected")["file"]
+    calibration = th.calibrate(path, noise_bound=1e-5, channels=["2,1,-3"])
+    expected = th.apply(calibration, path, channels=["2,1,-3"]).record
+    assert np.array_equal(th.read_record(file).specific_force, th.read_record(expected).specific_force)
+
+
+def test_the_command_and_the_lines_of_python_have_all_digits_and_signs(tmp_path: Path, opened) -> None:
+    path = wrong_table(tmp_path)
+    pl.read_csv(path).with_columns(f1_mps2=-pl.col("f1_mps2")).filter(pl.col("position") != 12).write_csv(path)
+    server = opened(path)
+    options = {"noise_bound": "1e-5", "gravity": "9.8066501234", "channels": "-1,2,3"}
+    told(server, do="run", command="calibrate", files=[0], options=options)
+    answered(server, 1)
+    shown = server.desk.answer
+    assert shown is not None
+    estimates_shown = {row["symbol"]: row["estimate"] for row in shown["parameters"]}
+    content = by_command(*shlex.split(shown["command"])[1:])
+    assert is_same(estimates_shown, estimates(content))
+    spoken: dict[str, Any] = {}
+    exec(shown["python"], spoken)
+    assert is_same(estimates_shown, {row.symbol: row.estimate for row in spoken["result"].parameters})
+
+
+def test_a_refused_command_leaves_the_files_of_the_result_that_is_shown(tmp_path: Path, opened) -> None:
+    first = wrong_table(tmp_path)
+    second = tmp_path / "second.csv"
+    second.write_bytes(first.read_bytes().replace(b"\n2,", b"\n2,", 1) + b"# second\n")
+    server = opened(first, second)
+    told(server, do="run", command="diagnose", files=[0], options={"noise_bound": "1e-5"})
+    answered(server, 1)
+    told(server, do="run", command="noise", files=[1], options={})
+    answered(server, 2)
+    assert server.desk.refusal
+    assert Path(told(server, do="save", what="json")["file"]).name == "table.diagnosis.json"
 
 
 def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path: Path, opened) -> None:
