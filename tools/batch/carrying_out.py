@@ -106,7 +106,7 @@ def _members_of_folder(folder: Path, work: Sequence[Job]) -> dict[str, Member]:
     rows = {}
     for job in work:
         try:
-            key = job.key(Path(job.path).read_bytes())
+            key = job.key()
             text = (folder / "rows" / f"{key}.json").read_bytes()
         except OSError:
             continue

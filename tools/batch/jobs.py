@@ -3,7 +3,7 @@
 import hashlib
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import polars as pl
 from ..errors import InputError, nearest
 from ..files import bytes_of
 from ..instrument import moment
+from ..records import decisions_file
 from .library import Do
 
 FACTS = ("serial", "date", "temperature_degC")
@@ -25,6 +26,8 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "apply": ("noise_bound", "channels", "stamps", "trust", "calibration"),
 }
 """Options of each work, as its function names them."""
+FILES = ("calibration", "mounting")
+"""Options that may name a file or a folder."""
 AT_TERMINAL = {"calibration": "with"}
 """Options whose names at a terminal are not those of the parameters."""
 LARGEST_TABLE = 1 << 26
@@ -46,6 +49,8 @@ class Job:
         serial, date and temperature_degC as far as the table tells them
     options : dict
         arguments of the function that does the work
+    inputs : str
+        digest of the files that its options name
     """
 
     record: str
@@ -53,11 +58,20 @@ class Job:
     do: Do
     facts: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
+    inputs: str = ""
 
-    def key(self, content: bytes) -> str:
-        """Return the name of the result: the file's stem, and a hash of its content and its options."""
-        digest = hashlib.sha256(content)
-        digest.update(repr((self.do, self.record, sorted(self.options.items()))).encode())
+    def key(self) -> str:
+        """Return the name of the result: the file's stem, and a hash of all that it is made of.
+
+        That is the record with the decisions beside it, the options, and the files that these name. Raises OSError
+        for a record that cannot be read.
+        """
+        path = Path(self.path)
+        digest = hashlib.sha256(path.read_bytes())
+        decisions = decisions_file(path)
+        if decisions.is_file():
+            digest.update(decisions.read_bytes())
+        digest.update(repr((self.do, self.record, self.inputs, sorted(self.options.items()))).encode())
         return f"{Path(self.record).stem}-{digest.hexdigest()[:12]}"
 
 
@@ -105,7 +119,23 @@ def jobs_of(records: Sequence[Path], do: Do, options: Mapping[str, Any]) -> list
         known.add(job.path)
         if do == "apply" and "calibration" not in job.options:
             raise InputError(f"{job.record}: --do apply needs a calibration: give --with, or the column calibration")
-    return jobs
+    digests: dict[str, str] = {}
+    for job in jobs:
+        for name in FILES:
+            text = str(job.options.get(name, ""))
+            digests.setdefault(text, _digest_of(Path(text)) if text else "")
+    named = [[digests[str(job.options.get(name, ""))] for name in FILES] for job in jobs]
+    return [replace(job, inputs=" ".join(texts)) for job, texts in zip(jobs, named, strict=True)]
+
+
+def _digest_of(path: Path) -> str:
+    """Return a hash of a file, or of the entries of the instruments in a batch's folder; empty of neither."""
+    if path.is_file():
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = hashlib.sha256()
+    for entry in sorted(path.glob("instruments/*/*")):
+        digest.update(entry.name.encode() + entry.read_bytes())
+    return digest.hexdigest() if path.is_dir() else ""
 
 
 def _table_of(path: Path) -> pl.DataFrame | None:

@@ -59,8 +59,7 @@ def _worked(job: Job) -> Done:
     if "date" in facts:
         moment(facts["date"], f"{job.record}: date")
     label = Path(job.record).stem
-    content = bytes_of(path)
-    key = job.key(content)
+    key = job.key()
     files: dict[str, bytes] = {}
     result: Any
     if job.do == "apply":

@@ -108,6 +108,26 @@ def test_resume_works_on_missing_records_alone(lot, tmp_path, monkeypatch):
     assert {path: path.stat().st_mtime_ns for path in present} == present
 
 
+def test_resume_works_again_on_what_its_files_no_longer_tell(lot, tmp_path):
+    """A calibration, a mounting or decisions that changed since change the result."""
+    record = tmp_path / "record.csv"
+    record.write_bytes((lot / "record-0.csv").read_bytes())
+    options = {"do": "calibrate", "noise_bound": SIGMA, "out": tmp_path / "calibrated", "jobs": 1}
+    before = th.batch(record, **options)
+    decisions = tmp_path / "record.decisions.toml"
+    digest = th.read_record(record).sha256
+    decisions.write_text(f'schema = "trihedron.decisions/1"\nrecord_sha256 = "{digest}"\nleft_out = [3]\n')
+    after = th.batch(record, **options, resume=True)
+    expected = th.calibrate(record, noise_bound=SIGMA)
+    assert after.members[0].values["X16"].low == expected["X16"].low != before.members[0].values["X16"].low
+    calibration = tmp_path / "calibration.json"
+    calibration.write_text(th.calibrate(lot / "record-0.csv", noise_bound=SIGMA).json_text())
+    applied = {"do": "apply", "calibration": calibration, "out": tmp_path / "applied", "jobs": 1}
+    first = th.batch(record, **applied).members[0].result
+    calibration.write_text(th.calibrate(lot / "record-1.csv", noise_bound=SIGMA).json_text())
+    assert th.batch(record, **applied, resume=True).members[0].result != first
+
+
 def test_processes_give_the_same_bytes(lot, tmp_path):
     files = [lot / f"record-{k}.csv" for k in range(6)]
     for jobs in (1, 2):
