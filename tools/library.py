@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from . import campaign as campaigns
-from . import live, orchestrator, own_effects, reports, ssp, trials
+from . import live as live_views
 from . import measure as measuring
+from . import orchestrator, own_effects, reports, ssp, trials
 from .errors import InputError
-from .options import Baseline, EffectsFrom, InputTable, NoiseBound, Platform, Progress, SetValues, SspVersion
+from .options import Baseline, EffectsFrom, InputTable, Live, NoiseBound, Platform, Progress, SetValues, SspVersion
 
 if TYPE_CHECKING:
     from .comparison import Compared
@@ -40,6 +41,7 @@ def simulate(
     accept_lost: bool = False,
     allow_nan: bool = False,
     realtime: float | None = None,
+    live: Live = None,
     in_process: bool = False,
     call_limit: float | None = None,
     effects_from: EffectsFrom = None,
@@ -73,7 +75,7 @@ def simulate(
     allow_nan : bool
         Run on when an output is not a finite number.
     realtime : float, optional
-        Wait for the clock: 1 is real time, 2 is twice as fast. Delays and overruns are reported.
+        Wait for the clock: 1 is real time, 2 is twice as fast. Delay, jitter and overruns are reported.
     in_process : bool
         Run other makers' FMUs in this process. It is faster, but a crash of one FMU ends the program.
     call_limit : float, optional
@@ -104,9 +106,10 @@ def simulate(
     )
     table = None if inputs is None else Path(inputs)
     adjustments = orchestrator.Adjustments(values, table, record, tolerance, interface)
-    with own_effects.with_effects_of(effects_from), ssp.opened(scenario, choice, adjustments) as (checked, ignored):
+    effects, shown = own_effects.with_effects_of(effects_from), live_views.shown_run(live)
+    with effects, shown as show, ssp.opened(scenario, choice, adjustments) as (checked, ignored):
         folder = None if out is None else Path(out)
-        run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
+        run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress, show=show)
     if plot is not None:
         reports.write_plot_of_run(Path(plot), run)
     return run
@@ -547,10 +550,10 @@ def measure(
     programme = measuring.read_programme(Path(plan), mounting)
     coming = measuring.source_of(str(source))
     measurement = measuring.Measurement.begun(programme, options, Path(out), coming.name, resume=resume)
-    views: list[measuring.View] = [live.terminal_of(str(source))] if progress else []
+    views: list[measuring.View] = [live_views.terminal_of(str(source))] if progress else []
     with ExitStack() as stack:
         if serve:
-            page = stack.enter_context(closing(live.PageServer(port)))
+            page = stack.enter_context(closing(live_views.PageServer(port)))
             print(f"the page of this measurement, for this machine alone: {page.address}", file=sys.stderr, flush=True)
             views.append(page)
         return measuring.carry_out(measurement, coming, views)

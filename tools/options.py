@@ -59,6 +59,14 @@ InputTable = Annotated[
         typed=Path | None,
     ),
 ]
+Live = Annotated[
+    int | str | None,
+    Option(
+        "Show the run while it goes on: port of a page for this machine alone (0: any), or - for rows (CSV) on "
+        "standard output.",
+        typed=str | None,
+    ),
+]
 NoiseSd = Annotated[
     float | None,
     Option(

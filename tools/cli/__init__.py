@@ -139,6 +139,7 @@ def main(arguments: list[str] | None = None) -> int:
     words = [word for word in words[:end] if word not in QUIET] + words[end:]
     if words and words[0] == "help":
         words = [*words[1:], "--help"]
+    words = with_factor(words)
     if words and words[0] in GONE_COMMANDS:
         return refuse(f'Unknown command "{words[0]}". {GONE_COMMANDS[words[0]]}')
     advice = gone_option(words[:end])
@@ -147,6 +148,24 @@ def main(arguments: list[str] | None = None) -> int:
     if advice:
         return refuse(advice)
     return exit_status(lambda: say(lambda: carried_out(words), quiet=quiet))
+
+
+def with_factor(words: list[str]) -> list[str]:
+    """Return the words with `--realtime 1` for a `--realtime` that no number follows."""
+    written = []
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        written.append(word)
+        if word == "--realtime" and not _is_number(following):
+            written.append("1")
+    return written
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def carried_out(words: list[str]) -> object:

@@ -293,7 +293,7 @@ NAMES = {
     "targets": "--target",
 }
 """Options whose names at a terminal are not those of the parameters."""
-WITH_HYPHEN = ("channels", "own", "priors", "shared", "targets")
+WITH_HYPHEN = ("channels", "live", "own", "priors", "shared", "targets")
 """Options whose words may begin with a hyphen, as -X12."""
 CHECKED: dict[str, Any] = {
     "mounting": str,

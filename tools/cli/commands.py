@@ -18,6 +18,7 @@ from .. import (
     document,
     foreign,
     library,
+    live,
     measured,
     motion,
     noise,
@@ -64,15 +65,20 @@ def simulate_command(scenario: Path, /, *, json: JsonFile = None, **options: Any
     """Example: trihedron simulate scenarios/static-calibration.toml --out run
 
     Example: trihedron simulate plant.fmu --stop 5 --set mass=2.5 --input u.csv --record h
+
+    Example: trihedron simulate plant.fmu --stop 60 --realtime --live 0
     """
-    out, plot = options.pop("out", None), options.pop("plot", None)
+    out, plot, place = options.pop("out", None), options.pop("plot", None), options.pop("live", None)
+    if place == str(json) == str(STANDARD_OUTPUT):
+        raise InputError("--live -: --json - writes to standard output, too; give one of them a name or a port")
     effects = own_effects.with_effects_of(options.pop("effects_from", None))
     distinct_files({"the scenario": scenario, "--out": out, "--json": json, "--plot": plot})
     adjusting = {field: options.pop(field) for field in ADJUSTING if field in options}
     table = adjusting.get("inputs")
     distinct_files({"--input": table, "--out": out, "--json": json, "--plot": plot})
     adjustments = orchestrator.Adjustments(**adjusting)
-    with effects, ssp.opened(scenario, orchestrator.RunOptions(**options), adjustments) as (checked, ignored):
+    choice = orchestrator.RunOptions(**options)
+    with effects, live.shown_run(place) as show, ssp.opened(scenario, choice, adjustments) as (checked, ignored):
         if ignored:
             names = list(ignored[:3])
             if len(ignored) > 3:
@@ -80,7 +86,7 @@ def simulate_command(scenario: Path, /, *, json: JsonFile = None, **options: Any
             listed = one_line(", ".join(names))
             print(f"{scenario}: {len(ignored)} parameters name nothing in it: {listed}", file=sys.stderr)
         folder = out or orchestrator.run_folder(checked)
-        run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True)
+        run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True, show=show)
     if run.ended:
         print(run.ended, file=sys.stderr)
     for note in run.notes:
@@ -89,7 +95,12 @@ def simulate_command(scenario: Path, /, *, json: JsonFile = None, **options: Any
         print(f"no position record: {run.no_positions}", file=sys.stderr)
     if plot is not None:
         reports.write_plot_of_run(plot, run)
-    return answer("\n".join(map(str, run.files)), json, run.to_json())
+    shown = answer("\n".join(map(str, run.files)), json, run.to_json())
+    if place == str(STANDARD_OUTPUT):
+        # Standard output has the rows.
+        print(shown.text, file=sys.stderr)
+        return replace(shown, text="")
+    return shown
 
 
 @with_options_of(library.export)

@@ -1,4 +1,4 @@
-"""Views of a measurement at the table: a terminal, and a page that this machine serves to itself."""
+"""Views of a measurement at the table and of a run: a terminal, and pages that this machine serves to itself."""
 
 import lazy_loader
 

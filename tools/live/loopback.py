@@ -9,11 +9,15 @@ import secrets
 import sys
 import threading
 from collections.abc import Collection
+from functools import cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, shortage
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 HOST = "127.0.0.1"
 WAIT_S = 10.0
@@ -29,7 +33,7 @@ HTML = "text/html; charset=utf-8"
 
 
 class LoopbackServer:
-    """Server of pages by a handler of requests. Port 0: any free port.
+    """Server of pages by a handler of requests. Port 0: any free port; `option` names it in a refusal.
 
     Raises
     ------
@@ -37,13 +41,13 @@ class LoopbackServer:
         for a port that cannot be used
     """
 
-    def __init__(self, port: int, handler: "type[LoopbackHandler]") -> None:
+    def __init__(self, port: int, handler: "type[LoopbackHandler]", option: str = "--port") -> None:
         self.token = secrets.token_urlsafe(18)
         try:
             self._server = _Server((HOST, port), handler)
         except (OSError, OverflowError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else "must be from 0 to 65535"
-            raise InputError(f"--port {port}: {reason}") from error
+            raise InputError(f"{option} {port}: {reason}") from error
         self._server.of = self
         self.port = int(self._server.server_address[1])
         self.address = f"http://{HOST}:{self.port}/{self.token}/"
@@ -145,6 +149,31 @@ class LoopbackHandler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: Any) -> None:
         """The terminal is the operator's."""
+
+
+class ShownHandler(LoopbackHandler):
+    """Handler of a page whose changing part is the `page` of its server, in the shell of its `template`."""
+
+    def do_GET(self) -> None:
+        """Send the shell, or the changing part."""
+        name = self.trusted(("", "now"))
+        if name == "now":
+            self.answer(200, self.server.of.page)
+        elif name is not None:
+            nonce = secrets.token_urlsafe(12)
+            style = text_of("document", "page.css")
+            shell = template_of(self.server.of.template).render(shell=True, nonce=nonce, style=style)
+            self.answer_shell(shell, nonce)
+
+
+@cache
+def template_of(name: str) -> "Template":
+    """Return a template of a page; it escapes all texts."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
+    return environment.from_string(text_of("live", name))
 
 
 def text_of(package: str, name: str) -> str:

@@ -1,12 +1,9 @@
 """A measurement on a page that this machine serves to itself, and to nobody else."""
 
 import queue
-import secrets
-import threading
 from collections.abc import Mapping, Sequence
-from functools import cache
 from math import log
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..measure import Moment, Session, TableSetting
 from ..reports.measure import (
@@ -18,10 +15,7 @@ from ..reports.measure import (
     visit_text,
 )
 from ..rounding import digits, upwards
-from .loopback import LoopbackHandler, LoopbackServer, text_of
-
-if TYPE_CHECKING:
-    from jinja2 import Template
+from .loopback import LoopbackServer, ShownHandler, template_of
 
 MOST_BYTES = 4096
 """Of a word of the operator's."""
@@ -37,17 +31,16 @@ PLOT = (720.0, 220.0, 44.0, 26.0)
 class PageServer(LoopbackServer):
     """Server of the current page that also receives the operator's input. Port 0: any free port."""
 
+    template = "page.html"
+    page = b""
+
     def __init__(self, port: int) -> None:
-        self._page = b""
-        self._lock = threading.Lock()
         self._words: queue.Queue[dict[str, Any]] = queue.Queue(MOST_WORDS)
         super().__init__(port, _Handler)
 
     def show(self, moment: Moment) -> None:
         """Keep the page of a moment for who asks next."""
-        page = moment_page(moment).encode()
-        with self._lock:
-            self._page = page
+        self.page = moment_page(moment).encode()
 
     def words(self) -> Sequence[Mapping[str, Any]]:
         """Return the buttons pressed since the last call."""
@@ -55,12 +48,6 @@ class PageServer(LoopbackServer):
         while not self._words.empty():
             words.append(self._words.get_nowait())
         return words
-
-    @property
-    def page(self) -> bytes:
-        """Return the current page."""
-        with self._lock:
-            return self._page
 
     def hear(self, word: dict[str, Any]) -> bool:
         """Accept a word; return whether there was room for it."""
@@ -71,16 +58,7 @@ class PageServer(LoopbackServer):
         return True
 
 
-class _Handler(LoopbackHandler):
-    def do_GET(self) -> None:
-        name = self.trusted(("", "now"))
-        if name == "now":
-            self.answer(200, self.server.of.page)
-        elif name is not None:
-            nonce = secrets.token_urlsafe(12)
-            style = text_of("document", "page.css")
-            self.answer_shell(_template().render(shell=True, nonce=nonce, style=style), nonce)
-
+class _Handler(ShownHandler):
     def do_POST(self) -> None:
         if self.trusted(("word",)) is None:
             return
@@ -93,15 +71,6 @@ class _Handler(LoopbackHandler):
         self.answer(204 if self.server.of.hear(word) else 503, b"")
 
 
-@cache
-def _template() -> "Template":
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
-    return environment.from_string(text_of("live", "page.html"))
-
-
 def moment_page(moment: Moment) -> str:
     """Return the changing part of the page as HTML, with all texts escaped."""
     session, present, settings = moment.session, moment.present, moment.session.programme.settings
@@ -112,7 +81,7 @@ def moment_page(moment: Moment) -> str:
     state = present.state
     if present.why and state != "settling":
         state = "bad"
-    return _template().render(
+    return template_of(PageServer.template).render(
         shell=False,
         next=next_text(session),
         present=present_text(session, present),

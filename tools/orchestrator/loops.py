@@ -91,7 +91,7 @@ def run_fmus(
         stretch, factor = 1, assembly.scenario.run.realtime
         pacer = None
         if factor is not None:
-            pacer = Pacer(assembly.grid.step, factor, assembly.grid.steps)
+            pacer = Pacer(assembly.grid.step, factor)
         try:
             while loop.step < loop.goal and not pressed():
                 if pacer is not None:

@@ -45,10 +45,15 @@ RAW_COLUMNS = {"time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2
 MOST_ROWS = 20_000_000
 """Largest raw record that is averaged [rows]: it is read whole."""
 INCOMPLETE, POSITIONS = "run.incomplete", "positions.csv"
-FLUSH_SECONDS = 5.0
+FLUSH_SECONDS, SHOW_SECONDS = 5.0, 0.1
+"""Times after which waiting rows are written and shown [s]."""
+MOST_WAITING = 8 << 20
+"""Rows that wait in memory to be written [bytes]."""
 WHOLE_BYTES = 256 << 20
 """Largest record that is written in one piece [bytes]."""
 ROW_GROUP = 1 << 18
+Show = Callable[[pl.DataFrame], None]
+"""Takes the rows since its last call."""
 _PACKAGES = ("trihedron", "fmpy", "pythonfmu", "polars")
 
 
@@ -369,11 +374,16 @@ def _provenance(prepared: PreparedScenario, assembly: Assembly) -> dict[str, Any
 
 
 def simulate_table(
-    scenario: Scenario, out: Path | None = None, *, ignored: tuple[str, ...] = (), progress: bool = False
+    scenario: Scenario,
+    out: Path | None = None,
+    *,
+    ignored: tuple[str, ...] = (),
+    progress: bool = False,
+    show: Show | None = None,
 ) -> Simulation:
     """Run a scenario and average its rests into a position record if its run is a raw record of a table.
 
-    Parameters are those of `simulate`; `ignored` goes into the result.
+    Parameters are those of `simulate`; `ignored` goes into the result, and `show` gets the rows during the run.
     """
 
     def averaged(run: Simulation) -> Simulation:
@@ -392,7 +402,7 @@ def simulate_table(
         return run.model_copy(update=update)
 
     with _prepared(scenario) as prepared:
-        return _recorded(prepared, Journal(out), averaged, progress=progress)
+        return _recorded(prepared, Journal(out, show), averaged, progress=progress)
 
 
 def _averages(run: Simulation) -> PositionRecord:
@@ -411,23 +421,32 @@ def _averages(run: Simulation) -> PositionRecord:
 
 
 class Journal:
-    """The rows of a run: in its folder with the provenance in run.json, or in memory without a folder."""
+    """The rows of a run: in its folder with the provenance in run.json, or in memory without a folder.
+
+    `show` gets each row when it comes.
+    """
 
     provenance: Mapping[str, Any] = MappingProxyType({})
 
-    def __init__(self, out: Path | None) -> None:
+    def __init__(self, out: Path | None, show: Show | None = None) -> None:
         self._out = None if out is None else Path(out)
+        self._show = show
         self._tables: list[pl.DataFrame] = []
-        self._parts = self._bytes = 0
+        self._parts = self._bytes = self._waiting = 0
         self._made: list[Path] = []
-        self._flushed = time.monotonic()
+        self._flushed = self._shown = time.monotonic()
         self._writer = ThreadPoolExecutor(1)
         self._writing: Future[None] | None = None
 
     @property
     def due(self) -> bool:
-        """True if rows have waited in memory for too long."""
-        return self._out is not None and time.monotonic() - self._flushed > FLUSH_SECONDS
+        """True if rows have waited for too long to be written or to be shown."""
+        now = time.monotonic()
+        return self._is_late(now) or (self._show is not None and now - self._shown > SHOW_SECONDS)
+
+    def _is_late(self, now: float) -> bool:
+        """Return True if rows have waited for too long to be written."""
+        return self._out is not None and now - self._flushed > FLUSH_SECONDS
 
     @property
     def empty(self) -> bool:
@@ -442,9 +461,15 @@ class Journal:
 
     def add(self, table: pl.DataFrame, *, follows: bool) -> None:
         """Take rows; `follows`: the caller will add more."""
-        self._bytes += int(table.estimated_size())
+        size, now = int(table.estimated_size()), time.monotonic()
+        self._bytes += size
+        self._waiting += size
         self._tables.append(table)
-        if self._out is not None and (self._parts or follows):
+        if self._show is not None:
+            self._show(table)
+            self._shown = now
+        is_large = self._out is not None and self._waiting > MOST_WAITING
+        if follows and (is_large or self._is_late(now)):
             self._spill()
 
     def _spill(self) -> None:
@@ -456,6 +481,7 @@ class Journal:
         rows = pl.concat(self._tables)
         self._tables.clear()
         self._parts += 1
+        self._waiting = 0
         self._flushed = time.monotonic()
         self._writing = self._writer.submit(_write_part, rows, part)
 

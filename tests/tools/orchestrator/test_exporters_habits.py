@@ -172,6 +172,6 @@ def test_a_run_in_real_time_takes_its_time(tmp_path: Path) -> None:
     run = library.simulate(fmu, stop=0.5, step=0.05, realtime=2.0, in_process=True, values=["u=1", "k=2"])
     assert time.perf_counter() - began > 0.2
     assert run.table["paced2C.x"][-1] == pytest.approx(exact(0.5), abs=1e-12)
-    assert "real time times 2: 10 steps of 25 ms, delays" in run.notes[-1]
+    assert "real time times 2: 10 steps of 25 ms, delay" in run.notes[-1]
     with pytest.raises(InputError, match=r"--realtime -1: must be greater than 0"):
         library.simulate(fmu, realtime=-1.0)
