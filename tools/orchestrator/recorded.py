@@ -61,7 +61,7 @@ def default_variables(interface: Interface, interfaces: Mapping[str, Interface])
     states = [variable for variable in variables if variable.name in interface.states]
     local = []
     for variable in variables:
-        if variable.causality == "local" and variable.variability != "constant":
+        if variable.causality == "local" and variable.variability not in ("constant", "fixed"):
             local.append(variable)
     return states or local[:MOST_LOCAL]
 

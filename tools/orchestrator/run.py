@@ -38,13 +38,15 @@ from .recorded import RecordColumn, has_outputs, recorded_variables, resolve_col
 from .scenario import Scenario
 from .shared_process import run_in_one_process
 from .stimuli import check_sources, resolve_stimuli
-from .wiring import check_states, paces_of, resolve_connections, stepping_groups
+from .wiring import check_states, overruled_values, paces_of, resolve_connections, stepping_groups
 
 SCHEMA = "trihedron.run/1"
 RAW_COLUMNS = {"time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"}
 MOST_ROWS = 20_000_000
 """Largest raw record that is averaged [rows]: it is read whole."""
 INCOMPLETE, POSITIONS = "run.incomplete", "positions.csv"
+MOST_NAMED = 3
+"""Columns that a note names."""
 FLUSH_SECONDS, SHOW_SECONDS = 5.0, 0.1
 """Times after which waiting rows are written and shown [s]."""
 MOST_WAITING = 8 << 20
@@ -205,10 +207,12 @@ class PreparedScenario:
             )
         for name in loaded:
             ports[name].connect([wire for wire in self._wires if wire.target == name], ports)
-        notes = [*self.scenario.notes, *grid.notes]
+        iterated = []
+        if self.scenario.run.coupling == "iterate":
+            iterated = [group for group in self._groups if group.cyclic]
+        notes = [*self.scenario.notes, *grid.notes, *overruled_values(loaded, self._wires, iterated)]
         if self.scenario.record.columns is None and not has_outputs(self.interfaces):
-            names = ", ".join(column.name for column in self.columns[:3]) or "nothing but the time"
-            notes.append(f"no FMU has outputs: {names} recorded; choose with --record NAME")
+            notes.append(f"no FMU has outputs: {_named(self.columns)} recorded; choose with --record NAME")
         return Assembly(self._groups, self.scenario, self.columns, loaded, ports, grid, notes)
 
     def run(self, parameters: Mapping[str, Mapping[str, Any]]) -> pl.DataFrame:
@@ -222,6 +226,14 @@ class PreparedScenario:
         tables: list[pl.DataFrame] = []
         run_fmus(assembly, lambda rows, _: tables.append(rows))
         return pl.concat(tables)
+
+
+def _named(columns: Sequence[RecordColumn]) -> str:
+    """Return the first columns of a record by name, and how many there are if these are not all."""
+    names = ", ".join(column.name for column in columns[:MOST_NAMED])
+    if len(columns) > MOST_NAMED:
+        return f"{len(columns)} states or local variables ({names}, ...)"
+    return names or "nothing but the time"
 
 
 def run_folder(scenario: Scenario) -> Path:

@@ -105,6 +105,21 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
         yield Wire(source.name, output, target.name, input_, factor, offset, connection.between)
 
 
+def overruled_values(loaded: Mapping[str, Loaded], wires: Iterable[Wire], groups: Iterable[StepGroup]) -> list[str]:
+    """Return a sentence for each input with a value and a connection from outside of these groups."""
+    group_of: dict[str, StepGroup] = {}
+    for group in groups:
+        group_of.update(dict.fromkeys(group.members, group))
+    notes = []
+    for wire in wires:
+        # Within an iterated cycle the value begins the iteration.
+        is_around = wire.source in group_of and group_of[wire.source] is group_of.get(wire.target)
+        if wire.input.name in loaded[wire.target].values and not is_around:
+            end, start = f"{wire.target}.{wire.input.name}", f"{wire.source}.{wire.output.name}"
+            notes.append(f"{end} has a value and a connection: the connection from {start} counts")
+    return notes
+
+
 def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[StepGroup]:
     """Order the FMUs so that each steps after its sources, cycles in one group; ties keep the order of the file.
 

@@ -50,6 +50,7 @@ LEADING = (PROGRAMME, TIMED_ROWS)
 """Components that know beforehand what they will give."""
 """Name of the component that stands for a position programme."""
 NO_OPTIONS, NO_ADJUSTMENTS = RunOptions(), Adjustments()
+DICTIONARY = "SignalDictionaryReference"
 FMU = "application/x-fmu-sharedlibrary"
 Path_ = tuple[str, ...]
 """Names of the systems that an element is in, without the outermost, and its own."""
@@ -81,6 +82,17 @@ class Transformation:
         changes = {"factor": self.factor, "offset": self.offset, "convert": self.convert}
         plain = {"factor": 1.0, "offset": 0.0, "convert": True}
         return {key: value for key, value in changes.items() if value != plain[key]}
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where an element is: its path, and the paths of the signal dictionaries of the systems around it.
+
+    All references to a dictionary have its path, so that they share their signals.
+    """
+
+    path: Path_
+    dictionaries: Mapping[str, Path_] = field(default_factory=dict)
 
 
 Edge = tuple[Node, Node, Transformation]
@@ -191,7 +203,7 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
     outermost = child(root, "ssd:System")
     if outermost is None:
         raise InputError(f"{label}: {STRUCTURE} has no System")
-    system = _read_part(outermost, (), folder, label, document_units(root, "ssd:Units", label))
+    system = _read_part(outermost, _Place(()), folder, label, document_units(root, "ssd:Units", label))
     run = _run(root, label)
     for key, seconds in (("start_s", options.start), ("stop_s", options.stop)):
         if seconds is not None:
@@ -230,8 +242,6 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
             start, end = f"{names[source[0]]}.{source[1]}", f"{names[target[0]]}.{target[1]}"
             ends = {"from": start, "to": end, "between": between.get(f"{start} -> {end}")}
             connections.append({**ends, **transformation.settings})
-            if target[1] in parameters[target[0]]:
-                notes.append(f"{end} has a value and a connection: the connection from {start} counts")
     settings: dict[str, Any] = {
         "title": "",
         "run": {"start_s": 0.0, **run, "step_s": lengths[0], "shorten": True, **coupled},
@@ -248,13 +258,15 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
 
 
 def _run(root: Element, label: str) -> dict[str, float]:
-    """Return the times of the experiment, and the step of an annotation of OMSimulator or OSP, where given."""
+    """Return the times of the experiment, and the step of the outermost annotation of OMSimulator or OSP."""
     run: dict[str, float] = {}
     experiment = child(root, "ssd:DefaultExperiment")
     for key, attribute in (("start_s", "startTime"), ("stop_s", "stopTime")):
         if experiment is not None and attribute in experiment.attrib:
             run[key] = number_of(experiment, attribute, label)
-    for element in root.iter():
+    elements = [root]
+    for element in elements:
+        elements += element
         if "baseStepSize" in element.attrib:
             # The Open Simulation Platform writes it into the experiment.
             return {**run, "step_s": number_of(element, "baseStepSize", label)}
@@ -267,7 +279,8 @@ def _run(root: Element, label: str) -> dict[str, float]:
     return run
 
 
-def _read_part(element: Element, path: Path_, folder: Path, label: str, units: dict[str, Unit]) -> SystemPart:
+def _read_part(element: Element, place: "_Place", folder: Path, label: str, units: dict[str, Unit]) -> SystemPart:
+    path = place.path
     part = SystemPart(path)
     for connector in children(element, "ssd:Connectors/ssd:Connector"):
         part.connectors[str(connector.get("name"))] = str(connector.get("kind"))
@@ -279,14 +292,26 @@ def _read_part(element: Element, path: Path_, folder: Path, label: str, units: d
         part.interface = INTERFACES.get(element.get("implementation", "any"))
         part.source = member(folder, element.get("source", ""), label)
         return part
+    dictionaries = dict(place.dictionaries)
+    for dictionary in children(element, "ssd:SignalDictionaries/ssd:SignalDictionary"):
+        name = str(dictionary.get("name"))
+        dictionaries[name] = (*path, f"{DICTIONARY} {name}")
     elements = child(element, "ssd:Elements")
     for inner in elements if elements is not None else ():
-        name = str(inner.get("name"))
-        if local_name(inner) not in ("Component", "System"):
-            raise InputError(f"{label}: element '{name}' is a {local_name(inner)}, which is not supported")
+        name, kind = str(inner.get("name")), local_name(inner)
+        at = (*path, name)
+        if kind == DICTIONARY:
+            dictionary = str(inner.get("dictionary"))
+            if dictionary not in dictionaries:
+                raise InputError(
+                    f"{label}: element '{name}' names a signal dictionary '{dictionary}' that is not there"
+                )
+            at = dictionaries[dictionary]
+        elif kind not in ("Component", "System"):
+            raise InputError(f"{label}: element '{name}' is a {kind}, which is not supported")
         if name in part.parts:
             raise InputError(f"{label}: has two elements '{name}'")
-        part.parts[name] = _read_part(inner, (*path, name), folder, label, units)
+        part.parts[name] = _read_part(inner, _Place(at, dictionaries), folder, label, units)
     part.edges = [_edge(connection, part, label) for connection in children(element, "ssd:Connections/ssd:Connection")]
     return part
 
@@ -310,7 +335,7 @@ def _edge(connection: Element, part: SystemPart, label: str) -> Edge:
         sources = ("output", "calculatedParameter")
         if element is None:
             sources = ("input", "parameter")
-        feeding.append(None if kind is None else kind in sources)
+        feeding.append(None if kind in (None, "inout") else kind in sources)
     ends_text = " -> ".join(".".join([*path, name]) for path, name in ends)
     convert = connection.get("suppressUnitConversion") not in ("true", "1")
     transformation = Transformation(convert=convert)
@@ -323,8 +348,9 @@ def _edge(connection: Element, part: SystemPart, label: str) -> Edge:
         where = f"{label}: connection {ends_text}"
         scaled = number_of(step, "factor", where, 1.0), number_of(step, "offset", where, 0.0)
         transformation = Transformation(*scaled, convert)
-    backwards = feeding[0] is False and feeding[1] is not False
-    if backwards:
+    start, end = feeding
+    # A signal of a dictionary may be at either end.
+    if (start is False and end is not False) or (start is None and end is True):
         ends.reverse()
     return ends[0], ends[1], transformation
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from foreign_fmus import build_foreign
+from foreign_fmus.habits import Habit, build_habit
 from ssp_files import HEAD, component, inline, packed, system, values, wire
 from trihedron.fmus import build
 from trihedron.models.attitude_algorithms import ALGORITHMS
@@ -209,7 +210,8 @@ def alone(model: str = "Gain", *bound: str, attributes: str = "") -> str:
         (alone("None"), "has no file 'resources/None.fmu'"),
         (alone("../../Gain"), "would leave the archive's folder"),
         (system("root", '<ssd:Component name="g" source="file:///etc/passwd"/>'), "not a file of the archive"),
-        (system("root", '<ssd:SignalDictionaryReference name="g"/>'), "SignalDictionaryReference"),
+        (system("root", '<ssd:SignalDictionaryReference name="g" dictionary="bus"/>'), "a signal dictionary 'bus'"),
+        (system("root", '<ssd:Other name="g"/>'), "element 'g' is a Other, which is not supported"),
         (alone("Gain", '<ssd:ParameterBinding source="x.ssv"/>'), "has no file 'x.ssv'"),
         (alone("Gain", "<ssd:ParameterBinding/>"), "neither a source nor values"),
     ],
@@ -299,3 +301,56 @@ def test_where_a_value_and_a_connection_meet_the_connection_counts(tmp_path, fmu
     result = library.simulate(packed(tmp_path, fmus, text, "Gain", "Clock"))
     assert result.table["gain.y[1]"].to_list() == result.table["clock.ended"].to_list()
     assert result.notes == ("gain.u[1] has a value and a connection: the connection from clock.ended counts",)
+    # So does one on the command line.
+    text = system("root", clock, GAIN, wires=wire("clock.ended", "gain.u[1]"), after=STEP)
+    result = library.simulate(packed(tmp_path, fmus, text, "Gain", "Clock"), values=["gain.u[1]=99"])
+    assert result.table["gain.y[1]"].to_list() == result.table["clock.ended"].to_list()
+    assert result.notes == ("gain.u[1] has a value and a connection: the connection from clock.ended counts",)
+
+
+def test_signal_dictionaries_join_what_is_connected_to_them(tmp_path, fmus):
+    """Two references, one in a nested system, share the signals of one dictionary, with connections either way."""
+    dictionary = '<ssd:SignalDictionary name="bus" source="resources/bus.ssb"/>'
+    bus = f"<ssd:SignalDictionaries>{dictionary}</ssd:SignalDictionaries><ssd:Elements>"
+
+    def reference(name: str, kind: str) -> str:
+        ends = f'<ssd:Connectors><ssd:Connector name="rate" kind="{kind}"/></ssd:Connectors>'
+        return f'<ssd:SignalDictionaryReference name="{name}" dictionary="bus">{ends}</ssd:SignalDictionaryReference>'
+
+    clock = component("clock", "Clock", ended="output")
+    for kind, first, second in (
+        ("inout", wire("clock.ended", "here.rate", SCALED), wire("there.rate", "gain.u[1]")),
+        ("inout", wire("here.rate", "clock.ended", SCALED), wire("gain.u[1]", "there.rate")),
+        ("input", wire("clock.ended", "here.rate", SCALED), wire("gain.u[1]", "there.rate")),
+    ):
+        inner = system("inner", reference("there", "inout"), GAIN, wires=second)
+        text = system("root", clock, inner, reference("here", kind), wires=first, after=STEP)
+        simulation = run(packed(tmp_path, fmus, text.replace("<ssd:Elements>", bus, 1), "Gain", "Clock"))
+        assert simulation["inner_gain.y[1]"] == [2.0 * time + 0.5 for time in simulation["clock.ended"]]
+        inside = system("root", inner.replace("<ssd:Elements>", bus, 1), reference("here", kind), after=STEP)
+        assert "a signal dictionary 'bus' that is not there" in refusal(packed(tmp_path, fmus, inside, "Gain"))
+
+
+def test_the_step_is_that_of_the_outermost_master(tmp_path, fmus):
+    inner = system("inner", GAIN, after=STEP)
+    text = system("root", inner, after=STEP.replace("0.5", "0.25"))
+    assert imported(packed(tmp_path, fmus, text, "Gain"))[0].run.step_s == 0.25
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_model_exchange_in_a_system(tmp_path, version):
+    """x' = 1 - k x in a nested system, k by a mapping with a transformation, its output in units of its own."""
+    fmu = build_habit(Habit("plant"), version, "ModelExchange", tmp_path)
+    entries = (
+        '<ssm:MappingEntry source="rate" target="plant.k"><ssc:LinearTransformation factor="0.5" offset="1"/>'
+        '</ssm:MappingEntry><ssm:MappingEntry source="push" target="plant.u"/>'
+    )
+    mapping = f'<ssd:ParameterMapping><ssm:ParameterMapping version="1.0">{entries}</ssm:ParameterMapping>'
+    bound = inline("rate|Real|2", "push|Real|1", mapping=f"{mapping}</ssd:ParameterMapping>")
+    for attributes in ("", 'implementation="ModelExchange"'):
+        plant = component("plant", fmu.stem, attributes=attributes, u="input", x="output")
+        inner = system("inner", plant, bound=(bound,), wires=wire("plant.x", "level"), level="output")
+        text = system("root", inner, after=STEP)
+        table = run(packed(tmp_path, tmp_path, text, fmu.stem, tail='<ssd:DefaultExperiment stopTime="1"/>'))
+        exact = [(1.0 - math.exp(-2.0 * time)) / 2.0 for time in table["time_s"]]
+        assert table["inner_plant.x"] == pytest.approx(exact, abs=2e-5)
