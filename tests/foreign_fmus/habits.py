@@ -28,6 +28,7 @@ class Habit:
     """A habit: macros of the C source, attributes of the interface, what the description or the archive has otherwise.
 
     `without_outputs` makes every output local; the library may have another `library` name than the description says.
+    `changes` replace texts of the description, which is written in an `encoding`; `files` are further members.
     """
 
     name: str
@@ -38,6 +39,9 @@ class Habit:
     library: str = "strict"
     platform: str = ""
     clock: str = ""
+    changes: tuple[tuple[str, str], ...] = ()
+    encoding: str = "utf-8"
+    files: tuple[tuple[str, str], ...] = ()
     versions: tuple[int, ...] = (2, 3)
     interfaces: tuple[str, ...] = ("ModelExchange", "CoSimulation")
 
@@ -60,7 +64,12 @@ def build_habit(habit: Habit, version: int, interface: str, folder: Path) -> Pat
         platform = fmpy.platform_tuple
     fmu = folder / f"{name}.fmu"
     with zipfile.ZipFile(fmu, "w") as archive:
-        archive.writestr("modelDescription.xml", _description(habit, version, interface))
+        text = _description(habit, version, interface)
+        for old, new in habit.changes:
+            text = text.replace(old, new)
+        archive.writestr("modelDescription.xml", text.encode(habit.encoding))
+        for member, content in habit.files:
+            archive.writestr(member, content)
         archive.write(library, f"binaries/{habit.platform or platform}/{habit.library}{fmpy.sharedLibraryExtension}")
     return fmu
 

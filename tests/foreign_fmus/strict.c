@@ -1,8 +1,10 @@
 /* x' = u - k x with an event at 0.35 s, for FMI 2.0 and 3.0, model exchange and co-simulation (VERSION, EXCHANGE).
    Each call is accepted only in the modes in which the standard allows it; each step must begin where the last one
    ended and must not pass the stop time. The habits of exporters are macros: LATE, LOST, LIMITED, INTERNAL, FIXED,
-   CLOCK, EVENTS, NOT_A_NUMBER, DEADLY, DEAF, TALKING. */
+   CLOCK, EVENTS, NOT_A_NUMBER, DEADLY, DEAF, TALKING, HASTY, ENDING, PENDING, DISCARDING, READING, PRINTING, CHOOSY,
+   ALLOCATING, PARTING. */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -98,8 +100,35 @@ static void flow(Model *m, double length) {
     m->v[X] = m->v[X] * gone + m->v[U] / m->v[K] * (1.0 - gone);
     m->v[TIME] += length;
 }
-static Model *make(void *logger, void *environment) {
+static double read_start(Text resources) {
+    double start = 0.0;
+#ifdef READING
+    /* FMI 2.0 gives a URI, FMI 3.0 a path that ends with a slash. */
+    char path[4096];
+    if (!resources || (VERSION == 2) != !strncmp(resources, "file:///", 8)) return NAN;
+    snprintf(path, sizeof path, "%s%sstart.txt", resources + (VERSION == 2 ? 7 : 0), VERSION == 2 ? "/" : "");
+    FILE *file = fopen(path, "r");
+    if (!file || fscanf(file, "%lf", &start) != 1) start = NAN;
+    if (file) fclose(file);
+#endif
+    return start;
+}
+static Model *make(void *logger, void *environment, Text token, Text resources, void *allocate) {
+#ifdef ALLOCATING
+    Model *m = ((void *(*)(size_t, size_t))allocate)(1, sizeof(Model));
+#else
     Model *m = calloc(1, sizeof(Model));
+#endif
+    double start = read_start(resources);
+#ifdef CHOOSY
+    if (strcmp(token, "another")) {
+        m->logger = logger, m->environment = environment;
+        say(m, "it was made for another description");
+        return 0;
+    }
+#endif
+    if (isnan(start)) return 0;
+    m->v[X] = start;
     m->v[K] = 1.0, m->mode = INSTANTIATED, m->logger = logger, m->environment = environment, m->stop = INFINITY;
     return m;
 }
@@ -121,6 +150,9 @@ EXPORT Status F(ExitInitializationMode)(Of c) {
 }
 EXPORT Status F(Terminate)(Of c) {
     Model *m = c;
+#ifdef PARTING
+    abort();
+#endif
     ONLY(EVENT | CONTINUOUS | STEP, "Terminate")
     m->mode = ENDED;
     return 0;
@@ -180,13 +212,32 @@ static Status complete(Model *m) {
     return 0;
 }
 #endif
+static int ended(Model *m);
 static Status settle(Model *m, double *next) {
     ONLY(EVENT, "the update of discrete states")
     update(m);
     *next = EVENT_AT;
     return 0;
 }
+static int ended(Model *m) {
+#ifdef ENDING
+    return m->v[TIME] > 0.45;
+#else
+    return 0;
+#endif
+}
 static Status advance(Model *m, double from, double length, int early) {
+#ifdef PENDING
+    if (from >= 0.5) return 5;
+#endif
+#ifdef DISCARDING
+    if (from >= 0.5) return 2;
+#endif
+#ifdef PRINTING
+    printf("{\"rows\": 1}\n"), fflush(stdout);
+    FILE *note = fopen("strict-note.txt", "w");
+    if (note) fclose(note);
+#endif
     ONLY(STEP, "DoStep")
     REFUSE(fabs(from - m->v[TIME]) > 1e-12, "DoStep does not begin where the last step ended")
     REFUSE(from + length > m->stop, "DoStep beyond the stop time")
@@ -230,7 +281,7 @@ EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 EXPORT Of fmi2Instantiate(Text name, fmi2Type type, Text token, Text resources, const fmi2CallbackFunctions *host,
                           Flag visible, Flag log) {
-    return make((void *)host->logger, host->componentEnvironment);
+    return make((void *)host->logger, host->componentEnvironment, token, resources, (void *)host->allocateMemory);
 }
 EXPORT Status fmi2SetDebugLogging(Of c, Flag on, size_t n, const Text categories[]) { return 0; }
 EXPORT Status fmi2SetupExperiment(Of c, Flag tolerates, double tolerance, double start, Flag ends, double stop) {
@@ -256,25 +307,36 @@ EXPORT Status fmi2NewDiscreteStates(Of c, fmi2EventInfo *info) {
     memset(info, 0, sizeof *info);
     Status status = settle(m, &info->nextEventTime);
     info->nextEventTimeDefined = m->v[TIME] < EVENT_AT;
+    info->terminateSimulation = ended(m);
     return status;
 }
 EXPORT Status fmi2CompletedIntegratorStep(Of c, Flag keep, Flag *event, Flag *terminate) {
-    *event = *terminate = 0;
-    return complete(c);
+    *event = 0;
+    Status status = complete(c);
+    *terminate = ended(c);
+    return status;
 }
 #else
-EXPORT Status fmi2DoStep(Of c, double from, double length, Flag final) { return advance(c, from, length, 0); }
+EXPORT Status fmi2DoStep(Of c, double from, double length, Flag final) {
+    Status status = advance(c, from, length, 0);
+    return ended(c) ? 2 : status;
+}
+EXPORT Status fmi2GetBooleanStatus(Of c, const fmi2StatusKind kind, Flag *value) { *value = ended(c); return 0; }
+EXPORT Status fmi2GetRealStatus(Of c, const fmi2StatusKind kind, double *value) {
+    *value = ((Model *)c)->v[TIME];
+    return 0;
+}
 #endif
 #else
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 EXPORT Of fmi3InstantiateModelExchange(Text name, Text token, Text path, Flag visible, Flag log,
                                        fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger) {
-    return make((void *)logger, environment);
+    return make((void *)logger, environment, token, path, (void *)calloc);
 }
 EXPORT Of fmi3InstantiateCoSimulation(Text name, Text token, Text path, Flag visible, Flag log, Flag events,
                                       Flag early, const Reference r[], size_t n, fmi3InstanceEnvironment environment,
                                       fmi3LogMessageCallback logger, fmi3IntermediateUpdateCallback update) {
-    return make((void *)logger, environment);
+    return make((void *)logger, environment, token, path, (void *)calloc);
 }
 EXPORT Status fmi3SetDebugLogging(Of c, Flag on, size_t n, const Text categories[]) { return 0; }
 EXPORT Status fmi3EnterInitializationMode(Of c, Flag tolerates, double tolerance, double start, Flag ends,
@@ -306,8 +368,10 @@ EXPORT Status fmi3SetClock(Of c, const Reference r[], size_t n, const fmi3Clock 
 EXPORT Status fmi3GetContinuousStateDerivatives(Of c, double x[], size_t n) { return derivatives(c, x); }
 EXPORT Status fmi3GetEventIndicators(Of c, double z[], size_t n) { return 0; }
 EXPORT Status fmi3CompletedIntegratorStep(Of c, Flag keep, Flag *event, Flag *terminate) {
-    *event = *terminate = 0;
-    return complete(c);
+    *event = 0;
+    Status status = complete(c);
+    *terminate = ended(c);
+    return status;
 }
 #else
 EXPORT Status fmi3EnterStepMode(Of c) {
@@ -322,7 +386,11 @@ EXPORT Status fmi3DoStep(Of c, double from, double length, Flag final, Flag *eve
     Model *m = c;
     *event = *terminate = *early = 0;
     Status status = advance(m, from, length, 1);
+#ifdef HASTY
+    m->v[TIME] -= 0.5 * length, *early = 1;
+#endif
     *reached = m->v[TIME];
+    *terminate = ended(m);
 #ifdef EVENTS
     *event = m->v[TIME] == EVENT_AT;
     *early = m->v[TIME] < from + length;

@@ -1,6 +1,7 @@
 """FMUs of our own, each with a habit of a real exporter: the right result, or a refusal with its reason."""
 
 import math
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,10 @@ INTERFACES = ("ModelExchange", "CoSimulation")
 EVERY = [(version, interface) for version in (2, 3) for interface in INTERFACES]
 RUN = {"stop_s": 1.0, "step_s": 0.1}
 VARYING = "canHandleVariableCommunicationStepSize='true'"
+LATIN = (
+    ("<fmiModelDescription ", "<?xml version='1.0' encoding='ISO-8859-1'?><fmiModelDescription "),
+    ("modelName='Strict'", "modelName='Stra\xdfe'"),
+)
 CLOCK = "intervalVariability='constant' intervalDecimal='0.25'"
 
 
@@ -42,6 +47,13 @@ def exact(time: float, rate: float = 2.0) -> float:
         Habit("fixed", ("FIXED",), "canHandleVariableCommunicationStepSize='false'"),
         Habit("inside", ("INTERNAL",)),
         Habit("tolerant", experiment="<DefaultExperiment tolerance='1e-8'/>"),
+        Habit("reading", ("READING",), files=(("resources/start.txt", "0.0"),)),
+        Habit("printing", ("PRINTING",)),
+        Habit("allocating", ("ALLOCATING",)),
+        Habit("marked", encoding="utf-8-sig"),
+        Habit("latin", changes=LATIN, encoding="latin-1"),
+        Habit("beginning", changes=(("start='0'", ""),)),
+        Habit("unitless", changes=((" start='0'", " start='0' unit='furlong'"),)),
     ],
     ids=lambda habit: habit.name,
 )
@@ -55,6 +67,35 @@ def test_every_call_is_made_in_a_mode_that_allows_it(
     assert set(table["plant.y"].to_list()) == {3.0}
     if interface == "CoSimulation":
         assert table["plant.steps"][-1] == 10.0
+
+
+@pytest.mark.parametrize(("version", "interface"), EVERY)
+def test_an_fmu_may_ask_for_the_end_of_the_run(version: int, interface: str, tmp_path: Path) -> None:
+    """It asks at 0.5 s, or at the solver's first step beyond 0.45 s: then the record ends at 0.4 s."""
+    run = run_of(Habit("ending", ("ENDING",)), version, interface, tmp_path)
+    asked = float(re.findall(r"^FMU 'plant' \(ending\S+\) ended the run at (\S+) s", run.ended)[0])
+    assert 0.45 < asked <= 0.5
+    assert run.final_time_s == pytest.approx(0.5 if asked == 0.5 else 0.4)
+    assert run.table["plant.x"][-1] == pytest.approx(exact(run.final_time_s), abs=2e-5)
+
+
+REFUSED = {
+    "choosy": ("Instantiate failed: it was made for another description", EVERY),
+    "parting": ("Terminate at 1 s crashed", EVERY),
+    "pending": ("DoStep at 0.5 s ended with Pending", [(2, "CoSimulation"), (3, "CoSimulation")]),
+    "discarding": ("DoStep at 0.5 s ended with Discard", [(2, "CoSimulation"), (3, "CoSimulation")]),
+    "hasty": ("fmi3DoStep at 0 s returned before the end of the step", [(3, "CoSimulation")]),
+}
+"""Habits, the reason of their refusal, and the interfaces that can have them."""
+
+
+@pytest.mark.parametrize("name", list(REFUSED))
+def test_what_cannot_be_done_is_refused_with_its_reason(name: str, tmp_path: Path) -> None:
+    reason, kinds = REFUSED[name]
+    for version, interface in kinds:
+        with pytest.raises(InputError) as refused:
+            run_of(Habit(name, (name.upper(),)), version, interface, tmp_path)
+        assert reason in str(refused.value)
 
 
 @pytest.mark.parametrize(("version", "interface"), EVERY)
