@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...fmus.parameters import GRAVITIES
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input, up
-from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
+from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError, least_squares
 from ..calibrated import (
     Calibration,
     KnownBefore,
@@ -85,6 +85,10 @@ LEAST_OF_ROUNDING, MOST_OF_ROUNDING = 0.5, 1.6
 """The least and the largest misfit over that of rounding, rms."""
 MOST_OF_HALF_STEP = 1.5
 """The largest error of a fit to rounded angles, over that of half a step."""
+LEAST_OF_USUAL_ROW = 0.25
+"""The least error of a usual row over that of rounding: if few rows err, these are wrong, and the angles are exact."""
+ROBUST_ROUNDS = 12
+"""Rounds of least squares to a fit that few rows cannot draw."""
 COARSE = 0.5
 """Half a step of readings over σ from which a warning names the step."""
 NOTICEABLE = 0.1
@@ -244,8 +248,8 @@ def calibrate_by_encoders(record: PositionRecord, **options: Any) -> Calibration
     if error < WIDE * exact.noise_bound:
         return exact
     linearised = exact.linearised
-    freedom = len(linearised.residual) - linearised.span.shape[1]
-    if Misfit(linearised.residual, linearised.reading, freedom).is_rounding(stepped.steps, exact.noise_bound):
+    columns = linearised.jacobian @ linearised.span
+    if Misfit(linearised.residual, columns, linearised.reading).is_rounding(stepped.steps, exact.noise_bound):
         rounded = calibrate(stepped, **options)
         if rounded.verdict != "falsified":
             return rounded
@@ -258,25 +262,42 @@ def calibrate_by_encoders(record: PositionRecord, **options: Any) -> Calibration
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Errors (3 N,) of a fit to readings (N, 3), fractions of gravity, and their degrees of freedom."""
+    """Errors (3 N,) of a fit with independent columns (3 N, P) to readings (N, 3), as fractions of gravity."""
 
     errors: NDArray[np.float64]
+    columns: NDArray[np.float64]
     reading: NDArray[np.float64]
-    freedom: int
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom."""
+        return len(self.errors) - self.columns.shape[1]
 
     def is_rounding(self, steps: AngleSteps, sigma: float) -> bool:
-        """Return true if the errors are as large, rms and at most, as those of encoder steps, and turn gravity.
+        """Return true if the errors are as large as those of encoder steps in most rows, and turn gravity.
 
-        A wrong row may be as large rms over all rows, but exceeds half a step.
+        A wrong row may be as large rms over all rows, but the others then fit.
         """
         if self.freedom < FEWEST_SPARE or np.abs(self.errors).max() > MOST_OF_HALF_STEP * (steps.error + sigma):
             return False
         size = float(np.sqrt(np.square(self.errors).sum() / self.freedom))
         # An error of an angle turns gravity: two ninths of its square are in each reading.
         square = (sigma**2 + 2.0 / 9.0 * (0.25 * steps.outer**2 + 0.25 * steps.inner**2)) / 3.0
-        if not LEAST_OF_ROUNDING <= size / float(np.sqrt(square)) <= MOST_OF_ROUNDING:
+        rounding = float(np.sqrt(square))
+        if not LEAST_OF_ROUNDING <= size / rounding <= MOST_OF_ROUNDING:
+            return False
+        if self.of_usual_row(sigma) < LEAST_OF_USUAL_ROW * rounding:
             return False
         return self.turns_gravity(sigma)
+
+    def of_usual_row(self, sigma: float) -> float:
+        """Return the median over the rows of the rms error of a fit that few rows cannot draw."""
+        remaining = self.errors
+        for _ in range(ROBUST_ROUNDS):
+            of_row = np.linalg.norm(remaining.reshape(-1, 3), axis=1)
+            weight = np.repeat(1.0 / np.sqrt(np.maximum(of_row, sigma)), 3)
+            remaining = self.errors - self.columns @ least_squares(self.columns * weight[:, None], self.errors * weight)
+        return float(np.median(np.linalg.norm(remaining.reshape(-1, 3), axis=1))) / np.sqrt(3.0)
 
     def turns_gravity(self, sigma: float) -> bool:
         """Return true if the errors turn gravity, as errors of angles do, and change its size by no more than noise."""

@@ -7,7 +7,7 @@ from ..errors import InputError
 from ..evidence.bench import Bench
 from ..evidence.evidence import Evidence
 from ..records import PositionRecord
-from .leading import Candidates
+from .leading import Candidates, Residual
 
 LEAST = 1.8
 """Steps that move readings by fewer σ are not looked at: a larger σ says as much."""
@@ -33,7 +33,7 @@ def with_rounding(evidence: Evidence) -> Evidence:
         return evidence
     candidates = Candidates(evidence)
     residual = candidates.residual
-    misfit = Misfit(evidence.rows.bound * residual.left, model.here.reading, residual.freedom)
+    misfit = _misfit(evidence, residual)
     is_noise = candidates.is_noise(residual) and misfit.turns_gravity(sigma)
     if not is_noise and not _is_rounding(evidence, candidates, stepped):
         return evidence
@@ -54,5 +54,10 @@ def _is_rounding(evidence: Evidence, candidates: Candidates, stepped: PositionRe
         return False
     if columns:
         remaining = remaining.beside(columns[int(np.argmax(remaining.of_blocks(columns)))])
-    errors = evidence.rows.bound * remaining.left
-    return Misfit(errors, model.here.reading, remaining.freedom).is_rounding(stepped.steps, sigma)
+    return _misfit(evidence, remaining).is_rounding(stepped.steps, sigma)
+
+
+def _misfit(evidence: Evidence, residual: Residual) -> Misfit:
+    """Return a residual over the bounds as errors of the readings."""
+    bound = evidence.rows.bound
+    return Misfit(bound * residual.left, bound[:, None] * residual.base, evidence.model.here.reading)

@@ -95,6 +95,19 @@ def test_a_table_that_stands_at_its_settings_hides_no_effect(step, tmp_path):
     assert {cause.place for cause in diagnosis.causes} == {QUADRATIC}
 
 
+@pytest.mark.parametrize(("seed", "count", "row", "step"), [(11, 28, 2, 0.1), (12, 24, 17, 0.1), (13, 36, 9, MINUTE)])
+def test_one_angle_a_step_off_is_no_rounding(seed, count, row, step, tmp_path):
+    session, rng = drawn(seed, count)
+    session = replace(session, alpha=rounded(session.alpha, step), beta=rounded(session.beta, step))
+    angles, reading = session.read((), errors(rng, count)[0])
+    angles[row, 0] += np.radians(step)
+    path = tmp_path / "r.csv"
+    write_record(session.recorded(angles, reading), path, 9)
+    assert th.calibrate(path, noise_bound=1e-5).verdict == "falsified"
+    diagnosis = diagnosed(read_record(path))
+    assert (diagnosis.verdict, diagnosis.explanations[0].rows) == ("explained", (row + 1,))
+
+
 def test_the_answer_at_the_terminal_names_the_step(tmp_path, capsys):
     path = coarse_record(tmp_path, 8, 30, 0.1)
     assert main(["diagnose", str(path), "--noise-bound", "1e-5"]) == 0
