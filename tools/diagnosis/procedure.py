@@ -27,7 +27,7 @@ from .kinds import KnownDirections, evidence_of, evidence_with_formulas, kind_of
 from .result import Diagnosis, Explanation
 from .rivals import Listed, Unlisted, complexity_of, least_complexity
 from .search import MOST_WORK, Found, search, single_radii
-from .shortlist import Shortlist, next_step, pairs_of_faults, single_faults
+from .shortlist import CLOSE, Shortlist, next_step, pairs_of_faults, simplest_first, single_faults
 from .witness import Judgement, Witness, by_need, judgement_of, objections_of
 
 
@@ -161,13 +161,14 @@ class Procedure:
             # Single pieces may be why a record contradicts its description.
             return self._tried("faults of the record", lambda: wrong_pieces(self.evidence), ())
         single = self._tried("faults of the record", lambda: single_faults(self.evidence), ())
-        if single or not tells_two_things(self.evidence):
+        simple_enough = bool(single) and single[0].numbers <= LEAST_OF_TWO + CLOSE
+        if simple_enough or not tells_two_things(self.evidence):
             return single
         if self.dependence is not None and (self.dependence.least or math.inf) < LEAST_OF_TWO:
-            return ()
+            return single
         if search(self.evidence.model, largest=1).fits:
-            return ()
-        return pairs_of_faults(self.evidence)
+            return single
+        return simplest_first([*single, *pairs_of_faults(self.evidence)])
 
     @property
     def _in_place_of_steps(self) -> tuple[Simple, ...]:

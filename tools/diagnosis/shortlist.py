@@ -29,15 +29,16 @@ CLOSE = 1
 def single_faults(evidence: Evidence) -> tuple[Simple, ...]:
     """Return the faults of a record that make the model fit alone, the simplest first."""
     kinds = too_small_bounds if evidence.model.radius < NOTHING_PROVEN else simple_faults
-    return _simplest_first(kinds(evidence))
+    return simplest_first(kinds(evidence))
 
 
 def pairs_of_faults(evidence: Evidence) -> tuple[Simple, ...]:
     """Return the pairs of causes, one of them a fault, that make the model fit, the simplest first."""
-    return _simplest_first([*joint_faults(evidence), *rows_beside_effects(evidence)])
+    return simplest_first([*joint_faults(evidence), *rows_beside_effects(evidence)])
 
 
-def _simplest_first(faults: Sequence[Simple]) -> tuple[Simple, ...]:
+def simplest_first(faults: Sequence[Simple]) -> tuple[Simple, ...]:
+    """Return faults in the order of their numbers, then of their radius."""
     return tuple(sorted(faults, key=lambda fault: (fault.numbers, fault.radius)))
 
 

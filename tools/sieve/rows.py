@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -81,9 +82,9 @@ def _faults(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> li
     assert evidence.source is not None
     channels = [change.reading for change in changes if change.reading is not None]
     if len(channels) == len(changes):
-        return _of_readings(evidence, wrong, channels)
+        return _of_readings(evidence, wrong, changes, channels)
     fault = _of_whole_rows(evidence, wrong, changes)
-    return [] if fault is None else [fault, *_near_inputs(fault, channels)]
+    return [] if fault is None else [fault, *_near_inputs(fault, changes)]
 
 
 def _of_whole_rows(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> Simple | None:
@@ -99,12 +100,12 @@ def _of_whole_rows(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]
     if remaining.model.falsified:
         return None
     numbers = tuple(int(row) + 1 for row in wrong)
-    unit = "row" if record.raw is None else "rest"
+    unit = _unit(evidence)
     return Simple(
         kind="rows",
         numbers=sum(change.numbers for change in changes),
         where=tuple(f"{unit}-{number}" for number in numbers),
-        sentence=_sentence(unit.capitalize(), numbers, changes),
+        sentence=_sentence(unit.capitalize(), numbers, changes, "; all others fit"),
         radius=remaining.model.radius,
         evidence=remaining,
         rows=numbers,
@@ -112,7 +113,15 @@ def _of_whole_rows(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]
     )
 
 
-def _of_readings(evidence: Evidence, wrong: NDArray, channels: Sequence[int]) -> list[Simple]:
+def _unit(evidence: Evidence) -> str:
+    """Return the word for a row of a file, or of a series."""
+    assert evidence.source is not None
+    return "row" if evidence.source.record.raw is None else "rest"
+
+
+def _of_readings(
+    evidence: Evidence, wrong: NDArray, changes: Sequence[Change], channels: Sequence[int]
+) -> list[Simple]:
     """Single readings that do not fit, as effects."""
     places = [place_of(int(row) + 1, channel) for row, channel in zip(wrong, channels, strict=True)]
     fits = evidence.model.mended(places, Work())
@@ -130,28 +139,35 @@ def _of_readings(evidence: Evidence, wrong: NDArray, channels: Sequence[int]) ->
         rows=numbers,
         fit=fits[0],
     )
-    return [fault, *_near_inputs(fault, channels)]
+    return [fault, *_near_inputs(fault, changes)]
 
 
-def _near_inputs(fault: Simple, channels: Sequence[int]) -> list[Simple]:
-    """Return wrong readings of one accelerometer as an equally possible error of it near these inputs."""
-    faults = []
-    for channel, count in sorted(Counter(channels).items()):
-        if count > 1:
-            sentence = f"Accelerometer {channel} does something near the inputs of these readings."
-            where = (f"accelerometer-{channel}",)
-            faults.append(
-                Simple("function", fault.numbers, where, sentence, fault.radius, fault.evidence, fit=fault.fit)
-            )
+def _near_inputs(fault: Simple, changes: Sequence[Change]) -> list[Simple]:
+    """Return wrong readings of one accelerometer as an equally possible error of it near these inputs.
+
+    Other wrong rows remain wrong.
+    """
+    faults, unit = [], _unit(fault.evidence).capitalize()
+    for channel, count in sorted(Counter(change.reading for change in changes if change.reading is not None).items()):
+        if count < 2:
+            continue
+        others = {row: change for row, change in zip(fault.rows, changes, strict=True) if change.reading != channel}
+        near = [f"{row}.{channel}" for row in fault.rows if row not in others]
+        sentence = f"Accelerometer {channel} does something near the inputs of readings {_and(near)}."
+        where = (f"accelerometer-{channel}",)
+        if others:
+            sentence = f"{_sentence(unit, tuple(others), list(others.values()), '')} Beside that a{sentence[1:]}"
+            where = (*(f"{unit.lower()}-{row}" for row in others), *where)
+        kind, rows = "function", tuple(others)
+        faults.append(replace(fault, kind=kind, where=where, sentence=sentence, rows=rows, change={}))
     return faults
 
 
-def _sentence(unit: str, numbers: Sequence[int], changes: Sequence[Change]) -> str:
+def _sentence(unit: str, numbers: Sequence[int], changes: Sequence[Change], ending: str) -> str:
     """Describe the wrong rows or rests, and the changes with which each of them fits."""
     if len(numbers) == 1:
-        return f"{unit} {numbers[0]} is wrong; all others fit. {changes[0].words}"
-    labels = [str(number) for number in numbers]
-    head = f"{unit}s {', '.join(labels[:-1])} and {labels[-1]} are wrong; all others fit."
+        return f"{unit} {numbers[0]} is wrong{ending}. {changes[0].words}"
+    head = f"{unit}s {_and([str(number) for number in numbers])} are wrong{ending}."
     words = [f"{change.words[0].lower()}{change.words[1:]}" for change in changes]
     if len(set(words)) == 1:
         return f"{head} Of each: {words[0]}"
@@ -167,9 +183,12 @@ def _changes(numbers: Sequence[int], changes: Sequence[Change]) -> Mapping[str, 
 
 def _listed(noun: str, labels: Sequence[str]) -> str:
     """The noun with labels and the verb: "Reading 2.3 does", "Readings 2.3 and 8.3 do"."""
-    if len(labels) == 1:
-        return f"{noun} {labels[0]} does"
-    return f"{noun}s {', '.join(labels[:-1])} and {labels[-1]} do"
+    return f"{noun} {labels[0]} does" if len(labels) == 1 else f"{noun}s {_and(labels)} do"
+
+
+def _and(labels: Sequence[str]) -> str:
+    """Return labels in a list: "6, 18 and 30"."""
+    return " and ".join([", ".join(labels[:-1]), labels[-1]]) if len(labels) > 1 else labels[0]
 
 
 def _them(labels: Sequence[str]) -> str:

@@ -6,15 +6,15 @@ import numpy as np
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
-from ..bounded.sets import CutOff, Work
+from ..bounded.sets import Work
 from ..calibrated import Sigma
 from ..errors import InputError
 from ..evidence.bench import Bench
-from ..evidence.bench_visits import is_linear
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord
 from ..rounding import upwards
+from .beside import bent_fits
 from .leading import Candidates, Residual
 from .simple import Simple
 
@@ -26,7 +26,6 @@ MOST_WITH_EFFECT = 1.5
 """The same beside an effect."""
 APART = 9.0
 """Effects that explain so much less, in variances, are told apart from the best one."""
-OUTLIER = "outlier"
 MOST_WORK = 2e6
 """Work of the search for effects that are not linear."""
 MOST_RIVALS = 4
@@ -101,15 +100,8 @@ def _with_bent_effect(evidence: Evidence, candidates: Candidates) -> tuple[Simpl
     wider = _with_bound(evidence, MOST_WITH_EFFECT * evidence.model.calibration.noise_bound)
     if wider is None or not isinstance(wider.model, Bench) or not wider.model.falsified:
         return ()
-    standing, work = [], Work(MOST_WORK)
-    try:
-        for (place,) in wider.model.candidates(1, work):
-            if not is_linear(place) and place.effect != OUTLIER:
-                standing += wider.model.mended([place], work)
-    except (CutOff, SolverError, ValueError):
-        return ()
     faults = []
-    for fit in sorted(standing, key=lambda fit: fit.radius)[:MOST_RIVALS]:
+    for fit in bent_fits(wider, Work(MOST_WORK))[:MOST_RIVALS]:
         remaining = Residual(fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None])
         times = MOST_WITH_EFFECT * fit.radius
         if times > evidence.model.limit and candidates.is_noise(remaining):
