@@ -28,7 +28,6 @@ _FUNCTIONS = {
         "export_notebook",
         "export_ssp",
         "hide",
-        "measure",
         "new",
         "plot",
         "run_campaign",
@@ -40,6 +39,7 @@ _FUNCTIONS = {
     ),
     "planning.library": ("plan", "plan_check", "plan_hand", "plan_imu", "plan_positions"),
     "records": ("read_record",),
+    "workbench": ("measure",),
 }
 _COMMANDS = {
     "attitude": ("measured", "attitude_of_record"),

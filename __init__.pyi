@@ -17,7 +17,6 @@ from .tools.library import export as export
 from .tools.library import export_notebook as export_notebook
 from .tools.library import export_ssp as export_ssp
 from .tools.library import hide as hide
-from .tools.library import measure as measure
 from .tools.library import new as new
 from .tools.library import plot as plot
 from .tools.library import run_campaign as run_campaign
@@ -41,6 +40,7 @@ from .tools.planning.library import plan_hand as plan_hand
 from .tools.planning.library import plan_imu as plan_imu
 from .tools.planning.library import plan_positions as plan_positions
 from .tools.records import read_record as read_record
+from .tools.workbench import measure as measure
 from .tools.workbench import open_records
 
 __version__: str

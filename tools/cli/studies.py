@@ -43,7 +43,7 @@ Optional = Annotated[int | None, Parameter(allow_leading_hyphen=True)]
 Real = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 
 
-@with_options_of(library.measure)
+@with_options_of(workbench.measure)
 def measure_command(
     plan: Path,
     /,
@@ -59,7 +59,7 @@ def measure_command(
     # Results are kept as they arrive, and --resume continues from them.
     with at_once():
         try:
-            result = library.measure(plan, source=source, out=out, noise_bound=noise_bound, **options, progress=True)
+            result = workbench.measure(plan, source=source, out=out, noise_bound=noise_bound, **options, progress=True)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted; {out} holds what came, and --resume goes on with it") from None
     return answer(result, json)

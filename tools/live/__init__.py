@@ -1,4 +1,4 @@
-"""Views of a measurement at the table and of a run: a terminal, and pages that this machine serves to itself."""
+"""Views of what goes on: a measurement in the terminal, a run on a page, and the server of pages of this machine."""
 
 import lazy_loader
 

@@ -162,18 +162,18 @@ class ShownHandler(LoopbackHandler):
         elif name is not None:
             nonce = secrets.token_urlsafe(12)
             style = text_of("document", "page.css")
-            shell = template_of(self.server.of.template).render(shell=True, nonce=nonce, style=style)
+            shell = template_of("live", self.server.of.template).render(shell=True, nonce=nonce, style=style)
             self.answer_shell(shell, nonce)
 
 
 @cache
-def template_of(name: str) -> "Template":
-    """Return a template of a page; it escapes all texts."""
+def template_of(package: str, name: str) -> "Template":
+    """Return a template of a page of a package of the tools; it escapes all texts."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
-    return environment.from_string(text_of("live", name))
+    return environment.from_string(text_of(package, name))
 
 
 def text_of(package: str, name: str) -> str:

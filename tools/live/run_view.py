@@ -46,7 +46,7 @@ class RunPage(LoopbackServer):
         rows, lines = self._rows, []
         for column in rows.columns if rows.height else ():
             lines.append((column, _text(rows[column][-1]), _points(rows["time_s"], rows[column])))
-        return template_of(self.template).render(shell=False, lines=lines, size=(WIDTH, HEIGHT)).encode()
+        return template_of("live", self.template).render(shell=False, lines=lines, size=(WIDTH, HEIGHT)).encode()
 
 
 def _text(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""A record on one page, which this machine serves to itself: look, decide, calculate again, export."""
+"""Records on one page, which this machine serves to itself: measure, look, decide, calculate again, export."""
 
 import lazy_loader
 

@@ -45,6 +45,8 @@ class OpenFile:
         how it is understood, as `answers.understood` has it; None of a record, and of what cannot be imported
     looked_at : Event
         is set when it has been read
+    looking : Lock
+        is held by the one who reads it
     """
 
     path: Path
@@ -56,6 +58,7 @@ class OpenFile:
     given: Mapping[str, str] = field(default_factory=dict)
     imported: Mapping[str, Any] | None = None
     looked_at: threading.Event = field(default_factory=threading.Event)
+    looking: threading.Lock = field(default_factory=threading.Lock)
 
     @property
     def of_content(self) -> dict[str, Any]:
@@ -108,8 +111,25 @@ class Desk:
         with self._lock:
             self.files.append(file)
             number = len(self.files) - 1
-        threading.Thread(target=self._describe, args=(file,), daemon=True).start()
+        self._look_at(file)
         return number
+
+    def renew(self, path: Path) -> None:
+        """Open a file; look again at one that is open and has been written anew, and calculate its result again."""
+        opened = len(self.files)
+        number = self.open(path)
+        if number < opened:
+            self._look_at(self.files[number], then=self.again)
+
+    def _look_at(self, file: OpenFile, then: Callable[[], None] | None = None) -> None:
+        threading.Thread(target=self._looked, args=(file, then), daemon=True).start()
+
+    def _looked(self, file: OpenFile, then: Callable[[], None] | None) -> None:
+        with file.looking:
+            self._describe(file)
+        if then is not None:
+            with suppress(InputError):
+                then()
 
     def _describe(self, file: OpenFile) -> None:
         """Look at a file: its channels for a first picture, what it holds, and the decisions beside it."""

@@ -6,6 +6,7 @@ const MOST_ROWS = 60, READING = "is being read";
 const HEIGHT = 176, LEFT = 64, BELOW = 18;
 let WIDTH = 1000;
 let state = { number: -1, files: [] }, current = 0, chosen = new Set([0]), span = null, rests = [], marks = [];
+let lostSince = null, ended = false;
 let lines = null, shownRecord = "", shownAnswer = -1, selected = null;
 
 // Requests
@@ -25,12 +26,19 @@ async function send(content) {
   return result;
 }
 
+function connection(good) {
+  lostSince = good ? null : lostSince || new Date();
+  $("lost").hidden = good;
+  $("lost").textContent = ended ? "The measurement has ended. Its end is shown below."
+    : good ? "" : `The connection to the program is lost since ${lostSince.toLocaleTimeString()}. What is shown below is old. Look at the terminal of the program.`;
+}
+
 async function look() {
   try {
     state = await get("state");
-    $("lost").hidden = true;
+    connection(true);
   } catch (error) {
-    $("lost").hidden = false;
+    connection(false);
     return;
   }
   show();
@@ -153,7 +161,9 @@ function showAnswer() {
 // The page of a result is drawn where somebody looks at it.
 function showPage() {
   const address = `page?${state.answered}`;
-  if ($("page-details").open && $("page").getAttribute("src") !== address) $("page").setAttribute("src", address);
+  if (!$("page-details").open || $("page").getAttribute("src") === address) return;
+  $("drawing").hidden = false;
+  $("page").setAttribute("src", address);
 }
 
 function showExplanation(explanation, number) {
@@ -173,7 +183,9 @@ function showExplanation(explanation, number) {
   details.addEventListener("toggle", () => {
     if (details.open && !frame.hasAttribute("src")) frame.setAttribute("src", `page?explanation=${number}&answer=${state.answered}`);
   });
-  details.append(frame);
+  const drawing = element("p", "The page is being drawn ...", { role: "status" });
+  frame.addEventListener("load", () => { if (frame.hasAttribute("src")) drawing.hidden = true; });
+  details.append(drawing, frame);
   item.append(details);
   return item;
 }
@@ -499,6 +511,45 @@ function zoom(how) {
   draw();
 }
 
+// A measurement at the table, above the records
+
+async function lookAtTable() {
+  try {
+    const answer = await fetch("now", { cache: "no-store", signal: AbortSignal.timeout(4000) });
+    if (!answer.ok) throw new Error(answer.status);
+    showMoment(await answer.text());
+    connection(true);
+  } catch (error) { connection(false); }
+  setTimeout(lookAtTable, 500);
+}
+
+function showMoment(text) {
+  const fresh = [...new DOMParser().parseFromString(text, "text/html").body.children], old = [...$("now").children];
+  if (fresh.length !== old.length || fresh.some((part, k) => part.id !== old[k].id)) $("now").replaceChildren(...fresh);
+  else fresh.forEach((part, k) => { if (part.outerHTML !== old[k].outerHTML) old[k].replaceWith(part); });
+  ended = $("now").querySelector("[data-ended]") !== null;
+  $("end").disabled = ended;
+  document.title = $("next") ? $("next").textContent : "At the table";
+}
+
+async function tellTable(word) {
+  try {
+    const answer = await fetch("word", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(word) });
+    if (!answer.ok) throw new Error(answer.status);
+  } catch (error) { connection(false); }
+}
+
+if ($("now")) {
+  $("now").addEventListener("click", event => {
+    const one = event.target.closest("button[data-word]");
+    if (!one) return;
+    one.disabled = true;
+    tellTable(JSON.parse(one.dataset.word));
+  });
+  $("end").addEventListener("click", () => { if (confirm("End the measurement? It can be taken up again with --resume.")) tellTable({ word: "end" }); });
+  lookAtTable();
+}
+
 // Words of the person
 
 async function drop(files) {
@@ -522,6 +573,7 @@ async function save(what) {
 for (const one of document.querySelectorAll("[data-save]")) one.addEventListener("click", () => save(one.dataset.save));
 $("export").addEventListener("click", () => save($("target").value));
 $("page-details").addEventListener("toggle", showPage);
+$("page").addEventListener("load", () => { $("drawing").hidden = true; });
 $("undo").addEventListener("click", () => send({ do: "undo", file: current }));
 $("set-turns").addEventListener("click", () => decide({ turns: $("turns").value.trim() }));
 $("choose").addEventListener("change", event => drop(event.target.files));

@@ -3,22 +3,21 @@
 import json
 import secrets
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import parse_qs, unquote, urlsplit
 
 from ..errors import InputError, one_line
 from ..files import bytes_of, whole_file
-from ..live.loopback import LoopbackHandler, LoopbackServer, text_of
+from ..live.loopback import LoopbackHandler, LoopbackServer, template_of, text_of
 from . import answers
 from .desk import COMMANDS, Desk, Request
-
-if TYPE_CHECKING:
-    from jinja2 import Template
+from .table_view import TableView
 
 MOST_BYTES = 1 << 20
 """Of a request with decisions."""
+MOST_WORD_BYTES = 4096
+"""Of a word of the operator's."""
 MOST_EXPLANATIONS = 1000
 MOST_DROPPED = 1 << 30
 """Of a file that is dropped on the page."""
@@ -29,10 +28,10 @@ FRAME = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-sr
 
 
 class DeskServer(LoopbackServer):
-    """Server of the page of a desk. Port 0: any free port."""
+    """Server of the page of a desk, with a measurement above it if there is a table. Port 0: any free port."""
 
-    def __init__(self, desk: Desk, port: int = 0, folder: Path | None = None) -> None:
-        self.desk = desk
+    def __init__(self, desk: Desk, port: int = 0, folder: Path | None = None, table: TableView | None = None) -> None:
+        self.desk, self.table = desk, table
         self.folder = Path.cwd() if folder is None else folder
         super().__init__(port, _Handler)
 
@@ -89,16 +88,27 @@ def open_records(*files: str | Path, port: int = 0, advise: answers.Advise | Non
 
 class _Handler(LoopbackHandler):
     def do_GET(self) -> None:
-        name = self.trusted(("", "state", "lines", "rests", "page"))
         desk: Desk = self.server.of.desk
+        table: TableView | None = self.server.of.table
+        at_table = () if table is None else ("now",)
+        name = self.trusted(("", "state", "lines", "rests", "page", *at_table))
         if name == "":
             nonce = secrets.token_urlsafe(12)
-            page = _template().render(nonce=nonce, style=text_of("document", "page.css"), commands=COMMANDS)
+            style = text_of("document", "page.css")
+            page = template_of("workbench", "page.html").render(
+                nonce=nonce,
+                style=style,
+                script=text_of("workbench", "page.js"),
+                commands=COMMANDS,
+                at_table=table is not None,
+            )
             self.answer_shell(page, nonce, "; frame-src 'self'")
         elif name == "state":
             self._answer_object(desk.state())
         elif name == "page":
             self._answer_page(desk)
+        elif name == "now" and table is not None:
+            self.answer(200, table.page)
         elif name is not None:
             query = {key: values[0] for key, values in parse_qs(urlsplit(self.path).query).items()}
             self._tell(lambda: _looked(desk, name, query))
@@ -115,13 +125,27 @@ class _Handler(LoopbackHandler):
         self.answer(200, page.encode(), FRAME, in_frame=True)
 
     def do_POST(self) -> None:
-        name = self.trusted(("do", "drop"))
+        table: TableView | None = self.server.of.table
+        at_table = () if table is None else ("word",)
+        name = self.trusted(("do", "drop", *at_table))
         if name == "drop":
             self._drop()
+        elif name == "word" and table is not None:
+            self._hear(table)
         elif name is not None:
             asked = self.posted_object(MOST_BYTES)
             if asked is not None:
                 self._tell(lambda: _done(self.server.of.desk, asked))
+
+    def _hear(self, table: TableView) -> None:
+        """Pass the operator's word on to the measurement."""
+        word = self.posted_object(MOST_WORD_BYTES)
+        if word is None:
+            return
+        if word.get("word") not in ("repeat", "end"):
+            self.answer(400, b"no word")
+            return
+        self.answer(204 if table.hear(word) else 503, b"")
 
     def _drop(self) -> None:
         """Keep a file that was dropped on the page in the working folder, and open it."""
@@ -196,13 +220,3 @@ def _done(desk: Desk, asked: Mapping[str, Any]) -> dict[str, Any]:
     else:
         raise InputError("the page asks for something that there is not")
     return {}
-
-
-@cache
-def _template() -> "Template":
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    script = text_of("workbench", "page.js")
-    environment.globals["script"] = script
-    return environment.from_string(text_of("workbench", "page.html"))

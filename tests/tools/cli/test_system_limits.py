@@ -17,7 +17,7 @@ from trihedron.tools import workers
 from trihedron.tools.cli import main
 from trihedron.tools.cli.answer import exit_status
 from trihedron.tools.errors import InputError
-from trihedron.tools.live.server import PageServer
+from trihedron.tools.workbench import Desk, DeskServer
 
 posix = pytest.mark.skipif(os.name == "nt", reason="limits and folders of POSIX")
 
@@ -151,27 +151,27 @@ def test_an_archive_with_a_member_without_a_name(name: str, tmp_path: Path, caps
     assert "without a name" in message or "would leave" in message
 
 
-def half_a_request(client: socket.socket, server: PageServer) -> None:
+def half_a_request(client: socket.socket, server: DeskServer) -> None:
     client.sendall(f"POST /{server.token}/word HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n".encode())
 
 
-def an_answer_not_read(client: socket.socket, server: PageServer) -> None:
+def an_answer_not_read(client: socket.socket, server: DeskServer) -> None:
     client.sendall(f"GET /{server.token}/ HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode() * 50)
 
 
-def nothing_sent(client: socket.socket, server: PageServer) -> None:
+def nothing_sent(client: socket.socket, server: DeskServer) -> None:
     pass
 
 
-def no_request(client: socket.socket, server: PageServer) -> None:
+def no_request(client: socket.socket, server: DeskServer) -> None:
     client.sendall(b"\x16\x03\x01\x00\xff" * 100)
 
 
 @pytest.mark.parametrize("way", [half_a_request, an_answer_not_read, nothing_sent, no_request])
 def test_a_client_that_resets_prints_nothing(
-    way: Callable[[socket.socket, PageServer], None], capfd: pytest.CaptureFixture[str]
+    way: Callable[[socket.socket, DeskServer], None], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    server = PageServer(0)
+    server = DeskServer(Desk())
     for _ in range(5):
         with socket.create_connection(("127.0.0.1", server.port)) as client:
             way(client, server)

@@ -6,12 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from test_measurement import POSITIONS, begun, fed
+from test_measurement import POSITIONS, SIGMA, begun, fed, write_positions
 
+import trihedron as th
 from browser import Window
 from simulated_table import SimulatedTable
-from trihedron.tools.live import PageServer
 from trihedron.tools.measure import Measurement, Moment, read_programme
+from trihedron.tools.workbench import Desk, DeskServer, TableView
 
 
 class Nothing:
@@ -45,14 +46,20 @@ def moment(measurement: Measurement) -> Moment:
 
 
 @pytest.fixture
-def server(moment: Moment):
-    page = PageServer(0)
-    page.show(moment)
+def table(measurement: Measurement, moment: Moment) -> TableView:
+    shown = TableView(Desk(), measurement.files.positions_file)
+    shown.show(moment)
+    return shown
+
+
+@pytest.fixture
+def server(table: TableView):
+    page = DeskServer(table.desk, table=table)
     yield page
     page.close()
 
 
-def asked(server: PageServer, method: str, path: str, body: str | None = None, **headers: str) -> tuple[int, str]:
+def asked(server: DeskServer, method: str, path: str, body: str | None = None, **headers: str) -> tuple[int, str]:
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
     sent = {"Host": f"127.0.0.1:{server.port}"} | {name.replace("_", "-"): value for name, value in headers.items()}
     connection.request(method, path, body, sent)
@@ -62,7 +69,7 @@ def asked(server: PageServer, method: str, path: str, body: str | None = None, *
     return answer.status, text
 
 
-def test_only_this_machine_with_the_token_and_from_this_page_is_answered(server: PageServer):
+def test_only_this_machine_with_the_token_and_from_this_page_is_answered(server: DeskServer, table: TableView):
     address, origin = f"/{server.token}/", f"http://127.0.0.1:{server.port}"
     assert server.address == origin + address
     assert asked(server, "GET", address + "now")[0] == 200
@@ -77,19 +84,19 @@ def test_only_this_machine_with_the_token_and_from_this_page_is_answered(server:
     assert asked(server, "POST", address + "word", "x" * 5000, Origin=origin, **kind)[0] == 413
     assert asked(server, "POST", address + "word", "{", Origin=origin, **kind)[0] == 400
     assert asked(server, "POST", address + "word", '{"word": "add"}', Origin=origin, **kind)[0] == 400
-    assert server.words() == []
+    assert table.words() == []
     assert asked(server, "POST", address + "word", word, Origin=origin, **kind)[0] == 204
-    assert server.words() == [{"word": "end"}]
+    assert table.words() == [{"word": "end"}]
 
 
-def test_what_a_file_says_is_shown_and_never_run(server: PageServer, moment: Moment):
-    server.show(replace(moment, trouble="<script>alert(1)</script>"))
+def test_what_a_file_says_is_shown_and_never_run(server: DeskServer, table: TableView, moment: Moment):
+    table.show(replace(moment, trouble="<script>alert(1)</script>"))
     text = asked(server, "GET", f"/{server.token}/now")[1]
     assert "<script>" not in text
     assert "&lt;script&gt;" in text
 
 
-def test_the_page_shows_what_is_and_says_when_it_is_alone(server: PageServer, moment: Moment, window: Window):
+def test_the_page_shows_what_is_and_says_when_it_is_alone(server: DeskServer, table: TableView, window: Window):
     for width, dark in ((1280, False), (400, True)):
         window.open(server.address, width, dark=dark)
         window.page.wait_for_selector("#settings")
@@ -103,14 +110,48 @@ def test_the_page_shows_what_is_and_says_when_it_is_alone(server: PageServer, mo
     assert not window.page.is_visible("#lost")
     window.page.locator("button:text('repeat')").first.click()
     window.page.wait_for_timeout(200)
-    assert server.words() == [{"word": "repeat", "visit": 1}]
+    assert table.words() == [{"word": "repeat", "visit": 1}]
     server.close()
     window.page.wait_for_selector("#lost:visible", timeout=8000)
     assert "connection to the program is lost" in window.page.inner_text("#lost")
 
 
-def test_a_port_that_is_taken_is_said(server: PageServer, tmp_path: Path):
+def test_a_port_that_is_taken_is_said(server: DeskServer, tmp_path: Path):
     from trihedron.tools.errors import InputError
 
     with pytest.raises(InputError, match=f"--port {server.port}: "):
-        PageServer(server.port)
+        DeskServer(Desk(), server.port)
+
+
+def test_the_positions_so_far_are_calculated_on_the_page_again_after_each_rest(tmp_path: Path, window: Window):
+    """`measure` is a view of the page of `open`: its record stands below, and its result follows the measurement."""
+    write_positions(tmp_path / "plan.csv")
+    growing = SimulatedTable(tmp_path / "growing.csv")
+    measurement = begun(read_programme(tmp_path / "plan.csv"), tmp_path / "monday.csv")
+    shown = TableView(Desk(), measurement.files.positions_file)
+    page = DeskServer(shown.desk, table=shown)
+    length = 0
+    verdicts = []
+    try:
+        window.open(page.address, 1280)
+        for number, at in enumerate((*POSITIONS, (0, 0))):
+            growing.go(*at)
+            readings = growing.file.read_bytes()
+            measurement.feed(readings[length:])
+            length = len(readings)
+            shown.show(measurement.moment(Nothing(), 0.0))
+            if number == 3:
+                window.page.click("#files button:text('monday.positions.csv')")
+                window.page.fill("[name=noise_bound]", str(SIGMA))
+                window.page.click("#commands button:text('Calibrate'):enabled", timeout=60_000)
+            if number in (3, 12):
+                count = len(th.read_record(measurement.files.positions_file))
+                expected = th.calibrate(measurement.files.positions_file, noise_bound=SIGMA)
+                window.page.wait_for_selector(f"#record-about:has-text('{count} rows')", timeout=60_000)
+                window.page.wait_for_selector(f"#verdict:has-text('{expected.verdict.capitalize()}')", timeout=60_000)
+                verdicts.append(expected.verdict)
+    finally:
+        page.close()
+        measurement.files.close()
+    assert verdicts == ["insufficient", "consistent"]
+    assert window.complaints == []

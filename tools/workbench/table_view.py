@@ -1,10 +1,13 @@
-"""A measurement on a page that this machine serves to itself, and to nobody else."""
+"""A measurement at the table, above the records on the page: the present rest, what is next, the promise."""
 
 import queue
+import threading
 from collections.abc import Mapping, Sequence
 from math import log
+from pathlib import Path
 from typing import Any
 
+from ..live.loopback import template_of
 from ..measure import Moment, Session, TableSetting
 from ..reports.measure import (
     against_text,
@@ -15,10 +18,8 @@ from ..reports.measure import (
     visit_text,
 )
 from ..rounding import digits, upwards
-from .loopback import LoopbackServer, ShownHandler, template_of
+from .desk import Desk
 
-MOST_BYTES = 4096
-"""Of a word of the operator's."""
 MOST_WORDS = 16
 """That wait to be heard."""
 ABOVE = 16.0
@@ -28,19 +29,31 @@ PLOT = (720.0, 220.0, 44.0, 26.0)
 """Width, height, room on the left and below of the picture."""
 
 
-class PageServer(LoopbackServer):
-    """Server of the current page that also receives the operator's input. Port 0: any free port."""
+class TableView:
+    """Keeps the present moment of a measurement for the page, and the operator's words for the measurement.
 
-    template = "page.html"
-    page = b""
+    Parameters
+    ----------
+    desk : Desk
+        the records on the page
+    positions_file : Path
+        the positions of the measurement; they are opened on the page after each change
+    """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, desk: Desk, positions_file: Path) -> None:
+        self.desk, self._positions_file = desk, positions_file
+        self._page = b""
+        self._lock = threading.Lock()
         self._words: queue.Queue[dict[str, Any]] = queue.Queue(MOST_WORDS)
-        super().__init__(port, _Handler)
 
     def show(self, moment: Moment) -> None:
-        """Keep the page of a moment for who asks next."""
-        self.page = moment_page(moment).encode()
+        """Keep the page of a moment for the next request, and open changed positions."""
+        page = moment_page(moment).encode()
+        with self._lock:
+            self._page = page
+        changes = [kind for kind, _ in moment.news if kind != "refused"]
+        if changes and self._positions_file.exists():
+            self.desk.renew(self._positions_file)
 
     def words(self) -> Sequence[Mapping[str, Any]]:
         """Return the buttons pressed since the last call."""
@@ -58,21 +71,8 @@ class PageServer(LoopbackServer):
         return True
 
 
-class _Handler(ShownHandler):
-    def do_POST(self) -> None:
-        if self.trusted(("word",)) is None:
-            return
-        word = self.posted_object(MOST_BYTES)
-        if word is None:
-            return
-        if word.get("word") not in ("repeat", "end"):
-            self.answer(400, b"no word")
-            return
-        self.answer(204 if self.server.of.hear(word) else 503, b"")
-
-
 def moment_page(moment: Moment) -> str:
-    """Return the changing part of the page as HTML, with all texts escaped."""
+    """Return a moment of a measurement as HTML, with all texts escaped."""
     session, present, settings = moment.session, moment.present, moment.session.programme.settings
     last = None
     if session.visits:
@@ -81,8 +81,7 @@ def moment_page(moment: Moment) -> str:
     state = present.state
     if present.why and state != "settling":
         state = "bad"
-    return template_of(PageServer.template).render(
-        shell=False,
+    return template_of("workbench", "moment.html").render(
         next=next_text(session),
         present=present_text(session, present),
         state=state,
