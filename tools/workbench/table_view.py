@@ -1,7 +1,6 @@
 """A measurement at the table, above the records on the page: the present rest, what is next, the promise."""
 
 import queue
-import threading
 from collections.abc import Mapping, Sequence
 from math import log
 from pathlib import Path
@@ -38,19 +37,21 @@ class TableView:
         the records on the page
     positions_file : Path
         the positions of the measurement; they are opened on the page after each change
+
+    Attributes
+    ----------
+    page : bytes
+        the present moment as HTML
     """
 
     def __init__(self, desk: Desk, positions_file: Path) -> None:
         self.desk, self._positions_file = desk, positions_file
-        self._page = b""
-        self._lock = threading.Lock()
+        self.page = b""
         self._words: queue.Queue[dict[str, Any]] = queue.Queue(MOST_WORDS)
 
     def show(self, moment: Moment) -> None:
         """Keep the page of a moment for the next request, and open changed positions."""
-        page = moment_page(moment).encode()
-        with self._lock:
-            self._page = page
+        self.page = moment_page(moment).encode()
         changes = [kind for kind, _ in moment.news if kind != "refused"]
         if changes and self._positions_file.exists():
             self.desk.renew(self._positions_file)
