@@ -108,11 +108,11 @@ def test_the_page_shows_what_is_and_says_when_it_is_alone(server: DeskServer, ta
     assert window.page.locator("tr .state-done, td.state-done").count() == 2
     assert window.complaints == []
     assert not window.page.is_visible("#lost")
-    window.page.locator("button:text('repeat')").first.click()
-    window.page.wait_for_timeout(200)
+    with window.page.expect_response("**/word"):
+        window.page.locator("button:text('repeat')").first.click()
     assert table.words() == [{"word": "repeat", "visit": 1}]
     server.close()
-    window.page.wait_for_selector("#lost:visible", timeout=8000)
+    window.page.wait_for_selector("#lost:visible", timeout=60_000)
     assert "connection to the program is lost" in window.page.inner_text("#lost")
 
 
