@@ -98,8 +98,11 @@ def test_what_a_file_says_is_shown_and_never_run(server: DeskServer, table: Tabl
 
 def test_the_page_shows_what_is_and_says_when_it_is_alone(server: DeskServer, table: TableView, window: Window):
     for width, dark in ((1280, False), (400, True)):
+        assert window.complaints == []
         window.open(server.address, width, dark=dark)
         window.page.wait_for_selector("#settings")
+        # What the page before was loading is given up.
+        window.complaints.clear()
         widths = window.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
         assert widths == [width, width]
     text = window.page.inner_text("body")
