@@ -8,7 +8,7 @@ import pickle
 import platform
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,19 +18,26 @@ from typing import Any
 from ..fmus.cache import store, stored
 
 COMPILES = find_spec("numba") is not None
-"""Whether there is a compiler."""
-numba: Any = import_module("numba") if COMPILES else None
+"""Whether there is a compiler; it is imported at the first use of machine code."""
 Makers = tuple[Callable[..., Any], Callable[..., Any]]
 """What makes kernels, and what makes the loop over them."""
 _KIND = "code"
 """Folder of the cache for machine code that numba loads."""
+_MODELS = Path(__file__).parents[1] / "models"
+FEW_ROWS = 400
+"""So many rows are few for Python."""
 FEW = 2_000
 """So many samples plain Python has gone through before a compiler is ready."""
 
 
+def njit(function: Callable[..., Any], **options: Any) -> Any:
+    """Return numba's dispatcher of a function; importing numba takes as long as a small calibration."""
+    return import_module("numba").njit(**options)(function)
+
+
 def loop_compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A loop over kernels that are `compiled`; Python may call it."""
-    return numba.njit(nogil=True, error_model="numpy")(function) if COMPILES else function
+    """A loop over kernels that are `compiled`; Python may call it. Its machine code is kept in the cache."""
+    return _with_kept_code(function, nogil=True, error_model="numpy") if COMPILES else function
 
 
 def loops_over(rows: int) -> Makers:
@@ -52,14 +59,19 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
     """
     if not COMPILES:
         return kernel
-    linked = {}
-    for name in kernel.__code__.co_names:
-        value = kernel.__globals__.get(name)
+    return compile_callee(_linked(kernel, compiled), allocates=False)
+
+
+def _linked(function: Callable[..., Any], made: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a copy of a function that calls, in place of each function of its module's names, what is made of it."""
+    linked: dict[str, Any] = {"__name__": function.__module__}
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
         if isinstance(value, FunctionType):
-            linked[name] = compiled(value)
-        elif name in kernel.__globals__:
+            linked[name] = made(value)
+        elif name in function.__globals__:
             linked[name] = value
-    return compile_callee(FunctionType(kernel.__code__, linked, kernel.__name__), allocates=False)
+    return FunctionType(function.__code__, linked, function.__name__)
 
 
 class _KeptCode:
@@ -71,9 +83,12 @@ class _KeptCode:
     cache_path = None
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        self._made_from = [function.__qualname__, platform.python_version(), numba.__version__]
-        for source in (function.__code__.co_filename, __file__):
-            self._made_from.append(hashlib.sha256(Path(source).read_bytes()).hexdigest())
+        self._made_from = [*_names_of(function), platform.python_version(), import_module("numba").__version__]
+        sources = [Path(function.__code__.co_filename), Path(__file__)]
+        if function.__closure__:
+            sources += sorted(_MODELS.rglob("*.py"))
+        for source in sources:
+            self._made_from.append(hashlib.sha256(source.read_bytes()).hexdigest())
 
     def _name(self, signature: Any, codegen: Any) -> str:
         made_from = repr([*self._made_from, signature, codegen.magic_tuple()])
@@ -100,11 +115,50 @@ class _KeptCode:
         """Do nothing: the name of each kept entry already covers its inputs."""
 
 
-def compiled_and_kept(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Machine code of a function that calls no kernel, kept in the cache where there is a place for it."""
-    if not COMPILES:
-        return function
-    dispatcher = numba.njit(function)
+def _names_of(function: Callable[..., Any]) -> list[str]:
+    """Return the names of a function, and of every function or value that it encloses."""
+    names = [function.__qualname__]
+    for cell in function.__closure__ or ():
+        inner = getattr(cell.cell_contents, "py_func", None)
+        names += [repr(cell.cell_contents)] if inner is None else _names_of(inner)
+    return names
+
+
+class _Later:
+    """A function that is compiled at its first use, with those of its module that it calls.
+
+    Its first `plain` uses with few rows run as Python: a small calibration ends before a compiler would be loaded.
+    """
+
+    def __init__(self, function: Callable[..., Any], plain: int) -> None:
+        self._function, self._plain = function, plain
+
+    @cached_property
+    def _machine_code(self) -> Callable[..., Any]:
+        return _with_kept_code(_linked(self._function, _callee))
+
+    def __call__(self, *arguments: Any) -> Any:
+        if self._plain > 0 and len(arguments[0]) <= FEW_ROWS:
+            self._plain -= 1
+            return self._function(*arguments)
+        return self._machine_code(*arguments)
+
+
+@cache
+def _callee(function: Callable[..., Any]) -> Callable[..., Any]:
+    return compile_callee(_linked(function, _callee))
+
+
+def compiled_and_kept(function: Callable[..., Any], plain: int = 0) -> Callable[..., Any]:
+    """Machine code of a function that calls no kernel, kept in the cache where there is a place for it.
+
+    The first `plain` uses with few rows are Python: with numbers alone in loops both give the same bits.
+    """
+    return _Later(function, plain) if COMPILES else function
+
+
+def _with_kept_code(function: Callable[..., Any], **options: Any) -> Any:
+    dispatcher = njit(function, **options)
     with suppress(OSError):
         dispatcher._cache = _KeptCode(function)
     return dispatcher
@@ -121,4 +175,4 @@ def compile_callee(function: Callable[..., Any], *, allocates: bool = True) -> C
     options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     if not allocates:
         options |= {"_nrt": False, "forceinline": True}
-    return numba.njit(nogil=True, error_model="numpy", **options)(function)
+    return njit(function, nogil=True, error_model="numpy", **options)

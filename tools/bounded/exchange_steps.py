@@ -1,28 +1,27 @@
-"""The steps of an exchange of rows, as machine code in a module of its own: only programmes wait for its loading."""
+"""The steps of an exchange of rows: Python for the few of a small calibration, then machine code."""
 
 import numpy as np
 
-from ..compiled import compile_callee, compiled_and_kept
+from ..compiled import compiled_and_kept
 
 EXACT = 1e-10
 """Largest miss of a row, relative to a radius of one or more."""
 NO_PIVOT = 1e-11
 """Size below which a row has no part in others."""
+PLAIN_USES = 400
+"""Number of uses as Python: a calibration takes about 300."""
 ENDED, ENDLESS, NOT_ENDED = 0, 1, 2
 """Ends of the steps: nothing misses by more, nothing can be exchanged, or the number of steps is reached."""
 
 
-@compile_callee
 def _replaced(inverse, part, out):
     """Change the inverse (n, n) of rows to that with another one at a place; `part` (n,): the new row in these."""
     column = inverse[:, out] / part[out]
-    for k in range(len(part)):
-        inverse[k] -= column[k] * part
+    inverse -= np.outer(column, part)
     inverse[:, out] = column
 
 
-@compiled_and_kept
-def exchange_held(matrix, target, rows, sign, inverse, most):
+def _exchange_held(matrix, target, rows, sign, inverse, most):
     """Exchange some of the rows (n + 1,) that hold a solution, with their signs; return the kind of end and the
     steps."""
     last = len(rows) - 1
@@ -47,8 +46,7 @@ def exchange_held(matrix, target, rows, sign, inverse, most):
     return NOT_ENDED, most
 
 
-@compiled_and_kept
-def exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
+def _exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
     """Exchange some of the rows (n,) that meet, each at one of its sides; return the kind of end and the steps."""
     duals = weights @ inverse
     for step in range(most):
@@ -76,3 +74,7 @@ def exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
         _replaced(inverse, part, out)
         duals[out], rows[out], side[out] = least * sign, row, sign
     return NOT_ENDED, most
+
+
+exchange_held = compiled_and_kept(_exchange_held, PLAIN_USES)
+exchange_met = compiled_and_kept(_exchange_met, PLAIN_USES)

@@ -7,7 +7,7 @@ sum of squares, and the others' weights then sum to 1 - w_a; two readings have a
 
 import numpy as np
 
-from ..compiled import compile_callee, compiled_and_kept
+from ..compiled import compiled_and_kept
 
 WIDTH = 5
 MOST_COLUMNS = 32
@@ -17,7 +17,6 @@ ROUNDS = 30
 """Rounds before a set is handed to a linear programme."""
 
 
-@compile_callee
 def _append(projection, candidate, factor, count):
     """Extend a Cholesky factor of `count` columns by those of a candidate; skip dependent ones."""
     _, _, _, _, gram, squares, product, starts, sizes = projection
@@ -45,7 +44,6 @@ def _append(projection, candidate, factor, count):
     return count
 
 
-@compile_callee
 def _of_effects(projection, candidates, factor, before, counts):
     """Return the number of candidates (3,) and the first that differs from `before` (3,), which they replace.
 
@@ -65,7 +63,6 @@ def _of_effects(projection, candidates, factor, before, counts):
     return depth, changed
 
 
-@compile_callee
 def _squared(total, factor, count):
     """Return the squared bound of effects with `count` columns in their factor."""
     square = total
@@ -74,7 +71,6 @@ def _squared(total, factor, count):
     return max(0.0, square)
 
 
-@compile_callee
 def _reading(projection, row, factor, count, leverages):
     """Return residual and leverage of a reading beside the chosen columns; `own` receives its row of these,
     orthonormal."""
@@ -93,7 +89,6 @@ def _reading(projection, row, factor, count, leverages):
     return misfit, leverage
 
 
-@compile_callee
 def _readings(columns, factor, place, leverages, r, h):
     """Compute `_reading` for all at once: take the chosen column of a place into `own` (K, M), residuals and
     leverages."""
@@ -112,7 +107,6 @@ def _readings(columns, factor, place, leverages, r, h):
         h[k] += row[k] * row[k]
 
 
-@compile_callee
 def _product(basis, a, b, first, second, count):
     """Return the product of the rows of two readings in the space of nominal and chosen columns; `first` and `second`
     are their rows of the latter."""
@@ -124,7 +118,6 @@ def _product(basis, a, b, first, second, count):
     return product
 
 
-@compile_callee
 def _without_one(square, residual, leverage, weight):
     free = 1.0 - leverage
     if free <= 1e-9 or weight >= 1.0 - 1e-9:
@@ -132,7 +125,6 @@ def _without_one(square, residual, leverage, weight):
     return max(0.0, square - residual * residual / free) / (1.0 - weight)
 
 
-@compile_callee
 def _without_two(square, residuals, leverages, cross, weight):
     ra, rb = residuals
     left_a, left_b = 1.0 - leverages[0], 1.0 - leverages[1]
@@ -170,7 +162,6 @@ def bounds_of(sets, projection):
     return bounds
 
 
-@compile_callee
 def _room(residual):
     """Return an empty Cholesky factor, the candidates and counts of columns in it, and the residual's sum of
     squares."""
@@ -181,7 +172,6 @@ def _room(residual):
     return factor, np.full(3, -2), np.zeros(4, np.int64), total
 
 
-@compile_callee
 def _kept(survivors, count, numbers, a, b):
     if count == len(survivors):
         fewer = survivors
@@ -195,7 +185,6 @@ def _kept(survivors, count, numbers, a, b):
     return survivors
 
 
-@compile_callee
 def _one_may_do(square, residuals, leverages, spared):
     """Return nonzero if a left-out reading might take a set's square (squared bound) to the limit: a quick test."""
     may = 0
@@ -337,7 +326,6 @@ def settle(problem, chosen_set, weights, limit):
     return UNDECIDED, w
 
 
-@compile_callee
 def _solve(normal, right, x):
     """Solve by Cholesky's factor in place (lower triangle; a zero on the diagonal marks a dependent column)."""
     count = len(right)
@@ -354,7 +342,6 @@ def _solve(normal, right, x):
     _substitute(normal, right, x)
 
 
-@compile_callee
 def _substitute(factor, right, x):
     count = len(right)
     for p in range(count):

@@ -7,18 +7,18 @@ make one system, whose linear programmes give every target again. The joint resu
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ...fmus.units import ARCMIN
 from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base
+from .. import motion
 from ..bounded.programmes import SolverError
 from ..calibrated import Calibration, GainOfTurns, Gyros, Parameter, Turn
 from ..errors import InputError
-from ..motion.inspect import AtTable
 from ..motion.rests import check_meaning
 from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
 from ..records.columns import INERTIAL
@@ -30,6 +30,11 @@ from .in_motion import InMotion, lag_targets, with_motion
 from .model import Linearisation
 from .targets import Target, error_weights
 from .turns import WithTurns, turns_of, with_turns
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+    from ..motion import AtTable
 
 WORDS = {
     "B": ("gyro-bias", "rad/s"),
@@ -154,15 +159,15 @@ def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **option
     return _with_latency(with_turns_too, record, bench, system)
 
 
-def judged_at_table(raw: BenchRecord, gravity: float) -> AtTable:
+def judged_at_table(raw: BenchRecord, gravity: float) -> "AtTable":
     """Return the accelerometers' calibration by the rests of a bench record, with the record's σ; gravity [m/s²]."""
     try:
         rests = position_record_of(raw)
         calibration = calibrate(rests, gravity=gravity)
     except InputError as error:
-        return AtTable(verdict="insufficient", positions=0, lacks=str(error))
+        return motion.AtTable(verdict="insufficient", positions=0, lacks=str(error))
     sigma = {"noise_bound": calibration.noise_bound, "noise_bound_basis": calibration.sigma.basis}
-    return AtTable(
+    return motion.AtTable(
         verdict=calibration.verdict, positions=calibration.positions or 0, radius=calibration.radius, **sigma
     )
 
@@ -338,13 +343,14 @@ def attitudes(
         Q; Earth's rotation in axes of the base [rad/s], whose axes are the reference at time zero
     """
     kappa, shift, epsilon = targets[:3]
+    rotation = scipy.spatial.transform.Rotation
 
-    def about(axis: int, angle: NDArray | float) -> Rotation:
-        return Rotation.from_rotvec(np.atleast_1d(angle)[:, None] * np.eye(3)[axis])
+    def about(axis: int, angle: NDArray | float) -> "Rotation":
+        return rotation.from_rotvec(np.atleast_1d(angle)[:, None] * np.eye(3)[axis])
 
-    base = Rotation.from_rotvec(time[:, None] * earth) * about(1, kappa)
+    base = rotation.from_rotvec(time[:, None] * earth) * about(1, kappa)
     inner = base * about(0, alpha - shift) * about(1, epsilon) * about(2, beta)
-    block = inner * Rotation.from_matrix(mounting.T) * Rotation.from_rotvec(targets[14:11:-1])
+    block = inner * rotation.from_matrix(mounting.T) * rotation.from_rotvec(targets[14:11:-1])
     return block.as_quat()[:, [3, 0, 1, 2]]
 
 

@@ -1,20 +1,13 @@
-"""Check a file of any kind; archives are checked here, other files in `files`."""
+"""Check a file of any kind: its first bytes and its ending decide what lists its problems."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from fmpy.validation import validate_fmu
-
 from ..files import LARGEST, LARGEST_RESULT, LARGEST_TEXT, ZIP, bytes_of, is_workbook
-from ..locks import own_folder
-from ..orchestrator.archive import unpack
-from ..orchestrator.interface import Interface, interface_of
-from ..rounding import exactly
-from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings
 
-MOST_NAMES = 50
-"""Most names of one kind of variable that the summary of an FMU lists."""
+MOST = 200
+"""Largest number of a record's problems that are listed."""
 
 
 def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = None, *, trust: bool = False) -> Check:
@@ -28,59 +21,41 @@ def check(path: Path | str, channels: Sequence[str] = (), stamps: str | None = N
     ending = path.suffix.lower()
     content = bytes_of(path, most={".toml": LARGEST_TEXT, ".json": LARGEST_RESULT}.get(ending, LARGEST))
     findings = Findings(path)
+    # Each kind of file needs many modules of its own.
     if content.startswith(ZIP) and not is_workbook(content):
+        from .archives import check_fmu, check_ssp
+
         if ending == ".ssp":
-            _check_ssp(findings)
+            check_ssp(findings)
         else:
-            _check_fmu(findings)
+            check_fmu(findings)
     elif ending in (".fmu", ".ssp"):
         findings.kind = "SSP archive"
         if ending == ".fmu":
             findings.kind = "FMU"
         findings.add(f"is not a ZIP archive, which an {ending} is")
+    elif ending in (".toml", ".json"):
+        _check_text(findings, content, results=ending == ".json")
     else:
-        # Refuse a foreign archive before importing the many modules that read records.
-        from .files import check_content
+        from .tables import check_table
 
-        return findings.check(check_content(findings, content, channels, stamps, trust=trust))
+        check_table(findings, content, channels, stamps, trust=trust)
+        return findings.check(MOST)
     return findings.check()
 
 
-def _check_fmu(findings: Findings) -> None:
-    """Check an FMU with FMPy's validation and the orchestrator's own, without running it."""
-    findings.kind = "FMU"
-    with own_folder() as folder, findings.of():
-        # First of all, this refuses an archive that is unsafe to unpack.
-        described = unpack(findings.path, str(findings.path), lambda _: folder / "fmu").description
-        interface = interface_of("fmu", str(findings.path), described)
-        for text in validate_fmu(str(findings.path)):
-            findings.add(" ".join(text.split()))
-        if not findings.problems:
-            tool = described.generationTool or "an unnamed tool"
-            findings.summary = (
-                f"{described.modelName}, FMI {described.fmiVersion}, by {tool}",
-                *(_listed(interface, causality) for causality in ("input", "parameter", "output")),
-            )
+def _check_text(findings: Findings, content: bytes, *, results: bool) -> None:
+    try:
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        findings.add(f"byte {error.start + 1} is not UTF-8 text; save it as UTF-8", line=line)
+        return
+    if results:
+        from .results import check_results
 
+        check_results(findings, text)
+    else:
+        from .sections import check_sections
 
-def _listed(interface: Interface, causality: str) -> str:
-    """Return a line with the names of the variables of a causality; an array is one name."""
-    names = []
-    for name in interface.named(causality):
-        base = name.partition("[")[0]
-        elements = interface.arrays.get(base, ())
-        names.append(f"{base}[1..{len(elements)}]" if elements else name)
-    distinct = list(dict.fromkeys(names))
-    more = f", and {len(distinct) - MOST_NAMES} more" if len(distinct) > MOST_NAMES else ""
-    return f"{causality}s: {', '.join(distinct[:MOST_NAMES]) or 'none'}{more}"
-
-
-def _check_ssp(findings: Findings) -> None:
-    """Check that an .ssp can be read as a scenario, without running it."""
-    findings.kind = "SSP archive"
-    with findings.of(), scenario_of_ssp(findings.path) as (scenario, ignored):
-        findings.warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)
-        findings.summary = (
-            f"FMUs: {', '.join(scenario.fmus)}",
-            f"{len(scenario.connections)} connections, step {exactly(scenario.run.step_s)} s",
-        )
+        check_sections(findings, text)

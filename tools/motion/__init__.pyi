@@ -9,7 +9,6 @@ from .attitude import run_attitude as run_attitude
 from .attitude import split_error as split_error
 from .carry import GyroModel as GyroModel
 from .carry import carried_attitude as carried_attitude
-from .carry import rotation_of as rotation_of
 from .compare import ARITHMETICS as ARITHMETICS
 from .compare import ROUNDINGS as ROUNDINGS
 from .compare import Samples as Samples
@@ -22,6 +21,7 @@ from .compare import sample_motion as sample_motion
 from .increments import gyro_input as gyro_input
 from .increments import increments_from as increments_from
 from .increments import left_out_line as left_out_line
+from .inspect import AtTable as AtTable
 from .inspect import Inspection as Inspection
 from .inspect import inspect_record as inspect_record
 from .norm import calibrate_by_norm as calibrate_by_norm
@@ -32,3 +32,4 @@ from .rests import sampling_of as sampling_of
 from .trust import TrustCheck as TrustCheck
 from .trust import trust_of as trust_of
 from .trust import trusted as trusted
+from .turning import rotation_of as rotation_of

@@ -25,8 +25,9 @@ from ..records import StrapdownRecord
 from ..records.columns import INCREMENT, QUATERNION, VELOCITY
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
-from .carry import carrying, inputs, rotation_of
+from .carry import carrying, inputs
 from .increments import Bridge, coarser, gyro_input, left_out_line, sampling_period
+from .turning import rotation_of
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""

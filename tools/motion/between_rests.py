@@ -4,10 +4,11 @@ Between two rests the gyros, less their mean at both, turn gravity's direction a
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, least_squares
 
 from ..records import StrapdownRecord
 from ..records.channels import PERMUTATIONS, Channels
@@ -16,6 +17,9 @@ from ..rounding import digits
 from .rests import RecordSampling, Rests
 from .truth import usable_in
 from .turning import said_of_ways, units_tried
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 ALLOWED, ALLOWED_PART = 0.15, 0.1
 """The carried attitude may miss gravity by so much [rad], and by so much of the way that the block turned."""
@@ -170,10 +174,10 @@ def scales_by_rests(moves: Moves) -> NDArray[np.float64] | None:
         missed = telling.carried(np.diag(scale)) - telling.after
         return np.append(missed, ALIKE * (logs - logs.mean()))
 
-    def fitted(starts: NDArray[np.float64]) -> OptimizeResult:
+    def fitted(starts: NDArray[np.float64]) -> "OptimizeResult":
         """Return the best fit from the best of some starts, logarithms (S, 1) or (S, 3)."""
         costs = [float(np.square(misses(start)).sum()) for start in starts]
-        return least_squares(misses, starts[int(np.argmin(costs))])
+        return scipy.optimize.least_squares(misses, starts[int(np.argmin(costs))])
 
     fit = fitted(np.log(SCALES)[:, None])
     if 2.0 * fit.cost > ALLOWED**2 * len(telling):

@@ -11,7 +11,6 @@ from typing import TypeAlias
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ...models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT
 from ...models.effects import EffectPlace, MotionRows, parameter_name, place_from_mapping
@@ -21,6 +20,7 @@ from ..records import StrapdownRecord
 from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
 from ..records.stamps import grid_of
 from .rests import RecordSampling, mean_rates
+from .turning import rotation_of
 
 ALGORITHM = "one-sample-rodrigues"
 """What carries the attitude: it updates at every sample."""
@@ -273,11 +273,6 @@ def algorithm_for(increments: NDArray) -> int:
     by_name = {a.name: a for a in ALGORITHMS}
     longest = float(np.linalg.norm(increments, axis=1).max(initial=0.0))
     return by_name[ALGORITHM if 1.1 * longest < by_name[ALGORITHM].max_increment else FALLBACK].number
-
-
-def rotation_of(quaternion: np.ndarray) -> Rotation:
-    """Rotations of quaternions (N, 4), scalar first."""
-    return Rotation.from_quat(np.roll(quaternion, -1, axis=-1))
 
 
 def matrices_of(quaternion: NDArray) -> NDArray[np.float64]:

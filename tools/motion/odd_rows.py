@@ -3,8 +3,8 @@
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..records import ForceRecord, RawRecord, StrapdownRecord
@@ -63,7 +63,7 @@ def odd_rows_of_forces(record: Series) -> tuple[str, ...]:
     forces = record.specific_force
     if isinstance(record, StrapdownRecord) and record.velocity_increment is not None:
         forces = record.velocity_increment / period
-    off = np.abs(forces - median_filter(forces, (2 * LONGEST + 3, 1)))
+    off = np.abs(forces - scipy.ndimage.median_filter(forces, (2 * LONGEST + 3, 1)))
     alone = off > ALONE * np.sort(off, axis=1)[:, 1:2]
     spikes = unlike_rows(forces, STANDARD_GRAVITY) & alone
     lines = _lines(record, "accelerometer", forces, spikes, STANDARD_GRAVITY)

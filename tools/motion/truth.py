@@ -1,20 +1,21 @@
 """Compare gyros with the true attitude: units, order and signs of axes, and the meaning of the quaternions."""
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ..records import StrapdownRecord
 from ..records.channels import Channels
 from ..records.stamps import grid_of
 from ..records.turned import thinned
 from ..result import Array, Result
-from .carry import rotation_of
 from .rests import RecordSampling, Rests, rates_of
-from .turning import FEWEST_WINDOWS, LEAST_MISS, LEAST_SHARE, LEAST_TURN, beside_truth, carried
+from .turning import FEWEST_WINDOWS, LEAST_MISS, LEAST_SHARE, LEAST_TURN, beside_truth, carried, rotation_of
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 LEAST_DOWN = 0.9
 """So much of the specific force stands along −z of the true attitude's reference where that points down."""
@@ -92,7 +93,7 @@ def truth_check(record: StrapdownRecord, sampling: RecordSampling, rests: Rests)
     return TruthCheck(faults=(line,), scale=np.ones(3))
 
 
-def scales_of(carried_turns: Rotation, true: Rotation) -> NDArray[np.float64]:
+def scales_of(carried_turns: "Rotation", true: "Rotation") -> NDArray[np.float64]:
     """Return the ratio of true turns to carried turns (S) about each axis (3,).
 
     An axis about which they do not turn alike is as the others are; 1 where none does.
@@ -124,7 +125,7 @@ def _meaning(attitude: NDArray, increments: NDArray, ends: NDArray, missed: floa
     return ""
 
 
-def turns_between(attitude: NDArray, ends: NDArray) -> Rotation:
+def turns_between(attitude: NDArray, ends: NDArray) -> "Rotation":
     """Turns (S) of a true attitude (N, 4), scalar first, between rows (S, 2), in body axes."""
     before, after = (rotation_of(attitude[rows]) for rows in ends.T)
     return before.inv() * after

@@ -281,3 +281,8 @@ def _words(channels: Channels, reference: str, before: Channels | None) -> str:
         if channel < 0:
             words.append(f"gyro {abs(channel)} has the wrong sign about axis {axis} of {reference}")
     return "; ".join(words)
+
+
+def rotation_of(quaternion: NDArray) -> "Rotation":
+    """Return the rotations of quaternions (N, 4), scalar first."""
+    return scipy.spatial.transform.Rotation.from_quat(np.roll(quaternion, -1, axis=-1))

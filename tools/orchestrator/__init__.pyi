@@ -11,5 +11,6 @@ from .scenario import RunOptions as RunOptions
 from .scenario import Scenario as Scenario
 from .scenario import read_scenario as read_scenario
 from .scenario import write_scenario as write_scenario
+from .stimuli import read_number_table as read_number_table
 from .wiring import Wire as Wire
 from .wiring import stepping_groups as stepping_groups

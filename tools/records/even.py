@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from ..rounding import digits, exactly
@@ -221,7 +220,9 @@ def _least_missed(record: StrapdownRecord, time: NDArray, ends: NDArray[np.int_]
         turn = stretches.less(np.tile(-bias, (len(ends), 1))).total(gyros)
         if directions is None:
             assert record.attitude is not None
-            before, behind = (Rotation.from_quat(record.attitude[rows], scalar_first=True) for rows in ends.T)
+            before, behind = (
+                scipy.spatial.transform.Rotation.from_quat(record.attitude[rows], scalar_first=True) for rows in ends.T
+            )
             return (turn.inv() * before.inv() * behind).as_rotvec()
         force = directions @ (np.eye(3) + ACCELEROMETER * errors[12:21].reshape(3, 3)).T + ACCELEROMETER * errors[21:]
         return force[:, 1] - turn.inv().apply(force[:, 0])
@@ -229,5 +230,5 @@ def _least_missed(record: StrapdownRecord, time: NDArray, ends: NDArray[np.int_]
     def residuals(errors: NDArray) -> NDArray:
         return np.append(missed(errors).ravel() / NOISE, errors)
 
-    errors = least_squares(residuals, np.zeros(24), method="lm", ftol=CONVERGED, xtol=CONVERGED).x
+    errors = scipy.optimize.least_squares(residuals, np.zeros(24), method="lm", ftol=CONVERGED, xtol=CONVERGED).x
     return float(np.sqrt(3.0 * np.mean(np.square(missed(errors)))))

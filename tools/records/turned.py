@@ -1,12 +1,16 @@
 """Turns of gyros over stretches of rows: many stretches at once, rows that turn little added up."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from .kinds import StrapdownRecord
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 STEP = 0.1
 """Turns of neighbouring rows are added up to one of about this size [rad]."""
@@ -56,9 +60,9 @@ class Stretches:
         turns = self.turns - self.seconds[:, :, None] * level[:, None, :]
         return Stretches(turns, self.seconds, np.linalg.norm(turns, axis=2).sum(axis=1))
 
-    def total(self, matrix: NDArray[np.float64]) -> Rotation:
+    def total(self, matrix: NDArray[np.float64]) -> "Rotation":
         """The turns (S), at least one, over whole stretches of gyros that are read through a matrix (3, 3)."""
-        total = Rotation.from_rotvec((self.turns @ matrix.T).reshape(-1, 3))
+        total = scipy.spatial.transform.Rotation.from_rotvec((self.turns @ matrix.T).reshape(-1, 3))
         while len(total) > len(self):
             total = total[0::2] * total[1::2]
         return total

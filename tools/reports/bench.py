@@ -12,7 +12,7 @@ from ..calibrated import Calibration
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
 from ..document.blocks import Download, Section, Table
-from ..document.notation import Cell, effect_formula, equation, minus, signed, typographic
+from ..document.notation import Cell, effect_formula, equation, listed, minus, signed, typographic
 from ..records import PositionRecord
 from ..rounding import digits, downwards, exactly, residual, to_bound, upwards
 from .pictures.records import bench_tour
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
     from ..calibration.correction import Correction
     from ..diagnosis.cause import Cause
+
+
+MOST_READINGS = 6
+"""Largest number of readings in a line that prove a falsification."""
 
 
 def measured_section(record: PositionRecord, result: Calibration) -> Section:
@@ -350,3 +354,11 @@ def correction_terms(
         reading = f"({' '.join(terms)})"
         equations.append((f"n{below}{p + 1}", reading, text(correction.plus[p]), text(correction.minus[p])))
     return equations
+
+
+def proof_lines(calibration: Calibration) -> list[str]:
+    """Return the readings that prove that no parameters fit; empty if there are none."""
+    if not calibration.witness:
+        return []
+    readings = [f"f{reading.accelerometer} at {reading.position}" for reading in calibration.witness]
+    return [f"Readings that prove it, by accelerometer and position: {listed(readings, MOST_READINGS)}."]

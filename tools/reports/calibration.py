@@ -32,7 +32,6 @@ from ..rounding import digits, exactly, residual, to_bound, upwards
 from . import bench
 from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
-from .witnesses import proof_lines
 
 TONES: dict[str, Tone] = {"consistent": "good"}
 WOULD_TELL = "Measured again, these positions tell the noise bound."
@@ -50,7 +49,7 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
     Residuals, record, model, evidence and joint sets follow; those of the record only if it is known.
     """
     answer = target_sections(result) + effect_sections(result) + gyro_sections(result)
-    answer.append(Section("Proof", proof_lines(result)))
+    answer.append(Section("Proof", bench.proof_lines(result)))
     if result.verdict == "insufficient":
         answer = open_sections(result) + answer
     else:

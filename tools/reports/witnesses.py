@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from ..calibrated import Calibration
 from ..diagnosis.result import Diagnosis
 from ..diagnosis.witness import EffectWitness, Witness
 from ..document.blocks import Section, Table
-from ..document.notation import Cell, listed, sentence
+from ..document.notation import Cell, sentence
 from ..evidence.bench import TurnErrors
 from ..rounding import digits, residual, to_bound, upwards
 from .pictures.residuals import errors_of_turns
@@ -14,8 +13,6 @@ from .pictures.residuals import errors_of_turns
 MOST_TURNS = 12
 COARSE = 0.05
 """Times [s] and turns [deg] are shown to a tenth of this and finer by one digit."""
-MOST_READINGS = 6
-"""Largest number of readings in a line that prove a falsification."""
 
 
 def witnesses_of(result: Diagnosis) -> tuple[EffectWitness, ...]:
@@ -123,11 +120,3 @@ def turn_sections(result: Diagnosis) -> list[Section]:
     picture = errors_of_turns(middle, before, after if result.findings else None)
     caption = "Largest error of each rest, move and part of a move over its bound. The table has the worst."
     return [Section("Turns, as the gyros saw them", [text], picture, caption, Table(header, rows))]
-
-
-def proof_lines(calibration: Calibration) -> list[str]:
-    """Return the readings that prove that no parameters fit; empty if there are none."""
-    if not calibration.witness:
-        return []
-    readings = [f"f{reading.accelerometer} at {reading.position}" for reading in calibration.witness]
-    return [f"Readings that prove it, by accelerometer and position: {listed(readings, MOST_READINGS)}."]

@@ -6,9 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from generator.stands import random_bench, simulated
 from trihedron.tools import cli
+from trihedron.tools.records import write_record
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 HEAVY = ("numpy", "scipy", "polars", "numba", "llvmlite", "matplotlib", "fmpy", "pythonfmu", "pydantic", "highspy",
@@ -55,6 +58,19 @@ def test_an_archive_is_refused_before_what_reads_records_is_imported(name: str, 
     present = imported_by("check", str(tmp_path / name))
     assert "fmpy" in present
     assert present & {"scipy", "numba", "highspy", "matplotlib", "trihedron.tools.records.read"} == set()
+
+
+@pytest.mark.parametrize("command", [["check"], ["calibrate", "--noise-bound", "1e-5"]], ids=" ".join)
+def test_a_short_calibration_starts_without_compiler_and_simulation(command: list[str], tmp_path: Path):
+    rng = np.random.default_rng(24)
+    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, 24))
+    record = simulated(random_bench(rng), alpha, beta, rng.uniform(-1e-5, 1e-5, (24, 3)))
+    write_record(record, tmp_path / "record.csv")
+    present = imported_by(command[0], str(tmp_path / "record.csv"), *command[1:])
+    assert "trihedron.tools.records.read" in present
+    slow = {"numba", "llvmlite", "scipy.optimize", "scipy.spatial", "scipy.interpolate", "fmpy", "matplotlib"}
+    simulation = {"trihedron.tools.orchestrator.run", "trihedron.tools.evidence.evidence", "trihedron.tools.sieve"}
+    assert present & (slow | simulation) == set()
 
 
 def test_a_plan_imports_nothing_that_reads_records_or_makes_components():

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from ....fmus.units import ARCMIN
 from ...calibrated import Calibration, ParameterChange
@@ -462,7 +462,7 @@ def _laws(axes: "Axes", band: BandDrawn, lines: Sequence[tuple[str, NDArray]]) -
         x, y = band.knots[known], values[known]
         if is_smooth and len(x) > 2:
             between = np.linspace(x[0], x[-1], FINE)
-            x, y = between, PchipInterpolator(x, y)(between)
+            x, y = between, scipy.interpolate.PchipInterpolator(x, y)(between)
         axes.plot(x, y, color=colour.light, linestyle=dash, label=name)
     axes.set_xlabel(band.quantity)
     if band.circle:
