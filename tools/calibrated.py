@@ -19,6 +19,7 @@ from ..models.bench import GYRO_PARAMETERS
 from .errors import InvalidInput, nearest
 from .quantity import Quantity
 from .result import ABSENT, Result, finite_or_none
+from .rounding import upwards
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -375,6 +376,22 @@ class ByHand(Part):
     covariance: list[list[Number]] | None = None
 
 
+def noise_option(bound: float | None) -> str:
+    """Return the option of a noise bound [g], rounded upwards; empty of none that can be given."""
+    return f"--noise-bound {upwards(bound, 3)}" if bound is not None and 0.0 < bound < 1.0 else ""
+
+
+class SetOfEffects(Part):
+    """Effects of one of several explanations, in words, and the least σ with which the model stands with them.
+
+    `option` is σ as an option of the command line; both are empty where other bounds than σ count.
+    """
+
+    effects: list[str]
+    stands_with_sigma: Size | None = None
+    option: str = ""
+
+
 class CalibratedEffect(Part):
     """An effect that was calibrated with the model's parameters: in words, where it acts, its own parameters."""
 
@@ -473,6 +490,9 @@ class Calibration(Part):
         effects that a diagnosis names and whose sizes are unknowns of the same programme; all numbers hold beside them
     explained_by : str
         the diagnosis that names them
+    sets : list of SetOfEffects
+        of an ambiguous diagnosis: sets of effects each of which explains the record. The intervals hold with any of
+        them; the estimates are those of the first
     reading_errors : list of ReadingError
         possible errors of the readings at the corners of the input
     open : list of Open
@@ -497,7 +517,7 @@ class Calibration(Part):
     omitted: ClassVar[frozenset[str]] = frozenset(
         {"stands_with_sigma", "gravity_mps2", "convention", "baseline", "mountings", "positions", "measurements"}
         | {"no_estimate", "gyros", "reading_errors", "open", "next_positions", "of_record", "changes", "provenance"}
-        | {"effects", "explained_by", "by_hand"}
+        | {"effects", "explained_by", "sets", "by_hand"}
     )
 
     schema_: Literal["trihedron.calibration/3"] = Field(default="trihedron.calibration/3", alias="schema")
@@ -521,6 +541,7 @@ class Calibration(Part):
     by_hand: ByHand | None = None
     effects: list[CalibratedEffect] = Field(default=[])
     explained_by: str = ""
+    sets: list[SetOfEffects] = Field(default=[])
     reading_errors: list[ReadingError] = Field(default=[])
     open: list[Open] = Field(default=[])
     next_positions: list[TablePosition] = Field(default=[])
@@ -541,6 +562,11 @@ class Calibration(Part):
     def stands(self) -> bool:
         """Return true if the model keeps every reading within its bound, even where σ is unknown."""
         return gives_parameters(self.verdict, self.estimator)
+
+    @property
+    def option_to_stand(self) -> str:
+        """The option with which a falsified model would stand; empty where it stands, or other bounds than σ count."""
+        return noise_option(self.stands_with_sigma) if self.verdict == "falsified" else ""
 
     @property
     def noise_bound(self) -> float:

@@ -324,14 +324,21 @@ def calibrate(
     'consistent'
     """
     run = records.read_record(record, *records.TO_CALIBRATE, channels=channels, stamps=stamps)
+    remarks: list[str] = []
+    if explained_by is not None:
+        explained_by = _diagnosis_of(explained_by)
+        if not diagnosis.explanations_to_use(explained_by, noise_bound):
+            remarks = [diagnosis.without_explanation(explained_by)]
+            if noise_bound is None and noise_sd is None and noise_result is None:
+                noise_bound = explained_by.given_bound
+            explained_by = None
     of_hand = {"rest_scatter": rest_scatter, "rests": rests, "faces": faces, "turns": turns}
     if isinstance(run, records.StrapdownRecord) and explained_by is not None:
         of_table = {"bench": bench, "target": tuple(targets), "prior": tuple(priors), **of_hand}
         _refuse(of_table, run, "a record of a table")
         run = motion.trusted(run, trust=trust, gravity=gravity)
         known = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "rates": rates}
-        result = diagnosis.calibrated_with(_diagnosis_of(explained_by), run, **known)
-        return result.model_copy(update={"made_of": run})
+        return diagnosis.calibrated_with(explained_by, run, **known).model_copy(update={"made_of": run})
     if not isinstance(run, records.PositionRecord):
         of_table = {
             "bench": bench,
@@ -344,7 +351,7 @@ def calibrate(
         of_table |= {"bounds": tuple(bounds) != (3e-3, 1e-2), "mounting": mounting != "identity"}
         _refuse(of_table, run, "a record of a table")
         checked = motion.trusted(by_hand.parted_at_cuts(run, gravity), trust=trust, gravity=gravity)
-        run = replace(run, warnings=checked.warnings)
+        run = replace(run, warnings=(*remarks, *checked.warnings))
         known = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "rates": rates}
         result = by_hand.calibrate_by_hand(run, by_hand.HandRequest.told(**known, **of_hand))
         return result.model_copy(update={"made_of": run})
@@ -358,10 +365,9 @@ def calibrate(
     options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "convention": convention}
     options |= {"baseline": baseline, "bounds": bounds, "mounting": mounting, "targets": targets, "priors": priors}
     if explained_by is None:
-        result = calibrations.calibrate_whole(run, place, **options)
-    else:
-        result = diagnosis.calibrated_with(_diagnosis_of(explained_by), run, place, **options)
-    return result.model_copy(update={"made_of": run})
+        run = replace(run, warnings=(*remarks, *run.warnings))
+        return calibrations.calibrate_whole(run, place, **options).model_copy(update={"made_of": run})
+    return diagnosis.calibrated_with(explained_by, run, place, **options).model_copy(update={"made_of": run})
 
 
 def _refuse(options: Mapping[str, Any], run: "records.Record", kind: str) -> None:

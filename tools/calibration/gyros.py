@@ -213,7 +213,8 @@ def with_gyros(
         parameters = without_guarantee(parameters)
     changed: dict[str, Any] = {
         "radius": solution.radius,
-        "stands_with_sigma": solution.radius * calibration.noise_bound,
+        # The bounds of the gyros do not grow with σ.
+        "stands_with_sigma": None if contradicted else solution.radius * calibration.noise_bound,
         "gyros": Gyros(
             pieces=len(system.turns.first),
             noise_basis=system.turns.basis,

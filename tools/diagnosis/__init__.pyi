@@ -1,3 +1,5 @@
+from .any_of_several import explanations_to_use as explanations_to_use
+from .any_of_several import without_explanation as without_explanation
 from .applied import applied_to as applied_to
 from .applied import export_extended as export_extended
 from .applied import nothing_exported as nothing_exported

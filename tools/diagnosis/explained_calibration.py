@@ -20,6 +20,7 @@ from ..evidence.observation import acts_at_rest
 from ..records import PositionRecord, StrapdownRecord
 from ..records.columns import CORRECTED_BY, CORRECTED_WITHIN
 from ..rounding import exactly
+from .any_of_several import Way, explanations_to_use, with_any_of
 from .applied import of_the_record, origin_of
 from .cause import Cause, centred
 from .kinds import evidence_of, evidence_options
@@ -40,17 +41,32 @@ def calibrated_with(
     parameters. If the diagnosis is of this record, the sizes of the effects are unknown. If it is of another record of
     the same instrument, its intervals bound them; rows and breaks of that record do not count. Options are the fields
     of `Asked`; the noise bound defaults to that of the diagnosis. With the place of a bench the gyros of its record are
-    calibrated, too. An InputError for a diagnosis that explains nothing, or for effects that the record cannot have.
+    calibrated, too. With an ambiguous diagnosis the intervals hold with any explanation that remains. An InputError for
+    a diagnosis that names nothing, or for effects that the record cannot have.
     """
     _refuse_corrected(record)
-    _refuse_unexplained(diagnosis)
-    given = Given(diagnosis, record, place, options)
+    chosen = explanations_to_use(diagnosis, options.get("noise_bound"))
+    ways, refusals = [], []
+    for one in chosen:
+        try:
+            ways.append(Way(one, _calibrated(Given(one, record, place, options))))
+        except InputError as error:
+            refusals.append(str(error))
+    if not ways:
+        raise InputError(refusals[0])
+    if len(chosen) == 1 and diagnosis.verdict == "explained":
+        return ways[0].calibration
+    return with_any_of(ways, diagnosis, refusals)
+
+
+def _calibrated(given: "Given") -> Calibration:
+    """Return the calibration with what one explanation names."""
     try:
         calibration = given.calibration()
     except SolverError as error:
-        raise InputError(f"{record.path}: {error}; is the noise bound right?") from error
+        raise InputError(f"{given.record.path}: {error}; is the noise bound right?") from error
     warnings = [*given.warnings(), *calibration.warnings]
-    return calibration.model_copy(update={"explained_by": origin_of(diagnosis), "warnings": warnings})
+    return calibration.model_copy(update={"explained_by": origin_of(given.diagnosis), "warnings": warnings})
 
 
 def _refuse_corrected(record: PositionRecord | StrapdownRecord) -> None:
@@ -60,21 +76,6 @@ def _refuse_corrected(record: PositionRecord | StrapdownRecord) -> None:
                 f"{record.path}: is corrected already ({record.about.get(CORRECTED_BY)}); give --with the record as "
                 "it was measured"
             )
-
-
-def _refuse_unexplained(diagnosis: Diagnosis) -> None:
-    if diagnosis.verdict == "consistent":
-        raise InputError("--with: the diagnosis is consistent and names no effect; calibrate without --with")
-    if diagnosis.verdict == "ambiguous":
-        raise InputError(
-            f"--with: the diagnosis is ambiguous, {len(diagnosis.explanations)} explanations remain; measure the "
-            "positions that it proposes, and diagnose again"
-        )
-    if diagnosis.verdict != "explained":
-        raise InputError(
-            f"--with: the diagnosis is {diagnosis.verdict} and names nothing to calibrate with; calibrate without "
-            "--with, and see what the diagnosis says to measure"
-        )
 
 
 def is_of(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord) -> bool:

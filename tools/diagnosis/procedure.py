@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
 from ..bounded.sets import MAX_SET
 from ..errors import InputError
@@ -19,16 +20,19 @@ from ..records import PositionRecord, StrapdownRecord
 from ..sieve import LEAST_OF_TWO, Simple, other_breaks, tells_two_things, with_rounding, wrong_pieces
 from .beyond import Beyond, keys_of
 from .candidates import Candidates, named
-from .cause import Finding, causes_of, centred, excluded_sizes, finding_of
+from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, finding_of
 from .dependence import Dependence, Proven, Suffices, dependence, residual_structure
 from .helps import of_lengths, only_at_one_length, what_helps
 from .hypothesis import answered, places_of
 from .kinds import KnownDirections, evidence_of, evidence_with_formulas, kind_of
-from .result import Diagnosis, Explanation
+from .result import Diagnosis, Explanation, StandsWith
 from .rivals import Listed, Unlisted, complexity_of, least_complexity
 from .search import MOST_WORK, Found, search, single_radii
 from .shortlist import CLOSE, Shortlist, next_step, pairs_of_faults, simplest_first, single_faults
 from .witness import Judgement, Witness, by_need, judgement_of, objections_of
+
+MOST_SINGLES = 4
+"""Most single effects whose noise bound is stated of a record that no set explains."""
 
 
 def diagnose(
@@ -522,6 +526,8 @@ class Procedure:
             content |= {**self.lengths, **self._power}
             if self.evidence.model.falsified:
                 content |= self._of_misfit
+            if verdict in ("unexplained", "ambiguous"):
+                content["stands_with"] = self._stands_with
         content |= functions or {}
         content.pop("extension", None)
         content |= model_keys
@@ -535,6 +541,33 @@ class Procedure:
         warnings = *self.head.get("warnings", ()), *model_keys.get("warnings", ())
         content["warnings"] = (*warnings, *self._not_tried)
         return Diagnosis.model_validate({**content, "verdict": verdict})
+
+    @property
+    def _stands_with(self) -> tuple[StandsWith, ...]:
+        """Return the bounds that the model needs alone, and with effects."""
+        reader, bound = self.evidence.reader, self.evidence.reader.stated_bound
+        if bound is None or not self.evidence.model.falsified:
+            return ()
+        sets: list[tuple[Sequence[EffectPlace], float]] = [((), self.evidence.model.radius)]
+        if self.found.fits:
+            sets += [(finding.fit.places, finding.fit.radius) for finding in self.candidates.findings]
+        else:
+            sets += [((place,), radius) for place, radius in self._singles[:MOST_SINGLES]]
+        entries = []
+        for places, radius in sets:
+            entries.append(
+                StandsWith(
+                    effects=tuple(NamedEffect.of(self.evidence.reader.named(place)) for place in places),
+                    noise_bound=radius * bound,
+                    option=reader.option_of_bounds(radius),
+                )
+            )
+        return tuple(entries)
+
+    @cached_property
+    def _singles(self) -> Sequence[tuple[EffectPlace, float]]:
+        """Return single effects with the radii that they leave."""
+        return single_radii(self.evidence.model) if self.evidence.model.effort.ranks_each else ()
 
     @property
     def _not_tried(self) -> list[str]:
@@ -553,9 +586,7 @@ class Procedure:
     def _of_misfit(self) -> Mapping[str, Any]:
         """Return the keys of a falsified model: dependences of the misfit, sufficient bound, gain of single effects."""
         evidence = self.evidence
-        keys: dict[str, Any] = {"tried": ()}
-        if evidence.model.effort.ranks_each:
-            keys["tried"] = single_radii(evidence.model)
+        keys: dict[str, Any] = {"tried": tuple((place.title, radius) for place, radius in self._singles)}
         if evidence.reader.stated_bound is not None:
             keys["noise_bound_needed"] = evidence.model.radius * evidence.reader.stated_bound
         if self.dependence is not None:

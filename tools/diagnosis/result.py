@@ -140,6 +140,23 @@ def causes_of_simple(simple: Simple) -> tuple[Cause, ...]:
     return tuple(cause for cause in causes if simple.kind != "break" or cause.place in simple.beside)
 
 
+class StandsWith(Result):
+    """Effects with which the model would stand, and the least noise bound for that, in the unit of the bound used.
+
+    `effects` are empty of the model alone. `option` gives that bound, or a larger one, on the command line; it is empty
+    where no option does.
+    """
+
+    effects: tuple[NamedEffect, ...]
+    noise_bound: Number
+    option: str
+
+    @property
+    def title(self) -> str:
+        """The effects in words."""
+        return " and ".join(effect.title for effect in self.effects) or "no effect"
+
+
 class NextPosition(TypedDict):
     """A table position to measure, the sets that it separates, and the least difference of their predictions [g].
 
@@ -323,6 +340,9 @@ class Diagnosis(Told):
         the least complex functions of one quantity at one place with which the model stands, the least complex first
     noise_bound_needed : float
         the least noise bound with which the model without effects would stand, in the unit of the bound that was used
+    stands_with : tuple of StandsWith
+        of an unexplained or ambiguous record: the model alone, the sets that remain, or else the single effects that
+        help most, with the noise bound that each needs
     caution : tuple of str
         explanations that the record cannot tell from the causes, listed or not, and other cautions
     band : BandOfFunctions or None
@@ -392,6 +412,7 @@ class Diagnosis(Told):
     depends_on: tuple[str, ...] | None = None
     suffices: tuple[Suffices, ...] | None = None
     noise_bound_needed: Number | None = None
+    stands_with: tuple[StandsWith, ...] | None = None
     caution: tuple[str, ...] = ()
     band: BandOfFunctions | None = None
     bands: tuple[BandOfFunctions, ...] | None = None
@@ -476,6 +497,12 @@ class Diagnosis(Told):
             return self.calibration.sigma.value
         bounds = (record.diagnosis.noise_bound for record in self.records)
         return next((bound for bound in bounds if bound is not None), None)
+
+    @property
+    def given_bound(self) -> float | None:
+        """σ as a fraction of g where a person gave it for readings; else None."""
+        sigma = self.calibration.sigma
+        return sigma.value if self.unit is None and not self.records and sigma.kind == "bound" else None
 
     def get(self, effect: str, default: Any = None) -> Any:
         """Return the named cause that is this effect, or `default` where it is not named."""

@@ -140,15 +140,15 @@ def _mended(
     return ()
 
 
-def single_radii(model: Model) -> tuple[tuple[str, float], ...]:
-    """Radii that single effects leave, with their titles, the least first; not of those on which the solver fails."""
+def single_radii(model: Model) -> tuple[tuple[EffectPlace, float], ...]:
+    """Return single effects with the radii that they leave, the least first; not those on which the solver fails."""
     radii = []
     for place in model.classes.places:
         try:
-            radii.append((place.title, model.alone(place)))
+            radii.append((place, model.alone(place)))
         except SolverError:
             continue
-    radii.sort(key=lambda entry: (round(entry[1], 9), entry[0]))
+    radii.sort(key=lambda entry: (round(entry[1], 9), entry[0].title))
     return tuple(radii)
 
 

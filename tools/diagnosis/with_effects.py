@@ -413,7 +413,7 @@ def solve_with(programme: Programme, sigma: Sigma) -> Calibration:
     for one in standing[1:]:
         parameters = either_parameters(parameters, one.solution.parameters)
         pairs = zip(reading_errors, one.solution.reading_errors, strict=True)
-        reading_errors = [a.model_copy(update=_ends_of(a, b)) for a, b in pairs]
+        reading_errors = [a.model_copy(update=ends_of_either(a, b)) for a, b in pairs]
         effects = either_effects(effects, one.effects)
     missing = [p.symbol for p in parameters if not p.determined]
     verdict, why, witness = "consistent", "", []
@@ -450,7 +450,7 @@ def _witness(record: PositionRecord, solved: Solved) -> list[Reading]:
     return [Reading(position=int(record.position[k // 3]), accelerometer=int(k % 3 + 1)) for k in rows]
 
 
-def _ends_of(first: Any, second: Any) -> dict[str, float | None]:
+def ends_of_either(first: Any, second: Any) -> dict[str, float | None]:
     """Return the ends of the union of two intervals; None where one is unbounded."""
     ends: dict[str, float | None] = {"low": None, "high": None}
     if first.low is not None and second.low is not None:
@@ -464,7 +464,7 @@ def either_parameters(first: Sequence[Parameter], second: Sequence[Parameter]) -
     """Return parameters as either of two ways leaves them; the estimates are those of the first."""
     parameters = []
     for one, other in zip(first, second, strict=True):
-        changed = {**_ends_of(one, other), "determined": one.determined and other.determined}
+        changed = {**ends_of_either(one, other), "determined": one.determined and other.determined}
         parameters.append(one.model_copy(update=changed))
     return parameters
 

@@ -14,7 +14,7 @@ from ...models.effects import Rows as Contexts
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import MANY_ROWS, Interval, any_centre
 from ..bounded.sets import MAX_SET, Work
-from ..calibrated import OpenTarget
+from ..calibrated import OpenTarget, noise_option
 from ..calibration.calibration import (
     Asked,
     Calibration,
@@ -277,6 +277,10 @@ class BenchReader(Reader):
     def stated_bound(self) -> float:
         """The noise bound, a fraction of g."""
         return self.model.calibration.noise_bound
+
+    def option_of_bounds(self, times: float) -> str:
+        """Return the noise bound that is so many times as large."""
+        return noise_option(times * self.stated_bound)
 
     @cached_property
     def pairs(self) -> Sequence[Pair]:

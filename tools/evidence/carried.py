@@ -225,6 +225,16 @@ class CarriedReader(RecordReader):
         """The median bound of the quoted errors [arcmin]; all bounds scale with it."""
         return float(np.median(self.quoted_part.bound)) / ARCMIN
 
+    def option_of_bounds(self, times: float) -> str:
+        """Return the error of the true attitude with which all bounds are so many times as large, or larger."""
+        reference = self.model.reference
+        if not isinstance(reference, Truth):
+            return ""
+        needed = 0.0
+        for part, of_truth in zip(self.rows.parts, reference.of_windows, strict=True):
+            needed = max(needed, float((times - 1.0) * part.bound.max() + of_truth))
+        return f"--reference-bound {upwards(0.5 * needed / ARCMIN, 3)}"
+
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
         """Return the warning of a wrong clock and the parameters that the record leaves open."""
         keys: dict[str, Any] = {"warnings": self._clock_doubt(fit)}

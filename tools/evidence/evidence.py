@@ -420,6 +420,10 @@ class Reader:
         """Yield the trials of a fit's effects on left-out data: the second witness."""
         raise NotImplementedError
 
+    def option_of_bounds(self, times: float) -> str:
+        """Return the option that makes all bounds so many times as large, or larger; empty where there is none."""
+        return ""
+
     def missing(self) -> Mapping[str, Any]:
         """Return the keys on missing data where nothing can be fitted; empty where the record is complete."""
         return {}

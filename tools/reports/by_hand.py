@@ -45,8 +45,8 @@ def verdict_sentence(result: Calibration) -> str:
         )
     if result.verdict == "falsified":
         return (
-            f"Falsified: no parameters keep every reading within σ = {exactly(result.noise_bound)} g; σ = "
-            f"{upwards(result.stands_with_sigma, 2)} g would do. The estimates hold with that σ."
+            f"Falsified: no parameters keep every reading within σ = {exactly(result.noise_bound)} g; with "
+            f"{result.option_to_stand} they would. The estimates hold with that σ."
         )
     if result.verdict == "insufficient":
         if basis.pose_error.worst > 0.01:

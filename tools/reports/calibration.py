@@ -95,6 +95,8 @@ def effect_sections(result: Calibration) -> list[Section]:
         f"Effects named by {result.explained_by}, solved with the parameters in one programme: all intervals hold "
         "beside them."
     )
+    if result.sets:
+        text = f"Effects of the explanations that remain, by {result.explained_by}: all intervals hold with any."
     header = ["effect", "parameter", "estimate", "to within", "low", "high", "unit"]
     return [Section("Effects", [text], table=Table(header, rows))]
 
@@ -108,7 +110,9 @@ WITHOUT_NOISE = (
 def verdict_sentence(result: Calibration) -> str:
     """Return the verdict in a sentence with its figures."""
     model = "the model"
-    if result.effects:
+    if result.sets:
+        model = f"the model with any of {len(result.sets)} explanations"
+    elif result.effects:
         model = f"the model with {' and '.join(effect.effect for effect in result.effects)}"
     if result.verdict == "falsified":
         proof = f", and {len(result.witness)} readings alone prove it" if result.witness else ""
@@ -299,6 +303,7 @@ BESIDE = (
     "Two other estimates: a priori, by weights that are best before anything is read; and least squares with its "
     "standard error."
 )
+A_PRIORI = "Beside them are the a-priori estimates, by weights that are best before anything is read."
 WHY_OUTSIDE = {
     "a_priori": "The a-priori estimate is a promise made before the data, which now say more: it lies outside the "
     "interval of {}.",
@@ -308,6 +313,9 @@ WHY_OUTSIDE = {
 
 def estimator_texts(result: Calibration) -> list[str]:
     """Return sentences on the kind of estimates, or on the reason for having none."""
+    if result.estimator == "least squares":
+        texts = [f"Estimates are those of least squares: {result.no_estimate}."]
+        return texts + ([f"The model would stand with `{result.option_to_stand}`."] if result.option_to_stand else [])
     texts = [ESTIMATORS[result.estimator]] if result.estimator in ESTIMATORS else []
     if result.no_estimate and len(result.missing) < len(result.targets):
         texts.append(f"No estimate{' of those' if texts else ''}: {result.no_estimate}.")
@@ -318,7 +326,7 @@ def beside_texts(result: Calibration) -> list[str]:
     """Return sentences on the other estimates, and on the reason why they may be outside an interval."""
     if not stands_beside(result):
         return []
-    texts = [BESIDE]
+    texts = [A_PRIORI if result.estimator == "least squares" else BESIDE]
     for name, text in WHY_OUTSIDE.items():
         outside = [p.symbol for p in result.targets if not p.possible(getattr(p, name))]
         if outside:

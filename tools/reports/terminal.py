@@ -59,6 +59,7 @@ def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
         yield "Formula", f"{hypothesis.formula}: {hypothesis.answer}; largest error over its bound {radii}."
     if result.noise is not None:
         yield "Noise", noise_text(result.noise)
+    yield "Would stand", stands_text(result)
     yield "Tried", tried_text(result)
     yield "Gain", gain_text(result)
     yield "Advice", advice_text(result)
@@ -183,6 +184,12 @@ def open_texts(result: Diagnosis) -> list[str]:
     if (result.verdict != "ambiguous" or not texts) and result.extension is None:
         texts += [sentence(text) for text in (result.caution or ())[:1]]
     return texts
+
+
+def stands_text(result: Diagnosis) -> str:
+    """Return the options with which the model would stand, alone and with effects."""
+    texts = [f"with {entry.title}: {entry.option}" for entry in result.stands_with or () if entry.option]
+    return f"{'; '.join(texts[:MOST_RIVALS])}." if texts else ""
 
 
 def tried_text(result: Diagnosis) -> str:

@@ -170,7 +170,7 @@ def test_without_a_possible_point_there_is_no_estimate_and_it_is_said(tmp_path: 
     np.testing.assert_array_equal(column(falsified, "estimate"), column(falsified, "least_squares"))
     assert falsified.estimator == "least squares"
     text = str(falsified)
-    assert "No estimate: no parameters of the model keep every reading within the noise bound" in text
+    assert "Estimates are those of least squares: no parameters of the model keep every reading" in text
     with pytest.raises(ValueError, match="only a consistent one gives parameters; no values fit its readings: `trihe"):
         bench_parameters(falsified.to_json())
     # The estimates are of use all the same, without a guarantee.
@@ -298,4 +298,4 @@ def test_a_page_shows_the_three_estimates_of_a_target_and_which_the_readings_exc
     table = shown["Targets"].table
     assert table is not None
     assert table.header == ["target", "meaning", "a priori", "least squares", "standard error", "unit"]
-    assert "No estimate: no parameters of the model keep every reading" in shown["Targets"].paragraphs[0]
+    assert "Estimates are those of least squares" in shown["Targets"].paragraphs[0]
