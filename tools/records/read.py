@@ -79,6 +79,10 @@ Faults: TypeAlias = Generator[RecordError, None, FileColumns | None]
 Wanted = TypeVar("Wanted", PositionRecord, StrapdownRecord)
 Other = TypeVar("Other", PositionRecord, StrapdownRecord, BenchRecord)
 
+BOM = b"\xef\xbb\xbf"
+HEAD = PART + 1024
+"""Lines at the head of a file that are read by their fields; plain numbers behind them are read at once."""
+_PLAIN = re.compile(rb"[0-9+\-.eE,\r\n]*")
 _DIGITS = re.compile(r"\s*[+-]?(\d*)\.?(\d*)(?:[eE][+-]?\d+)?\s*")
 
 
@@ -349,7 +353,9 @@ def record_from(columns: FileColumns) -> Record:
 
 def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults:
     """CSV: UTF-8, comma, one header line, comments with `#`; raises RecordError where there is no table at all."""
-    lines = _lines(path, content)
+    head = _end_of_head(content)
+    plain = _plain_numbers(content, head)
+    lines = _lines(path, content if plain is None else content[:head])
     written = [bool(line) and line[0] != "#" and not line.isspace() for line in lines]
     rows = np.flatnonzero(written) + 1
     body = list(compress(lines, written))
@@ -364,8 +370,9 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
     layout = recognise(path, names, header_row, kinds)
     if len(body) == 1:
         raise RecordError(path, header_row, None, "no rows follow the header")
-    if len(body) - 1 > layout.kind.most_rows:
-        yield _too_many(path, layout, len(body) - 1)
+    count = len(body) - 1 + (0 if plain is None else plain.height)
+    if count > layout.kind.most_rows:
+        yield _too_many(path, layout, count)
         return None
     place = {name: names.index(name) for name in sorted(layout.present, key=names.index)}
     parts: dict[str, list[np.ndarray]] = {name: [] for name in layout.numbers}
@@ -392,6 +399,10 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
         for name, column in texts_of.items():
             column += [text.strip() for text in texts[name]]
         blocks.append(where)
+    if plain is not None:
+        for name in layout.numbers:
+            parts[name].append(plain[:, place[name]].to_numpy())
+        blocks.append(np.arange(len(lines), len(lines) + plain.height))
     if not sum(map(len, blocks)):
         return None
     values = {name: np.concatenate(part) for name, part in parts.items()}
@@ -414,6 +425,42 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
         max(resolution(TEMPERATURE), comments.temperature),
         comments,
     )
+
+
+def _end_of_head(content: bytes) -> int:
+    """Return the number of bytes in the first `HEAD` lines."""
+    end = 0
+    for _ in range(HEAD):
+        end = content.find(b"\n", end) + 1
+        if end == 0:
+            return len(content)
+    return end
+
+
+def _plain_numbers(content: bytes, start: int) -> pl.DataFrame | None:
+    """Return the numbers of all lines from a byte on; None if any line is no row of finite numbers alone.
+
+    Each row has as many fields as the header. The values are those of `float`.
+    """
+    header = next(
+        (line for line in content[:start].removeprefix(BOM).splitlines() if line.strip() and line[:1] != b"#"), b""
+    )
+    plain = _PLAIN.fullmatch(content, start) is not None
+    plain = plain and content.count(b"\r", start) == content.count(b"\r\n", start)
+    if start == len(content) or b'"' in header or not plain:
+        return None
+    width = header.count(b",") + 1
+    rows = memoryview(content)[start:]
+    schema = {str(place): pl.Float64 for place in range(width)}
+    try:
+        numbers = pl.read_csv(io.BytesIO(rows), has_header=False, schema=schema)
+    except pl.exceptions.PolarsError:
+        return None
+    separators = content.count(b",", start)
+    finite = numbers.select(pl.all().is_finite().all()).row(0)
+    if all(finite) and not any(numbers.null_count().row(0)) and separators == numbers.height * (width - 1):
+        return numbers
+    return None
 
 
 def significant_digits(text: str) -> int:
@@ -447,7 +494,7 @@ def _lines(path: Path, content: bytes) -> list[str]:
     except UnicodeDecodeError as error:
         # the codec counts from behind the byte order mark
         behind_mark = 0
-        if content.startswith(b"\xef\xbb\xbf"):
+        if content.startswith(BOM):
             behind_mark = 3
         at = error.start + behind_mark
         row = content[:at].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") + 1

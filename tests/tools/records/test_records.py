@@ -292,3 +292,52 @@ def test_rows_are_selected_in_the_order_asked_for():
     assert chosen.mounting == (record.mounting[4], record.mounting[1])
     np.testing.assert_array_equal(chosen.specific_force, record.specific_force[[4, 1]])
     assert len(record.selected(record.alpha > 1e9)) == 0
+
+
+def long_record(rows: int = 20_000) -> list[str]:
+    """Return the lines of a strapdown record whose numbers have all their digits."""
+    draws = np.random.default_rng(7)
+    values = draws.standard_normal((rows, 6)) * 10.0 ** draws.integers(-12, 0, (rows, 6))
+    values[:, 5] += 9.8
+    lines = ["# a bench", "", STRAPDOWN_HEADER]
+    for row, readings in enumerate(values.tolist()):
+        lines.append(",".join([str(0.01 * row), *map(repr, readings)]))
+    return lines
+
+
+@pytest.mark.parametrize(
+    ("end", "last"),
+    [("\n", ""), ("\r\n", "\r\n"), ("\n", "\n# the end\n"), ("\n", "\n\n")],
+    ids=["lines", "windows", "comment behind", "blank behind"],
+)
+def test_a_long_file_has_the_numbers_that_python_reads(record_of, end, last):
+    lines = long_record()
+    record = record_of(end.join(lines) + last)
+    expected = np.array([[float(field) for field in line.split(",")] for line in lines[3:]])
+    np.testing.assert_array_equal(record.time_s, expected[:, 0])
+    np.testing.assert_array_equal(record.rate, expected[:, 1:4])
+    np.testing.assert_array_equal(record.specific_force, expected[:, 4:])
+    np.testing.assert_array_equal(record.row, np.arange(4, 20_004))
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("199.0,1,2,3,4,5", ("row 19904", "6 fields")),
+        ("199.0,1,2,3,4,5,6,7", ("row 19904", "8 fields")),
+        ("199.0,1,2,3,4,5,", ("row 19904", "column f3_mps2", "empty")),
+        ("199.0,1,2,3,4,5,1e400", ("row 19904", "column f3_mps2", "infinite")),
+        ("199.0,1,2,3,4,1-5,6", ("row 19904", "column f2_mps2", "1-5")),
+        ("199.0,1,nan,3,4,5,6", ("row 19904", "column w2_radps", "nan")),
+        ("199.0,1,2\r,3,4,5,6", ("row 19904",)),
+    ],
+)
+def test_a_fault_far_behind_the_head_of_a_file_is_named(tmp_path, line, words):
+    lines = long_record()
+    lines[19_903] = line
+    path = tmp_path / "long.csv"
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError) as refusal:
+        read_record(path)
+    for word in words:
+        assert word in str(refusal.value)
