@@ -1,5 +1,8 @@
 """Cost of noise: identified in an hour at 200 Hz on six channels, and simulated by the blocks."""
 
+import resource
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -7,6 +10,7 @@ import pytest
 
 import trihedron as th
 from generator.noise import static_record
+from trihedron.tools.records import write_record
 
 pytestmark = pytest.mark.benchmark_ratio
 SCENARIO = """
@@ -68,3 +72,14 @@ def test_an_hour_at_200_hz_takes_less_than_five_seconds():
     before = time.process_time()
     th.noise(record)
     assert time.process_time() - before < 5.0
+
+
+def test_the_command_reads_an_hour_at_200_hz_in_five_seconds_and_400_mb(tmp_path):
+    path = tmp_path / "static.csv"
+    write_record(static_record(720_000, 0.005, {"N": 1e-4, "K": 2e-6}, {"N": 1e-3, "B": 2e-4}, seed=2), path)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    program = "from trihedron.tools.cli import main; raise SystemExit(main())"
+    subprocess.run([sys.executable, "-c", program, "noise", str(path)], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 5.0
+    assert after.ru_maxrss < 400_000

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
-from ..records.noise import allan_deviation
+from ..records.noise import allan_deviation_of_sums, sums_of
 from .likelihood import Fit, Likelihood
 from .processes import difference_gain
 from .result import AllanCurve
@@ -45,16 +45,16 @@ def allan_curve(pieces: Sequence[NDArray[np.float64]], step: float, likelihood: 
     likelihood, fit
         the spectrum, and the processes fitted to it
     """
-    columns = [piece[:, None] for piece in pieces]
+    sums = [sums_of(piece[:, None]) for piece in pieces]
     longest = max(map(len, pieces))
     times, deviations, models, lows, highs, model_lows, model_highs = [], [], [], [], [], [], []
     for rows in averaging_rows(longest):
-        deviation = allan_deviation(columns, rows)
+        deviation = allan_deviation_of_sums(sums, rows)
         if deviation is None:
             continue
         model, freedom = of_processes(likelihood, fit, rows, longest, len(pieces))
-        low = math.sqrt(freedom / float(chi2.isf(CHANCE, freedom)))
-        high = math.sqrt(freedom / float(chi2.ppf(CHANCE, freedom)))
+        low = math.sqrt(freedom / float(chdtri(freedom, CHANCE)))
+        high = math.sqrt(freedom / float(chdtri(freedom, 1.0 - CHANCE)))
         times.append(rows * step)
         deviations.append(float(deviation[0]))
         lows.append(low * float(deviation[0]))

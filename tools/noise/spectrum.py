@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 SINGLE = 64
 """Lowest coefficients that are bins of their own."""
@@ -205,7 +205,7 @@ def line_mask(coefficients: NDArray[np.float64]) -> NDArray[np.bool_]:
     if count < 2 * SINGLE:
         return masked
     edges = _level_edges(count)
-    limit = float(chi2.isf(LINE_CHANCE / count, 1)) / float(chi2.median(1))
+    limit = float(chdtri(1, LINE_CHANCE / count)) / float(chdtri(1, 0.5))
     for _ in range(ROUNDS):
         level = _levels(squares, masked, edges)
         above = squares > limit * level

@@ -204,18 +204,27 @@ def allan_deviation(pieces: Sequence[np.ndarray], size: int) -> np.ndarray | Non
     It is the square root of half the mean square difference of averages side by side; None when no piece holds two. The
     pieces (n, m) are readings within each rest, equally spaced in time.
     """
+    return allan_deviation_of_sums([sums_of(piece) for piece in pieces], size)
+
+
+def sums_of(piece: np.ndarray) -> np.ndarray:
+    """Return the sums (n + 1, m) of a piece (n, m) up to each row, its mean taken out: they stay small."""
+    return np.concatenate([np.zeros((1, piece.shape[1])), np.cumsum(piece - mean_of(piece), axis=0)])
+
+
+def allan_deviation_of_sums(sums: Sequence[np.ndarray], size: int) -> np.ndarray | None:
+    """Return the overlapping Allan deviation of averages over `size` rows, shape (m,), from `sums_of` each piece."""
     total, count = 0.0, 0
-    for piece in pieces:
-        if len(piece) < 2 * size:
+    for of_piece in sums:
+        if len(of_piece) <= 2 * size:
             continue
-        # the sums stay small beside the first row: nothing is lost where readings hardly differ
-        sums = np.concatenate([np.zeros((1, piece.shape[1])), np.cumsum(piece - piece[0], axis=0)])
-        means = (sums[size:] - sums[:-size]) / size
-        difference = means[size:] - means[:-size]
-        total = total + np.sum(difference**2, axis=0)
+        difference = of_piece[2 * size :] - of_piece[size:-size]
+        difference -= of_piece[size:-size]
+        difference += of_piece[: -2 * size]
+        total = total + np.einsum("ij,ij->j", difference, difference)
         count += len(difference)
     if count:
-        return np.sqrt(0.5 * total / count)
+        return np.sqrt(0.5 * total / count) / size
     return None
 
 
@@ -230,7 +239,8 @@ def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
         rows = int(np.median([len(piece) for piece in pieces]))
     if rows < 4:
         return None
-    half, quarter = allan_deviation(pieces, rows // 2), allan_deviation(pieces, rows // 4)
+    sums = [sums_of(piece) for piece in pieces]
+    half, quarter = allan_deviation_of_sums(sums, rows // 2), allan_deviation_of_sums(sums, rows // 4)
     if half is None or quarter is None:
         return None
     slope = np.divide(half, quarter, out=np.full_like(half, WHITE), where=quarter > 0.0)

@@ -87,7 +87,7 @@ def test_allan_deviation_is_that_of_another_program():
     )
     curve = th.noise(record, gravity=10.0).of("gyro")[0].allan
     _, deviation, _, _ = allantools.oadev(1e-4 * values, rate=1.0 / STEP, data_type="freq", taus=np.array(curve.tau_s))
-    np.testing.assert_allclose(curve.deviation, deviation, rtol=1e-11)
+    np.testing.assert_allclose(curve.deviation, deviation, rtol=1e-12)
 
 
 def test_its_band_holds_the_allan_deviation_of_such_records():

@@ -1,5 +1,8 @@
 """The noise bound from a record covers the true one, and is not given without evidence; Allan deviation."""
 
+import math
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -168,6 +171,23 @@ def test_the_deviation_by_its_definition():
     assert deviation is not None
     np.testing.assert_allclose(deviation, np.sqrt(np.mean(squares, axis=0) / 2), rtol=1e-12)
     assert allan_deviation(pieces, 9) is None
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, 1e3])
+@pytest.mark.parametrize("size", [1, 7, 60, 150])
+def test_allan_deviation_is_that_of_exact_sums(level, size):
+    """Fractions lose no digit: a level far above the noise costs none either."""
+    piece = level + 1e-4 * np.cumsum(np.random.default_rng(5).normal(size=400))
+    sums = [Fraction(0)]
+    for value in piece.tolist():
+        sums.append(sums[-1] + Fraction(value))
+    squares = []
+    for first in range(len(sums) - 2 * size):
+        squares.append((sums[first + 2 * size] - 2 * sums[first + size] + sums[first]) ** 2)
+    exact = math.sqrt(sum(squares) / (2 * size**2 * len(squares)))
+    deviation = allan_deviation([piece[:, None]], size)
+    assert deviation is not None
+    assert deviation[0] == pytest.approx(exact, rel=1e-13)
 
 
 @pytest.mark.parametrize("rows", [40, 41, 400])
