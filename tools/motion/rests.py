@@ -251,8 +251,9 @@ class Rests(Result):
         be too small; None where the rests are fewer than `FEWEST_FOR_NOISE` or too short to tell
     force_scatter, rate_scatter : (K, 3) array or None
         three times the Allan deviation at the length of the rests, and what steps of the readings leave
-    rows, clipped_rows : tuple of slice
-        the rows that are averaged, of each rest; of each with an accelerometer at its limit
+    rows, clipped_rows, walking_rows : tuple of slice
+        the rows that are averaged, of each rest; of each with an accelerometer at its limit; of each quiet stretch
+        whose readings walk as in a slow turn, or by a large drift
     force, rate : (K, 3) array
         mean readings [m/s²], [rad/s]
     temperature : (K,) array or None
@@ -273,6 +274,7 @@ class Rests(Result):
     rate_scatter: Array | None = Field(default=None, exclude=True)
     rows: tuple[slice, ...] = Field(default=(), exclude=True)
     clipped_rows: tuple[slice, ...] = Field(default=(), exclude=True)
+    walking_rows: tuple[slice, ...] = Field(default=(), exclude=True)
     force: Array = Field(default=ABSENT, exclude=True)
     rate: Array = Field(default=ABSENT, exclude=True)
     temperature: Array | None = Field(default=None, exclude=True)
@@ -309,9 +311,9 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
         changes = np.any([np.abs(np.diff(v, prepend=v[0])) > e for v, e in zip(channels, least, strict=True)], axis=0)
         quiet = window_sums(changes[1:], size - 1) == 0
     if record.decisions is not None and record.decisions.rests is not None:
-        still, turning = rows_of_rests(record.time_s, record.decisions.rests, str(record.path)), 0
+        still, turning, walking = rows_of_rests(record.time_s, record.decisions.rests, str(record.path)), 0, []
     else:
-        still, turning = _still_stretches(record, sampling, channels, quiet, noise)
+        still, turning, walking = _still_stretches(record, sampling, channels, quiet, noise)
     limited = sampling.limits.of("f")
     usable, clipped = [], []
     for rows in still:
@@ -320,7 +322,8 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
         else:
             usable.append(rows)
     finite_noise = np.where(np.isfinite(noise), noise, 0.0)
-    return _averaged(record, sampling, tuple(usable), finite_noise, turning=turning, clipped=tuple(clipped))
+    rests = _averaged(record, sampling, tuple(usable), finite_noise, turning=turning, clipped=tuple(clipped))
+    return rests.model_copy(update={"walking_rows": tuple(walking)})
 
 
 def _still_stretches(
@@ -329,8 +332,9 @@ def _still_stretches(
     channels: list[NDArray],
     quiet: NDArray[np.bool_],
     noise: NDArray,
-) -> tuple[list[slice], int]:
-    """Return the rows of each stretch of quiet windows in which nothing turns, and the number of those that turn."""
+) -> tuple[list[slice], int, list[slice]]:
+    """Return the rows of each stretch of quiet windows in which nothing turns, the number of those that turn, and the
+    rows of those whose readings walk."""
     size = len(record) - len(quiet) + 1
     begun = np.concatenate([[0], np.cumsum(quiet)])
     at = np.arange(len(record))
@@ -338,19 +342,19 @@ def _still_stretches(
     resting &= ~sampling.broken
     jumps = _jumps(channels, quiet, noise, size)
     ends = np.union1d(parting_gaps(record.time_s) + 1, jumps)
-    still, turning = [], 0
+    still, walking = [], []
     dropped = round(SETTLING / sampling.period)
     for first, stop in _stretches(resting, ends):
         if record.time_s[stop - 1] - record.time_s[first] < SHORTEST:
             continue
         rows = slice(first + dropped, stop - dropped)
         if _walks(np.column_stack([values[rows] for values in channels]), noise):
-            turning += 1
+            walking.append(rows)
         else:
             still.append(rows)
     turns = _steady_turns(rates_of(record), record.specific_force, still, noise[:3])
-    turning += int(turns.sum())
-    return [rows for rows, out in zip(still, turns, strict=True) if not out], turning
+    turning = len(walking) + int(turns.sum())
+    return [rows for rows, out in zip(still, turns, strict=True) if not out], turning, walking
 
 
 def channel_noise(values: NDArray, size: int, lag: int) -> float:

@@ -13,6 +13,7 @@ from ..motion.rests import quiet_rests, rates_of, sampling_of
 from ..records import RawRecord, StrapdownRecord, find_rests
 from ..records.decisions import rows_of_rests
 from ..records.kinds import BenchRecord, ForceRecord
+from ..records.noise import sums_of
 from ..records.stamps import grid_of
 from ..rounding import digits, exactly
 from .processes import Sensor
@@ -21,9 +22,23 @@ TimeSeries = StrapdownRecord | RawRecord | ForceRecord
 FEWEST_ROWS = 64
 """Rows of a stretch, at least."""
 SAME_POSE = 0.03
-"""Rests whose mean specific forces differ by less than this part of their size are of one pose."""
-STILL = 0.05
-"""A block of one pose whose angle of turn between rests stays below this stands still throughout [rad]."""
+"""A block whose specific force changes by less than this part of its size keeps its pose."""
+POSE_WINDOW = 1.0
+"""Length of the windows whose median forces show the pose [s]."""
+TURN_TIMES = (0.5, 1.0, 2.0, 5.0, 10.0)
+"""Times within which the rate of a move changes [s]: that of a bias changes more slowly, or no more than usual."""
+SLOW_TURN = 0.01
+"""Change of the angle of turn from one such time to the next from which one that stands out is a move [rad]."""
+OUTSTANDING = 8.0
+"""A change this many times the usual one stands out: a wandering bias has none."""
+WANDER = 0.05
+"""Usual change that no bias shows, and angle of turn within a record too short to tell what is usual [rad]."""
+FEWEST_WINDOWS = 16
+"""Times in a record that tell what is usual."""
+STILL_STRETCH = 60.0
+"""Shortest stretch of a moved record that is a rest though its readings walk: no hand turns as slowly [s]."""
+NORMAL = 1.4826
+"""Standard deviation of normal values over the median of their sizes."""
 LONG_GAP = 20
 """Lost rows beyond which a gap ends a stretch: fewer are closed up."""
 SAME_STEP = 0.01
@@ -116,7 +131,7 @@ def at_rest(records: Sequence[TimeSeries], skip: float = 0.0) -> AtRest:
 def _of_record(record: TimeSeries, skip: float) -> AtRest:
     """Return the readings at rest of one record."""
     grid = grid_of(record.time_s)
-    rows, static = _still_rows(record)
+    rows, static = _still_rows(record, grid.period)
     start = record.time_s[0] + skip
     kept = []
     for stretch in rows:
@@ -148,39 +163,78 @@ def _rates(record: TimeSeries, period: float) -> NDArray[np.float64] | None:
     return None
 
 
-def _still_rows(record: TimeSeries) -> tuple[list[slice], bool]:
+def _still_rows(record: TimeSeries, period: float) -> tuple[list[slice], bool]:
     """Return the rows of each rest, and whether the block stands still throughout, in one stretch."""
     if record.decisions is not None and record.decisions.rests is not None:
         return rows_of_rests(record.time_s, record.decisions.rests, str(record.path)), False
+    whole = slice(0, len(record))
+    if isinstance(record, StrapdownRecord | ForceRecord):
+        if _stands_still(record, whole, period):
+            return [whole], True
+        return _rests_of(record, period), False
+    rests = find_rests(record)
+    if len(rests) == 1 and rests[0].last - rests[0].first == len(record) - 1:
+        return [whole], True
+    return [rest.kept for rest in rests if rest.refused is None], False
+
+
+def _rests_of(record: StrapdownRecord | ForceRecord, period: float) -> list[slice]:
+    """Return the rows of the rests of a block that moves, among them long ones whose readings drift."""
     if isinstance(record, ForceRecord):
-        still = still_rests(Series(record.time_s, record.specific_force / STANDARD_GRAVITY))
-        if len(still) and _same_pose(still.force):
-            return [slice(0, len(record))], True
-        return list(still.rows), False
-    if not isinstance(record, StrapdownRecord):
-        rests = [rest.kept for rest in find_rests(record) if rest.refused is None]
-        return rests, len(rests) == 1
+        return list(still_rests(Series(record.time_s, record.specific_force / STANDARD_GRAVITY)).rows)
     rests = quiet_rests(record, sampling_of(record))
-    rows = list(rests.rows)
-    if len(rests) == 0 or not _one_pose(record, rows):
-        return rows, False
-    return [slice(0, len(record))], True
+    shortest = round(STILL_STRETCH / period)
+    parts = [rows for rows in rests.rows if rows.stop - rows.start < shortest]
+    for rows in (*rests.rows, *rests.walking_rows):
+        if rows.stop - rows.start >= shortest:
+            parts += _still_parts(record, rows, period)
+    return sorted(parts, key=lambda rows: rows.start)
 
 
-def _one_pose(record: StrapdownRecord, rests: Sequence[slice]) -> bool:
-    """Return true if all rests have one pose and the block does not turn between them."""
-    if not _same_pose(np.stack([record.specific_force[rows].mean(axis=0) for rows in rests])):
+def _still_parts(record: StrapdownRecord, rows: slice, period: float) -> list[slice]:
+    """Return a stretch if the block stands still in it, else what halving leaves of it."""
+    if _stands_still(record, rows, period):
+        return [rows]
+    middle = (rows.start + rows.stop) // 2
+    if (rows.stop - middle) * period < STILL_STRETCH:
+        return []
+    first, second = slice(rows.start, middle), slice(middle, rows.stop)
+    return _still_parts(record, first, period) + _still_parts(record, second, period)
+
+
+def _stands_still(record: StrapdownRecord | ForceRecord, rows: slice, period: float) -> bool:
+    """Return true if the block keeps its pose in some rows, however much its biases drift or wander."""
+    force = record.specific_force[rows]
+    size = max(1, round(POSE_WINDOW / period))
+    count = max(1, len(force) // size)
+    medians = np.median(force[: count * size].reshape(count, -1, 3), axis=1)
+    if not _same_pose(medians):
         return False
-    rate = rates_of(record)
-    level = np.median(np.concatenate([rate[rows] for rows in rests]), axis=0)
-    angle = np.cumsum((rate[1:] - level) * np.diff(record.time_s)[:, None], axis=0)
-    # a wandering bias turns slowly: the turn within each tenth of the record counts
-    parts = np.array_split(angle, 10)
-    return all(float(np.ptp(part, axis=0).max(initial=0.0)) < STILL for part in parts)
+    return isinstance(record, ForceRecord) or not _turns(rates_of(record)[rows], period)
+
+
+def _turns(rate: NDArray[np.float64], period: float) -> bool:
+    """Return true if rates (n, 3) show a move.
+
+    The rate of a move changes within seconds, and stands out. A bias wanders always alike, or drifts over minutes.
+    """
+    angle = period * sums_of(rate)
+    if len(rate) * period < FEWEST_WINDOWS * TURN_TIMES[-1] and np.ptp(angle, axis=0).max() > WANDER:
+        return True
+    for time in TURN_TIMES:
+        half = max(1, round(0.5 * time / period))
+        turned = angle[2 * half :: half] - angle[: -2 * half : half]
+        change = turned[4:] - 2.0 * turned[2:-2] + turned[:-4]
+        if len(change) < FEWEST_WINDOWS:
+            break
+        usual = NORMAL * np.median(np.abs(change - np.median(change, axis=0)), axis=0)
+        if usual.max() > WANDER or (np.abs(change) > np.maximum(SLOW_TURN, OUTSTANDING * usual)).any():
+            return True
+    return False
 
 
 def _same_pose(means: NDArray[np.float64]) -> bool:
-    """Return true if the mean specific forces (K, 3) of rests are of one pose."""
+    """Return true if specific forces (K, 3) are of one pose."""
     size = float(np.linalg.norm(means, axis=1).mean())
     return float(np.ptp(means, axis=0).max()) <= SAME_POSE * size
 
