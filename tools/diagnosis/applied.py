@@ -12,7 +12,9 @@ from ...models.effects import EffectPlace
 from ..calibration import Applied, AppliedEffect
 from ..errors import InputError, one_line
 from ..evidence.evidence import Evidence
+from ..evidence.extension import Extension
 from ..files import LARGEST_RESULT, bytes_of, whole_folder
+from ..noise import block_parameters
 from ..records import PositionRecord, StrapdownRecord
 from ..records.columns import CORRECTED_BY, CORRECTED_WITHIN
 from ..result import object_of, parsed_result
@@ -154,29 +156,40 @@ def nothing_exported(diagnosis: Diagnosis) -> str:
 
 
 def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:
-    """Export the effects or extension of a diagnosis into a folder; return the files, if any.
+    """Export the effects, the extension and the noise of a diagnosis into a folder; return the files, if any.
 
     FMUs of a flavour, "python" or "native", that start with the parameters and sizes that are stated; beside each a
     parameter set (.ssv) with these and their intervals; and scenarios that run them as the record was measured. An
-    outlier is of no FMU. Of hypotheses it is the first that stands.
+    outlier is of no FMU. Of hypotheses it is the first that stands. Blocks start with the noise that the simulation
+    lacks.
 
     An InputError where a value is beyond what a component takes, or the folder cannot be written.
     """
-    finding = _standing(diagnosis)
-    if finding is None:
-        return []
-    effects = {cause.place: (cause.values, cause.intervals) for cause in finding.causes}
-    titles = " and ".join(place.title for place in effects)
+    noise = {} if diagnosis.noise is None else block_parameters(diagnosis.noise.against)
     try:
-        rerun = diagnosis.evidence.including(finding.fit.places).reader.rerun
-        if rerun is None:
+        extension, titles = _extension_of(diagnosis)
+        if noise:
+            extension = (extension or Extension([], {})).with_noise(noise)
+            titles.append("noise")
+        if extension is None:
             return []
         with whole_folder(folder) as temporary:
-            extension = rerun.extension(finding.fit, effects)
-            written = extension.write(temporary, f"found of a record: {titles}", flavour)
+            written = extension.write(temporary, f"found of a record: {' and '.join(titles)}", flavour)
         return [folder / path.name for path in written]
     except ValueError as error:
         raise InputError(f"--export {folder}: {error}") from error
+
+
+def _extension_of(diagnosis: Diagnosis) -> tuple[Extension | None, list[str]]:
+    """Return the components with the effects of a diagnosis, None without any, and the titles of the effects."""
+    finding = _standing(diagnosis)
+    if finding is None:
+        return None, []
+    effects = {cause.place: (cause.values, cause.intervals) for cause in finding.causes}
+    rerun = diagnosis.evidence.including(finding.fit.places).reader.rerun
+    if rerun is None:
+        return None, []
+    return rerun.extension(finding.fit, effects), [place.title for place in effects]
 
 
 def _standing(diagnosis: Diagnosis) -> Finding | None:

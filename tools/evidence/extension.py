@@ -6,7 +6,7 @@ row. The first rest begins with the run, because the hours begin there.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +106,19 @@ class Extension:
 
     starts: Sequence[Start]
     scenarios: Mapping[str, Scenario]
+
+    def with_noise(self, blocks: Mapping[str, Parameters]) -> "Extension":
+        """Return the extension whose components, by their names, also start with these noise parameters."""
+        starts = []
+        for start in self.starts:
+            values = blocks.get(start.component.name, {})
+            component = started(start.component, values)
+            starts.append(replace(start, component=component, values={**start.values, **values}))
+        extended = {start.component.name for start in starts}
+        for name, values in blocks.items():
+            if name not in extended:
+                starts.append(Start(name, started(COMPONENTS[name], values), values, {}))
+        return Extension(starts, self.scenarios)
 
     def write(self, folder: Path, said: str, flavour: str) -> list[Path]:
         """Write FMUs of a flavour, each with its values and intervals (.ssv), and the scenarios; return all files.

@@ -12,4 +12,5 @@ from .result import HeldOut as HeldOut
 from .result import Noise as Noise
 from .sigma import deviation_for as deviation_for
 from .sigma import read_noise as read_noise
+from .simulated import block_parameters as block_parameters
 from .simulated import extended_scenario as extended_scenario

@@ -1,13 +1,14 @@
 """The noise of a simulation: the processes of the blocks of a scenario, by their parameters."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..errors import InputError
 from ..orchestrator import read_scenario, write_scenario
 from ..orchestrator.scenario import Scenario
 from .processes import Letter, Sensor
+from .result import Against
 
 PARAMETERS: dict[Sensor, dict[Letter, str]] = {
     "gyro": {
@@ -76,6 +77,23 @@ def _element(parameters: Mapping[str, object], name: str, axis: int, default: fl
     if not isinstance(value, int | float):
         raise InputError(f"{name}: a number is needed, not {value!r}")
     return float(value)
+
+
+def block_parameters(against: Sequence[Against]) -> dict[str, dict[str, list[float]]]:
+    """Return the noise parameters of each component, by its name, in which a simulation's noise changes.
+
+    Correlated noise and warm-up are no parameters of a block.
+    """
+    blocks = {}
+    for sensor, component in COMPONENTS.items():
+        channels = [one for one in against if one.channel.startswith(sensor)]
+        if not any(one.changed.keys() & PARAMETERS[sensor].keys() for one in channels):
+            continue
+        values = {}
+        for letter, name in PARAMETERS[sensor].items():
+            values[name] = [(one.simulated | one.changed).get(letter, 0.0) for one in channels]
+        blocks[component] = values
+    return blocks
 
 
 def extended_scenario(path: Path, changed: Mapping[str, Mapping[Letter, float]], out: Path) -> list[Path]:

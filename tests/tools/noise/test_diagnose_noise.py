@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 
 import trihedron as th
 from generator.noise import static_record
@@ -56,15 +57,25 @@ def scenario(tmp_path):
 
 
 def test_a_diagnosis_names_the_noise_that_the_simulation_lacks(scenario, tmp_path, capsys):
-    path, out = tmp_path / "run.csv", tmp_path / "diagnosis.json"
+    path, out, folder = tmp_path / "run.csv", tmp_path / "diagnosis.json", tmp_path / "extended"
     write_record(moved_record(1, 6e-6), path)
-    assert main(["diagnose", str(path), "--against", str(scenario), "--json", str(out)]) == 0
+    words = ["diagnose", str(path), "--against", str(scenario), "--json", str(out), "--export", str(folder)]
+    assert main(words) == 0
     assert "bench.toml simulates other noise" in " ".join(capsys.readouterr().out.split())
     noise = json.loads(out.read_text())["noise"]
     gyros = noise["against"][:3]
     assert sum("K" in one["alternatives"] for one in gyros) >= 2
     assert [one["verdict"] for one in noise["against"][3:]].count("consistent") >= 2
     assert gyros[0]["held_out"]
+    # the FMU starts with what the simulation lacked, beside what it has
+    starts = {}
+    for variable in read_model_description(folder / "GyroBlock.fmu").modelVariables:
+        starts[variable.name] = variable.start
+    for axis, one in enumerate(gyros, start=1):
+        assert float(starts[f"angle_random_walk[{axis}]"]) == pytest.approx(1e-4, rel=0.1)
+        assert float(starts[f"rate_random_walk[{axis}]"]) == pytest.approx(one["changed"].get("K", 0.0), rel=1e-12)
+    assert (folder / "GyroBlock.ssv").exists()
+    assert not (folder / "AccelerometerBlock.fmu").exists() or any(one["changed"] for one in noise["against"][3:])
 
 
 def test_the_noise_changes_no_verdict(scenario):
