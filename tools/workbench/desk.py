@@ -250,10 +250,10 @@ class Desk:
             future = self._calculating.call(answers.outcome, answers.answer, asked, self._advise)
             self._running = future
             self.number += 1
-        future.add_done_callback(lambda done: self._ended(done, same_request=not changed))
+        future.add_done_callback(lambda done: self._ended(done, request, same_request=not changed))
 
-    def _ended(self, future: Future[Any], *, same_request: bool) -> None:
-        """Take the answer of a calculation that is still the wanted one."""
+    def _ended(self, future: Future[Any], request: Request, *, same_request: bool) -> None:
+        """Take the answer of a calculation that is still the wanted one, with the numbers of its files."""
         with self._lock:
             if future is not self._running:
                 return
@@ -266,7 +266,7 @@ class Desk:
             answer, self.refusal = future.result()
             if not self.refusal:
                 self.before = self.answer if same_request else None
-                self.answer = answer
+                self.answer = {**answer, "files": request.files}
 
     def stop(self) -> None:
         """Stop the calculation that is running, if any."""

@@ -62,9 +62,14 @@ function run(command) {
   return send({ do: "run", command, files: files.length ? files : [current], options: options() });
 }
 
-function decide(change) {
-  const decisions = { ...state.files[current].decisions, ...change };
-  return send({ do: "decide", file: current, decisions });
+function decide(change, file = current) {
+  const decisions = { ...state.files[file].decisions, ...change };
+  return send({ do: "decide", file, decisions });
+}
+
+// Positions that the answer calls wrong, in the file that it is about.
+function wrongIn(file) {
+  return state.answer && state.answer.files[0] === file ? state.answer.wrong : [];
 }
 
 // What is shown
@@ -99,7 +104,7 @@ function show() {
   const file = state.files[current];
   $("record-part").hidden = !file;
   if (file) {
-    const key = JSON.stringify([current, file.preview, file.about && file.about.sha256, file.decisions, file.problem, state.answer && state.answer.wrong, file.imported]);
+    const key = JSON.stringify([current, file.preview, file.about && file.about.sha256, file.decisions, file.problem, wrongIn(current), file.imported]);
     if (key !== shownRecord) { shownRecord = key; showRecord(file); }
     $("undo").disabled = !file.undo;
   }
@@ -127,8 +132,9 @@ function showAnswer() {
   const answer = state.answer;
   for (const part of ["how", "page"]) $(`${part}-part`).hidden = !answer;
   $("explanations-part").hidden = !answer || !answer.explanations.length;
-  $("before-part").hidden = !answer || !state.before;
+  $("before-part").hidden = true;
   if (!answer) return;
+  $("answer-about").textContent = answer.command;
   $("verdict").textContent = answer.verdict;
   $("verdict").className = `verdict ${answer.tone}`;
   $("key").replaceChildren(...Object.entries(answer.key).slice(0, 4).map(([name, value]) => {
@@ -141,8 +147,8 @@ function showAnswer() {
   if (answer.wrong.length) {
     const names = answer.wrong.join(", ");
     act.push(button(`Leave out position ${names}`, () => {
-      const kept = state.files[current].decisions.left_out || [];
-      decide({ left_out: [...new Set([...kept, ...answer.wrong])] });
+      const file = answer.files[0], kept = state.files[file].decisions.left_out || [];
+      decide({ left_out: [...new Set([...kept, ...answer.wrong])] }, file);
     }));
   }
   $("act").replaceChildren(...act);
@@ -197,6 +203,7 @@ function showBefore(before, after) {
   for (const name of names) rows.push([name, String(before.key[name] ?? "–"), String(after.key[name] ?? "–")]);
   const earlier = new Map(before.parameters.map(one => [one.symbol, one]));
   for (const one of after.parameters) rows.push([`${one.symbol} ${one.name}`, interval(earlier.get(one.symbol)), interval(one)]);
+  $("before-part").hidden = rows.every(([, first, second]) => first === second);
   $("before").tBodies[0].replaceChildren(...rows.map(([name, first, second]) => {
     const row = element("tr", null, first === second ? {} : { class: "changed" });
     row.append(cell(name), cell(first, "number"), cell(second, "number"));
@@ -283,7 +290,7 @@ function tableOf(header, rows) {
 
 function showTable(file) {
   const { header, rows } = file.about.table_rows, out = new Set(file.decisions.left_out || []);
-  const wrong = new Set((state.answer && state.answer.wrong) || []);
+  const wrong = new Set(wrongIn(current));
   const head = element("tr", null);
   head.append(element("th", "used"), ...header.map(name => element("th", name, { class: "number" })));
   $("positions").tHead.replaceChildren(head);
@@ -308,7 +315,7 @@ async function draw() {
   if (answer.refusal) { $("refusal").textContent = answer.refusal; return; }
   lines = { ...answer, file: current };
   span = span || [lines.from_s, lines.to_s];
-  $("span").textContent = `${span[0].toPrecision(6)} to ${span[1].toPrecision(6)} s`;
+  $("span").textContent = `${Number(span[0].toPrecision(6))} to ${Number(span[1].toPrecision(6))} s`;
   drawPanels();
 }
 
@@ -407,12 +414,12 @@ function panelOf(panel) {
   for (const value of [low, (low + high) / 2, high]) {
     svg.append(drawn("line", { class: "grid", x1: LEFT, x2: WIDTH, y1: at(value), y2: at(value) }));
     const text = drawn("text", { x: LEFT - 4, y: at(value) + 4, "text-anchor": "end" });
-    text.textContent = value.toPrecision(3);
+    text.textContent = Number(value.toPrecision(3));
     svg.append(text);
   }
   for (let k = 0; k <= 5; k++) {
     const time = span[0] + k / 5 * (span[1] - span[0]), text = drawn("text", { x: place(time), y: HEIGHT - 4, "text-anchor": k === 5 ? "end" : k ? "middle" : "start" });
-    text.textContent = time.toPrecision(5);
+    text.textContent = Number(time.toPrecision(5));
     svg.append(text);
   }
   panel.lines.forEach((line, axis) => {

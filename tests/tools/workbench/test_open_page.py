@@ -137,7 +137,11 @@ def test_a_workbook_with_a_wrong_angle_becomes_a_corrected_record(tmp_path: Path
     visitor.type("[name=noise_bound]", "1e-5")
     verdict = visitor.answered(lambda: visitor.click("[data-command=diagnose]"))
     assert "Row 12 is wrong" in verdict
+    assert visitor.page.inner_text("#answer-about") == "trihedron diagnose table.record.csv --noise-bound 1e-5"
+    # The button is about the file of the answer, whichever is looked at meanwhile.
+    visitor.page.click("#files button:text-is('table.xlsx')")
     assert visitor.answered(lambda: visitor.click("#act button")).startswith("Consistent")
+    visitor.page.click("#files button:text-is('table.record.csv')")
     assert visitor.answered(lambda: visitor.click("[data-command=calibrate]")).startswith("Consistent")
     corrected = visitor.saved("[data-save=corrected]")
     assert th.read_record(corrected).about["corrected_by"]
