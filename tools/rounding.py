@@ -153,7 +153,7 @@ def interval(
     if largest:
         size = largest.adjusted()
     place = max(decimal(bound).adjusted() - 1, size - MOST_DIGITS + 1)
-    if place >= -MOST_DECIMALS and size < FIXED.stop:
+    if (place >= -MOST_DECIMALS or size == -1) and size < FIXED.stop:
         power = 0
     else:
         power = size

@@ -7,6 +7,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from packaging.version import Version
 
 from component_kinds import elements_of
 from native_driver import ERROR, OK, Library
@@ -93,6 +94,8 @@ def columns(rows) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("name", EXCHANGED)
 def test_fmpy_gets_the_numbers_of_co_simulation(name, fmi, solver, tmp_path):
+    if name == "TurntableMotion" and Version(fmpy.__version__) < Version("0.3.27"):
+        pytest.skip("the loop of FMPy before 0.3.27 goes back in time after a time event")
     path = build(name, tmp_path, flavour="native", fmi=fmi)
     component = components()[name]
     values: dict[str, object] = {}

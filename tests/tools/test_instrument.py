@@ -191,7 +191,7 @@ def test_the_commands_list_show_and_page_it(root, capsys):
     assert json.loads(nearest.read_text(encoding="utf-8")) == json.loads((root / "1.json").read_text(encoding="utf-8"))
     out = root / "trend.json"
     assert main(["instrument", "trend", unit, "--report", str(page), "--json", str(out)]) == 0
-    assert "no constant since 2026-09-07 (beside 2026-03-02)" in capsys.readouterr().out
+    assert "changed by 2026-09-07 (against 2026-03-02)" in capsys.readouterr().out
     assert "<svg " in page.read_text(encoding="utf-8")
     again = Calibration.model_validate_json(out.read_text(encoding="utf-8"))
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))

@@ -365,7 +365,7 @@ def inspect_command(
     inspection = measured.inspect(record, **options)
     rows = inspection.record
     if plot is not None:
-        reports.write_plot(plot, record.name, f"{len(rows)} rows as measured.", rows.to_polars())
+        reports.write_plot(plot, f"Readings of {record.name}", f"{len(rows)} rows, as measured.", rows.to_polars())
     if allan is not None:
         write_text(allan, reports.allan_picture(inspection).svg())
     complaint = "; ".join(inspection.trust.faults)
@@ -450,7 +450,8 @@ def attitude_command(
     if out is not None:
         write_text(out / "attitude.csv", run.to_polars().write_csv())
     if plot is not None:
-        reports.write_plot(plot, record.name, f"{len(run.time_s)} attitudes by {run.algorithm}.", run.to_polars())
+        page = reports.attitude_page(run)
+        reports.write_plot(plot, page.title, f"{page.verdict}.", run.to_polars())
     return answer(run, json, complaint=reports.distrust(run, source.path.name))
 
 

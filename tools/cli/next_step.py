@@ -153,7 +153,8 @@ def _after_calibrate(call: Call, result: Any) -> str:
     if result.verdict == "falsified" and result.by_hand is None:
         return call.line("diagnose", *records, json="diagnosis.json")
     if result.verdict == "insufficient":
-        return ""
+        has_turns = result.by_hand is not None and result.by_hand.turn_error is not None
+        return call.line("plan hand", measured=records[-1]) if has_turns else ""
     file = call.arguments.get("json")
     if file is None:
         return call.again(json="calibration.json")
@@ -173,6 +174,18 @@ def _after_diagnose(call: Call, result: Any) -> str:
     if table:
         return call.line("calibrate", *records, explained_by=file, json="calibration.json")
     return "" if "export" in call.arguments else call.again(export="extended")
+
+
+def _after_batch(call: Call, result: Any) -> str:
+    files = (call.arguments["files"], *call.arguments.get("others", ()))
+    out = call.arguments["out"]
+    if result.do == "calibrate" and set(result.verdicts) <= {"consistent"} and (Path(out) / "instruments").is_dir():
+        return (
+            f"{Call(call.app, call.name, {}).line('batch', *files, do='apply', calibration=out)} --out {out}-corrected"
+        )
+    if result.do == "calibrate":
+        return call.line("batch", *files, do="diagnose", out=f"{out}-diagnosed")
+    return f"trihedron open {shlex.join(map(str, files[:1]))}"
 
 
 def _after_apply(call: Call, result: Any) -> str:
@@ -204,6 +217,7 @@ AFTER: dict[str, Callable[[Call, Any], str]] = {
     "calibrate": _after_calibrate,
     "diagnose": _after_diagnose,
     "apply": _after_apply,
+    "batch": _after_batch,
     "measure": _after_measure,
     "plan target": lambda *_: "trihedron plan positions 12 --out plan12",
     "plan positions": _after_plan,

@@ -300,10 +300,10 @@ class Beyond:
         if further > 0:
             names.append(f"{further} more")
         if not names:
-            return "no effect of the catalogue and no short formula stands"
+            return "no effect of the catalogue and no short formula fits"
         if len(names) == 1:
-            return f"{names[0]} stands, and so does any other function within the band"
-        return f"{', '.join(names[:-1])} and {names[-1]} stand"
+            return f"{names[0]} fits, as does any other function within the band"
+        return f"{', '.join(names[:-1])} and {names[-1]} fit"
 
     # Estimates
 

@@ -603,4 +603,4 @@ def _without_caution(functions: Mapping[str, Any], *names: str) -> dict[str, Any
 def _as_simple(finding: Finding, unlisted: Unlisted) -> str:
     """Why a set that was found before the search was cut off is not named."""
     rival = unlisted.rivals[0].pair.in_words
-    return f"{finding.title} would do; others may that were not tried, and, as simple, {rival} would"
+    return f"{finding.title} would fit; so may sets that were not tried and, equally simple, {rival}"

@@ -24,9 +24,9 @@ LIKE = 0.05
 """An effect is a function of a quantity where so little of it, relatively, is none."""
 SURE_SECOND_ORDER = 0.3
 """Largest error of the linear model with which a set that fits is a rival [bounds]."""
-NOT_COMPARED = "functions that are in no catalogue were not compared: the misfit is too large for the linear model"
+NOT_COMPARED = "functions outside the catalogue were not compared: the misfit is too large for the linear model"
 ROUGHLY = (
-    "the misfit is so large that the linear model, by which functions are compared, may be wrong: other laws may stand"
+    "the misfit is so large that the linear model, by which functions are compared, may be wrong: other laws may fit"
 )
 CHOSEN = re.compile(r"\*\* \d|(?:sin|cos)\(\d+ \*")
 """The power or the order of a formula, which was searched for."""
@@ -229,13 +229,13 @@ class Unlisted:
         """Return sentences on the explanations that are not excluded."""
         sentences = []
         for rival in self.rivals:
-            text = f"as simple, and in no catalogue: {rival.pair.in_words} would do"
+            text = f"equally simple, outside the catalogue: {rival.pair.in_words}"
             if self.proven:
-                text = f"what is proven does, too, and is no more complex than these effects: {rival.pair.in_words}"
+                text = f"the proven function is no more complex than these effects: {rival.pair.in_words}"
             sentences.append(text)
         if self.same is not None:
             sentences.append(
-                f"{self.same.pair.in_words} does what these effects do together: of which laws it is made is not proven"
+                f"{self.same.pair.in_words} equals these effects together: its composition of laws is not proven"
             )
         if self.alike:
             sentences.append(f"this record does not tell {' from '.join(pair.in_words for pair in self.alike)}")

@@ -165,14 +165,14 @@ def reason_apart(diagnosis: Diagnosis) -> str | None:
     if diagnosis.verdict == "explained" and not diagnosis.findings and not evidence.reader.read_off:
         return f"explained by itself: {diagnosis.explanations[0].sentence.rstrip('.')}"
     if diagnosis.verdict == "unexplained" and not diagnosis.unshown:
-        return f"unexplained by itself: {(diagnosis.not_named or ('no set of effects mends it',))[0]}"
+        return f"unexplained by itself: {(diagnosis.not_named or ('no set of effects explains it',))[0]}"
     if evidence.reader.read_off:
         return _not_sought(evidence.reader.read_off[0].place.title)
     return None
 
 
 def _not_sought(title: str) -> str:
-    return f"by itself {title} mends it, which is not sought in several records together"
+    return f"{title} explains it by itself; this effect is not tried for several records"
 
 
 def _joined(

@@ -85,7 +85,7 @@ def written(heading: str, column: Sequence[Cell]) -> tuple[str, list[str]]:
         return heading, ["" if cell is None else str(cell) for cell in column]
     numbers = [Decimal(str(cell)) for cell in column if cell]
     largest = max(number.adjusted() for number in numbers if number.is_finite() and number)
-    power = 3 * (largest // 3)
+    power = 0 if largest == -1 else 3 * (largest // 3)
     texts = [_over(cell, power) for cell in column]
     if not power:
         return heading, texts

@@ -5,6 +5,7 @@ from .campaign import campaign_page as campaign_page
 from .campaign import write_campaign_page as write_campaign_page
 from .campaign import write_suite as write_suite
 from .diagnosis import explanation_page as explanation_page
+from .inspection import attitude_page as attitude_page
 from .inspection import distrust as distrust
 from .lines import lines_page as lines_page
 from .lines import write_plot as write_plot

@@ -42,7 +42,7 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
         rests = str(len(record.rests))
         if len(record.rests) != len(record):
             rests += f", of which {len(record)} are used"
-        paragraphs.append(f"They are averages of the rests that were found in a time series: {rests}.")
+        paragraphs.append(f"Each is the average of a rest in a time series: {rests}.")
     columns = []
     if record.temperature is not None:
         columns.append(f"temperature {temperature_text(record.temperature)} °C")
@@ -51,7 +51,7 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
     if record.mounting is not None:
         columns.append(f"the mountings {', '.join(dict.fromkeys(record.mounting))}")
     if columns:
-        paragraphs.append(f"Known besides: {'; '.join(columns)}.")
+        paragraphs.append(f"The record also has {'; '.join(columns)}.")
     paragraphs.append(
         f"Errors of averaged readings are taken to be within σ = {upwards(result.noise_bound, 3)} g ({basis(result)})."
     )
@@ -59,7 +59,7 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
         "What was measured",
         paragraphs,
         next_directions(record.alpha, record.beta, np.zeros(0), np.zeros(0)),
-        "The vertical at each measured position, seen from the inner frame.",
+        "Direction of the vertical in the inner frame at each measured position.",
     )
 
 
@@ -214,7 +214,7 @@ def next_sections(
             "Where and when to measure next" if in_time else "Where to measure next",
             [purpose],
             next_directions(linearised.positions.alpha, linearised.positions.beta, alpha, beta, labels),
-            "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
+            "Direction of the vertical in the inner frame at each position (equal-area map).",
             Table(header, rows),
             download=Download(file, next_positions_csv(positions), f"{file}, to take to the table"),
         )

@@ -21,10 +21,10 @@ ARCSECONDS = math.degrees(1.0) * 3600.0
 ANGLES = {"alpha": "α, outer axis", "beta": "β, inner axis"}
 UNITS = {"hours": "h", "temperature": "°C", "sense": ""}
 HOW_TO_READ = (
-    "A function that leaves the band anywhere is excluded by this record and its noise bound, unless it bends more "
-    "than any that is needed. What the model without effects can imitate is no part of the function: it is taken out."
+    "The record and its noise bound exclude a function that leaves the band, unless it bends more than necessary. The "
+    "part that the nominal model can fit, such as bias and scale factor, is subtracted."
 )
-POINTS = "Each point is a reading: what it says of the function, the model without effects being taken out."
+POINTS = "Each point is a reading after this subtraction."
 
 
 def is_angular(where: str) -> bool:
@@ -113,10 +113,10 @@ def sections(result: Diagnosis) -> list[Section]:
         texts.append(POINTS)
     pictured = []
     for band, possible in zip(bands, result.beyond.each, strict=True):
-        title = f"What {band.where.replace('-', ' ')} errs by as a function of {in_words(band.quantity)}"
+        title = f"Error of {band.where.replace('-', ' ')} over {in_words(band.quantity)}"
         pictured.append(Section(title, (), band_picture(_drawn(result.beyond, band, possible)), f"{title}."))
     first = pictured[0]
-    pictured[0] = Section("What the record says, whatever the law", texts, first.picture, first.caption, _table(result))
+    pictured[0] = Section("Shape of the error", texts, first.picture, first.caption, _table(result))
     return pictured
 
 
@@ -186,7 +186,7 @@ def _table(result: Diagnosis) -> Table | None:
                 estimate, low, high = interval(value, least, most)
                 radius = residual(law.radius)
                 rows.append([name, p.name, estimate, low, high, unit_text(p.unit), radius, left_out])
-    header = ["law", "parameter", "estimate", "low", "high", "unit", "radius", "left out, rms"]
+    header = ["law", "parameter", "estimate", "low", "high", "unit", "largest residual", "held-out rms"]
     return Table(header, rows)
 
 
@@ -204,20 +204,21 @@ def proven_text(result: Diagnosis) -> str:
     proven = result.proven
     if proven is None:
         return ""
-    head = "proven, whatever the law: "
+    head = "proven: "
     if proven.quantity and result.suffices:
         least = result.suffices[0]
-        text = f"{head}{least.in_words} suffices, radius {residual(least.radius)}, and nothing else that is as simple"
+        within = residual(least.radius)
+        text = f"{head}{least.in_words} explains the record, largest residual {within}; nothing equally simple does"
         if proven.same:
-            text += f"; this record does not tell it from {' and '.join(proven.same)}"
+            text += f"; this record cannot distinguish it from {' and '.join(proven.same)}"
         return text
     place = proven.place.replace("-", " ")
     if not proven.not_excluded:
-        return f"{head}the {place} alone suffices, and no other place does"
+        return f"{head}the error is at {place}; no other place explains the record"
     quantities = ", ".join(proven.not_excluded)
     if len(proven.not_excluded) > 1:
-        quantities = f"one of {quantities}"
-    return f"{head}the {place}; not on what it depends there: a function of {quantities} would do"
+        quantities = f"one of: {quantities}"
+    return f"{head}the error is at {place}. Open: the quantity, {quantities}"
 
 
 def bound_text(result: Diagnosis) -> str:
@@ -227,9 +228,9 @@ def bound_text(result: Diagnosis) -> str:
         return ""
     needed = upwards(result.noise_bound_needed, 3)
     if result.unit is None:
-        return f"without any effect the model would stand with a noise bound of {needed} g"
+        return f"without effects the model would fit with a noise bound of {needed} g"
     times = residual(result.radius)
-    return f"without any effect the model would stand with bounds {times} times as large, of {needed} {result.unit}"
+    return f"without effects the model would fit with bounds {times} times as large, of {needed} {result.unit}"
 
 
 def level_texts(result: Diagnosis) -> list[str]:

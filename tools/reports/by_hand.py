@@ -17,12 +17,12 @@ MOST_CLOSED = 6
 def by_hand_page(result: Calibration, _: object = None) -> Page:
     """Return the page of a calibration without a table: how well it predicts, what is open, parameters."""
     assert result.by_hand is not None
-    sections = [Section("How well it predicts", prediction_lines(result, result.by_hand))]
+    sections = [Section("Accuracy", prediction_lines(result, result.by_hand))]
     if result.open:
-        sections.append(Section("What is open", open_lines(result)))
+        sections.append(Section("Open parameters", open_lines(result)))
     sections.append(parameter_section(result))
     sections += record_sections(result)
-    record = "" if result.provenance is None else f" by {result.provenance.record}"
+    record = "" if result.provenance is None else f" of {result.provenance.record}"
     return Page(
         f"Calibration{record}",
         verdict_sentence(result),
@@ -40,27 +40,27 @@ def verdict_sentence(result: Calibration) -> str:
     worst = f"{digits(1e3 * basis.pose_error.worst, 2)} mg"
     if basis.pooled is not None and not basis.pooled.one_instrument:
         return (
-            f"Not one instrument: together the records leave {digits(basis.pooled.growth, 2)} times as much as each "
-            f"alone (F = {digits(basis.pooled.f, 3)}). Each is calibrated by itself."
+            f"Not one instrument: residuals of the pooled records are {digits(basis.pooled.growth, 2)} times those of "
+            f"each record (F = {digits(basis.pooled.f, 3)}). Each record is calibrated separately."
         )
     if result.verdict == "falsified":
         return (
-            f"Falsified: no parameters keep every reading within σ = {exactly(result.noise_bound)} g; with "
-            f"{result.option_to_stand} they would. The estimates hold with that σ."
+            f"Falsified: no parameters keep every reading within σ = {exactly(result.noise_bound)} g. The estimates "
+            f"hold with {result.option_to_stand}."
         )
     if result.verdict == "insufficient":
         if basis.pose_error.worst > 0.01:
             return (
-                f"Insufficient: |f| in an unseen pose may be wrong by {worst} (1 sd). The estimates serve near the "
-                "poses that were seen."
+                f"Insufficient: |f| in an unmeasured pose may be wrong by {worst} (1 sd). Use the estimates near the "
+                "measured poses only."
             )
-        return "Insufficient: the accelerometers are calibrated, and the moves leave the gyros open."
+        return "Insufficient: the accelerometers are calibrated, but the moves do not determine the gyros."
     if result.verdict == "consistent":
         return (
-            f"Consistent: some parameters keep every reading within σ, the best within {residual(result.radius)} σ; "
-            f"|f| in an unseen pose is known to {worst} (1 sd)."
+            f"Consistent: the model explains every reading within {residual(result.radius)} σ; "
+            f"|f| in an unmeasured pose is known to {worst} (1 sd)."
         )
-    return f"Usable: |f| in an unseen pose is known to {worst} (1 sd): {basis.pose_error.words}."
+    return f"Usable: |f| in an unmeasured pose is known to {worst} (1 sd)."
 
 
 def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
@@ -72,41 +72,41 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
         counts.append(f"{basis.moves} {pieces}")
     if basis.turns:
         counts.append(f"{basis.turns} known turns")
-    left = f"the norms of gravity differ by {digits(1e3 * basis.residual_norm, 2)} mg rms"
+    left = f"|f| at rest differs from g by {digits(1e3 * basis.residual_norm, 2)} mg rms"
     if basis.residual_move is not None:
-        left += f", the {pieces} by {_arcmin(basis.residual_move)} arcmin"
-    lines = [f"{', '.join(counts)}; calibrated {left}"]
+        left += f", attitude over the {pieces} by {_arcmin(basis.residual_move)} arcmin"
+    lines = [f"{', '.join(counts)}. After calibration {left}."]
     if basis.pooled is not None:
         f = digits(basis.pooled.f, 2)
-        lines.append(f"pooled, the records leave {digits(basis.pooled.growth, 2)} times as much as alone (F = {f})")
+        lines.append(
+            f"The pooled records leave {digits(basis.pooled.growth, 2)} times the residuals of each one (F = {f})."
+        )
     sigma = result.sigma
     if sigma.value is not None:
-        lines.append(f"σ = {upwards(sigma.value, 2)} g ({sigma.basis})")
+        lines.append(f"σ = {upwards(sigma.value, 2)} g ({sigma.basis}).")
     gain = basis.gain
     if gain is not None and gain.rest_before is not None and gain.rest_after is not None:
-        text = f"{digits(1e3 * gain.rest_before, 3)} mg as read, {digits(1e3 * gain.rest_after, 2)} mg calibrated"
-        lines.append(f"rests that were not used (five parts in turn): {text}, rms")
+        text = f"{digits(1e3 * gain.rest_before, 3)} mg before, {digits(1e3 * gain.rest_after, 2)} mg after calibration"
+        lines.append(f"Rests left out of the fit, a fifth at a time: {text} (rms).")
     if gain is not None and gain.move_before is not None and gain.move_after is not None:
-        text = f"{_arcmin(gain.move_before)} arcmin as read, {_arcmin(gain.move_after)} arcmin calibrated"
-        lines.append(f"{pieces} that were not used: {text}, rms")
+        text = f"{_arcmin(gain.move_before)} arcmin before, {_arcmin(gain.move_after)} arcmin after calibration"
+        lines.append(f"{pieces.capitalize()} left out of the fit: {text} (rms).")
     if basis.largest_move is not None and with_truth:
         bound = digits(math.degrees(basis.largest_move) * 60.0, 3)
-        lines.append(
-            f"the gyros stand with a bound of {bound} arcmin of a window's error; below it they do not explain all"
-        )
+        lines.append(f"The gyro model fits every window if a window may err by {bound} arcmin.")
     if basis.axes == "true attitude":
-        lines.append("M is in the axes of the true attitude: the rests do not tie the accelerometers to them")
+        lines.append("M is in the axes of the true attitude; the rests do not show the accelerometers' axes there.")
     if basis.turn_error is not None:
         error = _arcmin(basis.turn_error.worst)
-        lines.append(f"a turn of 90° about the worst axis is known to {error} arcmin (1 sd)")
+        lines.append(f"A turn of 90° about the worst axis is known to {error} arcmin (1 sd).")
     if basis.sensitivity is not None and basis.sensitivity.taken:
         lines.append(
-            f"the gyros depend on gravity (F = {digits(basis.sensitivity.f, 3)}): nine sensitivities are fitted"
+            f"The gyros depend on specific force (F = {digits(basis.sensitivity.f, 3)}): nine sensitivities are fitted."
         )
     if basis.case is not None:
         error = digits(math.degrees(basis.case.standard_error), 2)
         where = "the true attitude" if with_truth else "the case, by its faces,"
-        lines.append(f"the axes of {where} are known to {error}° (1 sd)")
+        lines.append(f"The axes of {where} are known to {error}° (1 sd).")
     return lines
 
 
@@ -117,7 +117,7 @@ def record_sections(result: Calibration) -> list[Section]:
         assert record.by_hand is not None
         basis = record.by_hand
         worst = digits(1e3 * basis.pose_error.worst, 2)
-        text = f"{basis.rests} rests; |f| in an unseen pose is known to {worst} mg (1 sd)"
+        text = f"{basis.rests} rests. |f| in an unmeasured pose is known to {worst} mg (1 sd)."
         sections.append(Section(label, [text], table=parameter_table(record.parameters)))
     return sections
 
@@ -130,9 +130,9 @@ def open_lines(result: Calibration) -> list[str]:
     """Return the poses and turns that would close what is open, in lines."""
     lines = []
     for entry in result.open[:MOST_CLOSED]:
-        lines.append(f"add {entry.close_by} (open: {', '.join(entry.parameters)})")
+        lines.append(f"Add {entry.close_by} (open: {', '.join(entry.parameters)}).")
     if len(result.open) > MOST_CLOSED:
-        lines.append(f"and {len(result.open) - MOST_CLOSED} more in the JSON")
+        lines.append(f"The JSON has {len(result.open) - MOST_CLOSED} more.")
     return lines
 
 
@@ -143,10 +143,8 @@ def parameter_section(result: Calibration) -> Section:
     if result.by_hand is not None and result.by_hand.turn_error is not None:
         equations.append("Gyros: reading = (I + M) ω + S n + B in the same axes.")
     if any(not p.determined for p in result.parameters):
-        equations.append(
-            "Where the prior decides, the record tells next to nothing: 5 %, 30 mrad, 100 mg; gyros 3 %, 10 mrad."
-        )
-    title = "What the records share" if result.of_record else "Parameters"
+        equations.append("Where a note says so, the value is the prior's: 5 %, 30 mrad, 100 mg; gyros 3 %, 10 mrad.")
+    title = "Shared parameters" if result.of_record else "Parameters"
     return Section(title, equations, table=parameter_table(result.parameters))
 
 
@@ -156,5 +154,5 @@ def parameter_table(parameters: Sequence[Parameter]) -> Table:
     table = table_of(parameters, columns, {"unit": unit_text})
     rows: list[list[Cell]] = []
     for cells, parameter in zip(table.rows, parameters, strict=True):
-        rows.append([*cells, None if parameter.determined else "the prior decides"])
+        rows.append([*cells, None if parameter.determined else "from the prior"])
     return Table([*table.header, "note"], rows)

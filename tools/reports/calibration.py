@@ -34,7 +34,7 @@ from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
 
 TONES: dict[str, Tone] = {"consistent": "good"}
-WOULD_TELL = "Measured again, these positions tell the noise bound."
+WOULD_TELL = "Measure these positions again to find the noise bound."
 ERROR_BOUND = "error bound"
 """The word for a guaranteed error where σ is no bound."""
 MOST_TURNS = 5
@@ -118,7 +118,7 @@ def verdict_sentence(result: Calibration) -> str:
         proof = f", and {len(result.witness)} readings alone prove it" if result.witness else ""
         return (
             f"Falsified: no parameters of {model} keep every reading within the noise bound; the best leave "
-            f"{residual(result.radius)} σ{proof}."
+            f"{residual(result.radius)} σ{proof}. `trihedron diagnose` finds the cause."
         )
     if result.verdict == "insufficient":
         more = bench.measure_words(result.next_positions)
@@ -162,8 +162,8 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
 
 
 TOGETHER = (
-    "Errors hang together: where a set is narrow and aslant, a combination is known better than each target by itself. "
-    "The sets are exact, of the model linearised at the fit. The truth lies inside, as the estimates do."
+    "Where a set is narrow and inclined, a combination of the two targets is known better than each of them. The sets "
+    "are exact for the model linearised at the fit, and hold the true values."
 )
 
 
@@ -176,10 +176,10 @@ def joint_set_sections(result: Calibration) -> list[Section]:
     estimates |= {e.symbol: e.central for e in result.targets if e.central is not None}
     return [
         Section(
-            f"Possible together: {group}",
+            f"Joint uncertainty: {group}",
             [TOGETHER] if k == 0 else [],
             joint_set(pairs, estimates, result.noise_bound),
-            f"Pairs of targets about their estimates, in units of σ: {group}.",
+            f"Pairs of targets around their estimates, in units of σ: {group}.",
         )
         for k, (group, pairs) in enumerate(joint_sets(result.feasible).items())
     ]
@@ -214,7 +214,7 @@ def levelling_sections(result: Calibration) -> list[Section]:
     header = ["attitude of the block", "error of the vertical as read [arcsec]", f"corrected, {promise} [arcsec]"]
     return [
         Section(
-            "What it bought",
+            "Levelling",
             [
                 f"Levelling with an axis vertical: as read wrong by up to {upwards(before / ARCSEC, 3)} arcsec, "
                 f"corrected by at most {upwards(after / ARCSEC, 3)} ({promise}; `trihedron apply` corrects). The "
@@ -260,7 +260,7 @@ def target_sections(
     paragraphs = estimator_texts(result)
     if result.verdict == "falsified":
         paragraphs += beside_texts(result)
-        paragraphs.append("No error is guaranteed. `trihedron diagnose` finds the cause.")
+        paragraphs.append("No error is guaranteed.")
         return [Section("Targets", paragraphs, table=beside_table(result), files=files)]
     if result.verdict == "noise-unknown" and not result.stands:
         return [Section("Targets", paragraphs + beside_texts(result), table=beside_table(result), files=files)]
@@ -273,7 +273,7 @@ def open_sections(result: Calibration) -> list[Section]:
     if result.linearised is not None:
         purpose = bench.WOULD_DETERMINE if result.missing else WOULD_TELL
         sections += bench.next_sections(result.linearised, result.next_positions, purpose)
-    sections.append(Section("What is open", bench.missing_texts(result)))
+    sections.append(Section("Open parameters", bench.missing_texts(result)))
     return sections
 
 
@@ -288,7 +288,7 @@ def beside_section(result: Calibration) -> Section | None:
     if shown_before or not stands_beside(result):
         return None
     return Section(
-        "Beside the estimates",
+        "Other estimates",
         beside_texts(result),
         table=beside_table(result),
     )
@@ -296,18 +296,17 @@ def beside_section(result: Calibration) -> Section | None:
 
 ESTIMATORS = {
     "analytic centre": "Estimates are the centre of all parameter values that fit every reading within its bound.",
-    "central programme": "Estimates are possible values, as near to the middles of the intervals as any.",
-    "a priori": "Estimates are the a-priori ones, which the readings may prove impossible; calibrate again for others.",
+    "central programme": "Estimates are possible values near the middles of their intervals.",
+    "a priori": "Estimates are a-priori ones, which the readings may exclude. Calibrate again for better ones.",
 }
 BESIDE = (
-    "Two other estimates: a priori, by weights that are best before anything is read; and least squares with its "
+    "Two other estimates: a priori, by the best weights before the measurement; and least squares, with its "
     "standard error."
 )
 A_PRIORI = "Beside them are the a-priori estimates, by weights that are best before anything is read."
 WHY_OUTSIDE = {
-    "a_priori": "The a-priori estimate is a promise made before the data, which now say more: it lies outside the "
-    "interval of {}.",
-    "least_squares": "Least squares knows no bound of the readings' errors: it lies outside the interval of {}.",
+    "a_priori": "The readings exclude the a-priori estimate of {}.",
+    "least_squares": "Least squares ignores the noise bound; the readings exclude its estimate of {}.",
 }
 
 
@@ -318,7 +317,7 @@ def estimator_texts(result: Calibration) -> list[str]:
         return texts + ([f"The model would stand with `{result.option_to_stand}`."] if result.option_to_stand else [])
     texts = [ESTIMATORS[result.estimator]] if result.estimator in ESTIMATORS else []
     if result.no_estimate and len(result.missing) < len(result.targets):
-        texts.append(f"No estimate{' of those' if texts else ''}: {result.no_estimate}.")
+        texts.append(f"{'Some targets have no estimate' if texts else 'No estimate'}: {result.no_estimate}.")
     return texts
 
 

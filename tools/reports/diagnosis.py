@@ -26,10 +26,10 @@ from .sources import cited, versions
 from .terminal import detection_limit, is_weak, terminal_lines
 
 ANSWERS = {
-    "stands": "stands: it brings every error within its bound",
+    "stands": "fits: it brings every error within its bound",
     "refuted": "refuted: no coefficients bring every error within its bound",
-    "not needed": "not needed: the model stands without it",
-    "cannot be told": "cannot be told: the model has the same in it, or the record is too short",
+    "not needed": "not needed: the model fits without it",
+    "cannot be told": "cannot be decided: the model already contains it, or the record is too short",
 }
 OF_RECORD = ("sigma", "rows", "stretch", "break")
 """Kinds of explanations that name a fault of the record, not of the simulation."""
@@ -147,12 +147,12 @@ def remarks_of(result: Diagnosis) -> list[Section]:
     remarks += [sentence(text) for text in beyond.level_texts(result)]
     for places in result.containing_sets:
         titles = " and ".join([place.title for place in places])
-        remarks.append(f"Not excluded: {titles}, which contains what is named.")
+        remarks.append(f"Not excluded: {titles}, which contains the named effect.")
     if not (result.band or result.bands):
         remarks += [sentence(text) for text in result.caution or ()]
     remarks += _remarks(result)
     remarks += beyond.extension_texts(result)
-    sections = [Section("What to bear in mind", remarks)]
+    sections = [Section("Cautions", remarks)]
     sections += hypothesis_sections(result)
     if result.next_positions:
         sections += next_sections(result.calibration.linearised, result.next_positions)
@@ -205,7 +205,7 @@ def cause_section(result: Diagnosis, files: Sequence[Path] = ()) -> Section | No
     equations = []
     for finding in first_sets:
         equations += cause_lines(finding.causes)
-    header = ["set", "effect", "parameter", "estimate", "low", "high", "unit", "leaves, over its bound"]
+    header = ["set", "effect", "parameter", "estimate", "low", "high", "unit", "largest residual"]
     table = Table(header, rows)
     title = "The cause" if is_named else "Causes that remain"
     matrix = _matrix(first_sets[0])
@@ -237,11 +237,11 @@ def _cause_remarks(result: Diagnosis) -> list[str]:
     for places in result.equal_sets:
         same.append(" with ".join([place.title for place in places]))
     if same and result.verdict == "explained":
-        remarks.append(f"By {result.sources.told_by} it cannot be told from: {', '.join(same)}.")
+        remarks.append(f"Not distinguishable by {result.sources.told_by}: {', '.join(same)}.")
     second = result.second_mounting
     if second is not None:
         remarks.append(
-            f"A second mounting, {second.mounting}, tells apart {' and '.join(second.separates)}: "
+            f"A second mounting, {second.mounting}, distinguishes {' and '.join(second.separates)}: "
             f"their correlation falls from {digits(second.correlation_before)} to {digits(second.correlation_after)}."
         )
     return remarks
@@ -276,9 +276,9 @@ def gain_section(result: Diagnosis) -> Section | None:
     )
     caption = "Part of the pieces whose error is at most so large."
     if gain.over is None:
-        caption = "Measurement less simulation at the positions that were held out."
+        caption = "Measurement less simulation at the held-out positions."
     header = ["over", "pieces", "rms before", "rms after", "max before", "max after", "unit"]
-    return Section("The gain on what was not used", [text], gain_picture(result), caption, Table(header, rows))
+    return Section("Gain on held-out data", [text], gain_picture(result), caption, Table(header, rows))
 
 
 def gain_picture(result: Diagnosis, width: float = WIDTH) -> Picture | None:
@@ -312,6 +312,10 @@ def _title(result: Diagnosis) -> str:
     return f"Diagnosis of {name}"
 
 
+AFTER = {"rows": "without wrong rows", "stretch": "without the stretch", "break": "with the break"}
+"""Kind of an explanation of the record, and its figure below the verdict."""
+
+
 def _key(result: Diagnosis) -> dict[str, object]:
     """Return the figures below the verdict."""
     with_effects = f"with {evidence.first_words(result)}"
@@ -320,13 +324,15 @@ def _key(result: Diagnosis) -> dict[str, object]:
         key: dict[str, object] = {"rows": len(inspection.record), "reference": result.reference}
         if result.radius is not None and result.noise_bound_arcmin is not None:
             key[f"bound, {evidence.quoted_words(result)}"] = f"{upwards(result.noise_bound_arcmin, 3)} arcmin"
-            key["largest error"] = f"{residual(result.radius)} of its bound"
+            key["largest error"] = f"{residual(result.radius)} times its bound"
             if result.best is not None:
                 key[with_effects] = residual(result.best.radius)
         return key
     key = bench.key_figures(result.calibration)
     if result.findings:
         key[with_effects] = f"{residual(result.findings[0].fit.radius)} σ"
+    elif result.best is not None and result.best.kind in AFTER and result.best.radius is not None:
+        key[AFTER[result.best.kind]] = f"{residual(result.best.radius)} σ"
     return key
 
 
@@ -389,7 +395,7 @@ def _remarks(result: Diagnosis) -> list[str]:
         if gain is None and result.findings and result.verdict == "explained":
             remarks.append("Gain on held-out positions: not possible with these effects and positions.")
         if gain is not None and gain.over is None and not gain.improves:
-            remarks.append("The extension does not improve the positions that were held out.")
+            remarks.append("The extension does not improve the held-out positions.")
         return remarks
     remarks = [sentence(f"to add: {text}") for text in result.missing or ()]
     if result.verdict != "consistent":

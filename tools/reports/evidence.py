@@ -129,9 +129,9 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
         else "The simulation carries the attitude over windows, and the true attitude says how far it is wrong"
     )
     radius = result.radius or 0.0
-    least = f"With the best parameters of the block the largest error is {residual(radius)} of its bound"
+    least = f"With the best parameters of the block the largest error is {residual(radius)} times its bound"
     if result.bias_at_rest is not None:
-        least = f"The largest error of the block as delivered is {residual(radius)} of its bound"
+        least = f"The largest error of the block as delivered is {residual(radius)} times its bound"
     if result.findings:
         least += f"; with {result.findings[0].title} it is {residual(result.findings[0].fit.radius)} of it"
     two = result.sources.quoted_part.error.shape[1] == 2
@@ -250,10 +250,10 @@ def ranking_section(result: Diagnosis) -> Section | None:
     titles = [title for title, _ in best]
     radii = [radius for _, radius in best]
     return Section(
-        "Evidence: which effect mends it",
+        "Evidence: residual with each effect",
         paragraphs,
         pictures.candidates(titles, radii),
-        f"Least largest residual that each effect leaves, over its bound; the best {len(best)}.",
+        f"Largest residual with each effect, in units of its bound; the best {len(best)}.",
     )
 
 
@@ -267,16 +267,14 @@ def confusion_section(result: Diagnosis) -> Section | None:
     rows = _equivalent_rows(result)
     beyond = ", beyond what the model's parameters imitate" if result.sources.rows.names else ""
     paragraphs = [
-        f"How alike effects look in this record{beyond}: 1 means that the one can be sized to look just like the "
-        "other, 0 that it cannot at all. Close to 1 it takes small noise to confuse them."
+        f"Likeness of effects in this record{beyond}: at 1 an effect of suitable size equals the other, at 0 they have "
+        "nothing in common. Close to 1 a little noise confuses them."
     ]
     if result.findings and not rows:
-        paragraphs.append(
-            f"What was found is alone in its class: by {result.sources.told_by} every other effect differs."
-        )
+        paragraphs.append(f"No other effect belongs to its class: every other one differs in {result.sources.told_by}.")
     header = ["effect", f"cannot be told by {result.sources.told_by} from"]
     return Section(
-        "Evidence: what could be taken for what",
+        "Evidence: similar effects",
         paragraphs,
         pictures.likeness_picture([place.title for place in places], likeness(result.sources.rows, places)),
         "Cosine of the least angle between what two effects add to the readings.",
@@ -432,13 +430,13 @@ def power_section(result: Diagnosis) -> Section | None:
     header += columns
     header.append("unit")
     return Section(
-        "What would have shown that is in no catalogue",
+        "Detection limits outside the catalogue",
         [
-            "From these sizes on every function of a quantity at a place contradicts the nominal model in this record, "
-            "whatever the noise within its bound. The functions are straight between knots: "
-            f"{PIECES} pieces over the range of the quantity, {SECTORS} round a circle. What the model's own "
-            "parameters imitate of a function does not count. A sharper function, or one of several quantities, may "
-            "hide at a larger size. inf: at no size."
+            "An error of this size, as a function of one quantity at one place, contradicts the nominal model for any "
+            "noise within its bound. The functions are linear between knots: "
+            f"{PIECES} pieces over the range of the quantity, {SECTORS} around a circle. The part that the model's "
+            "parameters can fit does not count. A sharper function, or one of several quantities, can hide at a larger "
+            "size. inf: no size is detected."
         ],
         table=Table(header, rows),
     )

@@ -145,13 +145,13 @@ def norm_page(result: Calibration, _: object = None) -> Page:
 def _norm_summary(result: Calibration) -> str:
     """Return the verdict on the accelerometers, and the radius if there is one."""
     radius = "" if result.radius is None else f", radius {residual(result.radius)}"
-    return f"accelerometers by the norm of gravity: {result.verdict}{radius}"
+    return f"accelerometers, by |f| = g at rest: {result.verdict}{radius}"
 
 
 def _norm_section(result: Calibration, *, gaps_named: bool = False) -> Section:
     """Return the nine parameters that explain the size of gravity at every rest; `gaps_named`: elsewhere."""
     paragraphs = [
-        "At every rest the size of gravity must come out; nine parameters explain the rests, or none do.",
+        "At every rest |f| must equal gravity. Nine parameters are fitted to the rests.",
         sentence(_norm_summary(result)),
     ]
     if result.open and not gaps_named:
@@ -170,7 +170,7 @@ GYRO_VERDICTS = {
     "constant": "constant",
     "named": "",
     "ambiguous": "several models do: ",
-    "wandering": "not constant, but nothing is supported that would explain it",
+    "wandering": "not constant, and the record supports no explanation",
     "insufficient": "insufficient, too few rests",
 }
 
@@ -253,7 +253,8 @@ def run_line(run: AttitudeRun) -> str:
     duration = digits(run.time_s[-1] - run.time_s[0], 4)
     rate = digits(1.0 / run.period, 4)
     how = HOW_RATES_ARE_TAKEN[run.rates]
-    return f"{run.record.name}: {duration} s at {rate} Hz, algorithm {run.algorithm}, {how}"
+    error = "" if run.rms is None else f", error {digits(math.degrees(run.rms))} deg rms"
+    return f"{run.record.name}: {duration} s at {rate} Hz, algorithm {run.algorithm}, {how}{error}"
 
 
 def error_lines(run: AttitudeRun) -> list[str]:

@@ -17,6 +17,7 @@ from ..rounding import digits
 from .pictures.records import MOST_LINES, TRUTH, Line, lines_picture
 from .sources import versions
 
+CONSTANT = "Columns that are constant throughout are not drawn."
 MOST_PANELS = 60
 """Largest number of panels of lines that are drawn."""
 
@@ -40,7 +41,9 @@ def lines_page(title: str, sentence: str, table: pl.LazyFrame, units: Mapping[st
     """Return the page of a table whose first column is `time_s`; its columns are read one by one."""
     sections, rows, not_drawn = _drawn(table, units)
     if rows:
-        sections.append(Section("Columns", table=Table(["column", "first", "least", "largest", "last"], rows)))
+        sections.append(
+            Section("All columns", CONSTANT, table=Table(["column", "first", "smallest", "largest", "last"], rows))
+        )
     if not_drawn:
         sections.append(
             Section("Not drawn", f"{', '.join(not_drawn)}: texts, or beyond {MOST_PANELS} panels of lines.")
@@ -51,7 +54,10 @@ def lines_page(title: str, sentence: str, table: pl.LazyFrame, units: Mapping[st
 def _drawn(
     table: pl.LazyFrame, units: Mapping[str, str], title: str = ""
 ) -> tuple[list[Section], list[list[Cell]], list[str]]:
-    """Return a section for each unit, a row of figures for each column, and the columns that are not drawn."""
+    """Return a section for each unit, a row of figures for each column, and the columns beyond what is drawn.
+
+    Constant and empty columns are in the table alone.
+    """
     schema = table.collect_schema()
     times = table.select("time_s").collect()["time_s"].to_numpy()
     by_unit: dict[str, dict[str, list[str]]] = {}
@@ -78,19 +84,22 @@ def _drawn(
             for name in group:
                 values = table.select(pl.col(name).cast(pl.Float64)).collect()[name].to_numpy()
                 line = Line.of(short(split(name, units)[0]), times, values)
-                drawn[-1].append(line)
+                if not line.constant:
+                    drawn[-1].append(line)
                 row: list[Cell] = [name]
                 row += [digits(value, 6) for value in line.ends]
                 rows.append(row)
+        drawn = [lines for lines in drawn if lines]
         room -= len(drawn)
         if drawn:
-            of_unit = unit if unit == TRUTH else f"in {unit}" if unit else "pure numbers"
-            heading = f"{title}, {of_unit}" if title else of_unit[0].upper() + of_unit[1:]
+            of_unit = f"in {unit}" if unit else "without unit"
+            heading = f"{title}, {of_unit}" if title else f"Columns {of_unit}"
+            heading = unit if unit == TRUTH else heading
             sections.append(Section(heading, picture=lines_picture(drawn, unit)))
     return sections, rows, not_drawn
 
 
-SPREAD = {"least": 0.0, "5 %": 0.05, "median": 0.5, "95 %": 0.95, "largest": 1.0}
+SPREAD = {"smallest": 0.0, "5 %": 0.05, "median": 0.5, "95 %": 0.95, "largest": 1.0}
 """Quantiles over the runs."""
 
 
@@ -115,7 +124,7 @@ def spread_over_time(table: pl.LazyFrame, caption: str) -> list[Section]:
         by_unit.setdefault(unit, []).append(lines)
     return [
         Section(
-            f"Over time, {f'in {unit}' if unit else 'pure numbers'}",
+            f"Over time, {f'in {unit}' if unit else 'without unit'}",
             picture=lines_picture(panels, unit),
             caption=caption,
         )

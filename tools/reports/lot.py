@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ..document.blocks import Page, Section, Table, table_of
-from ..document.notation import Cell
+from ..document.notation import Cell, unit_text
 from ..lot import Lot, Member
 from ..rounding import digits
 
@@ -23,9 +23,12 @@ def lot_page(result: Lot) -> Page:
         rows: list[list[Cell]] = [[one.serial, one.record, one.status, one.reason] for one in by_tolerance]
         sections.append(_listed("Out of tolerance", ("serial", "record", "status", "reason"), rows))
     if result.distributions:
-        sections.append(Section("Distributions", [WIDTHS], table=table_of(result.distributions, DISTRIBUTION)))
+        sections.append(
+            Section("Distributions", [WIDTHS], table=table_of(result.distributions, DISTRIBUTION, {"unit": unit_text}))
+        )
     tone = "good"
-    if failures or by_tolerance or result.odd or result.shared or result.dependences:
+    clear = set(result.verdicts) <= {"consistent"}
+    if failures or by_tolerance or result.odd or result.shared or result.dependences or not clear:
         tone = "attention"
     return Page(
         "Lot of instruments",
@@ -38,7 +41,7 @@ def lot_page(result: Lot) -> Page:
 
 
 WIDTHS = (
-    "Over instruments, each with its last record. Spread: 1.4826 times the median distance from the median. Half "
+    "Each instrument counts once, with its last record. Spread: 1.4826 times the median distance from the median. Half "
     "width: median half width of the guaranteed intervals."
 )
 

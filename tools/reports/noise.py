@@ -24,7 +24,7 @@ def noise_text(result: Noise) -> str:
             wrong.append(f"{one.channel} ({cause})")
     if not wrong:
         return f"{result.scenario} simulates the noise of the record."
-    return f"{result.scenario} simulates other noise than the record has: {', '.join(wrong)}."
+    return f"{result.scenario} does not simulate the noise of the record: {', '.join(wrong)}."
 
 
 def noise_page(result: Noise) -> Page:
@@ -32,7 +32,8 @@ def noise_page(result: Noise) -> Page:
     answer = against_sections(result) + _sensor_sections(result)
     if result.averaged is not None:
         answer.append(Section("Averaged readings", averaged_lines(result.averaged)))
-    answer.append(Section("Growth of errors", [GROWTH], table=_drifts(result)))
+    if result.drifts:
+        answer.append(Section("Growth of errors", [GROWTH], table=_drifts(result)))
     return Page(
         f"Noise of {result.records[0].record}",
         _verdict(result),
@@ -53,7 +54,7 @@ CAPTION = (
 AXES = ("axis 1", "axis 2", "axis 3")
 EVEN = 1.25
 """Ends of an interval whose distances from the estimate differ by less than this factor are one number."""
-GROWTH = "Standard deviations by noise alone; the bias is that of the minute before."
+GROWTH = "Standard deviations from noise alone, after a bias taken over one minute."
 
 
 def _verdict(result: Noise) -> str:
@@ -155,18 +156,18 @@ def averaged_lines(averaged: Dwell) -> list[str]:
     """Return the bound of averaged readings, and the best dwell."""
     lines = [
         f"σ = {upwards(averaged.sigma, 3)} g for {averaged.positions} positions of {digits(averaged.dwell_s, 4)} s "
-        f"(all readings keep it: {digits(averaged.probability, 4)})."
+        f"(probability that all readings keep it: {digits(averaged.probability, 4)})."
     ]
     if averaged.not_excluded > 1.1 * averaged.deviation:
         least = averaged.sigma * averaged.deviation / averaged.not_excluded
-        lines.append(f"Detected processes alone give {upwards(least, 3)} g; a longer record can prove it.")
+        lines.append(f"Detected processes alone give {upwards(least, 3)} g; a longer record could confirm that.")
     if averaged.enough_s is not None and averaged.best_dwell_s is not None:
         lines.append(
             f"Best dwell {digits(averaged.best_dwell_s, 2)} s; from {digits(averaged.enough_s, 2)} s on σ is within "
             "10 % of the least."
         )
     else:
-        lines.append("Longer dwells lower σ up to an hour.")
+        lines.append("σ falls with the dwell, up to an hour.")
     return lines
 
 
@@ -186,7 +187,7 @@ def warnings_of(result: Noise) -> list[str]:
 def _channel_warnings(channel: ChannelNoise) -> list[str]:
     lines = []
     if len(channel.admissible) > 1:
-        lines.append(f"{channel.channel}: as few numbers explain it as {' or '.join(channel.admissible)}")
+        lines.append(f"{channel.channel}: equally simple sets explain it: {' or '.join(channel.admissible)}")
     if channel.worst_bin > FITS:
         lines.append(
             f"{channel.channel}: no set of processes explains the spectrum (largest deviation "

@@ -175,7 +175,7 @@ def cost_section(plan: "PositionPlan") -> Section:
     texts += wanted_lines(plan)
     texts += _bound_texts(plan)
     table = Table(["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"], rows)
-    return Section("What it gives", texts, table=table)
+    return Section("Guaranteed errors", texts, table=table)
 
 
 def _bound_texts(plan: "PositionPlan") -> list[str]:
@@ -290,9 +290,9 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
         remark = f"again no. {first}" if first < number else ROOM
         rows.append([number, alpha, beta, mounting, exactly(dwell_s), READ, READ, remark, "☐"])
     minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
-    setting = "Write the encoder readings down as they are: what counts is where the table stands."
+    setting = "Write down the encoder readings, not the commands."
     if plan.reserve_deg:
-        setting = f"Set to {exactly(plan.reserve_deg)}° or better; write the encoder readings down as they are."
+        setting = f"Set to {exactly(plan.reserve_deg)}° or better, and write down the encoder readings."
     instructions = [
         "Bring the table to each position in this order, wait for the dwell, then go on. "
         "Both axes may move at once. Angles are commands to the axes, within one turn.",
@@ -524,7 +524,7 @@ def imu_page(plan: "ImuPlan") -> Page:
     for line in ratio_lines(plan):
         texts.append(sentence(line))
     promise = Section(
-        "What it promises",
+        "Guaranteed errors",
         texts,
         table=Table(["target", "meaning", "promised", "bound", "ratio", "unit"], promises),
     )

@@ -15,11 +15,11 @@ from .pictures.residuals import drawable, repeatability_picture
 from .sources import cited, versions
 
 VERDICTS = {
-    "consistent": "consistent: one value for each parameter of the instrument does for all; nothing must differ",
-    "explained": "explained: one smallest set makes all records consistent together, and no other does",
-    "ambiguous": "ambiguous: several smallest sets would make all records consistent together",
-    "unexplained": "unexplained: shared parameters are falsified, and nothing that can be named mends it",
-    "insufficient": "insufficient: the records cannot tell together whether the simulation is wrong",
+    "consistent": "consistent: one value of each instrument parameter fits all records",
+    "explained": "explained: one set of effects makes all records consistent; no other set of its size does",
+    "ambiguous": "ambiguous: several sets of effects of the smallest size make all records consistent",
+    "unexplained": "unexplained: shared parameters are falsified, and no set of effects explains the records",
+    "insufficient": "insufficient: the records cannot show whether the simulation is wrong",
 }
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 SHORTER = {" error of accelerometer": "", " of accelerometer": "", " for ": ", ", " specific force along": ""}
@@ -32,7 +32,7 @@ def helps_lines(result: Diagnosis) -> list[str]:
     """Return the records that each found effect improves; one that improves no other record belongs to its run."""
     lines = []
     for effect in result.helps or ():
-        where = f"helps on {', '.join(effect.on)}" if effect.on else "helps on no other record: it is the run's"
+        where = f"improves {', '.join(effect.on)}" if effect.on else "improves no other record: it belongs to this run"
         lines.append(f"{effect.effect}, found in {effect.found_in}: {where}")
     return lines
 
@@ -191,7 +191,7 @@ def _changes(alone: Calibration | None, sigma: float | None = None) -> Section:
             rows.append([*row, unit_text(change.unit)])
     text = "No parameter of the instrument surely changes."
     if rows:
-        text = "Where the intervals of two records do not meet, the parameter is no constant."
+        text = "A parameter has changed where the intervals of two records do not meet."
     names = {}
     for change in alone.changes:
         names[change.symbol] = words(change.symbol)
@@ -224,13 +224,13 @@ def _gains(result: Diagnosis) -> list[Section]:
         row.append(gain.unit)
         rows.append(row)
     paragraphs = [
-        "What was found in one record, applied to each by the extended FMUs: errors, root mean square. Sizes are those "
-        "of the one record; a record's own biases, or mounting and table, are its own. What explains nothing by "
-        "itself, but helps most, counts as found."
+        "Root-mean-square errors with the effects of one record in the FMUs of each. Sizes are those of that record; "
+        "biases, mounting and table are those of each record. A record without an explanation gives the effects that "
+        "help it most."
     ]
     for line in helps_lines(result):
         paragraphs.append(sentence(line))
-    return [Section("What one record says of the others", paragraphs, table=Table(header, rows))]
+    return [Section("Effects of one record in the others", paragraphs, table=Table(header, rows))]
 
 
 def _repeatability(alone: Calibration | None) -> list[Section]:
@@ -248,9 +248,9 @@ def _repeatability(alone: Calibration | None) -> list[Section]:
 
 
 CALIBRATED = {
-    "consistent": "consistent: one value for each parameter of the instrument does for all",
-    "falsified": "falsified: the instrument's parameters have no one value for all; `trihedron diagnose` says why",
-    "insufficient": "insufficient: the records together leave parameters open",
+    "consistent": "consistent: one value of each instrument parameter fits all records",
+    "falsified": "falsified: no values of the parameters fit all records; `trihedron diagnose` finds the cause",
+    "insufficient": "insufficient: the records together do not determine all parameters",
 }
 
 
@@ -277,7 +277,7 @@ def joint_calibration_page(result: Calibration, _: object = None) -> Page:
         sentence(CALIBRATED[result.verdict]),
         answer,
         tone="good" if result.verdict == "consistent" else "attention",
-        key={"records": len(result.of_record), "radius": residual(result.radius)},
+        key={"records": len(result.of_record), "largest residual": f"{residual(result.radius)} σ"},
         provenance=provenance,
         sources=cited("guaranteed", "simplex"),
     )
@@ -320,14 +320,14 @@ def trend_page(result: Calibration, _: object = None) -> Page:
         if change.since is not None:
             owner = ", each run's own" if change.of == "run" else ""
             by = f"changes by {_in_unit(downwards(change.at_least), change.unit)} at least"
-            since = f"no constant since {change.since} (beside {change.beside})"
+            since = f"changed by {change.since} (against {change.beside})"
             changes.append(sentence(f"{words(change.symbol)}{owner}: {since}: {by}"))
-    verdict = f"{len(changes)} parameters are no constants" if changes else "Every parameter may be a constant"
+    verdict = f"{len(changes)} of the parameters have changed" if changes else "No parameter has surely changed"
     tone: Tone = "attention" if changes else "good"
     serial = result.provenance.comments.get("serial") if result.provenance is not None else None
     return Page(
         f"{serial or 'An instrument'} over time",
-        f"{verdict}; {constants} of {judged} parameters may be constants over {len(result.of_record)} dates.",
+        f"{verdict}: {constants} of {judged} fit one value over {len(result.of_record)} dates.",
         [Section("Since when", changes), _changes(result)],
         lambda: _repeatability(result),
         tone,

@@ -235,13 +235,13 @@ def advice_text(result: Diagnosis) -> str:
         more = f", and {len(positions) - 1} more positions" if len(positions) > 1 else ""
         return f"measure at α {exactly(first['alpha_deg'])}°, β {exactly(first['beta_deg'])}°{more}."
     if result.verdict == "explained" and result.best is not None and result.best.causes:
-        return "put the effect into the simulation."
+        return "add the effect to the simulation."
     if result.verdict == "consistent" and result.calibration.linearised is not None:
-        return "take the parameters from a calibration."
+        return "calibrate."
     if is_weak(result):
         return "do not accept the instrument on this record. Take one with more moves and longer rests."
     if result.verdict == "consistent":
-        return "nothing is to be mended. Smaller errors show in a record with more moves and longer rests."
+        return "nothing needs a change. A record with more moves and longer rests shows smaller errors."
     if result.verdict == "ambiguous":
         return "measure again with a smaller σ: longer, or each position more often."
     if result.verdict == "unexplained":

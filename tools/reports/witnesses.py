@@ -45,7 +45,7 @@ def judgement_section(result: Diagnosis) -> Section | None:
         table = Table(header, rows)
     paragraphs += [f"Not named: {text}." for text in result.not_named or ()]
     paragraphs += [f"Against the first set: {text}." for text in result.objections or ()]
-    return Section("Left out, and shuffled", paragraphs, table=table)
+    return Section("Left-out readings and permutation test", paragraphs, table=table)
 
 
 def _joint_texts(witness: Witness) -> list[str]:
@@ -53,16 +53,16 @@ def _joint_texts(witness: Witness) -> list[str]:
     texts = []
     if witness.shuffles:
         texts.append(
-            f"Shuffled, the effects predicted what was left out as well in {witness.shuffles.as_good} of "
-            f"{witness.shuffles.tried} trials."
+            f"Permutation test: {witness.shuffles.as_good} of {witness.shuffles.tried} shuffles predicted the left-out "
+            "readings as well."
         )
     if witness.not_judged is not None:
         texts.append(sentence(witness.not_judged))
     for w in witness.each:
         texts.append(
-            f"Beside the others, {w.title} brings what was left out from {digits(w.rms_without)} to "
-            f"{digits(w.rms_with)} of its bound (rms), and {w.shuffles.as_good} of {w.shuffles.tried} of its shuffles "
-            "do as well."
+            f"Beside the others, {w.title} lowers the left-out errors from {digits(w.rms_without)} to "
+            f"{digits(w.rms_with)} of their bound (rms); {w.shuffles.as_good} of {w.shuffles.tried} shuffles do as "
+            "well."
         )
     return texts
 

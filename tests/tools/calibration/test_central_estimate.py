@@ -96,7 +96,7 @@ def test_more_readings_prove_a_priori_estimates_impossible_and_it_is_said():
         result = calibrated(3, count)[1]
         outside[count] = sum(not e.possible(e.a_priori) for e in result.parameters)
         assert ESTIMATORS["analytic centre"] in str(result)
-        (section,) = [section for section in sections_of(result) if section.title == "Beside the estimates"]
+        (section,) = [section for section in sections_of(result) if section.title == "Other estimates"]
         assert (
             f"a promise made before the data, which now say more: it lies outside the interval of {outside[count]}"
             in (" ".join(section.paragraphs))
@@ -274,7 +274,7 @@ def test_a_page_shows_the_three_estimates_of_a_target_and_which_the_readings_exc
     _, measured = random_record(3, 100)
     result = calibrated(3, 100)[1]
     shown = {section.title: section for section in sections_of(result, measured)}
-    stated, beside = shown["Targets"].table, shown["Beside the estimates"].table
+    stated, beside = shown["Targets"].table, shown["Other estimates"].table
     assert stated is not None
     assert beside is not None
     assert stated.header == ["target", "meaning", "estimate", "to within", "interval", "low", "high", "unit"]

@@ -60,7 +60,7 @@ def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_togethe
     page = tmp_path / "together.html"
     assert main(["calibrate", *files, "--noise-bound", "1e-5", "--json", str(out), "--report", str(page)]) == 0
     text = capsys.readouterr().out
-    assert text.startswith("Consistent: one value for each parameter of the instrument does for all")
+    assert text.startswith("Consistent: one value of each instrument parameter fits all records")
     assert "X16 bias of accelerometer 1" in text.partition("c alone")[2]
     again = Calibration.model_validate_json(out.read_text(encoding="utf-8"))
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))

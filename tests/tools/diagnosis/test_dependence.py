@@ -190,7 +190,7 @@ def test_what_several_effects_do_together_is_one_function_of_one_quantity():
         assert "a function of the outer angle at the outer axis" in result.caution[0]
     else:
         assert (result.verdict, result.depends_on) == ("unexplained", ("alpha",))
-    assert "roven, whatever the law: a function of the outer angle at the outer axis suffices" in flowing(result)
+    assert "roven: a function of the outer angle at the outer axis explains the record" in flowing(result)
 
 
 def test_one_effect_of_the_catalogue_is_explained_and_has_no_rival():
@@ -239,7 +239,7 @@ def test_a_rival_is_a_table_of_knots_with_which_the_exact_model_stands():
     assert fit.radius <= evidence.model.limit
     assert (fit.places[0].effect, fit.places[0].where) == ("lookup", "accelerometer-1")
     assert unlisted.caution == (
-        "as simple, and in no catalogue: a function of the input of accelerometer 2 at accelerometer 1 would do",
+        "equally simple, outside the catalogue: a function of the input of accelerometer 2 at accelerometer 1",
     )
 
 

@@ -60,6 +60,8 @@ def test_some_of_many_sets_are_no_answer_beside_one_function_as_simple():
     result: Any = diagnosed(walking(8, 1.1e-5), most_work=2e6)
     assert (result.verdict, result.complete, result.cut_off_at) == ("unexplained", False, 2)
     assert (result.causes, bool(result.not_named)) == ((), True)
-    assert all("would do; others may that were not tried, and, as simple, a function" in s for s in result.not_named)
+    assert all(
+        "would fit; so may sets that were not tried and, equally simple, a function" in s for s in result.not_named
+    )
     assert str(result).startswith("The model without effects does not explain the record")
     assert "\nNot certain: " in str(result)

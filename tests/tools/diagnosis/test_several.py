@@ -88,7 +88,9 @@ def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs
     helps = {(entry.found_in, entry.effect): entry.on for entry in three_records.helps}
     assert helps["record-1", QUADRATIC.title] == ("record-2", "record-3")
     assert helps["record-2", CUBIC.title] == ()
-    assert "Cubic accelerometer-1, found in record-2: helps on no other record: it is the run's" in str(three_records)
+    assert "Cubic accelerometer-1, found in record-2: improves no other record: it belongs to this run" in str(
+        three_records
+    )
 
 
 def judged(monkeypatch, records) -> Any:
@@ -288,7 +290,7 @@ def test_the_command_takes_several_files_and_its_json_comes_back(tmp_path, capsy
     out, page = tmp_path / "several.json", tmp_path / "several.html"
     assert main(["diagnose", *files, "--noise-bound", "1e-5", "--json", str(out), "--report", str(page)]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("Consistent: one value for each parameter of the instrument does for all")
+    assert printed.startswith("Consistent: one value of each instrument parameter fits all records")
     assert re.search(r"^monday +consistent$", printed, re.MULTILINE)
     again = Diagnosis.model_validate_json(out.read_text(encoding="utf-8"))
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))

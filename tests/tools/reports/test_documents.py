@@ -34,20 +34,20 @@ def test_every_kind_of_result_has_the_function_that_makes_its_page():
 
 
 MEASURED = ["What was measured"]
-RANKED = ["Evidence: which effect mends it", "Evidence: what could be taken for what"]
+RANKED = ["Evidence: residual with each effect", "Evidence: similar effects"]
 SECTIONS = {
-    "calibration, consistent": ["Targets", "What it bought", "Residuals before and after", *MEASURED],
+    "calibration, consistent": ["Targets", "Levelling", "Residuals before and after", *MEASURED],
     "calibration, falsified": ["Targets", *MEASURED, "Evidence: the readings that prove it"],
     "calibration, insufficient": ["Where to measure next", *MEASURED],
     "bench, consistent": ["Residuals", *MEASURED, "Targets", "Excluded: effects of the accelerometers"],
     "bench, explained": ["The cause", "Residuals before and after", *MEASURED, "Residuals against the inputs",
-                         "Targets, and what the effects do to them", *RANKED, "Left out, and shuffled"],
-    "bench, explained, with its gain": ["The cause", "The gain on what was not used", *MEASURED, *RANKED],
+                         "Targets, and what the effects do to them", *RANKED, "Left-out readings and permutation test"],
+    "bench, explained, with its gain": ["The cause", "Gain on held-out data", *MEASURED, *RANKED],
     "bench, ambiguous": ["Causes that remain", *RANKED],
     "bench, unexplained": ["Targets", RANKED[0], "What the residual depends on"],
     "bench, insufficient": ["Where to measure next", *MEASURED],
-    "block, explained": ["The cause", "The gain on what was not used", "Errors before and after", *MEASURED,
-                         "The block's own parameters", *RANKED, "Left out, and shuffled",
+    "block, explained": ["The cause", "Gain on held-out data", "Errors before and after", *MEASURED,
+                         "The block's own parameters", *RANKED, "Left-out readings and permutation test",
                          "Excluded: effects of the gyros"],
     "block, ambiguous": ["Causes that remain", "What to measure next", *MEASURED, "The block's own parameters"],
     "block, insufficient": MEASURED,
@@ -102,7 +102,7 @@ def test_what_every_document_says(name):
     assert in_order(SECTIONS[name], titles), titles
     assert len(set(titles)) == len(titles)
     headings = [unescape(heading) for heading in re.findall(r"<h2>([^<]*)</h2>", html)]
-    assert headings[-1 if not page.sources else -2] == "What these results rest on"
+    assert headings[-1 if not page.sources else -2] == "Sources"
     assert {"trihedron", "computed with"} <= set(page.provenance)
     assert str(getattr(record, "path", result).name) in page.title if record is not None else page.title
     if name in SOURCES:
@@ -239,14 +239,14 @@ def test_the_second_witness_and_what_the_cause_does_to_the_calibration():
     plus = {1: "X4", 2: "X9", 3: "X14"}[result.causes[0].place.index + 1]
     (moved,) = (number(row["moved by"]) for row in rows if row["target"] == plus)
     assert abs(moved) == pytest.approx(abs(result.causes[0].values[0]), rel=0.3)
-    left_out = rows_of("bench, explained", "Left out, and shuffled")
+    left_out = rows_of("bench, explained", "Left-out readings and permutation test")
     assert [row["left out"] for row in left_out] == ["every fifth position", "every quarter of the time"]
     assert "seed of the shuffles" in page_of("bench, explained").provenance
 
 
 def test_the_gain_is_that_of_the_result():
     for kind in ("bench, explained, with its gain", "block, explained"):
-        gain, (row, *_) = shown(kind)[0].gain, rows_of(kind, "The gain on what was not used")
+        gain, (row, *_) = shown(kind)[0].gain, rows_of(kind, "Gain on held-out data")
         after = next(value for name, value in row.items() if name.startswith("rms after"))
         assert number(after) == pytest.approx(gain.held_out_rms_after, rel=5e-3)
 
@@ -278,7 +278,7 @@ def test_an_effect_that_mends_the_record_only_with_an_impossible_size_is_said_no
 
 def test_a_block_says_on_what_it_rests_and_what_is_missing():
     record = shown("block, explained")[0].evidence.reader.found.record
-    below = text_of("block, explained").partition("What these results rest on")[2]
+    below = text_of("block, explained").partition("Sources")[2]
     for fact in (record.sha256, "instantaneous", "9.80665 m/s²", "seed of the shuffles", "highspy"):
         assert fact in below
     said = unescape(text_of("block, insufficient"))

@@ -27,14 +27,14 @@ def test_a_panel_for_each_unit_and_every_extreme() -> None:
     page = lines_page("<run>", "said", table().lazy(), {"speed_mps": "m/s"})
     titles = [section.title for section in page.sections]
     assert titles == [
-        "In deg",
-        "In deg/s",
-        "In rad",
-        "In m/s",
-        "Pure numbers",
-        "In m/s²",
+        "Columns in deg",
+        "Columns in deg/s",
+        "Columns in rad",
+        "Columns in m/s",
+        "Columns without unit",
+        "Columns in m/s²",
         TRUTH,
-        "Columns",
+        "All columns",
         "Not drawn",
     ]
     assert page.sections[-2].table is not None
@@ -44,8 +44,9 @@ def test_a_panel_for_each_unit_and_every_extreme() -> None:
     assert page.sections[-1].paragraphs[0].startswith("said: texts")
     pictures = [section.picture.svg() for section in page.sections[:-2] if section.picture is not None]
     assert {ElementTree.fromstring(picture).get("role") for picture in pictures} == {"img"}
-    # A panel has only as many lines as can be told apart; one point is not lost among thousands.
-    assert pictures[5].count(">f") == 8 > MOST_LINES
+    # A panel has only as many lines as can be distinguished, and no constant; one point is not lost among thousands.
+    assert pictures[5].count(">f") == 7 > MOST_LINES
+    assert rows["f0_mps2"] == ["0", "0", "0", "0"]
     assert len(pictures[1]) < 60_000
 
 
@@ -59,7 +60,7 @@ def test_the_page_of_a_run_is_the_same_each_time(tmp_path: Path) -> None:
     th.simulate(given, plot=tmp_path / "run.html")
     text = (tmp_path / "run.html").read_text()
     assert "table.specific_force[3]" in text
-    assert "In rad/s" in text
+    assert "Columns that are constant throughout are not drawn." in text
 
 
 def test_a_number_that_no_axis_can_show_is_a_gap_and_stands_in_the_table() -> None:
@@ -78,7 +79,7 @@ def test_the_spread_over_runs_is_that_of_the_values_at_each_time(monkeypatch) ->
     assert (section.title, section.caption) == ("Over time, in rad", "said")
     ((panel,),) = drawn
     assert [line.name for line in panel] == [
-        "error, least",
+        "error, smallest",
         "error, 5 %",
         "error, median",
         "error, 95 %",

@@ -332,7 +332,7 @@ MOST_LINES = len(LOOKS)
 """Largest number of lines in a panel that can be told apart, by colour and by dashes."""
 LETTERS, MARK = 88, 9
 """Number of letters that fit in a line above a panel, and the width of a marker in letters."""
-TRUTH = "True or false"
+TRUTH = "Flags"
 """Text in place of a unit for flags."""
 LARGEST_DRAWN = 1e300
 """Largest value with ticks on an axis: beyond it a line has a gap, with its ends written beside it."""
@@ -356,6 +356,11 @@ class Line:
         times, values = thinned(time, drawable)
         return cls(name, times, values, (float(value[0]), least, largest, float(value[-1])))
 
+    @property
+    def constant(self) -> bool:
+        """Whether the line has one value throughout, or none."""
+        return np.isnan(self.ends[1]) or len(set(self.ends)) == 1
+
 
 @drawn
 def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
@@ -363,7 +368,7 @@ def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
     columns_of, names, rows_of_names = [], [], 0
     for lines in panels:
         of_panel = [line.name for line in lines]
-        columns = max(1, min(3, LETTERS // (MARK + len(max(of_panel, key=len)))))
+        columns = max(1, min(len(lines), LETTERS // (MARK + len(max(of_panel, key=len)))))
         columns_of.append(columns)
         names += of_panel
         rows_of_names += -(-len(lines) // columns)
@@ -381,4 +386,4 @@ def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
     if first[0] < first[-1]:
         axes.flat[-1].set_xlim(float(first[0]), float(first[-1]))
     axes.flat[-1].set_xlabel("time [s]")
-    return figure, f"{', '.join(names)} over time, {f'in {unit}' if unit else 'pure numbers'}"
+    return figure, f"{', '.join(names)} over time, {f'in {unit}' if unit else 'without unit'}"

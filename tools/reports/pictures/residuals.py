@@ -165,7 +165,7 @@ def held_out(before: NDArray, after: NDArray, labels: Sequence[object], width: f
     axes.grid(visible=False, axis="x")
     reach = 1.12 * max(1.25, farthest(before, after))
     axes.set(xlim=(-0.6, len(names) - 0.4), ylim=(-reach, reach), ylabel="error of prediction [σ]")
-    axes.set_xlabel("position that was held out" + ("; accelerometers 1, 2, 3 side by side" if width == WIDTH else ""))
+    axes.set_xlabel("held-out position" + ("; accelerometers 1, 2, 3 side by side" if width == WIDTH else ""))
     legend(figure)
     return figure, "Errors of prediction at held-out positions, before and after the model was extended"
 
@@ -200,7 +200,7 @@ def errors_over_time(time: NDArray, before: NDArray, after: NDArray | None, boun
     axes.plot(time, limit, color=ALERT.light, linewidth=1.2, drawstyle="steps-mid", label="bound about each axis")
     # Show the whole bound, unless the errors would then be dots at the bottom.
     reach, highest = farthest(sizes(before)), farthest(limit)
-    axes.set_ylim(0.0, 1.08 * max(reach, highest if highest < 6.0 * reach else float(np.median(limit))))
+    axes.set_ylim(0.0, 1.08 * max(reach, highest if highest < 6.0 * reach else 1.5 * float(np.median(limit))))
     axes.set(xlabel="time, s", ylabel="error, arcmin")
     legend(figure)
     return figure, f"Error of the carried attitude over each of the {label} of the record"
@@ -436,7 +436,7 @@ def band_picture(band: BandDrawn, width: float = WIDTH) -> Drawn:
     if beside:
         _laws(panels[0], band, band.whole)
         panels[0].set(title="whole", ylabel=band.error)
-        panels[1].set_title("less what the model imitates")
+        panels[1].set_title("nominal model subtracted")
     axes = panels[-1]
     axes.fill_between(band.at, band.low, band.high, color=BAND.light, linewidth=0, label="possible")
     for end in (band.low, band.high):
