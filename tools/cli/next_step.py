@@ -180,9 +180,8 @@ def _after_batch(call: Call, result: Any) -> str:
     files = (call.arguments["files"], *call.arguments.get("others", ()))
     out = call.arguments["out"]
     if result.do == "calibrate" and set(result.verdicts) <= {"consistent"} and (Path(out) / "instruments").is_dir():
-        return (
-            f"{Call(call.app, call.name, {}).line('batch', *files, do='apply', calibration=out)} --out {out}-corrected"
-        )
+        words = ["trihedron", "batch", *map(str, files), "--do", "apply", "--with", str(out)]
+        return shlex.join([*words, "--out", f"{out}-corrected"])
     if result.do == "calibrate":
         return call.line("batch", *files, do="diagnose", out=f"{out}-diagnosed")
     return f"trihedron open {shlex.join(map(str, files[:1]))}"
