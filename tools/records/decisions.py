@@ -80,7 +80,8 @@ class Decisions:
             numbers = [str(number) for number in self.left_out[:LISTED]]
             if len(self.left_out) > LISTED:
                 numbers.append("...")
-            parts.append(f"{'position' if len(self.left_out) == 1 else 'positions'} {', '.join(numbers)} left out")
+            noun = "position" if len(self.left_out) == 1 else "positions"
+            parts.append(f"{noun} {', '.join(numbers)} left out (an answer counts the other rows from 1)")
         if self.rests is not None:
             parts.append(f"{len(self.rests)} rests as marked")
         if self.turns:

@@ -44,7 +44,7 @@ def test_a_position_left_out_gives_the_numbers_of_a_record_without_it(tmp_path: 
     options = ["--noise-bound", "3e-3", "--gravity", str(GRAVITY)]
     assert main(["calibrate", str(record), *options, "--json", str(tmp_path / "c.json")]) == 0
     content = json.loads((tmp_path / "c.json").read_text())
-    assert "position 8 left out" in capsys.readouterr().out
+    assert "position 8 left out (an answer counts the other rows from 1)" in capsys.readouterr().out
     assert any("poses.decisions.toml" in line for line in content["warnings"])
     values = {row["symbol"]: row["estimate"] for row in content["parameters"]}
     assert values == {row.symbol: row.estimate for row in expected.parameters}
