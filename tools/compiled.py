@@ -117,7 +117,7 @@ class _KeptCode:
 
 def _names_of(function: Callable[..., Any]) -> list[str]:
     """Return the names of a function, and of every function or value that it encloses."""
-    names = [function.__qualname__]
+    names = [f"{function.__module__}.{function.__qualname__}"]
     for cell in function.__closure__ or ():
         inner = getattr(cell.cell_contents, "py_func", None)
         names += [repr(cell.cell_contents)] if inner is None else _names_of(inner)

@@ -17,6 +17,8 @@ from .programmes import EXACT, LEAST_VALUE, Growth, Interval, Polytope, SolverEr
 
 ROOM = 1e-9
 """Relative growth of the bounds that keeps a fit at its bounds inside."""
+EDGE = 1e-6
+"""Room of an error beyond its bound, a part of the bound: a set of a radius above one has an interior, too."""
 DETERMINED = 1e-6
 """Relative distance from the determined space within which a direction is determined."""
 ENCLOSING, BOUNDING = 72, 16
@@ -84,7 +86,7 @@ class Possible(Steps):
             jacobian, left, bound = jacobian[rows], left[rows], bound[rows]
             growths = [growth.of(rows) for growth in growths]
         now = growths[0].now if growths else 0.0
-        bound = np.maximum(bound, np.abs(left) - now) * (1.0 + ROOM)
+        bound = allowed_about(left, bound, now)
         self.count, self._proofs = jacobian.shape[1], {} if proofs is None else proofs
         self.scale = np.abs(jacobian).max(axis=0, initial=0.0)
         self.scale[self.scale == 0.0] = 1.0
@@ -145,6 +147,12 @@ class Possible(Steps):
     def _is_some(self, number: int) -> bool:
         """Return True if a branch is not empty: the fit's own contains it, any other may be empty."""
         return number == 0 or self._branches[number].is_some(self._proofs, number)
+
+
+def allowed_about(left: NDArray, bound: NDArray, grown: NDArray | float) -> NDArray[np.float64]:
+    """Return bounds (M,) of a set about a fit: an error beyond its bound, less its growth, is allowed its size."""
+    size = np.abs(left) - grown
+    return np.where(size > bound * (1.0 + ROOM), size + EDGE * bound, bound * (1.0 + ROOM))
 
 
 class AnyOf(Steps):

@@ -328,8 +328,6 @@ class BenchReader(Reader):
             return self.model.calibration
         count = len(self.rows.names)
         values, ends = fit.estimate[:count], fit.ends(self.model.room, count=count)
-        # The set of a model that fits by its slack alone has no interior: the point beside it is stated, too.
-        ends = np.column_stack((np.minimum(ends[:, 0], values), np.maximum(ends[:, 1], values)))
         parameters = parameters_with(self.rows.names, values, ends)
         extended = {"verdict": "consistent", "radius": fit.radius, "parameters": parameters, "witness": []}
         return extended_calibration(self.model.calibration, extended)

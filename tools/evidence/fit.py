@@ -18,7 +18,7 @@ from ...fmus.units import ARCMIN as ARCMIN
 from ...models.effects import EffectPlace, place_from_mapping
 from ...models.effects.variants import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
-from ..bounded.possible import ROOM, AnyOf, Possible, Proofs, Reach, Steps, grown_rows, polar_intervals
+from ..bounded.possible import AnyOf, Possible, Proofs, Reach, Steps, allowed_about, grown_rows, polar_intervals
 from ..bounded.programmes import (
     SAME_SPACE,
     Growth,
@@ -210,8 +210,7 @@ class Fit:
         """
         anything = np.full(len(self.point), np.inf)
         low, high = np.append(-anything, self.limits[0]), np.append(anything, self.limits[1])
-        grown = self.allowed - self.bound
-        bound = np.maximum(self.bound + room, np.abs(self.left) - grown) * (1.0 + ROOM)
+        bound = allowed_about(self.left, self.bound + room, self.allowed - self.bound)
         free = Bounded(self.jacobian, self.left, bound)
         if self.growths:
             growth = self.growths[0].moved(self.step)
