@@ -8,7 +8,7 @@ columns: this is what settles a hundred thousand sets in seconds. Lawson's algor
 large) makes the bound sharp.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -80,13 +80,18 @@ class Problem:
     alike: int = 0
 
     @staticmethod
-    def of(residual: NDArray, nominal: NDArray, columns: Sequence[NDArray], alike: int = 0) -> "Problem":
-        """Return the problem with the columns (M, k) of each candidate."""
-        blocks, stop = [], 0
+    def of(residual: NDArray, nominal: NDArray, columns: Iterable[NDArray], alike: int = 0) -> "Problem":
+        """Return the problem with the columns (M, k) of each candidate, which are taken one after the other."""
+        blocks, stop, rows = [], 0, np.empty((0, len(residual)))
         for of_candidate in columns:
             start, stop = stop, stop + of_candidate.shape[1]
+            if stop > len(rows):
+                # It grows in its place: two of them might not find room.
+                rows.resize((max(stop, 2 * len(rows)), len(residual)), refcheck=False)
+            rows[start:stop] = of_candidate.T
             blocks.append(slice(start, stop))
-        return Problem(residual, nominal, np.hstack([np.zeros((len(residual), 0)), *columns]), tuple(blocks), alike)
+        rows.resize((stop, len(residual)), refcheck=False)
+        return Problem(residual, nominal, rows.T, tuple(blocks), alike)
 
     @cached_property
     def layout(self) -> tuple[NDArray, NDArray]:

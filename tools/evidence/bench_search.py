@@ -214,7 +214,8 @@ class BenchSearch:
         cells: dict[EffectPlace, Sequence[Cell]] = {}
         for place in self.places:
             if place.definition.searched is not None and (of_place := CellsAtRest(place, rows)):
-                cells[place] = list(of_place)
+                # Steps are as many as rows: together they would fill the memory.
+                cells[place] = of_place if of_place.is_step else list(of_place)
         return cells
 
     @cached_property
@@ -385,10 +386,14 @@ class BenchSearch:
     def problem(self, centre: Fit, places: Sequence[EffectPlace], cells: Sequence[CellNumber] = ()) -> Problem:
         """The search for effects beside those of a centre, and for others in some cells, in units of the bounds."""
         rows, bound = self.readings.rows_with(centre), self.readings.bound[:, None]
-        blocks = [signature_columns([place], rows) / bound for place in places]
-        for place, number in cells:
-            blocks.append(self.cells[place][number].columns.reshape(len(bound), -1) / bound)
-        return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(cells))
+
+        def columns() -> Iterator[NDArray]:
+            for place in places:
+                yield signature_columns([place], rows) / bound
+            for place, number in cells:
+                yield self.cells[place][number].columns.reshape(len(bound), -1) / bound
+
+        return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, columns(), len(cells))
 
     def _without(self, problem: Problem, chosen: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
         """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""

@@ -137,10 +137,9 @@ class CellsAtRest(Sequence[Cell]):
         if not 0 <= k < len(self):
             raise IndexError(k)
         low, high = self.ends[k : k + 2].tolist()
-        if self.place.definition.searched == ONSET:
-            columns = self.from_first(self.rows)
-            after = columns * (self.rows.hours > low)[:, None, None]
-            middles = np.full(columns.shape[2], 0.5 * (low + high))
+        if self.is_step:
+            after = self.first * (self.rows.hours > low)[:, None, None]
+            middles = np.full(after.shape[2], 0.5 * (low + high))
             return Cell(self.place, (low, high), after, middles, elsewhere=self.from_first)
         # A record cannot distinguish the end of the searched range from the values beyond it.
         if k == 0:
@@ -153,11 +152,21 @@ class CellsAtRest(Sequence[Cell]):
         elsewhere = partial(self.with_constants, k)
         return Cell(self.place, (low, high), elsewhere(self.rows), numbers, missed, sums, elsewhere)
 
+    @property
+    def is_step(self) -> bool:
+        """Return whether the number is the time of a step: a cell for each row, made quickly."""
+        return self.place.definition.searched == ONSET
+
+    @cached_property
+    def first(self) -> NDArray[np.float64]:
+        """Columns (N, 3, K) of an effect that acts from the first row of the record on."""
+        return self.from_first(self.rows)
+
     @cached_property
     def ends(self) -> NDArray[np.float64]:
         """Ends (C + 1,) of the cells [h]."""
         hours, effect = self.rows.hours, self.place.definition
-        if effect.searched == ONSET:
+        if self.is_step:
             times, counts = np.unique(hours, return_counts=True)
             before = np.cumsum(counts)
             # Gaps with enough rows on both sides are next to each other: a time before each, and one behind the last.
