@@ -18,28 +18,35 @@ static double dot(const double *a, const double *b)
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+static void turn(const double *a, const double *b, double *turned)
+{
+    const double first = 0.25 + dot(a, a) / 48.0, second = 0.25 + dot(b, b) / 48.0, sixth = 1.0 / 6.0;
+    turned[1] = first * a[0] + second * b[0] + sixth * (a[1] * b[2] - a[2] * b[1]);
+    turned[2] = first * a[1] + second * b[1] + sixth * (a[2] * b[0] - a[0] * b[2]);
+    turned[3] = first * a[2] + second * b[2] + sixth * (a[0] * b[1] - a[1] * b[0]);
+    const double square = dot(turned + 1, turned + 1);
+    const double scale = 1.0 / (1.0 + square);
+    turned[0] = (1.0 - square) * scale;
+    for (int i = 1; i < 4; i++)
+        turned[i] = 2.0 * scale * turned[i];
+}
+
+static void normalise(double *q)
+{
+    const double scale = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    for (int i = 0; i < 4; i++)
+        q[i] = q[i] * scale;
+}
+
 void run(const double *increments, long steps, int renormalise, double *attitudes)
 {
     double attitude[4] = {1.0, 0.0, 0.0, 0.0};
     for (long k = 0; k < steps; k++) {
-        const double *a = increments + 6 * k, *b = a + 3;
-        const double first = 0.25 + dot(a, a) / 48.0, second = 0.25 + dot(b, b) / 48.0, sixth = 1.0 / 6.0;
         double turned[4];
-        turned[1] = first * a[0] + second * b[0] + sixth * (a[1] * b[2] - a[2] * b[1]);
-        turned[2] = first * a[1] + second * b[1] + sixth * (a[2] * b[0] - a[0] * b[2]);
-        turned[3] = first * a[2] + second * b[2] + sixth * (a[0] * b[1] - a[1] * b[0]);
-        const double square = dot(turned + 1, turned + 1);
-        const double scale = 1.0 / (1.0 + square);
-        turned[0] = (1.0 - square) * scale;
-        for (int i = 1; i < 4; i++)
-            turned[i] = 2.0 * scale * turned[i];
+        turn(increments + 6 * k, increments + 6 * k + 3, turned);
         multiply(attitude, turned, attitude);
-        if (renormalise) {
-            const double norm = 1.0 / sqrt(attitude[0] * attitude[0] + attitude[1] * attitude[1] +
-                                           attitude[2] * attitude[2] + attitude[3] * attitude[3]);
-            for (int i = 0; i < 4; i++)
-                attitude[i] = attitude[i] * norm;
-        }
+        if (renormalise)
+            normalise(attitude);
         for (int i = 0; i < 4; i++)
             attitudes[4 * k + i] = attitude[i];
     }
