@@ -12,7 +12,7 @@ import pytest
 from campaign_runs import children, command_of, wait_for
 from foreign_fmus.hostile import CALLS, WAYS, assert_named_and_kept, build_hostile, hostile_scenario
 from scenario_runs import scenario
-from trihedron.tools.orchestrator import write_scenario
+from trihedron.tools.orchestrator import shared_process, write_scenario
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="the FMU is written for POSIX")]
 
@@ -27,6 +27,16 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(("call", "way"), [(c, w) for c in CALLS for w in WAYS if (c, w) != ("FreeInstance", "error")])
 def test_each_behaviour(hostile: Path, tmp_path: Path, call: str, way: str) -> None:
     assert_named_and_kept(hostile, call, way, tmp_path / "out")
+
+
+@pytest.mark.parametrize("call", [call for call in CALLS if call not in ("GetString", "FreeInstance")])
+def test_each_behaviour_in_one_process_for_all(
+    hostile: Path, tmp_path: Path, call: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The refusal and the rows are those of separate processes; a process that hangs has no limit there."""
+    monkeypatch.setattr(shared_process, "WORTH_EXCHANGES", 1)
+    for way in ("error", "exit", "crash"):
+        assert_named_and_kept(hostile, call, way, tmp_path / way, together=True)
 
 
 def test_it_ends_with_us(hostile: Path, tmp_path: Path) -> None:

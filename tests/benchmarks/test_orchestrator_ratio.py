@@ -121,7 +121,7 @@ def bare_program(folder: Path, work: Path) -> Path:
     return program
 
 
-def scenario(folder: Path, steps: int, *, in_process: bool = True, **more: object) -> Scenario:
+def scenario(folder: Path, steps: int, *, in_process: bool | None = True, **more: object) -> Scenario:
     """Return the three FMUs coupled, with the seven outputs."""
     return Scenario.model_validate(
         {
@@ -137,7 +137,7 @@ def scenario(folder: Path, steps: int, *, in_process: bool = True, **more: objec
 
 
 def seconds_of_steps(
-    folder: Path, out: Path | None, most: int = STEPS, *, in_process: bool = True
+    folder: Path, out: Path | None, most: int = STEPS, *, in_process: bool | None = True
 ) -> tuple[float, np.ndarray]:
     """Return the seconds for this number of further steps: starting up is excluded, as for the other loops."""
     times, rows = {}, np.zeros(0)
@@ -153,9 +153,13 @@ def seconds_of_steps(
 
 
 @pytest.mark.benchmark_ratio
-def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path, capsys) -> None:
+def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As FMUs of others.
+    monkeypatch.setattr("trihedron.fmus.is_built_here", lambda _: False)
     program = bare_program(folder, tmp_path)
-    plain, bare, ours, disk, guests = [], [], [], [], []
+    plain, bare, ours, disk, guests, child = [], [], [], [], [], []
     rows = ours_rows = np.zeros(0)
     last: list[float] = []
     run_scenario(scenario(folder, 1))
@@ -170,14 +174,17 @@ def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path,
         elapsed, isolated = seconds_of_steps(folder, None, PLAIN_STEPS, in_process=False)
         guests.append(1e6 * elapsed / PLAIN_STEPS)
         assert (isolated == rows).all()
+        elapsed, together = seconds_of_steps(folder, None, in_process=None)
+        child.append(1e6 * elapsed / STEPS)
+        assert (together == ours_rows).all()
         disk.append(1e6 * seconds_of_steps(folder, tmp_path / "out")[0] / STEPS)
     assert (ours_rows[: PLAIN_STEPS + 1] == rows).all()
     assert ours_rows[-1].tolist() == last
     with capsys.disabled():
         print(
             f"\nthree coupled native FMUs, seven recorded outputs, best of {ROUNDS}, us a step: plain FMPy loop "
-            f"{min(plain):.2f}, bare C {min(bare):.3f}, orchestrator {min(ours):.3f}, to disk {min(disk):.3f}, each "
-            f"in a process of its own {min(guests):.1f}; "
+            f"{min(plain):.2f}, bare C {min(bare):.3f}, orchestrator {min(ours):.3f}, to disk {min(disk):.3f}, all "
+            f"in one child {min(child):.3f}, each in a process of its own {min(guests):.1f}; "
             f"plain/ours {min(plain) / min(ours):.1f}, ours/bare {min(ours) / min(bare):.2f}, "
             f"disk/memory {min(disk) / min(ours):.2f}, guests/plain {min(guests) / min(plain):.1f}, "
             f"a guest {(min(guests) - min(ours)) / len(NAMES):.0f} us a step"

@@ -68,9 +68,16 @@ def hostile_scenario(folder: Path, name: str, **sections: Any) -> dict[str, Any]
     return {"run": setting, "connections": connections, "fmus": {n: {"fmu": "Hostile.fmu"} for n in ("good", name)}}
 
 
-def outcome(folder: Path, name: str, out: Path) -> str:
-    """Return the refusal of the run."""
+def outcome(folder: Path, name: str, out: Path, *, together: bool = False) -> str:
+    """Return the refusal of the run; `together`: of one that may have all FMUs in one process."""
     options = hostile_scenario(folder, name)
+    if together:
+        # A limit of calls and recorded texts each need a process for each FMU.
+        del options["run"]["call_limit_s"]
+        columns = {}
+        for kind in _KINDS.keys() - {"String"}:
+            columns[kind] = f"{name}.{kind}_out"
+        options["record"] = {"columns": columns, "own_units": True}
     try:
         run_scenario(scenario(folder, options.pop("fmus"), **options), out)
     except InputError as error:
@@ -78,10 +85,10 @@ def outcome(folder: Path, name: str, out: Path) -> str:
     return ""
 
 
-def assert_named_and_kept(folder: Path, call: str, way: str, out: Path) -> None:
+def assert_named_and_kept(folder: Path, call: str, way: str, out: Path, *, together: bool = False) -> None:
     """Assert that the run of such an FMU names it, the call and the time, and keeps its rows until then."""
     name = f"{way}_{call}"
-    message = outcome(folder, name, out)
+    message = outcome(folder, name, out, together=together)
     begin, last = {
         **dict.fromkeys(BEFORE, (None, None)),
         **dict.fromkeys(("Terminate", "FreeInstance"), ("1", 1.0)),

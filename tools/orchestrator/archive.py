@@ -273,7 +273,10 @@ def _described(xml: bytes, label: str, interface: str | None) -> ModelDescriptio
         raise InputError(f"{name} does not describe an FMU (root is <{root}>)")
     version = attributes.get("fmiVersion", "")
     if not re.fullmatch(r"2\.0(\.\d+)?|3\.\d+(\.\d+)?(-.*)?", version):
-        raise InputError(f"{label}: is FMI {version or 'of no stated version'}; export as FMI 2.0 or 3.0")
+        way = "export as FMI 2.0 or 3.0"
+        if version == "1.0":
+            way = f"it has no initialisation mode; {way}, or run it alone: fmpy simulate {Path(label).name}"
+        raise InputError(f"{label}: is FMI {version or 'of no stated version'}; {way}")
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as alone:
         alone.writestr("modelDescription.xml", xml)

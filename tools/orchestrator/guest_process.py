@@ -32,7 +32,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from weakref import WeakValueDictionary
 
 Log = MutableSequence[tuple[int, str]]
@@ -631,14 +631,23 @@ def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush:
         flush()
 
 
-def run_guest() -> None:
-    """Serve on standard input and output, which are hidden from the FMU; its output goes to standard error."""
+def own_streams() -> tuple[BinaryIO, BinaryIO]:
+    """Return standard input and output for this module alone: an FMU reads nothing, and its output is an error's.
+
+    The process ends with its parent, and not by Ctrl-C.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    limit_memory(int(sys.argv[1]))
     requests, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     threading.Thread(target=end_with, args=(os.getppid(),), daemon=True).start()
+    return requests, replies
+
+
+def run_guest() -> None:
+    """Serve on standard input and output, which are hidden from the FMU."""
+    limit_memory(int(sys.argv[1]))
+    requests, replies = own_streams()
     serve(requests.read, replies.write, replies.flush)
     sys.stdout.flush()
     # Do not wait for the FMU's threads.

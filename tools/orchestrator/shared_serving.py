@@ -3,9 +3,6 @@
 import json
 import os
 import pickle
-import signal
-import sys
-import threading
 import time
 from typing import Any, BinaryIO
 
@@ -13,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from ..errors import InputError
-from .guest_process import HEAD, end_with, limit_memory
+from .guest_process import HEAD, limit_memory, own_streams
 from .loops import run_fmus
 from .run import PreparedScenario
 from .shared_process import dtype_of
@@ -24,13 +21,9 @@ FLUSH_SECONDS = 0.5
 
 def serve(most_memory: int) -> None:
     """Run the scenario that standard input holds; answer on standard output, which is hidden from the FMUs."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    scenario = pickle.load(sys.stdin.buffer)
+    requests, replies = own_streams()
+    scenario = pickle.load(requests)
     limit_memory(most_memory)
-    replies = os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    os.dup2(2, 1)
-    threading.Thread(target=end_with, args=(os.getppid(),), daemon=True).start()
     _answer(scenario, replies)
     os._exit(0)
 
