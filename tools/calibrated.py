@@ -355,9 +355,13 @@ class ByHand(Part):
         scatter of an accelerometer at rest, over its noise, up to which rests are found; None of rests that are given
     covariance : list of 9 lists
         of gamma_11, gamma_21, gamma_22, gamma_31, gamma_32, gamma_33 [1] and bias_1, bias_2, bias_3 [g], with the prior
+    turn_covariance : list of 9 lists or None
+        of M11, M12 to M33 [1], with the prior; None without gyros
     """
 
-    omitted: ClassVar[frozenset[str]] = frozenset({"scatter_limit", "gain", "pooled", "largest_rad", "covariance"})
+    omitted: ClassVar[frozenset[str]] = frozenset(
+        {"scatter_limit", "gain", "pooled", "largest_rad", "covariance", "turn_covariance"}
+    )
 
     rests: Count
     moves: Count = 0
@@ -374,6 +378,7 @@ class ByHand(Part):
     pooled: PooledTest | None = None
     scatter_limit: Size | None = None
     covariance: list[list[Number]] | None = None
+    turn_covariance: list[list[Number]] | None = None
 
 
 def noise_option(bound: float | None) -> str:

@@ -316,6 +316,7 @@ def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
         gain=gain,
         scatter_limit=run.rests.limit,
         covariance=fit.forces.covariance.tolist(),
+        turn_covariance=None if gyros is None else gyros.covariance[MATRIX, MATRIX].tolist(),
     )
 
 

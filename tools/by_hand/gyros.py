@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from ...models.bench import EARTH_RATE
+from ..motion.determinacy import TURN_PRIOR_SD, worst_turn
 from ..motion.norm import inputs_of
 from .forces import SPARE, Forces
 from .moves import BIAS, GYROS, LAG, MATRIX, SENSITIVITY, Moves, PieceRows, Turns, Windows
 from .still import StillRests
 
-PRIOR = np.concatenate([np.ones(3), np.where(np.eye(3) > 0.0, 0.03, 0.01).ravel(), np.full(9, 0.1), [0.1]])
+PRIOR = np.concatenate([np.ones(3), TURN_PRIOR_SD, np.full(9, 0.1), [0.1]])
 """Weak prior, one standard deviation: scale factors 3 %, misalignments 10 mrad; in practice none of biases [rad/s],
 sensitivities [rad/s per g] and the lag [s]."""
 MOVE_ERROR, LEAST_MOVE = 2e-3, 1e-4
@@ -74,24 +75,7 @@ class GyroFit:
 
     def turn_error(self) -> tuple[float, NDArray[np.float64]]:
         """Return the predicted error of a turn of 90° [rad], one standard deviation, and its worst axis (3,)."""
-        block = self.covariance[MATRIX, MATRIX].reshape(3, 3, 3, 3)
-        errors = []
-        for axis in AXES:
-            errors.append(np.linalg.eigvalsh(np.einsum("iakb,a,b->ik", block, axis, axis))[-1])
-        worst = int(np.argmax(errors))
-        return 0.5 * np.pi * float(np.sqrt(errors[worst])), AXES[worst]
-
-
-def _axes() -> NDArray:
-    """Return the three axes of the block, and others over half of the sphere."""
-    steps = np.arange(60) + 0.5
-    height = 1.0 - steps / 60.0
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * steps
-    radius = np.sqrt(1.0 - height**2)
-    return np.vstack([np.eye(3), np.column_stack([radius * np.cos(turn), radius * np.sin(turn), height])])
-
-
-AXES = _axes()
+        return worst_turn(self.covariance[MATRIX, MATRIX])
 
 
 def quiet_rests(rests: StillRests) -> NDArray[np.int_]:

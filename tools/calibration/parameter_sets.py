@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...fmus import build, components
-from ...fmus.component import started
+from ...fmus.component import Component, extend, started
 from ...fmus.parameters import (
     Interval,
     Parameters,
@@ -17,6 +18,7 @@ from ...fmus.parameters import (
     of_one_record,
     parameter_set,
 )
+from ...models.effects import EffectPlace, parameter_name
 from ..errors import InputError
 from ..files import whole_file, whole_folder
 from ..result import Result
@@ -26,13 +28,25 @@ BLOCKS = {"": ("AccelerometerBlock", "AccelerometerCompensation"), "-gyros": ("G
 """Ending of a parameter set's name -> the components that it fits: the instruments, and their compensation."""
 
 
+BY_HAND = {
+    EffectPlace("gyro-g-sensitivity", "gyro-block"): tuple(f"S{row}{axis}" for row in (1, 2, 3) for axis in (1, 2, 3)),
+    EffectPlace("latency", "gyro-block"): ("L",),
+}
+"""Effects of gyros that calibrations by hand fit, and the symbols of their parameters."""
+
+
 @dataclass(frozen=True)
 class CalibratedBlock:
-    """Values and intervals of the parameters of a block, and the description of their set."""
+    """Values and intervals of the parameters of a block, the description of their set, and the effects among them."""
 
     values: Parameters
     intervals: Mapping[str, Interval]
     text: str
+    effects: tuple[EffectPlace, ...] = ()
+
+    def component(self, name: str) -> Component:
+        """Return a component with the effects."""
+        return extend(components()[name], self.effects)
 
 
 def calibrated_blocks(result: Result, option: str) -> dict[str, CalibratedBlock]:
@@ -55,10 +69,30 @@ def calibrated_blocks(result: Result, option: str) -> dict[str, CalibratedBlock]
     blocks = {"": CalibratedBlock(block, intervals, text)}
     of_gyros = calibrated_gyros(content)
     if of_gyros is not None:
-        blocks["-gyros"] = CalibratedBlock(*of_gyros, text)
+        blocks["-gyros"] = _gyros_by_hand(content, *of_gyros, text)
     for ending, one in blocks.items():
-        _check_limits(option, BLOCKS[ending][0], one.values)
+        _check_limits(option, one.component(BLOCKS[ending][0]), one.values)
     return blocks
+
+
+def _gyros_by_hand(
+    content: Mapping[str, Any], values: Parameters, intervals: Mapping[str, Interval], text: str
+) -> CalibratedBlock:
+    """Return the gyros with the sensitivities to gravity and the lag that a calibration by hand has."""
+    estimates = {}
+    if content.get("by_hand") is not None:
+        estimates = {p["symbol"]: p["estimate"] for p in content["parameters"]}
+    all_values, effects = dict(values), []
+    for place, symbols in BY_HAND.items():
+        if any(estimates.get(symbol) is None for symbol in symbols):
+            continue
+        effects.append(place)
+        for parameter, symbol in zip(place.definition.parameters, symbols, strict=True):
+            all_values[parameter_name(place, parameter.name)] = estimates[symbol]
+    if effects:
+        # Sensitivities are per g of this size.
+        all_values["gravity"] = content["gravity_mps2"]
+    return CalibratedBlock(all_values, intervals, text, tuple(effects))
 
 
 def write_parameter_set(result: Result, path: Path) -> None:
@@ -67,7 +101,7 @@ def write_parameter_set(result: Result, path: Path) -> None:
     Calibrated gyros go into a file of their own, NAME-gyros.ssv. Errors as of `calibrated_blocks`.
     """
     for ending, block in calibrated_blocks(result, f"--ssv {path}").items():
-        component = components()[BLOCKS[ending][0]]
+        component = block.component(BLOCKS[ending][0])
         with whole_file(path.with_name(f"{path.stem}{ending}{path.suffix}")) as temporary:
             temporary.write_bytes(parameter_set(component, block.values, block.text, block.intervals))
 
@@ -83,7 +117,7 @@ def export_calibrated(result: Result, folder: Path) -> list[Path]:
     with whole_folder(folder) as draft:
         for ending, block in blocks.items():
             for name in BLOCKS[ending]:
-                component = started(components()[name], block.values)
+                component = started(block.component(name), block.values)
                 files.append(build(component, draft))
                 written = draft / f"{name}.ssv"
                 written.write_bytes(parameter_set(component, block.values, block.text, block.intervals))
@@ -91,9 +125,9 @@ def export_calibrated(result: Result, folder: Path) -> list[Path]:
     return [folder / path.name for path in files]
 
 
-def _check_limits(option: str, name: str, values: Parameters) -> None:
+def _check_limits(option: str, component: Component, values: Parameters) -> None:
     """Refuse values beyond the limits of a component."""
-    for variable in components()[name].interface:
+    for variable in component.interface:
         least, most = variable.within
         for number in np.ravel(values.get(variable.name, [])).tolist():
             if (least is not None and number < least) or (most is not None and number > most):

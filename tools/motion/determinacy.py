@@ -43,6 +43,19 @@ def _directions(count: int) -> NDArray[np.float64]:
 
 UNSEEN = _directions(400)
 """Poses over which the error is predicted: directions up (400, 3)."""
+TURN_PRIOR_SD = np.where(np.eye(3) > 0.0, 0.03, 0.01).ravel()
+"""Standard deviations of scale factors and misalignments M of gyros of which nothing is known, row by row."""
+TURN_AXES = np.vstack([np.eye(3), UNSEEN[::5]])
+"""Axes over which the error of a turn is predicted."""
+
+
+def worst_turn(covariance: NDArray) -> tuple[float, NDArray[np.float64]]:
+    """Return the largest standard error of a turn of 90° [rad], and its axis (3,), by the covariance (9, 9) of M."""
+    block = covariance.reshape(3, 3, 3, 3)
+    of_axes = np.einsum("iakb,na,nb->nik", block, TURN_AXES, TURN_AXES)
+    variances = np.linalg.eigvalsh(of_axes)[:, -1]
+    worst = int(variances.argmax())
+    return 0.5 * np.pi * float(np.sqrt(variances[worst])), TURN_AXES[worst]
 
 
 def slopes_of(up: NDArray, x: NDArray | None = None) -> NDArray[np.float64]:

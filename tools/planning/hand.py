@@ -19,7 +19,7 @@ from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError, nearest
-from ..motion.determinacy import LEAST_SD, MOST_POSES, UNSEEN, Determinacy, candidate_poses
+from ..motion.determinacy import LEAST_SD, MOST_POSES, TURN_PRIOR_SD, Determinacy, candidate_poses, worst_turn
 from ..motion.inspect import inspect_record
 from ..motion.norm import NAMES, norm_equations, standard_deviations
 from ..noise import Noise
@@ -32,10 +32,6 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 OF_GYROS = tuple(f"M{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
-TURN_PRIOR_SD = np.where(np.eye(3) > 0.0, 0.03, 0.01).ravel()
-"""Standard deviations of scale factors and misalignments of gyros of which nothing is known."""
-TURN_AXES = np.vstack([np.eye(3), UNSEEN[::5]])
-"""Axes over which the error of a turn is predicted."""
 MOVE_SD = 2e-3
 """A move's own error [rad]: how the gyros' bias wanders, and what lies between samples."""
 MOVE_S = 3.0
@@ -151,9 +147,7 @@ class TurnDeterminacy:
     @property
     def worst(self) -> float:
         """The largest standard error of a turn of 90° [rad], over all axes."""
-        block = self.covariance.reshape(3, 3, 3, 3)
-        of_axes = np.einsum("iakb,na,nb->nik", block, TURN_AXES, TURN_AXES)
-        return 0.5 * np.pi * float(np.sqrt(np.linalg.eigvalsh(of_axes)[:, -1].max()))
+        return worst_turn(self.covariance)[0]
 
     def with_turn(self, turn: "Turn", sd: float) -> Self:
         """Return the determinacy after a turn between two rests, whose directions err by `sd` [rad] each."""

@@ -61,7 +61,7 @@ def test_exact_faces_give_the_numbers_of_imucal(seed: int) -> None:
 
 @dataclass(frozen=True)
 class Session:
-    """Rests on six exact faces, each twice, and three turns by hand, with the moves between: record, and imucal's parts."""
+    """Rests on six exact faces, each twice, three turns by hand, the moves between: record, and imucal's parts."""
 
     instrument: Instrument
     table: pl.DataFrame
@@ -92,8 +92,8 @@ class Session:
 
 def angles_by(result: Calibration, turns: Sequence[pl.DataFrame], period: float) -> list[float]:
     """Return the angles of turns [deg] by calibrated gyros, independent of the program."""
-    bias = np.array([result[f"B{axis}"].estimate for axis in (1, 2, 3)])
-    matrix = np.eye(3) + np.reshape([result[symbol].estimate for symbol in MATRIX], (3, 3))
+    bias = np.array([present(result[f"B{axis}"].estimate) for axis in (1, 2, 3)])
+    matrix = np.eye(3) + np.reshape([present(result[symbol].estimate) for symbol in MATRIX], (3, 3))
     angles = []
     for turn in turns:
         rate = turn.select(pl.col("^w._radps$")).to_numpy() - bias

@@ -136,10 +136,11 @@ def test_parameters_of_components_are_those_of_the_instrument():
     np.testing.assert_allclose(np.reshape(gyros[0]["scale_misalignment"], (3, 3)), instrument.gyro_matrix - np.eye(3))
 
 
-def test_fmus_of_a_calibration_correct_its_readings(tmp_path):
+@pytest.mark.parametrize("sensitivity", [False, True])
+def test_fmus_of_a_calibration_correct_its_readings(tmp_path, sensitivity):
     """The exported compensations start with the calibrated values, and give what the correction gives."""
     instrument = Instrument(14)
-    content = calibration(instrument, sensitivity=False)
+    content = calibration(instrument, sensitivity=sensitivity)
     files = export_calibrated(Calibration.model_validate(content), tmp_path / "out")
     names = ("AccelerometerBlock", "AccelerometerCompensation", "GyroBlock", "GyroCompensation")
     assert sorted(path.name for path in files) == sorted(f"{name}.{end}" for name in names for end in ("fmu", "ssv"))
@@ -150,7 +151,10 @@ def test_fmus_of_a_calibration_correct_its_readings(tmp_path):
         ("AccelerometerCompensation", {"reading": instrument.readings(force)}, "specific_force", force),
         (
             "GyroCompensation",
-            {"increment_reading": 0.1 * instrument.rates(rate, 0.0 * force), "specific_force": 0.0 * force},
+            {
+                "increment_reading": 0.1 * instrument.rates(rate, sensitivity * force),
+                "specific_force": sensitivity * force,
+            },
             "rate",
             rate,
         ),
