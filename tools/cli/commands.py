@@ -18,15 +18,11 @@ from .. import (
     document,
     foreign,
     library,
-    live,
     measured,
     motion,
     noise,
-    orchestrator,
-    own_effects,
     records,
     reports,
-    ssp,
     trials,
 )
 from ..errors import InputError, one_line
@@ -49,8 +45,6 @@ from .answer import (
 
 READING = ("channels", "stamps")
 """How the channels and time stamps of a record are read."""
-ADJUSTING = ("values", "inputs", "record", "tolerance", "interface")
-"""How the FMUs of a run are set, fed and recorded."""
 PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
 """Options of a bench with its encoders and gyros."""
 
@@ -68,33 +62,23 @@ def simulate_command(scenario: Path, /, *, json: JsonFile = None, **options: Any
 
     Example: trihedron simulate plant.fmu --stop 60 --realtime --live 0
     """
-    out, plot, place = options.pop("out", None), options.pop("plot", None), options.pop("live", None)
+    out, place = options.pop("out", None) or Path(f"{scenario.stem}-run"), options.get("live")
     if place == str(json) == str(STANDARD_OUTPUT):
         raise InputError("--live -: --json - writes to standard output, too; give one of them a name or a port")
-    effects = own_effects.with_effects_of(options.pop("effects_from", None))
-    distinct_files({"the scenario": scenario, "--out": out, "--json": json, "--plot": plot})
-    adjusting = {field: options.pop(field) for field in ADJUSTING if field in options}
-    table = adjusting.get("inputs")
-    distinct_files({"--input": table, "--out": out, "--json": json, "--plot": plot})
-    adjustments = orchestrator.Adjustments(**adjusting)
-    choice = orchestrator.RunOptions(**options)
-    with effects, live.shown_run(place) as show, ssp.opened(scenario, choice, adjustments) as (checked, ignored):
-        if ignored:
-            names = list(ignored[:3])
-            if len(ignored) > 3:
-                names.append("...")
-            listed = one_line(", ".join(names))
-            print(f"{scenario}: {len(ignored)} parameters name nothing in it: {listed}", file=sys.stderr)
-        folder = out or orchestrator.run_folder(checked)
-        run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True, show=show)
+    written = {"--out": out, "--json": json, "--plot": options.get("plot")}
+    distinct_files({"the scenario": scenario, **written})
+    distinct_files({"--input": options.get("inputs"), **written})
+    run = library.simulate(scenario, out=out, progress=True, **options)
+    ignored = run.ignored_parameters
+    if ignored:
+        listed = one_line(", ".join([*ignored[:3], "..."][: len(ignored)]))
+        print(f"{scenario}: {len(ignored)} parameters name nothing in it: {listed}", file=sys.stderr)
     if run.ended:
         print(run.ended, file=sys.stderr)
     for note in run.notes:
         print(note, file=sys.stderr)
     if run.no_positions:
         print(f"no position record: {run.no_positions}", file=sys.stderr)
-    if plot is not None:
-        reports.write_plot_of_run(plot, run)
     shown = answer("\n".join(map(str, run.files)), json, run.to_json())
     if place == str(STANDARD_OUTPUT):
         # Standard output has the rows.

@@ -60,21 +60,19 @@ def _points(times: pl.Series, values: pl.Series) -> str:
     """Return the points of a picture; none of text or of the times themselves."""
     if values.dtype == pl.String or values.name == times.name:
         return ""
-    numbers, instants = values.cast(pl.Float64).to_numpy(), times.to_numpy()
+    numbers = values.cast(pl.Float64).to_numpy()
     finite = np.isfinite(numbers)
-    if finite.sum() < 2:
+    if not finite.any():
         return ""
-    across, up = _share(instants[finite]) * WIDTH, (1.0 - _share(numbers[finite])) * HEIGHT
+    across, up = _share(times.to_numpy()[finite]) * WIDTH, (1.0 - _share(numbers[finite])) * HEIGHT
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, up, strict=True))
 
 
 def _share(numbers: np.ndarray) -> np.ndarray:
     """Return where numbers lie between their least (0) and their greatest (1)."""
-    low, high = numbers.min(), numbers.max()
-    if not high / 2 > low / 2:
-        return np.full(len(numbers), 0.5)
     # Halved: the difference of two large numbers would overflow.
-    return (numbers / 2 - low / 2) / (high / 2 - low / 2)
+    halves = numbers / 2 - numbers.min() / 2
+    return halves / (halves.max() or 1.0)
 
 
 class _PrintedRows:

@@ -4,7 +4,6 @@ from .interface import scale_of as scale_of
 from .load import usual_flavour as usual_flavour
 from .run import PreparedScenario as PreparedScenario
 from .run import Simulation as Simulation
-from .run import run_folder as run_folder
 from .run import run_scenario as run_scenario
 from .run import simulate_table as simulate_table
 from .scenario import RunOptions as RunOptions

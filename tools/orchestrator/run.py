@@ -236,13 +236,6 @@ def _named(columns: Sequence[RecordColumn]) -> str:
     return names or "nothing but the time"
 
 
-def run_folder(scenario: Scenario) -> Path:
-    """Return the default folder of a run: `<scenario>-run` in the current folder."""
-    if scenario.source is None:
-        return Path("scenario-run")
-    return Path(f"{scenario.source.stem}-run")
-
-
 def run_scenario(
     scenario: Scenario,
     out: Path | None = None,
