@@ -72,7 +72,7 @@ def simulate(
     allow_nan : bool
         Run on when an output is not a finite number.
     realtime : float, optional
-        Wait for the clock: 1 is real time, 2 is twice as fast. Delay, jitter and overruns are reported.
+        Wait for the clock: real time without a number, 2 is twice as fast. Delay, jitter and overruns are reported.
     in_process : bool
         Run other makers' FMUs in this process. It is faster, but a crash of one FMU ends the program.
     call_limit : float, optional
