@@ -38,25 +38,18 @@ from .mapping import OPEN, plural
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES
 from .numbers import (
     BLANKS,
-    DEGREE,
-    OPPOSITE,
-    TIME,
-    LaboratoryUnit,
     bare,
     bits_of_signed,
     clock,
     is_missing,
-    is_unknown_behind,
-    known_unit,
     numbers_of,
     parsed_moment,
-    scaled_unit,
-    sense_behind,
     sexagesimal,
     unit_behind,
 )
 from .sheet import SEPARATORS
 from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, UnderstoodTable, ask_of_senses
+from .units import DEGREE, OPPOSITE, TIME, LaboratoryUnit, is_unknown_behind, known_unit, scaled_unit, sense_behind
 
 DIGITS_OF = 2000
 """Number of rows that decide how finely numbers are written."""

@@ -34,8 +34,6 @@ from .layout import COMMENT, layout_of
 from .mapping import OPEN, Mapping
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of, normal
 from .numbers import (
-    ANGLE,
-    TIME,
     Marks,
     bare,
     bits_of_signed,
@@ -43,14 +41,10 @@ from .numbers import (
     date_orders,
     is_clock,
     is_missing,
-    is_rate,
-    known_unit,
     parsed_moment,
     parsed_number,
     two_parts,
 )
-from .numbers import FORCE as FORCE_QUANTITY
-from .numbers import RATE as RATE_QUANTITY
 from .presets import preset_of
 from .ranking import (
     Triad,
@@ -78,6 +72,9 @@ from .understanding import (
     UnderstoodTable,
     ask_of_senses,
 )
+from .units import ANGLE, TIME, is_rate, known_unit
+from .units import FORCE as FORCE_QUANTITY
+from .units import RATE as RATE_QUANTITY
 
 PARTS_OF_ANGLES = ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin", "arcsec", "minutes", "seconds")
 """Units of minutes and seconds of an arc, beside degrees."""

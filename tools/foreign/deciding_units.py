@@ -7,7 +7,10 @@ from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, POSES, POSITION, RATE
 from .mapping import OPEN, TRIADS
 from .names import QUANTITY_OF, SAMPLE, TIMES
-from .numbers import (
+from .numbers import sexagesimal, unit_behind
+from .ranking import force_units, likely_units, median_size
+from .understanding import CLOCK, MOMENT, Origin, UnderstoodTable
+from .units import (
     COUNTS,
     DOUBTFUL,
     EXAMPLES,
@@ -19,12 +22,8 @@ from .numbers import (
     of_converter,
     scaled_unit,
     sense_behind,
-    sexagesimal,
     spelled_unit,
-    unit_behind,
 )
-from .ranking import force_units, likely_units, median_size
-from .understanding import CLOCK, MOMENT, Origin, UnderstoodTable
 
 SENSITIVITIES = {
     "force": ("0.5 g", "16384 LSB/g"),

@@ -13,8 +13,9 @@ from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
 from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, normal, of_name
-from .numbers import bare, has_degree_mark, is_missing, known_unit, parsed_number, unit_behind
+from .numbers import bare, has_degree_mark, is_missing, parsed_number, unit_behind
 from .sheet import LOOKED_AT, Row, Sheet, cell, has_text, is_data, is_value, is_word
+from .units import known_unit
 
 TAIL = 300
 """Number of lines at the end of a file that are searched for the last row of data."""

@@ -13,18 +13,7 @@ from ..records.columns import FORCE as FORCES
 from ..records.columns import RATE as RATES
 from ..records.columns import TEMPERATURE as TEMPERATURES
 from ..records.columns import VELOCITY as VELOCITIES
-from .numbers import (
-    ANGLE,
-    FORCE,
-    QUANTITIES,
-    RATE,
-    TEMPERATURE,
-    TIME,
-    VELOCITY,
-    LaboratoryUnit,
-    known_unit,
-    spelled_unit,
-)
+from .units import ANGLE, FORCE, QUANTITIES, RATE, TEMPERATURE, TIME, VELOCITY, LaboratoryUnit, known_unit, spelled_unit
 
 POSITION, TIMES, DATE, SAMPLE = "position", "time_s", "date", "sample"
 QUANTITY_OF: dict[str, str] = {}
@@ -75,7 +64,8 @@ _PATTERNS = (
     (
         TIMES,
         ("", TIME),
-        r"(elapsed |rel |relative |mess)?(time|zeit)( stamp|stempel| rel| of day)?|t|ts|timestamp|x value|elapsed|temps"
+        r"((elapsed|rel|relative|sample|system|host|device|sensor|utc|unix|local|start|elapsed ?real|up) ?|mess)?"
+        r"(time|zeit)( ?stamp| ?stempel| rel| of day)?|t|ts|x value|elapsed|temps"
         r"|stamp|header stamp|(unix ?|utc ?)?epoch|unix( ?time)?|uhrzeit|clock|date ?time"
         r"|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время|i ?tow|tow|(gps ?)?(tow|time of week)|gps ?time",
     ),
@@ -93,10 +83,8 @@ _PATTERNS = (
     (DATE, ("",), r"date|datum|дата"),
 )
 """Columns, the quantities that the unit of a head may have ("": unknown), and their names, in order."""
-_NAMED_BY_UNIT: dict[str, str] = dict.fromkeys(("seconds", "sec", "secs"), "s")
+_TIMES_BY_UNIT = re.compile(r"([munμµ]|milli|micro|nano)?s(ecs?|econds?)?|millis|micros|nanos")
 """Names of times that are their units."""
-for _unit, _names in (("ms", "ms msec millis milliseconds"), ("us", "us μs usec micros microseconds")):
-    _NAMED_BY_UNIT |= dict.fromkeys(_names.split(), _unit)
 _READING = "r|rdg|reading|ablesung|lesung|messung|wdh|rep|repeat"
 _NUMBERED = re.compile(
     rf"(?P<name>.*[^\d ]) ?(?<![^\W\d_])(?P<word>{_READING}) ?(?P<number>\d{{1,3}})"
@@ -137,8 +125,10 @@ def heading(text: str) -> Heading:
         return Heading(text, text, OWN_UNIT.get(text, ""), text)
     if text.casefold() in TEXTS:
         return Heading(text, text, "", text.casefold())
-    if text.casefold() in _NAMED_BY_UNIT:
-        return Heading(text, text, _NAMED_BY_UNIT[text.casefold()], TIMES)
+    # millis() of an Arduino, seconds_elapsed
+    word = text.casefold().removesuffix("()").removesuffix("_elapsed")
+    if len(word) > 1 and _TIMES_BY_UNIT.fullmatch(word) and known_unit(word) is not None:
+        return Heading(text, text, word, TIMES)
     # gyro[0] has a number, not the unit 0; accel_m_s2[0] has its unit before the number
     plain = re.sub(r"\[(\d)\]", r" \1", text)
     numbered = re.fullmatch(r"(.+)[ _](\d)", plain)
@@ -215,7 +205,7 @@ def _splits(text: str) -> list[tuple[str, str]]:
     bracket = _BRACKET.match(text)
     if bracket and bracket["name"]:
         return [(bracket["name"], bracket["unit"])]
-    parts = re.split(r"[_\s]+", text)
+    parts = re.split(r"[_\s]+|(?<=[a-z])(?=(?:Millis|Micros|Nanos|Seconds)$)", text)
     splits = []
     for count in (1, 2, 3, 4):
         # acc_x_mps2, gyro_x_deg_s, acc_x_m_s2

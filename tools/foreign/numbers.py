@@ -1,20 +1,14 @@
-"""Numbers, angles, dates, times of day and units as laboratories write them, and the marks that they prove.
+"""Numbers, angles, dates and times of day as laboratories write them, and the marks that they prove.
 
 "1,234" may be about one or about a thousand, "01.02.2026" February or January. Each text counts only as proof, never as
 a probability.
-
-A unit is a quantity and a linear conversion: value in the record = factor × number + offset. Output of a converter
-(volts, counts) needs a sensitivity, such as "16384 LSB/g" or "0.5 g/V".
 """
 
 import math
 import re
-import unicodedata
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
-
-from ...fmus.units import STANDARD_GRAVITY
 
 MISSING = frozenset(
     ("", "n/a", "#n/a", "n.a.", "na", "nan", "#nv", "#na", "k.a.", "null", "none", "-", "--", "---", "–", "—", "...")
@@ -165,36 +159,6 @@ def unit_behind(text: str) -> str:
     return text.strip().removeprefix(bare(text)).strip()
 
 
-SENSES = {"CW": "CCW", "E": "W", "N": "S", "L": "R"}
-"""Marks behind numbers for the sense in which they count, each with its opposite."""
-OPPOSITE = SENSES | {second: first for first, second in SENSES.items()}
-
-
-def sense_behind(text: str, quantity: str = "") -> str:
-    """Return the sense behind a cell's number, CW or W; "" if there is none, or if it is a unit of the quantity."""
-    mark = unit_behind(text)
-    unit = known_unit(mark)
-    if unit is not None and unit.quantity == quantity:
-        return ""
-    mark = mark.upper()
-    if mark in OPPOSITE:
-        return mark
-    return ""
-
-
-def is_unknown_behind(text: str) -> bool:
-    """Return True if the text behind a cell's number is neither a unit nor a sense."""
-    mark = unit_behind(text)
-    if not mark or mark.upper() in OPPOSITE or spelled_unit(mark).lower() in DOUBTFUL:
-        return False
-    return known_unit(mark) is None
-
-
-def is_rate(text: str) -> bool:
-    """Return True if a text is a rate, such as 100 Hz or 2 kHz."""
-    return re.fullmatch(r"\d[\d.]*(e[+-]?\d+)?[km]?hz", spelled_unit(text), re.IGNORECASE) is not None
-
-
 BITS = (16, 24, 32)
 
 
@@ -333,163 +297,3 @@ def date_of(text: str) -> str | None:
     if any(day(first, order) is not None for order in ORDERS):
         return first
     return None
-
-
-FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE = "force", "rate", "angle", "velocity", "time", "temperature"
-VOLTAGE, COUNTS = "voltage", "counts"
-QUANTITIES = (FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE)
-"""Quantities for which a mapping has units."""
-DEGREE = math.pi / 180.0
-
-
-@dataclass(frozen=True)
-class LaboratoryUnit:
-    """Conversion of a number in a file to a record: force m/s², rate rad/s, angle degrees, velocity m/s, time s, °C.
-
-    `per` is the unit in which a sensitivity counts, volts or counts, with its size.
-    """
-
-    quantity: str
-    factor: float
-    offset: float = 0.0
-    per: "LaboratoryUnit | None" = None
-
-    @property
-    def raw(self) -> bool:
-        """True for the output of a converter, which needs a sensitivity."""
-        return self.quantity in (VOLTAGE, COUNTS)
-
-
-_NAMES = {
-    LaboratoryUnit(FORCE, 1.0): "m/s2 ms-2 mps2 m/s/s m/sec2 ms2 m/ss mss м/с2",
-    LaboratoryUnit(FORCE, STANDARD_GRAVITY): "g G g0 gn gs",
-    LaboratoryUnit(FORCE, 1e-3 * STANDARD_GRAVITY): "mg mG milli-g",
-    LaboratoryUnit(FORCE, 1e-6 * STANDARD_GRAVITY): "ug uG",
-    LaboratoryUnit(FORCE, 1e-2): "cm/s2 Gal",
-    LaboratoryUnit(FORCE, 1e-3): "mm/s2",
-    LaboratoryUnit(FORCE, 1e-5): "mGal",
-    LaboratoryUnit(FORCE, 0.3048): "ft/s2",
-    LaboratoryUnit(RATE, 1.0): "rad/s radps rad/sec rads-1 рад/с",
-    LaboratoryUnit(RATE, 1e-3): "mrad/s",
-    LaboratoryUnit(RATE, DEGREE): "deg/s degps dps degs-1 deg/sec град/с",
-    LaboratoryUnit(RATE, 1e-3 * DEGREE): "mdps mdeg/s",
-    LaboratoryUnit(RATE, DEGREE / 3600.0): "deg/h deg/hr degh-1 dph град/ч",
-    LaboratoryUnit(RATE, 2.0 * math.pi / 60.0): "rpm",
-    LaboratoryUnit(ANGLE, 1.0): "deg degree degrees град",
-    LaboratoryUnit(ANGLE, 1.0 / DEGREE): "rad radian radians рад",
-    LaboratoryUnit(ANGLE, 1e-3 / DEGREE): "mrad",
-    LaboratoryUnit(ANGLE, 1e-6 / DEGREE): "urad",
-    LaboratoryUnit(ANGLE, 1.0 / 60.0): "arcmin ' ′",
-    LaboratoryUnit(ANGLE, 1.0 / 3600.0): "arcsec \" ″ ''",
-    LaboratoryUnit(ANGLE, 0.9): "gon",
-    LaboratoryUnit(ANGLE, 360.0): "turn turns rev",
-    LaboratoryUnit(VELOCITY, 1.0): "m/s ms-1 mps м/с",
-    LaboratoryUnit(VELOCITY, 1e-3): "mm/s",
-    LaboratoryUnit(VELOCITY, 1e-2): "cm/s",
-    LaboratoryUnit(VELOCITY, 0.3048): "ft/s",
-    LaboratoryUnit(TIME, 1.0): "s sec second seconds sek sekunden с",
-    LaboratoryUnit(TIME, 1e-3): "ms msec мс",
-    LaboratoryUnit(TIME, 1e-6): "us usec мкс",
-    LaboratoryUnit(TIME, 1e-9): "ns",
-    LaboratoryUnit(TIME, 60.0): "min minutes minuten мин",
-    LaboratoryUnit(TIME, 3600.0): "h hr hours ч",
-    LaboratoryUnit(TIME, 86400.0): "d day days",
-    LaboratoryUnit(VOLTAGE, 1.0): "V volt volts В",
-    LaboratoryUnit(VOLTAGE, 1e-3): "mV мВ",
-    LaboratoryUnit(VOLTAGE, 1e-6): "uV",
-    LaboratoryUnit(COUNTS, 1.0): "LSB lsb counts count cnt cts digit digits raw inc adc",
-    LaboratoryUnit(TEMPERATURE, 1.0): "degC C celsius degcelsius",
-    LaboratoryUnit(TEMPERATURE, 1.0, -273.15): "K kelvin",
-    LaboratoryUnit(TEMPERATURE, 5.0 / 9.0, -160.0 / 9.0): "degF F fahrenheit",
-}
-KNOWN: dict[str, LaboratoryUnit] = {}
-"""Name of a unit -> the unit."""
-for _unit, _names in _NAMES.items():
-    KNOWN |= dict.fromkeys(_names.split(), _unit)
-DOUBTFUL = {"grad": ("deg", "gon"), "grad/s": ("deg/s",)}
-"""Words with different meanings in different languages, and the units that they may mean."""
-EXAMPLES = {
-    FORCE: ("g", "m/s2", "mg", "ug"),
-    RATE: ("deg/s", "rad/s", "deg/h"),
-    ANGLE: ("deg", "rad", "arcmin"),
-    VELOCITY: ("m/s", "mm/s", "ft/s"),
-    TIME: ("s", "ms", "us", "min", "h"),
-    TEMPERATURE: ("degC", "degF", "K"),
-}
-_FOLDED = {name.lower(): name for name in reversed(KNOWN)}
-_SPLIT = re.compile(r"^(?P<number>[+]?\d[\d.]*(?:e[+-]?\d+)?(?:/\d[\d.]*)?)?[*x]?(?P<unit>.*)$", re.IGNORECASE)
-
-
-def spelled_unit(text: str) -> str:
-    """Return a unit's text in one spelling: µ as u, ° as deg, no blanks, brackets or signs of powers."""
-    text = unicodedata.normalize("NFKC", text.strip())
-    for old, new in (("μ", "u"), ("°", "deg"), ("º", "deg"), ("−", "-"), ("·", ""), ("⋅", ""), ("^", ""), ("*", "")):
-        text = text.replace(old, new)
-    text = re.sub(r"\s+", "", text).replace("/per/", "/")
-    # m/(s^2)
-    text = re.sub(r"/\((\w+)\)$", r"/\1", text)
-    while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "{}", "<>"):
-        text = text[1:-1]
-    return text
-
-
-def known_unit(text: str) -> LaboratoryUnit | None:
-    """Return the unit that a text names, None if it names none."""
-    name = spelled_unit(text)
-    return KNOWN.get(name) or KNOWN.get(_FOLDED.get(name.lower(), ""))
-
-
-def scaled_unit(text: str) -> LaboratoryUnit | None:
-    """Return the unit of a text that may have a number: "g", "2 mg", "1/16384 g", "0.5 g/V", "131 LSB/(deg/s)", "100
-    Hz"."""
-    simple = known_unit(text)
-    if simple is not None:
-        return simple
-    split = _SPLIT.match(spelled_unit(text))
-    number = None
-    if split:
-        number = _fraction(split["number"])
-    if split is None or number is None:
-        return None
-    name = split["unit"]
-    if name.lower() in ("hz", "khz"):
-        size = 1.0 if name.lower() == "hz" else 1e3
-        return LaboratoryUnit(TIME, 1.0 / (size * number))
-    unit = known_unit(name)
-    if unit is not None:
-        if unit.offset:
-            return None
-        return replace(unit, factor=number * unit.factor)
-    for slash in re.finditer("/", name):
-        above, below = known_unit(name[: slash.start()]), known_unit(name[slash.end() :])
-        if above is None or below is None or above.raw == below.raw or above.offset or below.offset:
-            continue
-        if below.raw:
-            return LaboratoryUnit(above.quantity, number * above.factor / below.factor, per=below)
-        return LaboratoryUnit(below.quantity, below.factor / (number * above.factor), per=above)
-    return None
-
-
-def _fraction(text: str | None) -> float | None:
-    """Return a positive number or a quotient of two; 1 if there is none."""
-    if not text:
-        return 1.0
-    above, _, below = text.partition("/")
-    try:
-        value = float(above) / float(below or "1")
-    except (ValueError, ZeroDivisionError):
-        return None
-    if 0.0 < value < math.inf:
-        return value
-    return None
-
-
-def of_converter(scale: LaboratoryUnit, stated: LaboratoryUnit | None) -> LaboratoryUnit | None:
-    """Return a sensitivity for numbers in a given unit of a converter (mV, LSB); None if it counts in another unit."""
-    if scale.per is None:
-        return None
-    if stated is None:
-        return replace(scale, factor=scale.factor * scale.per.factor)
-    if stated.quantity != scale.per.quantity:
-        return None
-    return replace(scale, factor=scale.factor * stated.factor)

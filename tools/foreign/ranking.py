@@ -16,9 +16,10 @@ from ..records.columns import POSITION
 from ..records.columns import VELOCITY as VELOCITIES
 from .mapping import OPEN, Mapping
 from .names import TIMES, normal
-from .numbers import ANGLE, FORCE, RATE, TIME, VELOCITY, LaboratoryUnit, bits_of_signed, known_unit, scaled_unit
+from .numbers import bits_of_signed
 from .presets import presets
 from .understanding import Field, UnderstoodTable
+from .units import ANGLE, FORCE, RATE, TIME, VELOCITY, LaboratoryUnit, known_unit, scaled_unit
 
 _WORDS = {
     FORCE: "acc accel accl accelerometer acceleration accelerations beschleunigung sf",

@@ -12,17 +12,9 @@ from ..records.columns import ANGLES, POSITION, RecordKind
 from .layout import COMMENT, SheetLayout
 from .mapping import OPEN, SCHEMA, Mapping, Question
 from .names import QUANTITY_OF, Heading
-from .numbers import (
-    OPPOSITE,
-    LaboratoryUnit,
-    bare,
-    is_missing,
-    known_unit,
-    parsed_number,
-    sense_behind,
-    sexagesimal,
-)
+from .numbers import bare, is_missing, parsed_number, sexagesimal
 from .sheet import Row, Sheet, cell
+from .units import OPPOSITE, LaboratoryUnit, known_unit, sense_behind
 
 STANDING_DEG = 0.5
 """Largest difference of angles within one rest [deg]."""

@@ -6,7 +6,8 @@ import pytest
 
 from trihedron.tools.foreign import clock, parsed_moment, parsed_number, sexagesimal
 from trihedron.tools.foreign.names import heading
-from trihedron.tools.foreign.numbers import Marks, scaled_unit
+from trihedron.tools.foreign.numbers import Marks
+from trihedron.tools.foreign.units import scaled_unit
 
 
 @pytest.mark.parametrize(

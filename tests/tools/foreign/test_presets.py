@@ -14,8 +14,8 @@ from field_files import field_file
 from laboratory_imports import asked, imported, refused, written
 from trihedron.tools.cli import main
 from trihedron.tools.foreign import importing
-from trihedron.tools.foreign.numbers import scaled_unit
 from trihedron.tools.foreign.presets import presets
+from trihedron.tools.foreign.units import scaled_unit
 from trihedron.tools.records import kinds
 
 G = 9.80665

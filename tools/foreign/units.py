@@ -1,0 +1,251 @@
+"""Units as laboratories write them, as one table of words and factors, and the senses behind numbers.
+
+A unit is a quantity and a linear conversion: value in the record = factor × number + offset. Output of a converter
+(volts, counts) needs a sensitivity, such as "16384 LSB/g" or "0.5 g/V".
+"""
+
+import math
+import re
+import unicodedata
+from dataclasses import dataclass, replace
+
+from ...fmus.units import STANDARD_GRAVITY
+from .numbers import unit_behind
+
+FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE = "force", "rate", "angle", "velocity", "time", "temperature"
+VOLTAGE, COUNTS = "voltage", "counts"
+QUANTITIES = (FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE)
+"""Quantities for which a mapping has units."""
+DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True)
+class LaboratoryUnit:
+    """Conversion of a number in a file to a record: force m/s², rate rad/s, angle degrees, velocity m/s, time s, °C.
+
+    `per` is the unit in which a sensitivity counts, volts or counts, with its size.
+    """
+
+    quantity: str
+    factor: float
+    offset: float = 0.0
+    per: "LaboratoryUnit | None" = None
+
+    @property
+    def raw(self) -> bool:
+        """True for the output of a converter, which needs a sensitivity."""
+        return self.quantity in (VOLTAGE, COUNTS)
+
+
+_LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254}
+_TURNS = {
+    "deg": (1.0, DEGREE),
+    "mdeg": (1e-3, 1e-3 * DEGREE),
+    "rad": (1.0 / DEGREE, 1.0),
+    "mrad": (1e-3 / DEGREE, 1e-3),
+    "urad": (1e-6 / DEGREE, 1e-6),
+    "arcmin": (1.0 / 60.0, DEGREE / 60.0),
+    "arcsec": (1.0 / 3600.0, DEGREE / 3600.0),
+    "gon": (0.9, 0.9 * DEGREE),
+    "turn": (360.0, 2.0 * math.pi),
+}
+"""Angle -> its size in degrees, and in radians."""
+_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
+KNOWN = {
+    "g": LaboratoryUnit(FORCE, STANDARD_GRAVITY),
+    "mg": LaboratoryUnit(FORCE, 1e-3 * STANDARD_GRAVITY),
+    "ug": LaboratoryUnit(FORCE, 1e-6 * STANDARD_GRAVITY),
+    "Gal": LaboratoryUnit(FORCE, 1e-2),
+    "mGal": LaboratoryUnit(FORCE, 1e-5),
+    "V": LaboratoryUnit(VOLTAGE, 1.0),
+    "mV": LaboratoryUnit(VOLTAGE, 1e-3),
+    "uV": LaboratoryUnit(VOLTAGE, 1e-6),
+    "LSB": LaboratoryUnit(COUNTS, 1.0),
+    "degC": LaboratoryUnit(TEMPERATURE, 1.0),
+    "K": LaboratoryUnit(TEMPERATURE, 1.0, -273.15),
+    "degF": LaboratoryUnit(TEMPERATURE, 5.0 / 9.0, -160.0 / 9.0),
+}
+"""Symbol of a unit -> the unit."""
+for _name, _size in _TIMES.items():
+    KNOWN[_name] = LaboratoryUnit(TIME, _size)
+    for _turn, (_degrees, _radians) in _TURNS.items():
+        KNOWN[_turn] = LaboratoryUnit(ANGLE, _degrees)
+        KNOWN[f"{_turn}/{_name}"] = LaboratoryUnit(RATE, _radians / _size)
+for _name, _size in _LENGTHS.items():
+    KNOWN[f"{_name}/s"] = LaboratoryUnit(VELOCITY, _size)
+    KNOWN[f"{_name}/s2"] = LaboratoryUnit(FORCE, _size)
+WORDS = {
+    "s": "sec secs second seconds sek sekunde sekunden с",
+    "ms": "msec msecs millis millisec millisecond milliseconds millisekunden мс",
+    "us": "usec usecs micros microsec microsecond microseconds мкс",
+    "ns": "nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds",
+    "min": "minute minutes minuten мин",
+    "h": "hr hrs hour hours stunden ч",
+    "d": "day days",
+    "g": "G g0 gn gs gee gees gforce",
+    "mg": "mG millig mgee milligee",
+    "ug": "uG microg",
+    "m": "meter meters metre metres м",
+    "ft": "feet foot",
+    "in": "inch inches",
+    "deg": "degree degrees град",
+    "rad": "radian radians рад",
+    "arcmin": "' ′",
+    "arcsec": "\" ′′ ''",
+    "turn": "turns rev revs revolution revolutions",
+    "m/s2": "mps2 ms-2 ms2 m/ss mss N/kg",
+    "m/s": "mps ms-1",
+    "deg/s": "dps degps degs-1",
+    "mdeg/s": "mdps",
+    "rad/s": "radps rads-1",
+    "deg/h": "dph degh-1",
+    "turn/min": "rpm",
+    "V": "volt volts В",
+    "mV": "мВ",
+    "LSB": "lsb counts count cnt cts digit digits raw inc adc",
+    "degC": "C celsius degcelsius degreesC",
+    "K": "kelvin",
+    "degF": "F fahrenheit degfahrenheit",
+}
+"""Symbol -> the words that laboratories write for it, alone or in quotients."""
+_SYMBOLS: dict[str, str] = {}
+for _name, _words in WORDS.items():
+    _SYMBOLS |= dict.fromkeys(_words.split(), _name)
+_FOLDED = {word.lower(): symbol for word, symbol in reversed(_SYMBOLS.items())}
+_FOLDED |= {symbol.lower(): symbol for symbol in reversed(KNOWN)}
+DOUBTFUL = {"grad": ("deg", "gon"), "grad/s": ("deg/s",)}
+"""Words with different meanings in different languages, and the units that they may mean."""
+EXAMPLES = {
+    FORCE: ("g", "m/s2", "mg", "ug"),
+    RATE: ("deg/s", "rad/s", "deg/h"),
+    ANGLE: ("deg", "rad", "arcmin"),
+    VELOCITY: ("m/s", "mm/s", "ft/s"),
+    TIME: ("s", "ms", "us", "min", "h"),
+    TEMPERATURE: ("degC", "degF", "K"),
+}
+_SPLIT = re.compile(r"^(?P<number>[+]?\d[\d.]*(?:e[+-]?\d+)?(?:/\d[\d.]*)?)?[*x]?(?P<unit>.*)$", re.IGNORECASE)
+
+
+def spelled_unit(text: str) -> str:
+    """Return a unit's text in one spelling: µ as u, ° as deg, no blanks, brackets or signs of powers."""
+    text = unicodedata.normalize("NFKC", text.strip())
+    for old, new in (("μ", "u"), ("°", "deg"), ("º", "deg"), ("−", "-"), ("·", ""), ("⋅", ""), ("^", ""), ("*", "")):
+        text = text.replace(old, new)
+    text = re.sub(r"\s+", "", text)
+    # m/(s^2)
+    text = re.sub(r"/\((\w+)\)$", r"/\1", text)
+    while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "{}", "<>"):
+        text = text[1:-1]
+    return text
+
+
+def known_unit(text: str) -> LaboratoryUnit | None:
+    """Return the unit that a text names, None if it names none: "m/s2", "millis", "degrees per second"."""
+    return KNOWN.get(_symbol(text))
+
+
+def _symbol(text: str) -> str:
+    """Return the symbol of a unit that a text names; any other text is returned in one spelling."""
+    plain = re.sub(r"[\s/]*\bper\b[\s/]*", "/", text.replace("_", "/"))
+    name = re.sub(r"(?<=[a-z])[-.](?=[a-z])", "", spelled_unit(plain))
+    whole = _one_symbol(name)
+    if whole in KNOWN or "/" not in name:
+        return whole
+    above, *below = map(_one_symbol, re.sub(r"(second|sec|s)\*?squared$", "s2", name).split("/"))
+    if below in (["s", "s"], ["s", "2"]):
+        below = ["s2"]
+    return "/".join([above, *below])
+
+
+def _one_symbol(name: str) -> str:
+    """Return the symbol of a word, or of a power of one: "sec2" is "s2"."""
+    if name in KNOWN:
+        return name
+    word, power = re.fullmatch(r"(.*?)(2?)", name).groups()
+    return _SYMBOLS.get(name) or _FOLDED.get(name.lower()) or _SYMBOLS.get(word, word) + power
+
+
+def scaled_unit(text: str) -> LaboratoryUnit | None:
+    """Return the unit of a text that may have a number: "g", "2 mg", "1/16384 g", "0.5 g/V", "131 LSB/(deg/s)", "100
+    Hz"."""
+    simple = known_unit(text)
+    if simple is not None:
+        return simple
+    split = _SPLIT.match(spelled_unit(text))
+    number = None
+    if split:
+        number = _fraction(split["number"])
+    if split is None or number is None:
+        return None
+    name = split["unit"]
+    if name.lower() in ("hz", "khz"):
+        size = 1.0 if name.lower() == "hz" else 1e3
+        return LaboratoryUnit(TIME, 1.0 / (size * number))
+    unit = known_unit(name)
+    if unit is not None:
+        if unit.offset:
+            return None
+        return replace(unit, factor=number * unit.factor)
+    for slash in re.finditer("/", name):
+        above, below = known_unit(name[: slash.start()]), known_unit(name[slash.end() :])
+        if above is None or below is None or above.raw == below.raw or above.offset or below.offset:
+            continue
+        if below.raw:
+            return LaboratoryUnit(above.quantity, number * above.factor / below.factor, per=below)
+        return LaboratoryUnit(below.quantity, below.factor / (number * above.factor), per=above)
+    return None
+
+
+def _fraction(text: str | None) -> float | None:
+    """Return a positive number or a quotient of two; 1 if there is none."""
+    if not text:
+        return 1.0
+    above, _, below = text.partition("/")
+    try:
+        value = float(above) / float(below or "1")
+    except (ValueError, ZeroDivisionError):
+        return None
+    if 0.0 < value < math.inf:
+        return value
+    return None
+
+
+def of_converter(scale: LaboratoryUnit, stated: LaboratoryUnit | None) -> LaboratoryUnit | None:
+    """Return a sensitivity for numbers in a given unit of a converter (mV, LSB); None if it counts in another unit."""
+    if scale.per is None:
+        return None
+    if stated is None:
+        return replace(scale, factor=scale.factor * scale.per.factor)
+    if stated.quantity != scale.per.quantity:
+        return None
+    return replace(scale, factor=scale.factor * stated.factor)
+
+
+SENSES = {"CW": "CCW", "E": "W", "N": "S", "L": "R"}
+"""Marks behind numbers for the sense in which they count, each with its opposite."""
+OPPOSITE = SENSES | {second: first for first, second in SENSES.items()}
+
+
+def sense_behind(text: str, quantity: str = "") -> str:
+    """Return the sense behind a cell's number, CW or W; "" if there is none, or if it is a unit of the quantity."""
+    mark = unit_behind(text)
+    unit = known_unit(mark)
+    if unit is not None and unit.quantity == quantity:
+        return ""
+    mark = mark.upper()
+    if mark in OPPOSITE:
+        return mark
+    return ""
+
+
+def is_unknown_behind(text: str) -> bool:
+    """Return True if the text behind a cell's number is neither a unit nor a sense."""
+    mark = unit_behind(text)
+    if not mark or mark.upper() in OPPOSITE or spelled_unit(mark).lower() in DOUBTFUL:
+        return False
+    return known_unit(mark) is None
+
+
+def is_rate(text: str) -> bool:
+    """Return True if a text is a rate, such as 100 Hz or 2 kHz."""
+    return re.fullmatch(r"\d[\d.]*(e[+-]?\d+)?[km]?hz", spelled_unit(text), re.IGNORECASE) is not None
