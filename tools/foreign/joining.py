@@ -4,11 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import correlate, correlation_lags
+from scipy.stats import pearsonr
 
 from ..errors import InputError
 from ..records.columns import FORCE, RATE, STRAPDOWN_RATES, TEMPERATURE, RecordKind
 from ..rounding import digits, upwards
 from .conversion import Conversion
+from .mapping import OPEN
 from .names import TIMES
 from .understanding import UnderstoodTable
 
@@ -16,142 +20,168 @@ GYROS = RecordKind("gyro record", (TIMES, *RATE), (TEMPERATURE,))
 """Gyros alone: one of two files."""
 ALIKE = 1e-6
 """Largest difference of stamps that are the same [steps]."""
-LONGEST_LAG = 0.5
-"""Largest lag that is looked for [s]."""
+LONGEST_LAG, LONGEST_START = 0.5, 30.0
+"""Largest lag that is looked for [s]: on one clock, and where each file may count from its own start."""
 LEAST_CORRELATION = 0.7
 """Correlation from which a lag is stated."""
+LEAST_LAG = 0.1
+"""Lag that shows two clocks [s]: estimates of hand-moved records err by less."""
 LEAST_GAP = 5.0
 """Steps of the slower clock from which a gap is not bridged by interpolation."""
+NEAR = 3
+"""Steps about the largest correlation in which the lag is interpolated."""
+SMOOTHED = 0.05
+"""Time over which readings are averaged before a lag is estimated [s]."""
 
 Side = tuple[UnderstoodTable, Conversion]
 
 
 @dataclass(frozen=True)
-class Clocks:
-    """Times of two files on one clock [s], and the rows of the faster one that the slower one surrounds."""
+class Instrument:
+    """The accelerometers or gyros of one file, with their times on the common clock (N,) [s]."""
 
-    fast: NDArray[np.float64]
-    slow: NDArray[np.float64]
-    inside: NDArray[np.bool_]
+    table: UnderstoodTable
+    conversion: Conversion
+    columns: tuple[str, ...]
+    word: str
+    unit: str
+    times: NDArray[np.float64]
+
+    @property
+    def file(self) -> str:
+        """Name of the file."""
+        return self.table.sheet.path.name
+
+    @property
+    def step(self) -> float:
+        """Median step of the clock [s]."""
+        return float(np.median(np.diff(self.times)))
+
+    @property
+    def counts_from_zero(self) -> bool:
+        """True if the times begin at 0 s, as those of any clock that begins with its file."""
+        return self.table.start == 0 and abs(float(self.conversion.numbers[TIMES][0])) < 0.5 * self.step
+
+    def at(self, times: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Return the channels, interpolated linearly to other times (M,) [s]."""
+        return {column: np.interp(times, self.times, self.conversion.numbers[column]) for column in self.columns}
 
 
 def joined(forces: Side, rates: Side) -> Side:
     """Return one table of both files, on the faster clock; the slower readings are interpolated linearly.
 
+    Asks whether the clocks are the same if both begin at 0 s and the record shows a lag between them.
+
     Raises InputError if the clocks have less than three rows in common.
     """
-    (force_table, force), (rate_table, rate) = forces, rates
-    shift = float(rate_table.start - force_table.start)
-    times = (force.numbers[TIMES], rate.numbers[TIMES] + shift)
-    faster = int(np.median(np.diff(times[1])) < np.median(np.diff(times[0])) * (1.0 - ALIKE))
-    sides = ((force_table, force, FORCE), (rate_table, rate, RATE))
-    fast, slow = sides[faster], sides[1 - faster]
-    clocks = _clocks(times[faster], times[1 - faster], fast[0], slow[0])
-    numbers = {TIMES: clocks.fast[clocks.inside] - (0.0 if force_table.start == 0 else clocks.fast[clocks.inside][0])}
-    notes = [*force_table.notes, *rate_table.notes]
-    for column in fast[2]:
-        numbers[column] = fast[1].numbers[column][clocks.inside]
-    bound = 0.0
-    for column in slow[2]:
-        values = slow[1].numbers[column]
-        numbers[column] = np.interp(clocks.fast[clocks.inside], clocks.slow, values)
-        bound = max(bound, float(np.abs(np.diff(values, 2)).max(initial=0.0)) / 8.0)
-    unit, name = ("m/s²", "accelerometers") if slow[2] is FORCE else ("rad/s", "gyros")
-    if _same(clocks):
+    table, answer = forces[0], forces[0].mapping.lag
+    is_open = answer in ("", OPEN)
+    lag = 0.0 if is_open else float(answer)
+    shift = float(rates[0].start - table.start) - lag
+    force = Instrument(*forces, FORCE, "accelerometers", "m/s²", forces[1].numbers[TIMES])
+    rate = Instrument(*rates, RATE, "gyros", "rad/s", rates[1].numbers[TIMES] + shift)
+    fast, slow = (rate, force) if rate.step < force.step * (1.0 - ALIKE) else (force, rate)
+    inside = _common_rows(fast, slow)
+    times = fast.times[inside]
+    numbers = {TIMES: times, **force.at(times), **rate.at(times)}
+    notes = [*table.notes, *rates[0].notes]
+    place = np.interp(times, slow.times, np.arange(len(slow.times)))
+    are_same = bool(np.abs(place - np.round(place)).max() < ALIKE)
+    if are_same:
         notes.append("both files have the same times")
     else:
-        within = f"within {upwards(bound)} {unit}, an eighth of the largest second difference"
-        notes.append(f"the {name} are interpolated linearly to the times of {fast[0].sheet.path.name}, {within}")
-    notes.append(_lag_note(numbers))
-    for free in rate_table.free_fields:
+        second = np.diff([slow.conversion.numbers[column] for column in slow.columns], 2)
+        within = f"within {upwards(float(np.abs(second).max(initial=0.0)) / 8.0)} {slow.unit}"
+        how = f"are interpolated linearly to the times of {fast.file}, {within}"
+        notes.append(f"the {slow.word} {how}, an eighth of the largest second difference")
+    if lag:
+        notes.append(f"{digits(abs(lag), 4)} s {'taken from' if lag > 0.0 else 'added to'} the times of the gyros")
+    notes.append(_lag_note(force, rate, numbers, is_open=is_open))
+    if table.start != 0:
+        numbers[TIMES] = times - times[0]
+    for free in rates[0].free_fields:
         if free.head.text:
-            notes.append(f"left out of {rate_table.sheet.path.name}: column {free.head.text!r}")
-    force_table.kind, force_table.notes = STRAPDOWN_RATES, []
-    force_table.origins |= {column: origin for column, origin in rate_table.origins.items() if column in RATE}
-    rows = fast[1].row[clocks.inside]
-    left_out = {**force.left_out, **rate.left_out}
-    outside = int(np.count_nonzero(~clocks.inside))
+            notes.append(f"left out of {rate.file}: column {free.head.text!r}")
+    outside = int(np.count_nonzero(~inside))
     if outside:
-        notes.append(f"{outside} rows of {fast[0].sheet.path.name} are outside the times of {slow[0].sheet.path.name}")
-    resolution = {} if slow[2] is FORCE and not _same(clocks) else force.resolution
-    return force_table, Conversion(numbers, {}, rows, left_out, resolution, notes=list(dict.fromkeys(notes)))
+        notes.append(f"{outside} rows of {fast.file} are outside the times of {slow.file}")
+    table.kind, table.notes = STRAPDOWN_RATES, []
+    table.origins |= {column: origin for column, origin in rates[0].origins.items() if column in RATE}
+    resolution = {} if slow is force and not are_same else force.conversion.resolution
+    left_out = {**force.conversion.left_out, **rate.conversion.left_out}
+    rows = fast.conversion.row[inside]
+    return table, Conversion(numbers, {}, rows, left_out, resolution, notes=list(dict.fromkeys(notes)))
 
 
-def _same(clocks: Clocks) -> bool:
-    inside = clocks.fast[clocks.inside]
-    nearest = np.interp(inside, clocks.slow, np.arange(len(clocks.slow)))
-    return bool(np.abs(nearest - np.round(nearest)).max() < ALIKE)
-
-
-def _clocks(
-    fast: NDArray[np.float64], slow: NDArray[np.float64], fast_table: UnderstoodTable, slow_table: UnderstoodTable
-) -> Clocks:
-    """Return both times, and the rows of the faster clock between two readings of the slower one.
+def _common_rows(fast: Instrument, slow: Instrument) -> NDArray[np.bool_]:
+    """Return a mask of the rows of the faster clock between two readings of the slower one.
 
     Raises InputError if a clock runs backwards, or if they have no time in common.
     """
-    for table, times in ((fast_table, fast), (slow_table, slow)):
-        back = np.flatnonzero(np.diff(times) <= 0.0)
+    for side in (fast, slow):
+        back = np.flatnonzero(np.diff(side.times) <= 0.0)
         if len(back):
-            raise InputError(f"{table.sheet.path}: row {back[0] + 1} of its data: the time does not rise")
-    edge = ALIKE * float(np.median(np.diff(slow)))
-    inside = (fast >= slow[0] - edge) & (fast <= slow[-1] + edge)
-    after = np.clip(np.searchsorted(slow, fast), 1, len(slow) - 1)
-    gaps = slow[after] - slow[after - 1]
-    inside &= gaps <= LEAST_GAP * float(np.median(np.diff(slow)))
+            raise InputError(f"{side.table.sheet.path}: row {back[0] + 1} of its data: the time does not rise")
+    edge = ALIKE * slow.step
+    inside = (fast.times >= slow.times[0] - edge) & (fast.times <= slow.times[-1] + edge)
+    after = np.clip(np.searchsorted(slow.times, fast.times), 1, len(slow.times) - 1)
+    inside &= slow.times[after] - slow.times[after - 1] <= LEAST_GAP * slow.step
     if np.count_nonzero(inside) < 3:
-        spans = [
-            f"{table.sheet.path.name} from {times[0]:.6g} to {times[-1]:.6g} s"
-            for table, times in ((fast_table, fast), (slow_table, slow))
-        ]
-        raise InputError(f"{fast_table.sheet.path}: no times in common: {', '.join(spans)}; give files of one clock")
-    return Clocks(fast, slow, inside)
+        spans = [f"{side.file} from {side.times[0]:.6g} to {side.times[-1]:.6g} s" for side in (fast, slow)]
+        raise InputError(f"{fast.table.sheet.path}: no times in common: {', '.join(spans)}; give files of one clock")
+    return inside
 
 
-def _lag_note(numbers: dict[str, NDArray[np.float64]]) -> str:
-    """Return the lag of the gyros behind the accelerometers, by turns of gravity, or that it cannot be estimated."""
-    lag, correlation = lag_of(numbers)
+def _lag_note(force: Instrument, rate: Instrument, numbers: dict[str, NDArray[np.float64]], *, is_open: bool) -> str:
+    """Return what turns of gravity show of the clocks; ask for the lag where it shows two that begin at 0 s."""
+    is_doubtful = is_open and force.counts_from_zero and rate.counts_from_zero
+    lag, correlation = lag_of(numbers, LONGEST_START if is_doubtful else LONGEST_LAG)
+    not_certain = "; both files begin at 0 s: that they have one clock is not certain" if is_doubtful else ""
     if correlation < LEAST_CORRELATION:
-        return "no lag between the files can be estimated: too little of the motion turns gravity"
+        return f"no lag between the files can be estimated: too little of the motion turns gravity{not_certain}"
     behind = "behind" if lag >= 0.0 else "ahead of"
-    return (
-        f"the gyros are {digits(abs(lag), 2)} s {behind} the accelerometers (correlation {digits(correlation, 2)}); "
-        "not corrected"
-    )
+    measured = f"the gyros are {digits(abs(lag), 2)} s {behind} the accelerometers"
+    if is_doubtful and abs(lag) > max(LEAST_LAG, force.step, rate.step):
+        why = f"both files begin at 0 s, but {measured}: the lag to remove, or 0 if they have one clock"
+        force.table.ask("lag", (f"{lag:.4g}", "0"), why)
+    return f"{measured} (correlation {digits(correlation, 2)}); not corrected{not_certain}"
 
 
-def lag_of(numbers: dict[str, NDArray[np.float64]]) -> tuple[float, float]:
-    """Return the lag [s] of the gyros behind the accelerometers, and the correlation of the turns of gravity there."""
+def lag_of(numbers: dict[str, NDArray[np.float64]], longest: float) -> tuple[float, float]:
+    """Return the lag [s] of the gyros behind the accelerometers, and the correlation of the turns of gravity there.
+
+    The lag is at most `longest` [s] and a quarter of the record; both are 0 for a record that is too short.
+    """
     time = numbers[TIMES]
     step = float(np.median(np.diff(time)))
     count = int((time[-1] - time[0]) / step)
-    shifts = int(LONGEST_LAG / step)
-    if not 4 * shifts < count < 5_000_000 or shifts < 1:
+    most = min(round(longest / step), count // 4)
+    if most <= 2 * NEAR or count > 5_000_000:
         return 0.0, 0.0
     grid = time[0] + step * np.arange(count)
-    width = max(int(0.05 / step), 1)
-    smooth = np.ones(width) / width
-    force = np.stack([np.convolve(np.interp(grid, time, numbers[name]), smooth, "same") for name in FORCE], axis=1)
-    rate = np.stack([np.convolve(np.interp(grid, time, numbers[name]), smooth, "same") for name in RATE], axis=1)
+    width = max(int(SMOOTHED / step), 1)
+    force, rate = (
+        uniform_filter1d(np.stack([np.interp(grid, time, numbers[name]) for name in names], axis=1), width, axis=0)
+        for names in (FORCE, RATE)
+    )
     up = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
     # gravity turns against the block
     turning = np.linalg.norm(np.gradient(up, step, axis=0), axis=1)
-    expected = np.linalg.norm(np.cross(rate - np.median(rate, axis=0), up), axis=1)
+    expected = np.linalg.norm(np.cross(rate, up), axis=1)
+    if not turning.std() > 0.0 or not expected.std() > 0.0:
+        return 0.0, 0.0
+    lags = correlation_lags(count, count)
+    sums = correlate(expected - expected.mean(), turning - turning.mean(), method="fft") / (count - np.abs(lags))
+    near = np.abs(lags) <= most
+    middle = int(lags[near][np.argmax(sums[near])])
+    # about the largest one, the same rows of the accelerometers against shifted rows of the gyros
+    shifts = np.arange(middle - NEAR, middle + NEAR + 1)
+    margin = abs(middle) + NEAR
+    fixed = turning[margin : count - margin]
     scores = []
-    for shift in range(-shifts, shifts + 1):
-        behind = expected[shifts + shift : count - shifts + shift]
-        scores.append(_correlation(turning[shifts : count - shifts], behind))
-    best = int(np.argmax(scores))
-    lag = float(best - shifts)
-    if 0 < best < len(scores) - 1:
-        left, top, right = scores[best - 1 : best + 2]
-        curvature = left - 2.0 * top + right
-        if curvature < 0.0:
-            lag += 0.5 * (left - right) / curvature
-    return lag * step, float(scores[best])
-
-
-def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    a, b = a - a.mean(), b - b.mean()
-    size = float(np.sqrt(np.dot(a, a) * np.dot(b, b)))
-    return float(np.dot(a, b)) / size if size > 0.0 else 0.0
+    for shift in shifts:
+        scores.append(pearsonr(fixed, expected[margin + shift : count - margin + shift]).statistic)
+    best = int(np.argmax(scores[1:-1])) + 1
+    left, top, right = scores[best - 1 : best + 2]
+    curvature = min(left - 2.0 * top + right, -1e-12)
+    return (float(shifts[best]) + 0.5 * (left - right) / curvature) * step, float(top)

@@ -93,6 +93,8 @@ class Mapping(Section):
         the range of 10 bits), 12, 14, 16, 18, 20, 24; or "unsigned"
     clock_changes : str
         jumps of local times by an hour: "corrected", or "none" is a change of the clock
+    lag : float or "?"
+        time of the gyros behind the accelerometers that is removed where two files are joined [s]
     missing : tuple of str
         further texts for a missing measurement; "none": numbers as -9999 are readings
     units : dict
@@ -139,6 +141,7 @@ class Mapping(Section):
         "",
     ] = ""
     clock_changes: Literal["corrected", "none", "?", ""] = ""
+    lag: float | Literal["?", ""] = ""
     missing: list[str] = Field(default_factory=list)
     units: dict[str, str] = Field(default_factory=dict)
     columns: dict[str, ColumnSource | str] = Field(default_factory=dict)
@@ -242,7 +245,7 @@ def with_answers(content: AnyMapping[str, Any], answers: AnyMapping[str, str]) -
                 value = int(text)
             elif name == "missing":
                 value = filled.get("missing", []) + text.split(",")
-            elif inner.endswith(".offset"):
+            elif inner.endswith(".offset") or name == "lag":
                 value = float(text)
         except ValueError as error:
             raise InputError(f"{option}: a number is needed") from error

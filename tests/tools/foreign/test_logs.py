@@ -175,6 +175,37 @@ def test_the_slower_file_is_interpolated_within_its_bound_and_the_lag_is_stated(
     assert (" ahead of " in notes) == (lag < 0.0) or lag == 0.0
 
 
+@pytest.mark.parametrize("late", [3.17, -1.06])
+def test_two_files_that_each_begin_at_0_are_asked_for_the_lag_that_the_record_shows(late: float, tmp_path: Path):
+    """Each logger counts from its own start: the gyros' stamps of a moment are larger by the lag."""
+    time = np.arange(0.0, 60.0, 0.01)
+    first = written(tmp_path, rows_of(time, motion(time + 5.0)[0], ACCELEROMETER), "acc.csv")
+    second = written(tmp_path, rows_of(time, motion(time + 5.0 - late)[1], GYROSCOPE), "gyro.csv")
+    with pytest.raises(th.InputError) as question:
+        th.import_record(first, second)
+    answer = str(question.value).partition("--set lag=")[2].split()[0]
+    assert float(answer) == pytest.approx(late, abs=0.01)
+    assert "or --set lag=0 (both files begin at 0 s" in str(question.value)
+    record = th.import_record(first, second, answers={"lag": str(late)}).record
+    force, rate = motion(record.time_s + 5.0)
+    assert record.specific_force == pytest.approx(force, abs=1e-4)
+    assert record.rate == pytest.approx(rate, abs=1e-4)
+    together = th.import_record(first, second, answers={"lag": "0"})
+    assert together.record.rate == pytest.approx(motion(time + 5.0 - late)[1], abs=1e-11)
+    assert not any("not certain" in note for note in together.notes)
+
+
+def test_two_files_that_begin_at_0_say_that_one_clock_is_not_certain(tmp_path: Path):
+    """At rest nothing shows a lag; in motion without one it is near 0."""
+    time = np.arange(0.0, 30.0, 0.01)
+    resting = np.random.default_rng(1).normal(0.0, 0.01, (len(time), 3))
+    for force, rate in (motion(time), (resting + [0.0, 0.0, 9.8], resting)):
+        first = written(tmp_path, rows_of(time, force, ACCELEROMETER), "acc.csv")
+        second = written(tmp_path, rows_of(time, rate, GYROSCOPE), "gyro.csv")
+        notes = " ".join(th.import_record(first, second).notes)
+        assert "both files begin at 0 s: that they have one clock is not certain" in notes
+
+
 def test_two_files_without_a_common_time_are_refused(tmp_path: Path):
     time = np.arange(0.0, 5.0, 0.01)
     force, rate = motion(time)
