@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ import scipy.io
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .sheet import output_of_reader
 
 LARGEST = 4 << 30
 """Largest content of a part that is read [bytes]."""
@@ -42,6 +44,49 @@ IMU_COLUMNS = (
     *(f"angular_velocity.{axis}" for axis in "xyz"),
     *(f"linear_acceleration.{axis}" for axis in "xyz"),
 )
+_HDF5_WORD = "HDF5 file (.h5, .mat v7.3)"
+_HDF5 = f"""
+import h5py
+import numpy as np
+
+def array_of(file, name):
+    if name in file and isinstance(file[name], h5py.Dataset):
+        return file[name][()]
+    table, _, column = name.rpartition("/")
+    return file[table].fields(column)[()]
+
+def visit(name, item):
+    if not isinstance(item, h5py.Dataset) or item.shape is None or item.is_virtual or item.external:
+        return
+    if name.startswith("#") or item.size * item.dtype.itemsize > {LARGEST}:
+        return
+    unit = item.attrs.get("units", item.attrs.get("unit", ""))
+    unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
+    kinds = {{name: item.dtype}}
+    if item.dtype.names:
+        kinds = {{f"{{name}}/{{column}}": item.dtype[column] for column in item.dtype.names}}
+    for path, kind in kinds.items():
+        if kind.base.kind in "iufb":
+            single = item.size == 1 and not kind.shape
+            number = float(array_of(file, path).reshape(-1)[0]) if single else None
+            tables.append([path, [*item.shape, *kind.shape], unit, number])
+
+try:
+    tables, (path, *names) = [], sys.argv[1:]
+    with h5py.File(path, "r") as file:
+        for name in names:
+            content = io.BytesIO()
+            np.save(content, array_of(file, name), allow_pickle=False)
+            sys.stdout.buffer.write(content.getbuffer())
+        if not names:
+            file.visititems(visit)
+            print(json.dumps(tables))
+except Exception as error:
+    reason = " ".join((str(error) or type(error).__name__).split())[:120]
+    print("\\nis no readable {_HDF5_WORD} (" + reason + "); copy or export it again")
+    sys.exit(3)
+"""
+"""Programme that lists the arrays of a file as JSON, or writes those of some names: HDF5 may crash on a bad file."""
 RATES = ("fs", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "frequency", "freq")
 """Names of a single number beside a table that may be its rate [Hz]."""
 
@@ -68,11 +113,16 @@ class Part:
 
 @dataclass
 class Tree:
-    """Arrays of a file by their paths, with units, and its single numbers."""
+    """Shapes and units of arrays of a file by their paths, and its single numbers.
 
-    arrays: dict[str, tuple[tuple[int, ...], Callable[[], NDArray[Any]]]] = field(default_factory=dict)
+    `load` returns the arrays of some paths that are not yet in `arrays`.
+    """
+
+    shapes: dict[str, tuple[int, ...]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
+    arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
+    load: Callable[[Iterable[str]], Mapping[str, NDArray[Any]]] | None = None
 
     def add(self, path: str, value: Any, unit: str = "") -> None:
         """Add an array of numbers, or the fields of a structured one; other values are passed over."""
@@ -83,13 +133,13 @@ class Tree:
         elif array.dtype.kind in "iufb" and array.size == 1:
             self.numbers[path] = float(array.reshape(-1)[0])
         elif array.dtype.kind in "iufb":
-            self.arrays[path] = (array.shape, partial(np.asarray, array))
-            self.units[path] = unit
+            self.arrays[path] = array
+            self.shapes[path], self.units[path] = array.shape, unit
 
     def parts(self) -> list[Part]:
         """Return the arrays of equal length in a folder as tables, and those of the whole file where they differ."""
         groups: dict[tuple[str, int], list[str]] = {}
-        for path, (shape, _) in self.arrays.items():
+        for path, shape in self.shapes.items():
             rows = _rows_of(shape)
             if rows >= FEWEST_ROWS:
                 groups.setdefault((path.rpartition("/")[0], rows), []).append(path)
@@ -105,7 +155,7 @@ class Tree:
     def _part(self, name: str, rows: int, paths: list[str]) -> Part:
         names = []
         for path in paths:
-            names += _names_in(path, self.arrays[path][0], alone=len(paths) > 1)
+            names += _names_in(path, self.shapes[path], alone=len(paths) > 1)
         rate = 0.0
         for path, number in self.numbers.items():
             if path.rpartition("/")[2].replace("_", "").lower() in RATES and number > 0.0:
@@ -114,9 +164,9 @@ class Tree:
 
     def _read(self, paths: Iterable[str]) -> list[Channel]:
         channels = []
+        arrays = self.arrays if self.load is None else self.load(paths)
         for path in paths:
-            shape, read = self.arrays[path]
-            values = read()
+            shape, values = self.shapes[path], arrays[path]
             columns = values.reshape(-1, 1) if _is_line(shape) else values.reshape(shape)
             if columns.ndim == 2 and columns.shape[0] < columns.shape[1]:
                 columns = columns.T
@@ -210,7 +260,7 @@ def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Par
     if path.is_dir():
         return "folder of a ROS 2 bag", _ros_parts
     if begin.startswith(HDF5) or begin[512:].startswith(HDF5):
-        return "HDF5 file (.h5, .mat v7.3)", _hdf5_parts
+        return _HDF5_WORD, _hdf5_parts
     is_text = begin.decode("latin-1").isprintable() or all(byte in b"\t\r\n" or 32 <= byte < 127 for byte in begin)
     if begin.startswith(b"MATLAB") or (path.suffix.lower() == ".mat" and begin and not is_text):
         return "MATLAB file (.mat)", _matlab_parts
@@ -228,15 +278,7 @@ def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Par
     ):
         if begin.startswith(magic):
             return word, reader
-    suffixes = {
-        ".npy": "NumPy file",
-        ".parquet": "Parquet file",
-        ".ulg": "ULog file",
-        ".bag": "ROS 1 bag",
-        ".db3": "ROS 2 bag",
-    }
-    suffixes |= {".mcap": "MCAP file", ".tdms": "TDMS file", ".h5": "HDF5 file", ".hdf5": "HDF5 file"}
-    word = suffixes.get(path.suffix.lower())
+    word = SUFFIXES.get(path.suffix.lower())
     if word and begin:
         raise InputError(f"{path}: does not begin as a {word} does; copy or export it again")
     return None
@@ -294,30 +336,20 @@ def _add_matlab(tree: Tree, path: str, value: Any, objects: list[str]) -> None:
 
 
 def _hdf5_parts(path: Path) -> list[Part]:
-    h5py = import_module("h5py")
-    tree = Tree()
-
-    def visit(name: str, item: Any) -> None:
-        if not isinstance(item, h5py.Dataset) or item.shape is None or item.is_virtual or item.external:
-            return
-        if name.startswith("#") or item.size * item.dtype.itemsize > LARGEST:
-            return
-        unit = item.attrs.get("units", item.attrs.get("unit", ""))
-        text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
-        if item.dtype.names or item.size == 1:
-            tree.add(name, item[()], text)
-        elif item.dtype.kind in "iufb":
-            tree.arrays[name] = (tuple(item.shape), partial(_hdf5_values, path, name))
-            tree.units[name] = text
-
-    with h5py.File(path, "r") as file:
-        file.visititems(visit)
+    if find_spec("h5py") is None:
+        raise ImportError("h5py is missing", name="h5py")
+    tree = Tree(load=partial(_hdf5_arrays, path))
+    for name, shape, unit, number in json.loads(output_of_reader(path, _HDF5, _HDF5_WORD, str(path))):
+        if number is None:
+            tree.shapes[name], tree.units[name] = tuple(shape), unit
+        else:
+            tree.numbers[name] = number
     return tree.parts()
 
 
-def _hdf5_values(path: Path, name: str) -> NDArray[Any]:
-    with import_module("h5py").File(path, "r") as file:
-        return file[name][()]
+def _hdf5_arrays(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+    output = io.BytesIO(output_of_reader(path, _HDF5, _HDF5_WORD, str(path), *names))
+    return {name: np.load(output, allow_pickle=False) for name in names}
 
 
 def _parquet_parts(path: Path) -> list[Part]:

@@ -79,14 +79,18 @@ NEEDED = re.compile(
 """Parts that hold tables: no pictures, no macros, no links."""
 
 _REFERENCE = re.compile(rb'<(?:\w+:)?(?:c|row)\b[^>]*?\br="([A-Za-z]{0,3})(\d{1,10})"')
-_READ = f"""
+_LIMITED = f"""
 import io, json, sys
-from datetime import date, datetime, time, timedelta
 try:
     import resource
     resource.setrlimit(resource.RLIMIT_AS, ({MEMORY}, {MEMORY}))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 except (ImportError, ValueError, OSError):
     pass
+"""
+"""First lines of a programme that reads a file: it gets no more memory than tables take."""
+_READ = f"""
+from datetime import date, datetime, time, timedelta
 try:
     from python_calamine import CalamineWorkbook
 except ImportError:
@@ -454,14 +458,24 @@ def workbook_sheets(path: Path, content: bytes) -> list[Sheet]:
     """
     if content.startswith(b"PK"):
         content = _repacked(path, content)
-    reader = subprocess.run([sys.executable, "-I", "-c", _READ], input=content, capture_output=True, check=False)
+    lines = output_of_reader(path, _READ, "workbook", content=content).decode("utf-8", "replace").splitlines()
+    return [Sheet(path, cells=_cells(rows), name=name) for name, rows in map(json.loads, lines)]
+
+
+def output_of_reader(path: Path, programme: str, word: str, *arguments: str, content: bytes = b"") -> bytes:
+    """Return the output of a programme that reads a file in another process, with limited memory.
+
+    Raises InputError if it ends with another status than 0, with its last line of output for status 3.
+    """
+    command = [sys.executable, "-I", "-c", _LIMITED + programme, *arguments]
+    reader = subprocess.run(command, input=content, capture_output=True, check=False)
     lines = reader.stdout.decode("utf-8", "replace").splitlines()
     if reader.returncode:
-        what = "is no readable workbook, or too large a one"
+        what = f"is no readable {word}, or too large a one"
         if reader.returncode == 3 and lines:
             what = lines[-1]
         raise InputError(f"{path}: {what}")
-    return [Sheet(path, cells=_cells(rows), name=name) for name, rows in map(json.loads, lines)]
+    return reader.stdout
 
 
 def names_of(sheets: list[Sheet]) -> list[str]:
