@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-import scipy.io
 from numpy.typing import NDArray
 
 from ..errors import InputError
@@ -44,49 +43,8 @@ IMU_COLUMNS = (
     *(f"angular_velocity.{axis}" for axis in "xyz"),
     *(f"linear_acceleration.{axis}" for axis in "xyz"),
 )
-_HDF5_WORD = "HDF5 file (.h5, .mat v7.3)"
-_HDF5 = f"""
-import h5py
-import numpy as np
-
-def array_of(file, name):
-    if name in file and isinstance(file[name], h5py.Dataset):
-        return file[name][()]
-    table, _, column = name.rpartition("/")
-    return file[table].fields(column)[()]
-
-def visit(name, item):
-    if not isinstance(item, h5py.Dataset) or item.shape is None or item.is_virtual or item.external:
-        return
-    if name.startswith("#") or item.size * item.dtype.itemsize > {LARGEST}:
-        return
-    unit = item.attrs.get("units", item.attrs.get("unit", ""))
-    unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
-    kinds = {{name: item.dtype}}
-    if item.dtype.names:
-        kinds = {{f"{{name}}/{{column}}": item.dtype[column] for column in item.dtype.names}}
-    for path, kind in kinds.items():
-        if kind.base.kind in "iufb":
-            single = item.size == 1 and not kind.shape
-            number = float(array_of(file, path).reshape(-1)[0]) if single else None
-            tables.append([path, [*item.shape, *kind.shape], unit, number])
-
-try:
-    tables, (path, *names) = [], sys.argv[1:]
-    with h5py.File(path, "r") as file:
-        for name in names:
-            content = io.BytesIO()
-            np.save(content, array_of(file, name), allow_pickle=False)
-            sys.stdout.buffer.write(content.getbuffer())
-        if not names:
-            file.visititems(visit)
-            print(json.dumps(tables))
-except Exception as error:
-    reason = " ".join((str(error) or type(error).__name__).split())[:120]
-    print("\\nis no readable {_HDF5_WORD} (" + reason + "); copy or export it again")
-    sys.exit(3)
-"""
-"""Programme that lists the arrays of a file as JSON, or writes those of some names: HDF5 may crash on a bad file."""
+ARRAY_READER = Path(__file__).with_name("array_reader.py")
+"""Programme that reads HDF5 and MATLAB files: their libraries may crash on a damaged one."""
 RATES = ("fs", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "frequency", "freq")
 """Names of a single number beside a table that may be its rate [Hz]."""
 
@@ -212,6 +170,32 @@ def array_channels(array: NDArray[Any]) -> list[Channel]:
     return parts[0].read()
 
 
+def labelled_channels(source: Any) -> list[Channel]:
+    """Return the columns of a Dataset or DataArray of xarray along its longest dimension, with the units it states.
+
+    A second dimension gives a column for each of its labels: "accel x", or the label where it is a name itself.
+    """
+    along = max(source.sizes, key=source.sizes.get)
+    arrays = {**source.coords, **(source.data_vars if hasattr(source, "data_vars") else {source.name or "": source})}
+    channels = []
+    for name, array in arrays.items():
+        across = [dimension for dimension in array.dims if dimension != along]
+        if along not in array.dims or len(across) > 1:
+            continue
+        unit, values = str(array.attrs.get("units", "")), array.transpose(along, ...).values
+        if values.dtype.kind in "mM":
+            unit, values = "ns", values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64)
+        if not across:
+            channels.append(Channel(str(name), values, unit))
+            continue
+        labels = [f"[{k}]" for k in range(values.shape[1])]
+        if across[0] in array.coords:
+            labels = [str(label) for label in array.coords[across[0]].values]
+        for label, column in zip(labels, values.T, strict=True):
+            channels.append(Channel(label if len(label) > 1 and label[0] != "[" else f"{name} {label}", column, unit))
+    return channels
+
+
 def is_container(path: Path, begin: bytes) -> bool:
     """Return True if a file or folder holds tables that a library reads."""
     return _reader_of(path, begin) is not None
@@ -252,7 +236,7 @@ def channels_of(path: Path, part: Part) -> list[Channel]:
 
 
 def _reason(error: Exception) -> str:
-    return " ".join((str(error) or type(error).__name__).split())[:120]
+    return " ".join((str(error) or type(error).__name__).split())[:200]
 
 
 def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Part]]] | None:
@@ -260,10 +244,10 @@ def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Par
     if path.is_dir():
         return "folder of a ROS 2 bag", _ros_parts
     if begin.startswith(HDF5) or begin[512:].startswith(HDF5):
-        return _HDF5_WORD, _hdf5_parts
+        return "HDF5 file (.h5, .mat v7.3)", _hdf5_parts
     is_text = begin.decode("latin-1").isprintable() or all(byte in b"\t\r\n" or 32 <= byte < 127 for byte in begin)
     if begin.startswith(b"MATLAB") or (path.suffix.lower() == ".mat" and begin and not is_text):
-        return "MATLAB file (.mat)", _matlab_parts
+        return "MATLAB file (.mat)", _array_parts
     if begin.startswith(NUMPY):
         return "NumPy file (.npy)", _numpy_parts
     if begin.startswith(b"PK") and path.suffix.lower() == ".npz":
@@ -302,44 +286,15 @@ def _numpy_archive_parts(path: Path) -> list[Part]:
     return tree.parts()
 
 
-def _matlab_parts(path: Path) -> list[Part]:
-    size = 0
-    for _, shape, _ in scipy.io.whosmat(path):
-        size += 8 * int(np.prod([float(side) for side in shape]))
-    if size > LARGEST:
-        raise InputError(f"{path}: unpacks to more than {LARGEST} bytes; not read")
-    tree, objects = Tree(), list[str]()
-    content = scipy.io.loadmat(path, squeeze_me=True)
-    for name, value in content.items():
-        if not name.startswith("__"):
-            _add_matlab(tree, name, value, objects)
-    if "__function_workspace__" in content and not tree.arrays:
-        objects.append("a table or object")
-    parts = tree.parts()
-    if objects and not parts:
-        what = f"holds {objects[0]}, which only MATLAB reads"
-        raise InputError(f"{path}: {what}; save its columns as arrays, for instance table2struct(T,'ToScalar',true)")
-    return parts
-
-
-def _add_matlab(tree: Tree, path: str, value: Any, objects: list[str]) -> None:
-    """Add a variable of MATLAB with the fields of its structures; `objects` gets those that cannot be read."""
-    if isinstance(value, scipy.io.matlab.MatlabOpaque | scipy.io.matlab.MatlabFunction):
-        objects.append(path)
-        return
-    array = np.asarray(value)
-    if array.dtype.names and array.size == 1:
-        for name in array.dtype.names:
-            _add_matlab(tree, f"{path}/{name}", array[name].item(), objects)
-    elif not array.dtype.names:
-        tree.add(path, array)
-
-
 def _hdf5_parts(path: Path) -> list[Part]:
     if find_spec("h5py") is None:
         raise ImportError("h5py is missing", name="h5py")
-    tree = Tree(load=partial(_hdf5_arrays, path))
-    for name, shape, unit, number in json.loads(output_of_reader(path, _HDF5, _HDF5_WORD, str(path))):
+    return _array_parts(path)
+
+
+def _array_parts(path: Path) -> list[Part]:
+    tree = Tree(load=partial(_arrays, path))
+    for name, shape, unit, number in json.loads(output_of_reader(ARRAY_READER, str(path))):
         if number is None:
             tree.shapes[name], tree.units[name] = tuple(shape), unit
         else:
@@ -347,8 +302,8 @@ def _hdf5_parts(path: Path) -> list[Part]:
     return tree.parts()
 
 
-def _hdf5_arrays(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-    output = io.BytesIO(output_of_reader(path, _HDF5, _HDF5_WORD, str(path), *names))
+def _arrays(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+    output = io.BytesIO(output_of_reader(ARRAY_READER, str(path), *names))
     return {name: np.load(output, allow_pickle=False) for name in names}
 
 

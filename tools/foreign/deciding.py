@@ -92,6 +92,8 @@ TRIADS_OF = {FORCE_QUANTITY: FORCE, RATE_QUANTITY: RATE}
 """Quantity -> its three columns of a record."""
 MANY_ROWS = 200
 """Number of rows from which a table is likelier a series than a table of rests."""
+LEAST_PLAIN = 0.5
+"""Median |f| below which numbers are gravity in no usual unit."""
 MOST_TRIADS = 3
 """Largest number of answers to a question about columns without names."""
 COLUMNS = QUANTITY_OF.keys() | {"position", DATE} | set(QUATERNION + APPROACH + UP + TEXTS)
@@ -182,7 +184,22 @@ def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
             why = f"two columns are called {names[0]!r}"
             names = [str(field.place + 1) for field in alike]
         table.ask(f"columns.{column}", names[:4], why)
+    _ask_of_crossed(table, fields)
     return fields
+
+
+def _ask_of_crossed(table: UnderstoodTable, fields: dict[str, Field]) -> None:
+    """Ask for both instruments where the columns named gyros have the size of gravity, those of accelerometers none."""
+    if not fields.keys() >= set(FORCE + RATE) or not table.mapping.columns.keys().isdisjoint(FORCE + RATE):
+        return
+    forces, rates = (Triad(tuple(fields[column] for column in columns)) for columns in (FORCE, RATE))  # type: ignore
+    if median_size(table, forces.fields) < LEAST_PLAIN and force_units(median_size(table, rates.fields)):
+        table.proposed |= {FORCE_QUANTITY: rates.fields, RATE_QUANTITY: forces.fields}
+        why = f"|f| of {forces.answer} is no gravity, that of {rates.answer} is"
+        table.ask("columns.force", (rates.answer, forces.answer), why)
+        table.ask("columns.rate", (forces.answer, rates.answer), "which columns are the gyros")
+        for column in FORCE + RATE:
+            del fields[column]
 
 
 def _ask_of_instances(table: UnderstoodTable, name: str) -> None:

@@ -9,7 +9,17 @@ import numpy as np
 from ..errors import InputError, nearest
 from ..records.columns import FORCE, RATE
 from ..records.read import table_in_memory
-from .containers import UNNAMED, Part, array_channels, channels_of, frame_of, parts_of, read_begin, table_channels
+from .containers import (
+    UNNAMED,
+    Part,
+    array_channels,
+    channels_of,
+    frame_of,
+    labelled_channels,
+    parts_of,
+    read_begin,
+    table_channels,
+)
 from .names import TIMES, from_one, heading
 from .presets import presets
 from .ranking import named_triads
@@ -78,6 +88,8 @@ def sheet_in_memory(source: object) -> Sheet:
     path = Path("table")
     if isinstance(source, np.ndarray) and source.dtype.names is None:
         channels = array_channels(source)
+    elif hasattr(source, "dims") and hasattr(source, "coords"):
+        channels = labelled_channels(source)
     else:
         channels = table_channels(table_in_memory(source))
     return _sheet(path, Part("", len(channels[0].values), (), partial(list, channels)), ())

@@ -89,6 +89,11 @@ except (ImportError, ValueError, OSError):
     pass
 """
 """First lines of a programme that reads a file: it gets no more memory than tables take."""
+_RUN = """
+import runpy
+sys.argv.pop(0)
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
 _READ = f"""
 from datetime import date, datetime, time, timedelta
 try:
@@ -458,23 +463,27 @@ def workbook_sheets(path: Path, content: bytes) -> list[Sheet]:
     """
     if content.startswith(b"PK"):
         content = _repacked(path, content)
-    lines = output_of_reader(path, _READ, "workbook", content=content).decode("utf-8", "replace").splitlines()
+    try:
+        lines = output_of_reader(_READ, content=content).decode("utf-8", "replace").splitlines()
+    except ValueError as error:
+        raise InputError(f"{path}: {str(error) or 'is no readable workbook, or too large a one'}") from error
     return [Sheet(path, cells=_cells(rows), name=name) for name, rows in map(json.loads, lines)]
 
 
-def output_of_reader(path: Path, programme: str, word: str, *arguments: str, content: bytes = b"") -> bytes:
+def output_of_reader(programme: str | Path, *arguments: str, content: bytes = b"") -> bytes:
     """Return the output of a programme that reads a file in another process, with limited memory.
 
-    Raises InputError if it ends with another status than 0, with its last line of output for status 3.
+    Raises ValueError if it fails, with the last line of its output for status 3.
     """
+    if isinstance(programme, Path):
+        programme, arguments = _RUN, (str(programme), *arguments)
     command = [sys.executable, "-I", "-c", _LIMITED + programme, *arguments]
     reader = subprocess.run(command, input=content, capture_output=True, check=False)
-    lines = reader.stdout.decode("utf-8", "replace").splitlines()
+    if reader.returncode == 3:
+        lines = reader.stdout.decode("utf-8", "replace").splitlines()
+        raise ValueError(lines[-1] if lines else "")
     if reader.returncode:
-        what = f"is no readable {word}, or too large a one"
-        if reader.returncode == 3 and lines:
-            what = lines[-1]
-        raise InputError(f"{path}: {what}")
+        raise ValueError
     return reader.stdout
 
 

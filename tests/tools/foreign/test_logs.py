@@ -2,6 +2,8 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +12,9 @@ from rosbags.rosbag2 import StoragePlugin
 
 import trihedron as th
 from laboratory_imports import asked, written
-from log_files import COUNT, FORCE, LOGS, RATE, TIME, ros2
+from log_files import COUNT, FORCE, LOGS, NANOS, RATE, TIME, ros2
 from trihedron.tools.cli import main
+from trihedron.tools.foreign import containers
 from trihedron.tools.foreign.novatel import block_checksum
 
 SINGLE = 3e-7
@@ -89,6 +92,16 @@ def test_without_its_library_a_log_is_refused_with_the_command(
     with pytest.raises(th.InputError) as refusal:
         th.import_record(path)
     assert command in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", ["HDF5", "mat v7.3", "mat v5"])
+def test_a_crash_of_the_library_of_arrays_is_one_line(name: str, tmp_path: Path, monkeypatch):
+    """The file is read in another process: this one lives on."""
+    path = LOGS[name][0](tmp_path)
+    for way in ("os.kill(os.getpid(), 11)", "os.abort()", "bytearray(1 << 40)"):
+        monkeypatch.setattr(containers, "ARRAY_READER", f"import os\n{way}")
+        with pytest.raises(th.InputError, match=rf"{path.name}: is no readable (HDF5|MATLAB) file"):
+            th.import_record(path)
 
 
 def test_objects_are_not_unpickled(tmp_path: Path):
@@ -199,7 +212,7 @@ def test_two_files_that_begin_at_0_say_that_one_clock_is_not_certain(tmp_path: P
     """At rest nothing shows a lag; in motion without one it is near 0."""
     time = np.arange(0.0, 30.0, 0.01)
     resting = np.random.default_rng(1).normal(0.0, 0.01, (len(time), 3))
-    for force, rate in (motion(time), (resting + [0.0, 0.0, 9.8], resting)):
+    for force, rate in (motion(time), (resting + np.array([0.0, 0.0, 9.8]), resting)):
         first = written(tmp_path, rows_of(time, force, ACCELEROMETER), "acc.csv")
         second = written(tmp_path, rows_of(time, rate, GYROSCOPE), "gyro.csv")
         notes = " ".join(th.import_record(first, second).notes)
@@ -227,3 +240,51 @@ def test_two_files_with_plain_names_are_told_by_their_order(tmp_path: Path):
     record = th.import_record(*files).record
     assert record.specific_force == pytest.approx(motion(time)[0], abs=1e-8)
     assert record.rate == pytest.approx(motion(time)[1], abs=1e-8)
+
+
+LABELLED: dict[str, Any] = {
+    "columns": lambda xarray: xarray.Dataset(
+        {f"acc_{axis}": ("time", FORCE[:, k], {"units": "m/s^2"}) for k, axis in enumerate("xyz")}
+        | {f"gyro_{axis}": ("time", RATE[:, k], {"units": "rad/s"}) for k, axis in enumerate("xyz")},
+        coords={"time": ("time", TIME, {"units": "s"})},
+    ),
+    "two dimensions": lambda xarray: xarray.Dataset(
+        {
+            "accel": (("time", "axis"), FORCE, {"units": "m/s2"}),
+            "gyro": (("axis", "time"), RATE.T, {"units": "rad/s"}),
+        },
+        coords={"time": NANOS.astype("datetime64[ns]"), "axis": ["x", "y", "z"]},
+    ),
+    "an array of channels": lambda xarray: xarray.DataArray(
+        np.concatenate([FORCE, RATE], axis=1),
+        dims=("time_s", "channel"),
+        coords={"time_s": TIME, "channel": ["ax [m/s2]", "ay [m/s2]", "az [m/s2]", "wx_radps", "wy_radps", "wz_radps"]},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LABELLED)
+def test_tables_of_xarray_are_read_with_their_units_and_labels(name: str):
+    xarray = pytest.importorskip("xarray")
+    record = th.import_record(LABELLED[name](xarray)).record
+    assert np.array_equal(record.specific_force, FORCE)
+    assert np.array_equal(record.rate, RATE)
+    assert record.time_s - record.time_s[0] == pytest.approx(TIME, abs=1e-12)
+
+
+def test_a_table_of_xarray_does_not_need_xarray():
+    """An object with its attributes is enough."""
+
+    class Array(SimpleNamespace):
+        def transpose(self, *_: Any) -> "Array":
+            return self
+
+    def column(values: np.ndarray, units: str) -> Array:
+        return Array(values=values, dims=("time",), attrs={"units": units})
+
+    variables = {f"acc_{axis}": column(FORCE[:, k], "m/s2") for k, axis in enumerate("xyz")}
+    variables |= {f"gyro_{axis}": column(RATE[:, k], "rad/s") for k, axis in enumerate("xyz")}
+    coordinates = {"time": column(TIME, "s")}
+    source = SimpleNamespace(dims=("time",), sizes={"time": COUNT}, coords=coordinates, data_vars=variables)
+    record = th.import_record(source).record
+    assert np.array_equal(record.specific_force, FORCE)

@@ -1,13 +1,16 @@
 """Numbers, angles, times and units, a text at a time."""
 
 import math
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from laboratory_imports import imported
 from trihedron.tools.foreign import clock, parsed_moment, parsed_number, sexagesimal
 from trihedron.tools.foreign.names import heading
 from trihedron.tools.foreign.numbers import Marks
-from trihedron.tools.foreign.units import scaled_unit
+from trihedron.tools.foreign.units import known_unit, scaled_unit
 
 
 @pytest.mark.parametrize(
@@ -129,3 +132,50 @@ def test_units(text: str, factor: float | None):
 )
 def test_a_name_that_could_mean_two_columns_means_none(text: str, column: str):
     assert heading(text).column == column
+
+
+@pytest.mark.parametrize(
+    ("texts", "symbol"),
+    [
+        ("sec secs s second seconds Sekunden", "s"),
+        ("ms msec msecs millis milliseconds MSEC", "ms"),
+        ("us µs µsec micros microseconds", "us"),
+        ("ns nsec nsecs nanos nanoseconds", "ns"),
+        ("g G gee gees g-force gs", "g"),
+        ("mg mgee milli-g milligee", "mg"),
+        ("m/s² m/(s^2) m/s/s m/sec^2 meters/second^2 m_s2 m_per_s_squared m.s-2 N/kg", "m/s2"),
+        ("ft/s/s feet/sec2 ft/s^2", "ft/s2"),
+        ("deg/s dps °/s °/sec degrees/second deg_per_s deg.s-1", "deg/s"),
+        ("rad/s radps radians/sec rad/second rad_per_s", "rad/s"),
+        ("deg/h °/hr deg/hour dph", "deg/h"),
+        ("rpm rev/min turns/minute", "turn/min"),
+        ("mdeg/sec mdps", "mdeg/s"),
+    ],
+)
+def test_words_of_a_unit_are_one_unit(texts: str, symbol: str):
+    for text in texts.split():
+        assert known_unit(text) == known_unit(symbol) is not None, text
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        *[
+            (name, "ms")
+            for name in ("millis", "millis()", "time_millis", "timeMillis", "timestamp_msec", "Time (millis)")
+        ],
+        *[(name, "us") for name in ("micros", "timestamp_micros", "t_usec", "Elapsed Time (microseconds)")],
+        *[(name, "ns") for name in ("nsec", "timestamp_nsec", "nanos", "elapsedRealtimeNanos", "time_nanoseconds")],
+        *[(name, "s") for name in ("seconds_elapsed", "secs", "Unix Timestamp (s)", "sample_time_s")],
+    ],
+)
+def test_a_time_by_its_unit_is_not_asked(name: str, unit: str, tmp_path: Path):
+    size = known_unit(unit)
+    assert size is not None
+    times = [f"{0.01 * k / size.factor:.9g}" for k in range(40)]
+    names = [name, *(f"acc {axis} [gee]" for axis in "xyz"), *(f"gyro {axis} [degrees per second]" for axis in "xyz")]
+    rows = [f"{t},0.1,0.2,{0.97 + 0.001 * k:.3f},1.5,-2.5,{k}" for k, t in enumerate(times)]
+    record = imported(tmp_path, "\n".join([",".join(names), *rows])).record
+    assert np.diff(record.time_s) == pytest.approx(np.full(39, 0.01), rel=1e-6)
+    assert record.specific_force[:, 0] == pytest.approx(0.980665)
+    assert record.rate[:, 2] == pytest.approx(np.radians(np.arange(40.0)))

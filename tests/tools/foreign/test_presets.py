@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from python_calamine import CalamineWorkbook
 
 import trihedron as th
 from field_files import field_file
@@ -318,6 +319,14 @@ FIELD = {
     "six_positions.csv": {},
     "acc_only.csv": {},
     "real_acc_only.csv": {},
+    "hash_space.txt": {
+        "columns.force": "wx,wy,wz",
+        "columns.rate": "ax,ay,az",
+        "units.time": "s",
+        "units.force": "m/s2",
+        "units.rate": "rad/s",
+    },
+    "raw_no_sigma.csv": {"readings": "each"},
 }
 """File of the field -> the answers to its only round of questions."""
 
@@ -332,13 +341,63 @@ def test_a_file_of_the_field_takes_one_round_of_questions_at_most(name: str, tmp
     record = conversion.record
     origin = {column.column: column for column in conversion.columns}
     delimiter = ";" if name == "real_two_accelerometers.csv" else ("," if path.suffix == ".csv" else " ")
-    rows = list(csv.DictReader(path.read_text().lstrip("% ").splitlines(), delimiter=delimiter))
+    lines = [line for line in path.read_text().lstrip("%# ").splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(lines, delimiter=delimiter))
     for place, column in enumerate(("f1_mps2", "f2_mps2", "f3_mps2")):
         source = origin[column]
         unit = scaled_unit(answers.get("units.force", source.unit))
         assert unit is not None
         truth = np.array([float(row[source.source]) for row in rows]) * unit.factor
         assert record.specific_force[:, place] == pytest.approx(truth, rel=1e-12, abs=1e-15)
+
+
+def assert_answered(path: Path, answers: dict[str, str], truth: np.ndarray) -> None:
+    """Assert that a file asks for these answers in its only round, and that its readings are then the truth [m/s²]."""
+    keys, message = asked(path, {})
+    assert keys == set(answers), message
+    record = th.import_record(path, answers=answers).record
+    assert record.specific_force == pytest.approx(truth, rel=1e-12, abs=1e-15)
+
+
+def test_counts_of_the_field_are_answered_in_one_round(tmp_path: Path):
+    """Zero is in the middle of 16 bits, or the counts are two's complement."""
+    path = field_file("counts.csv", tmp_path)
+    numbers = np.loadtxt(path, delimiter=";", skiprows=1)
+    answers = {"units.force": "16384 LSB/g", "integers": "offset 16"}
+    assert_answered(path, answers, (numbers[:, 4:7] - 32768.0) * G / 16384.0)
+    path = field_file("real_uint16_counts.txt", tmp_path)
+    numbers = np.loadtxt(path)
+    signed = np.where(numbers >= 32768.0, numbers - 65536.0, numbers)
+    answers = {"kind": "strapdown record", "columns.time_s": "1", "columns.force": "2,3,4", "columns.rate": "5,6,7"}
+    answers |= {"units.time": "s", "units.force": "16384 LSB/g", "units.rate": "131 LSB/(deg/s)"}
+    answers["integers"] = "signed 16"
+    assert_answered(path, answers, signed[:, 1:4] * G / 16384.0)
+    rate = th.import_record(path, answers=answers).record.rate
+    assert rate == pytest.approx(np.radians(signed[:, 4:7] / 131.0), rel=1e-12)
+
+
+def test_workbooks_of_the_field_are_answered_in_one_round(tmp_path: Path):
+    path = field_file("kurz.xlsx", tmp_path)
+    rows = CalamineWorkbook.from_path(str(path)).get_sheet_by_index(0).to_python()
+    answers = {"columns.alpha_deg": "phi", "columns.beta_deg": "theta", "columns.force": "x,y,z"}
+    answers |= {"units.angle": "deg", "units.force": "m/s2"}
+    assert_answered(path, answers, np.array([row[3:6] for row in rows[1:]], dtype=float))
+    path = field_file("pruefprotokoll_text.xlsx", tmp_path)
+    rows = CalamineWorkbook.from_path(str(path)).get_sheet_by_index(0).to_python()
+    milli_g = [[float(str(text).replace(",", ".")) for text in row[4:7]] for row in rows[8:48]]
+    assert_answered(path, {"missing": "Mittelwert"}, np.array(milli_g) * (1e-3 * G))
+
+
+def test_names_that_contradict_gravity_are_asked_with_the_columns_crossed(tmp_path: Path):
+    """The columns called gyros hold gravity; those called accelerometers are too small in any unit."""
+    names = ["t_s", "wx", "wy", "wz", "ax", "ay", "az"]
+    content = text_of(names, [SECONDS, *channels(FORCE), *channels(RATE)])
+    keys, message = asked(written(tmp_path, content))
+    assert keys == {"columns.force", "columns.rate", "units.force", "units.rate"}
+    assert "--set columns.force=wx,wy,wz or --set columns.force=ax,ay,az" in message
+    record = imported(tmp_path, content, SI | {"columns.force": "wx,wy,wz", "columns.rate": "ax,ay,az"}).record
+    assert record.specific_force == pytest.approx(FORCE, abs=1e-12)
+    assert record.rate == pytest.approx(RATE, abs=1e-15)
 
 
 def test_times_of_19_digits_are_exact(tmp_path: Path):
