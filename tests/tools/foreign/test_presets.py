@@ -103,7 +103,14 @@ ASKED: dict[str, tuple[str, dict[str, str]]] = {
             ["time", *(f"{axis}Accel" for axis in XYZ), *(f"{axis}Rate" for axis in XYZ)],
             [SECONDS, *channels(FORCE), *channels(DEGREES)],
         ),
-        {"units.time": "s", "units.force": "m/s2", "units.rate": "deg/s"},
+        {"units.time": "s", "units.force": "m/s2"},
+    ),
+    "openimu s1": (
+        text_of(
+            ["timeCntr", "time", *(f"{axis}Accel" for axis in XYZ), *(f"{axis}Rate" for axis in XYZ), "temp"],
+            [COUNTER, SECONDS, *channels(np.round(FORCE / G, 12)), *channels(DEGREES), [31.5] * COUNT],
+        ),
+        {},
     ),
     "imucal": (
         text_of(
@@ -196,7 +203,7 @@ def test_a_layout_whose_unit_contradicts_gravity_is_asked(tmp_path: Path):
 
 def test_a_given_unit_that_contradicts_gravity_is_stated(tmp_path: Path):
     text, _ = ASKED["openimu"]
-    answers = {"units.time": "s", "units.force": "g", "units.rate": "deg/s"}
+    answers = {"units.time": "s", "units.force": "g"}
     notes = imported(tmp_path, text, answers).notes
     assert any(note.startswith("|f| is about 9.86 g") for note in notes)
     assert not any("|f|" in note for note in imported(tmp_path, text, answers | {"units.force": "m/s2"}).notes)
