@@ -55,6 +55,7 @@ from .ranking import (
     median_size,
     named_triads,
     numbers_in,
+    quantities_of,
     rising,
     time_units,
     unnamed_triads,
@@ -94,6 +95,8 @@ MANY_ROWS = 200
 """Number of rows from which a table is likelier a series than a table of rests."""
 LEAST_PLAIN = 0.5
 """Median |f| below which numbers are gravity in no usual unit."""
+MOST_SENSORS = 12
+"""Largest number of sensors whose rows may be mixed in a table."""
 MOST_TRIADS = 3
 """Largest number of answers to a question about columns without names."""
 COLUMNS = QUANTITY_OF.keys() | {"position", DATE} | set(QUATERNION + APPROACH + UP + TEXTS)
@@ -112,13 +115,15 @@ def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -
     if preset is not None:
         mapping = preset.filled_in(mapping, names)
     table = UnderstoodTable(sheet, layout, mapping, given=given)
+    _ask_of_instances(table, "" if preset is None else preset.instance)
     if preset is not None:
-        _ask_of_instances(table, preset.instance)
         units = ", ".join(preset.units.values()) or "as answered"
         table.notes.append(f"columns and units of {preset.name}: {units}")
     # each file is searched for its lines: the next may have more of them
     table.settled = {"encoding": sheet.encoding, "separator": sheet.separator}
     fields = _fields_of_columns(table)
+    if fields.keys().isdisjoint((TIMES, DATE, *ANGLES)) and table.mapping.of(TIMES).source != "none":
+        fields |= _written_times(table, [field for field in table.filled if field not in fields.values()])
     if role is None:
         _decide_kind(table, fields)
     else:
@@ -166,12 +171,9 @@ def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
             gyro = gyro_of(field.head)
             if gyro and gyro not in mapped:
                 candidates.setdefault(gyro, []).append(field)
-    for columns in (RATE, FORCE):
-        if (candidates.keys() | fields.keys() | mapped).isdisjoint(columns + INCREMENT):
-            candidates |= _by_unit(filled, columns)
     for quantity, columns in TRIADS_OF.items():
         if (candidates.keys() | fields.keys() | mapped).isdisjoint(columns + INCREMENT):
-            _ask_of_triads(table, quantity, [field for field in filled if field not in fields.values()])
+            _take_triads(table, quantity, [field for field in filled if field not in fields.values()], candidates)
     fields |= _readings_beside(table, filled, candidates.keys() | fields.keys() | mapped)
     _refuse_parts(table, filled, candidates)
     for column, alike in candidates.items():
@@ -203,44 +205,33 @@ def _ask_of_crossed(table: UnderstoodTable, fields: dict[str, Field]) -> None:
 
 
 def _ask_of_instances(table: UnderstoodTable, name: str) -> None:
-    """Ask for the sensor if the rows of several are mixed in one table, as the column `name` counts them."""
+    """Ask for the sensor if the rows of several are mixed in one table.
+
+    The column `name` counts them, or a column has the words accelerometer and gyroscope in turn.
+    """
     for field in table.fields:
-        if name and field.head.text == name:
-            counts = sorted(set(field.texts))
-            if len(counts) > 1:
-                answers = [f"{name}={count}" for count in counts]
-                table.ask("part", answers, f"the rows of {len(counts)} sensors are mixed")
+        sensors = sorted(set(field.texts))
+        quantities = {quantity for text in sensors[:MOST_SENSORS] for quantity in quantities_of(normal(text).split())}
+        is_sensor = len(quantities) > 1 and len(sensors) <= MOST_SENSORS
+        if len(sensors) > 1 and (is_sensor or (name and field.head.text == name)):
+            answers = [f"{field.label}={sensor}" for sensor in sensors]
+            table.ask("part", answers, f"the rows of {len(sensors)} sensors are mixed")
 
 
-def _ask_of_triads(table: UnderstoodTable, quantity: str, fields: list[Field]) -> None:
-    """Ask for three columns at once whose names have words of the quantity, with all such columns as answers."""
+def _take_triads(
+    table: UnderstoodTable, quantity: str, fields: list[Field], candidates: dict[str, list[Field]]
+) -> None:
+    """Take the only three columns of a quantity that have its unit; ask for others whose names have its words."""
     triads = [triad for triad in named_triads(fields) if triad.quantity == quantity]
     if not triads:
         return
     triads.sort(key=lambda triad: triad.further)
+    if len(triads) == 1 and all(field.quantity == quantity for field in triads[0].fields):
+        candidates |= {column: [field] for column, field in zip(TRIADS_OF[quantity], triads[0].fields, strict=True)}
+        return
     table.proposed[quantity] = triads[0].fields
     instrument = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}[quantity]
     table.ask(f"columns.{quantity}", [triad.answer for triad in triads], f"which columns are the {instrument}")
-
-
-def _by_unit(filled: list[Field], columns: tuple[str, ...]) -> dict[str, list[Field]]:
-    """Return the only three columns in one of these units whose names end in x, y, z: w_RS_S_x [rad s^-1]."""
-    triads: dict[str, dict[str, Field]] = {}
-    for field in filled:
-        if field.quantity == QUANTITY_OF[columns[0]]:
-            name = normal(field.head.name)
-            channel = re.fullmatch(r"(.*?) ?([xyz])", name)
-            if channel:
-                stem, axis = channel.groups()
-            else:
-                stem, axis = name, ""
-            triads.setdefault(stem, {})[axis] = field
-    if len(triads) != 1:
-        return {}
-    stem, triad = triads.popitem()
-    if triad.keys() != set("xyz") or not NO_READING.isdisjoint(stem.split()):
-        return {}
-    return {column: [triad[axis]] for column, axis in zip(columns, "xyz", strict=True)}
 
 
 def _refuse_parts(table: UnderstoodTable, filled: list[Field], candidates: dict[str, list[Field]]) -> None:
@@ -471,7 +462,7 @@ def _kind_of_forces(table: UnderstoodTable, fields: dict[str, Field]) -> str:
     """Return the kind of a table of accelerometers alone: averaged poses, or a series; empty where it may be either."""
     if "position" in fields or (FACE in fields and TIMES not in fields and SAMPLE not in fields):
         return POSES.name
-    if TIMES in fields or SAMPLE in fields or table.is_asked(f"columns.{TIMES}"):
+    if not fields.keys().isdisjoint((TIMES, SAMPLE, DATE)) or table.is_asked(f"columns.{TIMES}"):
         return FORCES.name
     return ""
 
@@ -536,6 +527,22 @@ def _decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     if origin.form == CLOCK and date is not None:
         table.origins[DATE] = replace(_origin(table, DATE, date), form=MOMENT)
         _decide_dates(table, date)
+
+
+def _written_times(table: UnderstoodTable, free: list[Field]) -> dict[str, Field]:
+    """Return the only column of dates, times of day or numbers in a unit of time that goes from row to row."""
+    dates = [field for field in free if field.texts and all(map(date_of, field.texts))]
+    going = [field for field in free if len(field.texts) > 2 and len(set(field.texts)) == len(field.texts)]
+    moments = [field for field in dates if field in going and ":" in field.texts[0]]
+    clocks = [field for field in going if all(map(is_clock, field.texts))]
+    if len(moments) == 1:
+        return {TIMES: moments[0]}
+    if len(clocks) == 1 and len(dates) < 2:
+        return dict(zip((TIMES, DATE), (clocks[0], *dates), strict=False))
+    timed = [field for field in free if field.quantity == TIME]
+    if len(timed) == 1 and rising(table, timed):
+        return {TIMES: timed[0]}
+    return {}
 
 
 def _ask_for_time(table: UnderstoodTable) -> None:

@@ -188,6 +188,10 @@ def _converted_sheets(
     if "=" in mapping.part:
         sheets = [of_instance(sheets[0], mapping.part), *sheets[1:]]
     table = understood(sheets[0], mapping, role)
+    mixed = next((question for question in table.questions if question.key == "part"), None)
+    if mixed is not None:
+        table = understood(of_instance(sheets[0], mixed.answers[0]), mapping, role)
+        table.ask(mixed.key, mixed.answers, mixed.why)
     if len(sheets) > 1:
         table.ask("sheet", names_of(sheets), "tables stand in several sheets")
     if sheets[0].stated.parts:

@@ -48,7 +48,7 @@ _AXES = {
 _TRIADS = {
     FORCES: "f,a,acc,accl,accel,accelerometer,acceleration,akzelerometer,beschl,beschleunigung,sf,ускорение,"
     "акселерометр,specific force,linear acceleration,total acceleration",
-    RATES: "w,ω,omega,gyr,gyro,gyros,gyroscope,kreisel,drehrate,rate,omg,winkelgeschwindigkeit,гироскоп,"
+    RATES: "pqr,w,ω,omega,gyr,gyro,gyros,gyroscope,kreisel,drehrate,rate,omg,winkelgeschwindigkeit,гироскоп,"
     "angular rate,angular velocity,angular speed,rotation rate,rate gyro",
     INCREMENT: "dtheta,dθ,delta theta",
     VELOCITIES: "dv,dvel,delta v,delta vel,delta velocity,velocity increment",
@@ -65,7 +65,7 @@ _PATTERNS = (
         TIMES,
         ("", TIME),
         r"((elapsed|rel|relative|sample|system|host|device|sensor|utc|unix|local|start|elapsed ?real|up) ?|mess)?"
-        r"(time|zeit)( ?stamp| ?stempel| rel| of day)?|t|ts|x value|elapsed|temps"
+        r"(time|zeit)( ?stamp| ?stempel| rel| of day| startup)?|t|ts|x value|elapsed|temps"
         r"|stamp|header stamp|(unix ?|utc ?)?epoch|unix( ?time)?|uhrzeit|clock|date ?time"
         r"|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время|i ?tow|tow|(gps ?)?(tow|time of week)|gps ?time",
     ),
@@ -129,8 +129,8 @@ def heading(text: str) -> Heading:
     word = text.casefold().removesuffix("()").removesuffix("_elapsed")
     if len(word) > 1 and _TIMES_BY_UNIT.fullmatch(word) and known_unit(word) is not None:
         return Heading(text, text, word, TIMES)
-    # gyro[0] has a number, not the unit 0; accel_m_s2[0] has its unit before the number
-    plain = re.sub(r"\[(\d)\]", r" \1", text)
+    # gyro[0] and acc (x) have an axis, not the unit 0; accel_m_s2[0] has its unit before the number
+    plain = re.sub(r"[\[(](\d|[xyzXYZ])[\])]", r" \1", text)
     numbered = re.fullmatch(r"(.+)[ _](\d)", plain)
     if numbered:
         for name, unit in _splits(f"{numbered[1]}"):
@@ -237,8 +237,8 @@ def gyro_of(head: Heading) -> str:
 
 
 def normal(text: str) -> str:
-    """Return a name in lower case without accents, with blanks between its words, also of gyroADC and GyrX."""
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
+    """Return a name in lower case without accents, with blanks between its words, also of gyroADC, GyrX and XAccel."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     text = unicodedata.normalize("NFKD", text.replace("°", "\0")).casefold().replace("ß", "ss").replace("\0", "°")
     text = "".join(c for c in text if not unicodedata.combining(c))
     return " ".join(re.sub(r"[_.\-/:\s#%]+", " ", text).split())
@@ -258,6 +258,9 @@ def column_of(name: str, unit: LaboratoryUnit | None) -> str:
             return column
     if words == "t" and quantity == TEMPERATURE:
         return TEMPERATURES
+    turn = re.fullmatch(r"(roll|pitch|yaw) ?(?:rate|angular rate|gyro)|(?:rate|gyro) ?(roll|pitch|yaw)", words)
+    if turn and quantity in ("", RATE):
+        return RATES[("roll", "pitch", "yaw").index(turn[1] or turn[2])]
     quaternion = re.fullmatch(r"(?:q|quat|quaternion) ?([wxyz])", words)
     if quaternion and not quantity:
         return QUATERNION["wxyz".index(quaternion[1])]

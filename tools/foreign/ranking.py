@@ -12,6 +12,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from ..records.columns import FORCE as FORCES
 from ..records.columns import POSITION
 from ..records.columns import VELOCITY as VELOCITIES
 from .mapping import OPEN, Mapping
@@ -137,13 +138,18 @@ def _counted_from_zero(fields: Sequence[Field]) -> set[Field]:
 
 
 def _quantity_of(stem: Sequence[str], of_unit: str) -> str:
-    """Return the quantity that the words of a name mean, if its unit is not of another; "" if none."""
+    """Return the quantity that the words of a name mean, if its unit is not of another, or that of its unit."""
     if not set(_OTHER.split()).isdisjoint(stem):
         return ""
-    for quantity, words in _WORDS.items():
-        if not set(words.split()).isdisjoint(stem) and of_unit in ("", quantity, "counts", "voltage"):
+    for quantity in quantities_of(stem):
+        if of_unit in ("", quantity, "counts", "voltage"):
             return quantity
-    return ""
+    return of_unit if of_unit in _WORDS else ""
+
+
+def quantities_of(words: Sequence[str]) -> list[str]:
+    """Return the quantities of instruments that some words mean."""
+    return [quantity for quantity, names in _WORDS.items() if not set(names.split()).isdisjoint(words)]
 
 
 def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Triad]:
@@ -299,14 +305,12 @@ def time_units(table: UnderstoodTable, field: Field) -> list[str]:
     values = np.array(table.values(field.texts[:200]))
     if len(values) < 2:
         return []
-    for unit, least in EPOCHS.items():
-        if values.min() > least:
-            return [unit]
     step = float(np.median(np.abs(np.diff(values))))
-    for unit, factor in STEPS.items():
-        if USUAL_STEP[0] <= step * factor <= USUAL_STEP[1]:
+    usual = [unit for unit, factor in STEPS.items() if USUAL_STEP[0] <= step * factor <= USUAL_STEP[1]]
+    for unit, least in EPOCHS.items():
+        if values.min() > least and (unit in usual or not usual):
             return [unit]
-    return []
+    return usual[:1]
 
 
 def rising(table: UnderstoodTable, fields: Sequence[Field]) -> list[Field]:
@@ -333,7 +337,8 @@ def _rate_units(table: UnderstoodTable, fields: Sequence[Field]) -> list[str]:
         return []
     largest = float(np.abs(values).max())
     whole = bool((values == np.round(values)).all()) and largest > 0.0
-    forces = [table.origins[column].field for column in ("f1_mps2", "f2_mps2", "f3_mps2") if column in table.origins]
+    forces = [table.origins[column].field for column in FORCES if column in table.origins]
+    forces = forces or list(table.proposed.get(FORCE, ()))
     if whole and len(forces) == 3:
         for unit in force_units(median_size(table, forces)):
             counts = re.match(r"(\d+) LSB", unit)

@@ -343,7 +343,8 @@ def test_a_file_of_the_field_takes_one_round_of_questions_at_most(name: str, tmp
     path, answers = field_file(name, tmp_path), FIELD[name]
     if answers:
         keys, message = asked(path, {})
-        assert keys == set(answers), message
+        # the advice on readings names a kind
+        assert keys - {"kind"} == set(answers), message
     conversion = th.import_record(path, answers=answers)
     record = conversion.record
     origin = {column.column: column for column in conversion.columns}
