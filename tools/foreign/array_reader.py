@@ -1,4 +1,4 @@
-"""List or write the arrays of a MATLAB or HDF5 file, as a programme: its library may crash on a damaged file.
+"""List or write the arrays of a MATLAB, HDF5 or NumPy file, as a programme: a library may crash on a damaged file.
 
 `FILE` lists the arrays as JSON: name, shape, unit, and the number of an array of one. `FILE NAME ...` writes arrays in
 NumPy's format, one after the other. Status 3 comes with a reason as the last line. Only libraries are imported.
@@ -7,7 +7,7 @@ NumPy's format, one after the other. Status 3 comes with a reason as the last li
 import io
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 LARGEST = 4 << 30
 """Largest array that is listed, and largest content of a MATLAB file [bytes]."""
-HDF5 = b"\x89HDF\r\n\x1a\n"
+HDF5, NUMPY = b"\x89HDF\r\n\x1a\n", b"\x93NUMPY"
+UNNAMED = "column"
+"""Name of the columns of an array that has no name."""
 Entry = tuple[str, tuple[int, ...], str, Callable[[], NDArray[Any]]]
 """Name of an array of numbers, its shape, its unit, and how it is read."""
 
@@ -56,7 +58,7 @@ def matlab_arrays(path: str) -> list[Entry]:
     if size > LARGEST:
         raise ValueError(f"it unpacks to more than {LARGEST} bytes")
     content = matlab.loadmat(path, squeeze_me=True)
-    entries = list(_of_values(content, ""))
+    entries = list(_of_values(content))
     opaque = [name for name, value in content.items() if type(value).__name__ in ("MatlabOpaque", "MatlabFunction")]
     opaque += ["a table or object"] * ("__function_workspace__" in content)
     if opaque and not entries:
@@ -65,14 +67,15 @@ def matlab_arrays(path: str) -> list[Entry]:
     return entries
 
 
-def _of_values(values: Any, folder: str) -> Iterator[Entry]:
-    """Yield the arrays of numbers among the values of a file or structure."""
+def _of_values(values: Mapping[str, Any], folder: str = "") -> Iterator[Entry]:
+    """Yield the arrays of numbers among the values of a file or structure, and the columns of tables."""
     for name, value in values.items():
         array = np.asarray(value)
         if name.startswith("__") or type(value).__name__ in ("MatlabOpaque", "MatlabFunction"):
             continue
-        if array.dtype.names and array.size == 1:
-            yield from _of_values({field: array[field].item() for field in array.dtype.names}, f"{folder}{name}/")
+        if array.dtype.names:
+            inside = array.reshape(-1)[0] if array.size == 1 else array
+            yield from _of_values({field: inside[field] for field in array.dtype.names}, f"{folder}{name}/".lstrip("/"))
         elif array.dtype.kind in "iufb":
             yield f"{folder}{name}", array.shape, "", lambda array=array: array
 
@@ -100,6 +103,11 @@ def main(path: str, *names: str) -> None:
         if HDF5 in begin:
             with import_module("h5py").File(path, "r") as file:
                 output = written(hdf5_arrays(file), list(names))
+        elif path.endswith((".npy", ".npz")) or begin.startswith(NUMPY):
+            content = np.load(path, allow_pickle=False)
+            if isinstance(content, np.ndarray):
+                content = {"" if content.dtype.names else UNNAMED: content}
+            output = written(list(_of_values(content)), list(names))
         else:
             output = written(matlab_arrays(path), list(names))
     except Exception as error:

@@ -5,7 +5,6 @@ A maintained library reads each; a part of a file is a table with named columns.
 
 import io
 import json
-import zipfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,16 +18,13 @@ import polars as pl
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .array_reader import HDF5, NUMPY, UNNAMED
 from .sheet import output_of_reader
 
-LARGEST = 4 << 30
-"""Largest content of a part that is read [bytes]."""
 MOST_CHANNELS = 16
 """Largest number of columns of an array; the longer side has the rows."""
 FEWEST_ROWS = 3
-UNNAMED = "column"
-"""Name of the columns of an array that has no name."""
-HDF5, MATLAB, NUMPY, ULOG = b"\x89HDF\r\n\x1a\n", b"MATLAB 5.0 MAT-file", b"\x93NUMPY", b"ULog\x01\x12\x35"
+ULOG = b"ULog\x01\x12\x35"
 PARQUET, ROS1, MCAP, TDMS, SQLITE = b"PAR1", b"#ROSBAG V", b"\x89MCAP", b"TDSm", b"SQLite format 3\0"
 EXTRAS = {"nptdms": "pip install 'trihedron[tdms]'"}
 """Library -> command that installs it, if not that for all others."""
@@ -81,18 +77,6 @@ class Tree:
     numbers: dict[str, float] = field(default_factory=dict)
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
     load: Callable[[Iterable[str]], Mapping[str, NDArray[Any]]] | None = None
-
-    def add(self, path: str, value: Any, unit: str = "") -> None:
-        """Add an array of numbers, or the fields of a structured one; other values are passed over."""
-        array = np.asarray(value)
-        if array.dtype.names:
-            for name in array.dtype.names:
-                self.add(f"{path}/{name}" if path else name, array[name], unit)
-        elif array.dtype.kind in "iufb" and array.size == 1:
-            self.numbers[path] = float(array.reshape(-1)[0])
-        elif array.dtype.kind in "iufb":
-            self.arrays[path] = array
-            self.shapes[path], self.units[path] = array.shape, unit
 
     def parts(self) -> list[Part]:
         """Return the arrays of equal length in a folder as tables, and those of the whole file where they differ."""
@@ -162,9 +146,7 @@ def array_channels(array: NDArray[Any]) -> list[Channel]:
 
     Raises InputError if it is no array of two dimensions with three rows or more.
     """
-    tree = Tree()
-    tree.add(UNNAMED, array)
-    parts = tree.parts()
+    parts = Tree({UNNAMED: array.shape}, arrays={UNNAMED: array}).parts()
     if not parts:
         raise InputError(f"table: has the shape {array.shape}; rows of at least three numbers are needed")
     return parts[0].read()
@@ -249,9 +231,9 @@ def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Par
     if begin.startswith(b"MATLAB") or (path.suffix.lower() == ".mat" and begin and not is_text):
         return "MATLAB file (.mat)", _array_parts
     if begin.startswith(NUMPY):
-        return "NumPy file (.npy)", _numpy_parts
+        return "NumPy file (.npy)", _array_parts
     if begin.startswith(b"PK") and path.suffix.lower() == ".npz":
-        return "NumPy archive (.npz)", _numpy_archive_parts
+        return "NumPy archive (.npz)", _array_parts
     for magic, word, reader in (
         (PARQUET, "Parquet file", _parquet_parts),
         (ULOG, "ULog file", _ulog_parts),
@@ -266,24 +248,6 @@ def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Par
     if word and begin:
         raise InputError(f"{path}: does not begin as a {word} does; copy or export it again")
     return None
-
-
-def _numpy_parts(path: Path) -> list[Part]:
-    tree = Tree()
-    array = np.load(path, allow_pickle=False)
-    tree.add("" if array.dtype.names else UNNAMED, array)
-    return tree.parts()
-
-
-def _numpy_archive_parts(path: Path) -> list[Part]:
-    with zipfile.ZipFile(path) as archive:
-        if sum(member.file_size for member in archive.infolist()) > LARGEST:
-            raise InputError(f"{path}: unpacks to more than {LARGEST} bytes; not read")
-    tree = Tree()
-    with np.load(path, allow_pickle=False) as archive:
-        for name in archive.files:
-            tree.add(name, archive[name])
-    return tree.parts()
 
 
 def _hdf5_parts(path: Path) -> list[Part]:

@@ -222,7 +222,8 @@ def _take_triads(
     table: UnderstoodTable, quantity: str, fields: list[Field], candidates: dict[str, list[Field]]
 ) -> None:
     """Take the only three columns of a quantity that have its unit; ask for others whose names have its words."""
-    triads = [triad for triad in named_triads(fields) if triad.quantity == quantity]
+    # several numbered columns that mean one are readings beside each other
+    triads = [triad for triad in named_triads(fields) if triad.quantity == quantity and not triad.numbered]
     if not triads:
         return
     triads.sort(key=lambda triad: triad.further)
@@ -387,6 +388,8 @@ def _without_only_triad(table: UnderstoodTable, fields: dict[str, Field], left: 
     They are asked for, unless a certain unit makes their size gravity.
     """
     triads = [triad for triad in named_triads(left) if not triad.quantity and triad.further < 2]
+    if len(left) == 3 and not any(field.head.text for field in left):
+        triads = [Triad((left[0], left[1], left[2]))]
     if len(triads) != 1 or not fields.keys().isdisjoint(FORCE) or FORCE_QUANTITY in table.proposed:
         return left
     (triad,) = triads

@@ -9,8 +9,8 @@ import numpy as np
 from ..errors import InputError, nearest
 from ..records.columns import FORCE, RATE
 from ..records.read import table_in_memory
+from .array_reader import UNNAMED
 from .containers import (
-    UNNAMED,
     Part,
     array_channels,
     channels_of,

@@ -78,6 +78,11 @@ class Triad:
     further: int = 0
 
     @property
+    def numbered(self) -> bool:
+        """True if all columns are some of several numbered ones, without words of a quantity beside a unit."""
+        return all(field.head.numbered for field in self.fields)
+
+    @property
     def answer(self) -> str:
         """The columns as an answer: their names, or numbers if names hold commas or are not unique."""
         names = [field.label for field in self.fields]
