@@ -72,6 +72,8 @@ MOST_CELLS = 8_000_000
 MEMORY = 5 << 29
 """Memory limit of the process that reads a workbook [bytes], if the system supports one: twice the need of such a
 sheet."""
+LONGEST_READ = 120
+"""Limit of the processor's time of that process [s]: on a damaged file, a library may never end."""
 NEEDED = re.compile(
     r"\[Content_Types\]\.xml|_rels/.*|xl/(workbook|styles|sharedStrings)\.(xml|bin)|xl/(_rels|worksheets)/.*"
     r"|mimetype|content\.xml|styles\.xml|META-INF/manifest\.xml"
@@ -84,6 +86,7 @@ import io, json, sys
 try:
     import resource
     resource.setrlimit(resource.RLIMIT_AS, ({MEMORY}, {MEMORY}))
+    resource.setrlimit(resource.RLIMIT_CPU, ({LONGEST_READ}, {LONGEST_READ}))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 except (ImportError, ValueError, OSError):
     pass
