@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .array_reader import HDF5, NUMPY, UNNAMED
-from .sheet import output_of_reader
+from .workbook import output_of_reader
 
 MOST_CHANNELS = 16
 """Largest number of columns of an array; the longer side has the rows."""

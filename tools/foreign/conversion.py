@@ -1,15 +1,11 @@
 """Convert rows of texts to the columns of a record: its units, times from the first row, averaged readings."""
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from decimal import Decimal, InvalidOperation
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
-import polars as pl
 from numpy.typing import NDArray
 
 from ..errors import InputError
@@ -23,7 +19,6 @@ from ..records.columns import (
     RATE,
     TEMPERATURE,
     TEXTS,
-    UP,
     Comments,
     FileColumns,
     Layout,
@@ -33,6 +28,8 @@ from ..records.columns import (
     with_force,
 )
 from ..records.read import significant_digits, written_resolution
+from .converted_times import counted_times, times_of_texts
+from .frames import MAY_LACK, MOST_LEFT_OUT, ask_of_gaps, numeric_frame, values_of_frame
 from .layout import COMMENT
 from .mapping import OPEN, plural
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES
@@ -40,34 +37,16 @@ from .numbers import (
     BLANKS,
     bare,
     bits_of_signed,
-    clock,
     is_missing,
     numbers_of,
-    parsed_moment,
     sexagesimal,
     unit_behind,
 )
-from .sheet import SEPARATORS
-from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, UnderstoodTable, ask_of_senses
+from .understanding import NAME, NUMBER, STANDING_DEG, UnderstoodTable, ask_of_senses
 from .units import DEGREE, OPPOSITE, TIME, LaboratoryUnit, is_unknown_behind, known_unit, scaled_unit, sense_behind
 
 DIGITS_OF = 2000
 """Number of rows that decide how finely numbers are written."""
-MOST_LEFT_OUT = 0.2
-"""Share of the rows that may lack a number before the user is asked about them."""
-DAY, HOUR = 86400.0, 3600.0
-ZONE = re.compile(r"(Z|[+-]\d\d:?\d\d)$")
-"""Endings of times that are not local times."""
-COUNTERS = (2.0**16, 2.0**24, 2.0**31, 2.0**32)
-"""Values at which counters of whole numbers wrap to zero."""
-WRITTEN = (2.0**32 * 1e-9, 2.0**32 * 1e-6, 604800.0, 2.0**32 * 1e-3, 604800e3)
-"""Values at which other times wrap: 32 bits in a smaller unit, and the seconds and milliseconds of a GPS week."""
-WRAPPED = 20.0
-"""Largest step of a counter that wraps [usual steps]."""
-EPOCH = 1e8
-"""Time above which times count from an epoch [s]: the first row is subtracted, since doubles would lose digits."""
-MAY_LACK = (*QUATERNION, *UP, *TEXTS[1:])
-"""Columns whose fields may be empty."""
 RESOLUTIONS = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
 """LaboratoryUnit in the names of columns -> columns whose last digit is examined."""
 FILLERS = (999.0, 9999.0, 99999.0, 999999.0)
@@ -111,12 +90,12 @@ def converted(table: UnderstoodTable) -> Conversion:
 
     Raises InputError with the row and column that cannot be converted.
     """
-    frame = _numeric_frame(table)
+    frame = numeric_frame(table)
     given: dict[str, NDArray[np.float64]] = {}
     lines: Sequence[int] = []
     places = np.zeros(0, dtype=np.int_)
     if frame is not None:
-        given, places, left_out = _values_of_frame(table, frame)
+        given, places, left_out = values_of_frame(table, frame)
         texts = {column: origin.field.texts[:DIGITS_OF] for column, origin in table.origins.items()}
     else:
         texts, lines, left_out = _texts(table)
@@ -127,8 +106,11 @@ def converted(table: UnderstoodTable) -> Conversion:
         raise InputError(f"{table.sheet.path}: no row has all that a {table.kind.name} needs")
     numbers: dict[str, NDArray[np.float64]] = {}
     for column, origin in table.origins.items():
-        if column == TIMES:
-            numbers[TIMES] = _counted_times(table, given[TIMES]) if given else _times(table, texts, lines)
+        if column == TIMES and given:
+            numbers[TIMES] = counted_times(table, given[TIMES])
+        elif column == TIMES:
+            values = _values(table, TIMES, texts[TIMES], lines) if origin.form == NUMBER else None
+            numbers[TIMES] = times_of_texts(table, texts, lines, values)
         elif origin.form == NAME and column not in TEXTS:
             labels = np.array(texts[column])
             numbers[column] = np.cumsum(np.append(True, labels[1:] != labels[:-1]))
@@ -203,19 +185,9 @@ def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dic
             for column, text in cells.items():
                 texts[column].append(text)
     if len(left_out.get("a number is missing", ())) > MOST_LEFT_OUT * count and table.mapping.incomplete in ("", OPEN):
-        _ask_of_gaps(table, empty, count)
+        ask_of_gaps(table, empty, count)
         return texts, [], left_out
     return texts, lines, left_out
-
-
-def _ask_of_gaps(table: UnderstoodTable, empty: Counter[str], count: int) -> None:
-    """Ask about rows without a number if they are many, by the column that lacks most of them."""
-    worst, lacking = empty.most_common(1)[0]
-    why = f"{lacking} of {count} rows have no number in {table.origins[worst].name!r}"
-    if worst in (*table.kind.optional, DATE):
-        table.ask(f"columns.{worst}", ("none",), f"{why}; --set 'incomplete=leave out' leaves out the rows")
-    else:
-        table.ask("incomplete", ("leave out",), why)
 
 
 def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequence[int]) -> NDArray[np.float64]:
@@ -319,198 +291,6 @@ def _counts(table: UnderstoodTable, column: str, values: NDArray[np.float64]) ->
     if not is_signed:
         return values
     return np.where(values >= 0.5 * size, values - size, values)
-
-
-def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
-    """Return times [s]: unchanged if they are numbers, otherwise from the first row on."""
-    origin = table.origins[TIMES]
-    if origin.form == NUMBER:
-        assert origin.unit is not None
-        values = _values(table, TIMES, texts[TIMES], lines)
-        if np.abs(values * origin.unit.factor).max() > EPOCH:
-            table.start = Decimal(repr(values[0].item())) * Decimal(repr(origin.unit.factor))
-            if is_plain_decimal(texts[TIMES][0]):
-                table.start = Decimal(texts[TIMES][0].strip()) * Decimal(repr(origin.unit.factor))
-            values = _since_first(texts[TIMES], values)
-            table.notes.append("times count from the first row")
-        return _counted_times(table, values)
-    mapping = table.whole_mapping
-    order = mapping.dates or "day-first"
-    dates = texts.get(DATE, [""] * len(lines))
-    seconds = []
-    for text, date, line in zip(texts[TIMES], dates, lines, strict=True):
-        at = clock(text, mapping.clock) if origin.form == CLOCK else parsed_moment(text, order, mapping.clock)
-        midnight = 0.0
-        if DATE in texts:
-            midnight = parsed_moment(date, order)
-        if at is None or midnight is None:
-            what = f"column {origin.name!r}: {quoted(text.strip())} is no time like those before"
-            raise InputError(f"{table.sheet.path}: row {line}, {what}")
-        seconds.append(at + midnight)
-    table.notes.append("times count from the first row")
-    table.start = Decimal(repr(seconds[0]))
-    values = _without_clock_changes(table, np.array(seconds), texts[TIMES], lines) - seconds[0]
-    if origin.form == CLOCK and DATE not in texts:
-        nights = np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * DAY)
-        if nights.any():
-            table.notes.append(f"midnight passes {plural(int(nights[-1]), 'time')}")
-        values = values + DAY * nights
-    return values
-
-
-def _counted_times(table: UnderstoodTable, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return times [s] of a column of numbers (N,), without the wraps of its counter."""
-    unit = table.origins[TIMES].unit
-    assert unit is not None
-    values, wraps = unwrapped(values)
-    if wraps:
-        table.notes.append(f"the counter of times wraps {plural(wraps, 'time')}")
-    return values * unit.factor
-
-
-def _numeric_frame(table: UnderstoodTable) -> pl.DataFrame | None:
-    """Return the columns of a file that holds numbers; None where some column of the record is a text."""
-    frame = table.sheet.frame if table.whole is None else table.whole
-    if frame is None:
-        return None
-    for column, origin in table.origins.items():
-        kinds = [frame.dtypes[part.place].is_numeric() for part in (origin.field, *origin.beside)]
-        if not all(kinds) or origin.beside or origin.form != NUMBER or column in (*TEXTS, DATE):
-            return None
-    return frame
-
-
-def with_whole_text(table: UnderstoodTable) -> bool:
-    """Read the columns of a large text as numbers; return False where they are none, or not written plainly."""
-    sheet, source = table.sheet, table.sheet.whole
-    is_plain = sheet.separator != "blanks" and not table.thousands and not table.mapping.missing
-    if source is None or not is_plain or table.layout.last:
-        return False
-    for column, origin in table.origins.items():
-        if origin.form != NUMBER or origin.beside or column in (*TEXTS, DATE):
-            return False
-    try:
-        table.whole = _whole_text(table, source)
-    except pl.exceptions.PolarsError:
-        return False
-    return True
-
-
-def _whole_text(table: UnderstoodTable, source: Path | bytes) -> pl.DataFrame:
-    """Return the columns of a large text as numbers; those that the record does not use are empty."""
-    sheet = table.sheet
-    schema: dict[str, type[pl.DataType]] = {str(field.place): pl.String for field in table.fields}
-    for column, origin in table.origins.items():
-        whole = column == TIMES and all(text.lstrip("+-").isdigit() for text in origin.field.texts)
-        schema[str(origin.field.place)] = pl.Int64 if whole else pl.Float64
-    used = [field.place for field in table.fields if schema[str(field.place)] != pl.String]
-    frame = pl.read_csv(
-        source,
-        has_header=False,
-        skip_rows=table.layout.first - 1,
-        separator=SEPARATORS[sheet.separator],
-        schema=schema,
-        columns=used,
-        decimal_comma=table.decimal == ",",
-        null_values=["", "NaN", "nan", "NA", "N/A", "n/a", "-"],
-    )
-    missing = [pl.lit(None, pl.Float64).alias(name) for name in schema if name not in frame.columns]
-    return frame.with_columns(missing).select(list(schema))
-
-
-def _values_of_frame(
-    table: UnderstoodTable, frame: pl.DataFrame
-) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.int_], dict[str, list[int]]]:
-    """Return the numbers of columns (N,), the lines of their rows, and the lines left out, which lack a number."""
-    columns = {column: frame[frame.columns[origin.field.place]] for column, origin in table.origins.items()}
-    complete = np.ones(len(frame), dtype=bool)
-    lacking: Counter[str] = Counter()
-    for column, series in columns.items():
-        if column not in MAY_LACK and (series.null_count() or series.dtype.is_float()):
-            present = (series.is_not_null() & series.cast(pl.Float64).is_finite().fill_null(value=False)).to_numpy()
-            lacking[column] = int(np.count_nonzero(~present))
-            complete &= present
-    lines = np.arange(table.layout.first, table.layout.first + len(frame))
-    left_out = {}
-    if not complete.all():
-        left_out["a number is missing"] = lines[~complete].tolist()
-    count = int(np.count_nonzero(~complete))
-    if count > MOST_LEFT_OUT * len(frame) and table.mapping.incomplete in ("", OPEN):
-        _ask_of_gaps(table, lacking, len(frame))
-        return {}, lines[:0], left_out
-    values = {}
-    for column, series in columns.items():
-        present = series if complete.all() else series.filter(pl.Series(complete))
-        unit = table.origins[column].unit
-        if column == TIMES and unit is not None and len(present):
-            first = present[0]
-            if abs(float(first) * unit.factor) > EPOCH or abs(float(present[-1]) * unit.factor) > EPOCH:
-                # whole numbers of 64 bits subtract without loss
-                table.start = Decimal(repr(first)) * Decimal(repr(unit.factor))
-                present = (present.cast(pl.Int64) if present.dtype.is_integer() else present) - first
-                table.notes.append("times count from the first row")
-        values[column] = present.cast(pl.Float64).to_numpy()
-    return values, lines if complete.all() else lines[complete], left_out
-
-
-def _without_clock_changes(
-    table: UnderstoodTable, seconds: NDArray[np.float64], texts: Sequence[str], lines: Sequence[int]
-) -> NDArray[np.float64]:
-    """Remove the hours of clock changes from local times (N,) [s]; ask if one jumps at a full hour."""
-    steps = np.diff(seconds)
-    answer = table.mapping.clock_changes
-    if not steps.size or answer == "none" or ZONE.search(texts[0].strip()):
-        return seconds
-    period = float(np.median(np.abs(steps)))
-    near = max(3.0 * period, 2.0)
-    is_change = np.abs(np.abs(steps - period) - HOUR) <= near
-    # the clock is near a full hour before and after the change
-    for moments in (seconds[:-1], seconds[1:]):
-        is_change &= np.abs((moments + 0.5 * HOUR) % HOUR - 0.5 * HOUR) <= near
-    changes = np.flatnonzero(is_change)
-    if period > 0.1 * HOUR or not changes.size:
-        return seconds
-    if answer in ("", OPEN):
-        row = int(changes[0])
-        why = f"row {lines[row]} is of {texts[row].strip()!r}, the next of {texts[row + 1].strip()!r}"
-        table.ask("clock_changes", ("corrected", "none"), f"{why}: whether the clock was changed")
-        return seconds
-    jumps = np.zeros(len(seconds))
-    jumps[changes + 1] = -HOUR * np.sign(steps[changes] - period)
-    return seconds + np.cumsum(jumps)
-
-
-def is_plain_decimal(text: str) -> bool:
-    """Return True if a text is a plain decimal number."""
-    return re.fullmatch(r"\s*[+-]?\d+(\.\d*)?\s*", text) is not None
-
-
-def _since_first(texts: list[str], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return times since the first row, exact for plain numbers: doubles hold 16 digits, epochs in ns have 19."""
-    try:
-        exact = [Decimal(text.strip()) for text in texts]
-        return np.array([float(time - exact[0]) for time in exact])
-    except InvalidOperation:
-        return values - values[0]
-
-
-def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
-    """Return times (N,) of a counter without its wraps to zero, and the number of wraps; unchanged if there are
-    none."""
-    step = np.diff(counts)
-    wraps = step < 0.0
-    if not wraps.any() or wraps.all() or counts.min() < 0.0:
-        return counts, 0
-    usual = float(np.median(step[~wraps]))
-    sizes = WRITTEN
-    if np.array_equal(counts, np.round(counts)):
-        sizes += COUNTERS
-    for size in sorted(sizes):
-        over = step[wraps] + size
-        if counts.max() < size and (over > 0.0).all() and (over <= WRAPPED * usual).all():
-            turns = np.concatenate([[0], np.cumsum(wraps)])
-            return counts + size * turns, int(turns[-1])
-    return counts, 0
 
 
 def _resolutions(table: UnderstoodTable, texts: dict[str, list[str]]) -> dict[str, float]:

@@ -17,8 +17,9 @@ from ..records.read import PACKED, record_from
 from ..result import ABSENT, Result
 from ..rounding import upwards
 from .containers import is_container, read_begin
-from .conversion import Conversion, converted, record_columns, with_whole_text
+from .conversion import Conversion, converted, record_columns
 from .deciding import understood
+from .frames import with_whole_text
 from .joining import GYROS, joined
 from .layout import has_table, layout_of, upright, with_exact_seconds
 from .mapping import (
@@ -46,14 +47,12 @@ from .sheet import (
     decoded,
     labview_sheet,
     lines_of,
-    names_of,
     refuse_other,
-    sheet_of_workbook,
     text_sheet,
     unpacked,
-    workbook_sheets,
 )
 from .understanding import UnderstoodTable
+from .workbook import names_of, sheet_of_workbook, workbook_sheets
 
 if TYPE_CHECKING:
     from polars import DataFrame

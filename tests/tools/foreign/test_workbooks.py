@@ -8,7 +8,7 @@ import pytest
 
 from laboratory_imports import assert_clean, ideal_bench, import_proposed, imported_as_asked, refused, written
 from trihedron.tools import cli
-from trihedron.tools.foreign import sheet
+from trihedron.tools.foreign import workbook
 
 pytest.importorskip("python_calamine", reason="python-calamine is not installed")
 pytest.importorskip("xlsxwriter", reason="xlsxwriter is not installed")
@@ -80,7 +80,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_workbook_that_nobody_should_open_is_refused_in_one_line(name: str, tmp_path: Path, monkeypatch, capsys):
-    monkeypatch.setattr(sheet, "MOST_BYTES", 2_000_000)
+    monkeypatch.setattr(workbook, "MOST_BYTES", 2_000_000)
     content, message = HOSTILE[name]
     path = tmp_path / "lab.xlsx"
     path.write_bytes(content)

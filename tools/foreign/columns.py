@@ -1,0 +1,266 @@
+"""Find the columns of a record in a sheet: by the mapping, by names, by units, three at once."""
+
+from ..errors import InputError, nearest
+from ..records.columns import (
+    ANGLES,
+    APPROACH,
+    FORCE,
+    INCREMENT,
+    QUATERNION,
+    RATE,
+    TEXTS,
+    UP,
+    RecordKind,
+    quoted,
+)
+from .deciding_units import ONE_G, TRUE_SIZE
+from .mapping import OPEN
+from .names import DATE, QUANTITY_OF, gyro_of, normal
+from .ranking import (
+    Triad,
+    force_units,
+    median_size,
+    named_triads,
+    quantities_of,
+    rising,
+    unnamed_triads,
+)
+from .understanding import (
+    Field,
+    UnderstoodTable,
+)
+from .units import FORCE as FORCE_QUANTITY
+from .units import RATE as RATE_QUANTITY
+from .units import known_unit
+
+PARTS_OF_ANGLES = ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin", "arcsec", "minutes", "seconds")
+"""Units of minutes and seconds of an arc, beside degrees."""
+NO_READING = frozenset(
+    ["std", "sigma", "noise", "bias", "error", "offset", "var", "rms", "max", "min", "cov", "gravity"]
+)
+"""Words in the names of three columns that are not readings in any unit."""
+TRIADS_OF = {FORCE_QUANTITY: FORCE, RATE_QUANTITY: RATE}
+"""Quantity -> its three columns of a record."""
+LEAST_PLAIN = 0.5
+"""Median |f| below which numbers are gravity in no usual unit."""
+MOST_SENSORS = 12
+"""Largest number of sensors whose rows may be mixed in a table."""
+MOST_TRIADS = 3
+"""Largest number of answers to a question about columns without names."""
+COLUMNS = QUANTITY_OF.keys() | {"position", DATE} | set(QUATERNION + APPROACH + UP + TEXTS)
+"""Columns of a record that a mapping may name."""
+
+
+def fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
+    """Return column of the record -> field of the row, from the mapping, otherwise by names."""
+    mapping, fields = table.mapping, dict[str, Field]()
+    for column in mapping.columns:
+        if column not in COLUMNS:
+            raise InputError(f"columns.{column}: is no column of a record; {nearest(column, sorted(COLUMNS))}")
+        source = mapping.of(column)
+        if source.source not in ("", OPEN, "none"):
+            fields[column] = _field_named(table, column, source.source)
+            table.beside[column] = tuple(_field_named(table, column, name) for name in source.beside)
+    mapped = {column for column in mapping.columns if mapping.of(column).source not in ("", OPEN)}
+    filled = table.filled
+    candidates: dict[str, list[Field]] = {}
+    for field in filled:
+        if field.head.column and field.head.column not in mapped and field not in fields.values():
+            candidates.setdefault(field.head.column, []).append(field)
+    if candidates.keys() >= set(FORCE) and candidates.keys().isdisjoint(RATE + ANGLES):
+        for field in filled:
+            gyro = gyro_of(field.head)
+            if gyro and gyro not in mapped:
+                candidates.setdefault(gyro, []).append(field)
+    for quantity, columns in TRIADS_OF.items():
+        if (candidates.keys() | fields.keys() | mapped).isdisjoint(columns + INCREMENT):
+            _take_triads(table, quantity, [field for field in filled if field not in fields.values()], candidates)
+    fields |= _readings_beside(table, filled, candidates.keys() | fields.keys() | mapped)
+    _refuse_parts(table, filled, candidates)
+    for column, alike in candidates.items():
+        if len(alike) == 1:
+            fields[column] = alike[0]
+            continue
+        names = [field.head.text for field in alike]
+        why = f"which is {column}"
+        if len(set(names)) < len(names):
+            why = f"two columns are called {names[0]!r}"
+            names = [str(field.place + 1) for field in alike]
+        table.ask(f"columns.{column}", names[:4], why)
+    _ask_of_crossed(table, fields)
+    return fields
+
+
+def _ask_of_crossed(table: UnderstoodTable, fields: dict[str, Field]) -> None:
+    """Ask for both instruments where the columns named gyros have the size of gravity, those of accelerometers none."""
+    if not fields.keys() >= set(FORCE + RATE) or not table.mapping.columns.keys().isdisjoint(FORCE + RATE):
+        return
+    forces, rates = (Triad(tuple(fields[column] for column in columns)) for columns in (FORCE, RATE))  # type: ignore
+    if median_size(table, forces.fields) < LEAST_PLAIN and force_units(median_size(table, rates.fields)):
+        table.proposed |= {FORCE_QUANTITY: rates.fields, RATE_QUANTITY: forces.fields}
+        why = f"|f| of {forces.answer} is no gravity, that of {rates.answer} is"
+        table.ask("columns.force", (rates.answer, forces.answer), why)
+        table.ask("columns.rate", (forces.answer, rates.answer), "which columns are the gyros")
+        for column in FORCE + RATE:
+            del fields[column]
+
+
+def ask_of_instances(table: UnderstoodTable, name: str) -> None:
+    """Ask for the sensor if the rows of several are mixed in one table.
+
+    The column `name` counts them, or a column has the words accelerometer and gyroscope in turn.
+    """
+    for field in table.fields:
+        sensors = sorted(set(field.texts))
+        quantities = {quantity for text in sensors[:MOST_SENSORS] for quantity in quantities_of(normal(text).split())}
+        is_sensor = len(quantities) > 1 and len(sensors) <= MOST_SENSORS
+        if len(sensors) > 1 and (is_sensor or (name and field.head.text == name)):
+            answers = [f"{field.label}={sensor}" for sensor in sensors]
+            table.ask("part", answers, f"the rows of {len(sensors)} sensors are mixed")
+
+
+def _take_triads(
+    table: UnderstoodTable, quantity: str, fields: list[Field], candidates: dict[str, list[Field]]
+) -> None:
+    """Take the only three columns of a quantity that have its unit; ask for others whose names have its words."""
+    # several numbered columns that mean one are readings beside each other
+    triads = [triad for triad in named_triads(fields) if triad.quantity == quantity and not triad.numbered]
+    if not triads:
+        return
+    triads.sort(key=lambda triad: triad.further)
+    if len(triads) == 1 and all(field.quantity == quantity for field in triads[0].fields):
+        candidates |= {column: [field] for column, field in zip(TRIADS_OF[quantity], triads[0].fields, strict=True)}
+        return
+    table.proposed[quantity] = triads[0].fields
+    instrument = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}[quantity]
+    table.ask(f"columns.{quantity}", [triad.answer for triad in triads], f"which columns are the {instrument}")
+
+
+def _refuse_parts(table: UnderstoodTable, filled: list[Field], candidates: dict[str, list[Field]]) -> None:
+    """Refuse an angle whose minutes or seconds have a column of their own."""
+    for column in ANGLES:
+        if column not in candidates:
+            continue
+        degrees = candidates[column][0]
+        for field in filled:
+            unit = field.head.unit.strip().casefold()
+            is_part = unit in PARTS_OF_ANGLES and unit != degrees.head.unit.strip().casefold()
+            if is_part and field is not degrees and normal(field.head.name) == normal(degrees.head.name):
+                what = f"columns {degrees.head.text!r} and {field.head.text!r} are parts of one angle"
+                raise InputError(f"{table.sheet.path}: {what}; write it in one, as 12°34'56\" or in degrees")
+
+
+def _readings_beside(table: UnderstoodTable, filled: list[Field], columns: set[str]) -> dict[str, Field]:
+    """Return the first field of several side-by-side readings of each accelerometer; the others become `beside`.
+
+    If the names do not tell, ask whether numbered columns are readings or sensors.
+    """
+    groups: dict[str, dict[int, Field]] = {column: {} for column in FORCE}
+    units, texts, are_readings = set[str](), list[str](), True
+    for field in filled:
+        head = field.head
+        if head.numbered and head.number not in groups[head.numbered]:
+            groups[head.numbered][head.number] = field
+            units.add(head.unit)
+            texts.append(head.text)
+            are_readings = are_readings and head.reading
+    x, y, z = groups.values()
+    if len(x) < 2 or not x.keys() == y.keys() == z.keys() or not columns.isdisjoint(FORCE + RATE + INCREMENT):
+        return {}
+    if table.mapping.beside == "none" or len(units) > 1:
+        return {}
+    if table.mapping.beside != "average" and not are_readings:
+        why = f"whether {texts[0]!r} to {texts[-1]!r} are readings of one rest, or other sensors (none)"
+        table.ask("beside", ("average", "none"), why)
+    first = {}
+    for column, group in groups.items():
+        first[column], *further = (group[number] for number in sorted(group))
+        table.beside[column] = tuple(further)
+    return first
+
+
+def _field_named(table: UnderstoodTable, column: str, name: str) -> Field:
+    """Return the field with a name, or with a number from 1."""
+    fields, spelled = table.fields, " ".join(name.split())
+    for names in ([field.head.text for field in fields], [field.head.name for field in fields]):
+        if name and names.count(spelled) == 1:
+            return fields[names.index(spelled)]
+    if name.isascii() and name.isdigit() and 1 <= int(name) <= len(fields):
+        return fields[int(name) - 1]
+    heads = []
+    for field in fields:
+        if field.head.text:
+            heads.append(field.head.text)
+    raise InputError(f"{table.sheet.path}: columns.{column}: there is no column {quoted(name)}; {nearest(name, heads)}")
+
+
+def without_only_triad(table: UnderstoodTable, fields: dict[str, Field], left: list[Field]) -> list[Field]:
+    """Take the only three columns x, y, z for accelerometers where nothing else can be; return what is left.
+
+    They are asked for, unless a certain unit makes their size gravity.
+    """
+    triads = [triad for triad in named_triads(left) if not triad.quantity and triad.further < 2]
+    if len(left) == 3 and not any(field.head.text for field in left):
+        triads = [Triad((left[0], left[1], left[2]))]
+    if len(triads) != 1 or not fields.keys().isdisjoint(FORCE) or FORCE_QUANTITY in table.proposed:
+        return left
+    (triad,) = triads
+    if _is_gravity(table, triad):
+        fields.update(zip(FORCE, triad.fields, strict=True))
+        table.notes.append(f"{triad.answer} are taken as accelerometers: the size of their readings is gravity")
+    else:
+        table.proposed[FORCE_QUANTITY] = triad.fields
+        why = "which columns are the accelerometers"
+        if not force_units(median_size(table, triad.fields)):
+            why += "; gyros alone make no record"
+        table.ask("columns.force", [triad.answer], why)
+    return [field for field in left if field not in triad.fields]
+
+
+def _is_gravity(table: UnderstoodTable, triad: Triad) -> bool:
+    """Return True if the readings of three columns, in a certain unit, have the size of gravity."""
+    unit = known_unit(table.mapping.units.get(FORCE_QUANTITY, ""))
+    is_estimate = not NO_READING.isdisjoint(normal(table.sheet.path.stem).split())
+    if unit is None or unit.raw or is_estimate:
+        return False
+    size = median_size(table, triad.fields) * unit.factor / ONE_G
+    return TRUE_SIZE[0] < size < TRUE_SIZE[1]
+
+
+def take_role(table: UnderstoodTable, fields: dict[str, Field], role: RecordKind) -> None:
+    """Take a file for accelerometers or gyros alone; three columns x, y, z are then those of its instrument."""
+    table.kind = role
+    quantity, columns = (RATE_QUANTITY, RATE) if RATE[0] in role.required else (FORCE_QUANTITY, FORCE)
+    if not fields.keys() & set(columns):
+        free = [field for field in table.filled if field not in fields.values()]
+        triads = [triad for triad in named_triads(free) if not triad.further]
+        if len(triads) == 1 and triads[0].quantity in ("", quantity):
+            fields.update(zip(columns, triads[0].fields, strict=True))
+    missing = [column for column in columns if column not in fields]
+    for column in without_triads(table, missing, fields):
+        table.ask(f"columns.{column}", [field.label for field in table.filled][:3], f"which column is {column}")
+
+
+def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str, Field]) -> list[str]:
+    """Ask for all three channels at once where none is known; return the columns that are still missing."""
+    used = set(fields.values())
+    for proposed in table.proposed.values():
+        used.update(proposed)
+    free = []
+    for field in table.filled:
+        if field not in used and field.texts and table.values(field.texts):
+            free.append(field)
+    triads = [triad for triad in named_triads(free) if not triad.further and not triad.quantity]
+    times = rising(table, free)[:1]
+    triads = triads or unnamed_triads(table, [field for field in free if not field.head.text and field not in times])
+    left_over = list(missing)
+    for quantity, columns in TRIADS_OF.items():
+        if not set(missing).issuperset(columns) or table.is_asked(f"columns.{quantity}") or not triads:
+            continue
+        table.proposed[quantity] = triads[0].fields
+        instrument = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}[quantity]
+        answers = [triad.answer for triad in triads[:MOST_TRIADS]]
+        table.ask(f"columns.{quantity}", answers, f"which columns are the {instrument}")
+        left_over = [column for column in left_over if column not in columns]
+        triads = [triad for triad in triads if set(triad.fields).isdisjoint(table.proposed[quantity])]
+    return left_over

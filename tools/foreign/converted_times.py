@@ -1,0 +1,140 @@
+"""Convert texts and counts to times from the first row: dates, clocks that change, counters that wrap."""
+
+import re
+from collections.abc import Sequence
+from decimal import Decimal, InvalidOperation
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..records.columns import (
+    quoted,
+)
+from .mapping import OPEN, plural
+from .names import DATE, TIMES
+from .numbers import (
+    clock,
+    parsed_moment,
+)
+from .understanding import CLOCK, UnderstoodTable
+
+DAY, HOUR = 86400.0, 3600.0
+ZONE = re.compile(r"(Z|[+-]\d\d:?\d\d)$")
+"""Endings of times that are not local times."""
+COUNTERS = (2.0**16, 2.0**24, 2.0**31, 2.0**32)
+"""Values at which counters of whole numbers wrap to zero."""
+WRITTEN = (2.0**32 * 1e-9, 2.0**32 * 1e-6, 604800.0, 2.0**32 * 1e-3, 604800e3)
+"""Values at which other times wrap: 32 bits in a smaller unit, and the seconds and milliseconds of a GPS week."""
+WRAPPED = 20.0
+"""Largest step of a counter that wraps [usual steps]."""
+EPOCH = 1e8
+"""Time above which times count from an epoch [s]: the first row is subtracted, since doubles would lose digits."""
+
+
+def times_of_texts(
+    table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int], values: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Return times [s]: unchanged if the texts are numbers, `values`, otherwise from the first row on."""
+    origin = table.origins[TIMES]
+    if values is not None:
+        assert origin.unit is not None
+        if np.abs(values * origin.unit.factor).max() > EPOCH:
+            table.start = Decimal(repr(values[0].item())) * Decimal(repr(origin.unit.factor))
+            if is_plain_decimal(texts[TIMES][0]):
+                table.start = Decimal(texts[TIMES][0].strip()) * Decimal(repr(origin.unit.factor))
+            values = _since_first(texts[TIMES], values)
+            table.notes.append("times count from the first row")
+        return counted_times(table, values)
+    mapping = table.whole_mapping
+    order = mapping.dates or "day-first"
+    dates = texts.get(DATE, [""] * len(lines))
+    seconds = []
+    for text, date, line in zip(texts[TIMES], dates, lines, strict=True):
+        at = clock(text, mapping.clock) if origin.form == CLOCK else parsed_moment(text, order, mapping.clock)
+        midnight = 0.0
+        if DATE in texts:
+            midnight = parsed_moment(date, order)
+        if at is None or midnight is None:
+            what = f"column {origin.name!r}: {quoted(text.strip())} is no time like those before"
+            raise InputError(f"{table.sheet.path}: row {line}, {what}")
+        seconds.append(at + midnight)
+    table.notes.append("times count from the first row")
+    table.start = Decimal(repr(seconds[0]))
+    values = _without_clock_changes(table, np.array(seconds), texts[TIMES], lines) - seconds[0]
+    if origin.form == CLOCK and DATE not in texts:
+        nights = np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * DAY)
+        if nights.any():
+            table.notes.append(f"midnight passes {plural(int(nights[-1]), 'time')}")
+        values = values + DAY * nights
+    return values
+
+
+def counted_times(table: UnderstoodTable, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return times [s] of a column of numbers (N,), without the wraps of its counter."""
+    unit = table.origins[TIMES].unit
+    assert unit is not None
+    values, wraps = unwrapped(values)
+    if wraps:
+        table.notes.append(f"the counter of times wraps {plural(wraps, 'time')}")
+    return values * unit.factor
+
+
+def _without_clock_changes(
+    table: UnderstoodTable, seconds: NDArray[np.float64], texts: Sequence[str], lines: Sequence[int]
+) -> NDArray[np.float64]:
+    """Remove the hours of clock changes from local times (N,) [s]; ask if one jumps at a full hour."""
+    steps = np.diff(seconds)
+    answer = table.mapping.clock_changes
+    if not steps.size or answer == "none" or ZONE.search(texts[0].strip()):
+        return seconds
+    period = float(np.median(np.abs(steps)))
+    near = max(3.0 * period, 2.0)
+    is_change = np.abs(np.abs(steps - period) - HOUR) <= near
+    # the clock is near a full hour before and after the change
+    for moments in (seconds[:-1], seconds[1:]):
+        is_change &= np.abs((moments + 0.5 * HOUR) % HOUR - 0.5 * HOUR) <= near
+    changes = np.flatnonzero(is_change)
+    if period > 0.1 * HOUR or not changes.size:
+        return seconds
+    if answer in ("", OPEN):
+        row = int(changes[0])
+        why = f"row {lines[row]} is of {texts[row].strip()!r}, the next of {texts[row + 1].strip()!r}"
+        table.ask("clock_changes", ("corrected", "none"), f"{why}: whether the clock was changed")
+        return seconds
+    jumps = np.zeros(len(seconds))
+    jumps[changes + 1] = -HOUR * np.sign(steps[changes] - period)
+    return seconds + np.cumsum(jumps)
+
+
+def is_plain_decimal(text: str) -> bool:
+    """Return True if a text is a plain decimal number."""
+    return re.fullmatch(r"\s*[+-]?\d+(\.\d*)?\s*", text) is not None
+
+
+def _since_first(texts: list[str], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return times since the first row, exact for plain numbers: doubles hold 16 digits, epochs in ns have 19."""
+    try:
+        exact = [Decimal(text.strip()) for text in texts]
+        return np.array([float(time - exact[0]) for time in exact])
+    except InvalidOperation:
+        return values - values[0]
+
+
+def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+    """Return times (N,) of a counter without its wraps to zero, and the number of wraps; unchanged if there are
+    none."""
+    step = np.diff(counts)
+    wraps = step < 0.0
+    if not wraps.any() or wraps.all() or counts.min() < 0.0:
+        return counts, 0
+    usual = float(np.median(step[~wraps]))
+    sizes = WRITTEN
+    if np.array_equal(counts, np.round(counts)):
+        sizes += COUNTERS
+    for size in sorted(sizes):
+        over = step[wraps] + size
+        if counts.max() < size and (over > 0.0).all() and (over <= WRAPPED * usual).all():
+            turns = np.concatenate([[0], np.cumsum(wraps)])
+            return counts + size * turns, int(turns[-1])
+    return counts, 0

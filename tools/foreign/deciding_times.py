@@ -1,0 +1,177 @@
+"""Decide the source of times: numbers, dates, times of day, sample numbers, or the order of the rows."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import InputError
+from ..records.columns import (
+    POSES,
+    POSITION,
+    TEXTS,
+)
+from .mapping import OPEN
+from .names import DATE, SAMPLE, TIMES
+from .numbers import (
+    date_of,
+    date_orders,
+    is_clock,
+    is_missing,
+    parsed_moment,
+    two_parts,
+)
+from .ranking import (
+    likely_of,
+    rising,
+    time_units,
+)
+from .sheet import cell
+from .understanding import (
+    CLOCK,
+    MOMENT,
+    NAME,
+    NUMBER,
+    Field,
+    Origin,
+    UnderstoodTable,
+)
+from .units import TIME, is_rate
+
+MANY_ROWS = 200
+"""Number of rows from which a table is likelier a series than a table of rests."""
+
+
+def decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
+    """Decide the source of times: numbers, times of day, dates, sample numbers, or the order of the rows."""
+    time, date = fields.get(TIMES), fields.get(DATE)
+    if time is None and SAMPLE in fields and table.kind is not POSITION:
+        _refuse_period(table, f"{fields[SAMPLE].label!r} counts samples")
+        table.origins[TIMES] = origin_of(table, SAMPLE, fields[SAMPLE])
+        return
+    if time is None:
+        time, date = date, None
+    if time is None:
+        _ask_for_time(table)
+        return
+    origin = origin_of(table, TIMES, time)
+    if time.cells and all(map(is_clock, time.texts)):
+        origin = replace(origin, form=CLOCK)
+        ambiguous = next(filter(two_parts, time.texts), None)
+        if ambiguous and table.mapping.clock in ("", OPEN):
+            table.ask("clock", ("h:m", "m:s"), f"what {ambiguous!r} is")
+    elif any(table.value(text) is None for text in time.texts) and any(map(date_of, time.texts)):
+        origin = replace(origin, form=MOMENT)
+        _decide_dates(table, time)
+    table.origins[TIMES] = origin
+    if origin.form == CLOCK and date is not None:
+        table.origins[DATE] = replace(origin_of(table, DATE, date), form=MOMENT)
+        _decide_dates(table, date)
+
+
+def written_times(table: UnderstoodTable, free: list[Field]) -> dict[str, Field]:
+    """Return the only column of dates, times of day or numbers in a unit of time that goes from row to row."""
+    dates = [field for field in free if field.texts and all(map(date_of, field.texts))]
+    going = [field for field in free if len(field.texts) > 2 and len(set(field.texts)) == len(field.texts)]
+    moments = [field for field in dates if field in going and ":" in field.texts[0]]
+    clocks = [field for field in going if all(map(is_clock, field.texts))]
+    if len(moments) == 1:
+        return {TIMES: moments[0]}
+    if len(clocks) == 1 and len(dates) < 2:
+        return dict(zip((TIMES, DATE), (clocks[0], *dates), strict=False))
+    timed = [field for field in free if field.quantity == TIME]
+    if len(timed) == 1 and rising(table, timed):
+        return {TIMES: timed[0]}
+    return {}
+
+
+def _ask_for_time(table: UnderstoodTable) -> None:
+    """Ask for the source of times in a table without a known column of times."""
+    if table.mapping.time == "order" or table.kind is POSES:
+        return
+    if table.is_asked("kind"):
+        _ask_which_time(table)
+        return
+    _refuse_period(table, "no column is known as a time")
+    if table.kind is POSITION and not any(field.quantity == TIME for field in table.filled):
+        table.settled["time"] = "order"
+        table.notes.append("no time is written: the rows count in their order")
+        return
+    is_position, has_unit = table.kind is POSITION, TIME in table.mapping.units
+    timed = []
+    for field in table.filled:
+        if field.quantity == TIME:
+            timed.append(field.head.text)
+    if timed and not has_unit:
+        in_order = ""
+        if is_position:
+            in_order = "; rows in their order: --set time=order"
+        table.ask("columns.time_s", timed[:3], f"which column is the time{in_order}")
+        return
+    why = "no column is known as a time: {}; else columns.time_s=NAME says which"
+    if not table.sheet.stated.time and not has_unit:
+        likely = table.sheet.stated.likely_rate or likely_of(table.mapping).get(TIME, "100 Hz")
+        table.ask("units.time", (likely,), why.format("rows at which rate"))
+
+
+def _ask_which_time(table: UnderstoodTable) -> None:
+    """Ask for the time of a series whose kind is open: a column that rises, or the rate of its rows."""
+    if len(table.rows) < MANY_ROWS or TIME in table.mapping.units:
+        return
+    risen = rising(table, table.filled)
+    if not risen:
+        table.ask("units.time", ("100 Hz",), "no column is known as a time: rows at which rate")
+        return
+    labels = [field.label for field in risen]
+    table.ask("columns.time_s", labels[:3], "which column is the time")
+    answers = dict.fromkeys([*time_units(table, risen[0]), "s", "ms", "us"])
+    table.ask("units.time", list(answers), "no unit of time is written")
+
+
+def _refuse_period(table: UnderstoodTable, where: str) -> None:
+    """Refuse a unit of time if there are no times: counted rows need their rate."""
+    answer = table.mapping.units.get(TIME, OPEN)
+    if answer != OPEN and not is_rate(answer):
+        advice = "give the rate, as '100 Hz', or the column of the time by columns.time_s=NAME"
+        raise InputError(f"{table.sheet.path}: units.time = {answer!r}: {where}; {advice}")
+
+
+def _decide_dates(table: UnderstoodTable, field: Field) -> None:
+    """Decide the order of day, month and year; ask if it matters for the times."""
+    texts: dict[str, None] = {}
+    for _, row in table.sheet.rows(table.layout.first, table.layout.last or None):
+        text = cell(row, field.place)
+        date = None
+        if not is_missing(text, table.mapping.missing):
+            date = date_of(text)
+        if date:
+            texts.setdefault(date)
+    orders = date_orders(texts)
+    times: dict[str, list[float]] = {}
+    for order in orders:
+        moments = np.array([parsed_moment(text, order) or 0.0 for text in texts])
+        times[order] = (moments - moments[:1]).tolist()
+    answer = table.mapping.dates.replace(OPEN, "")
+    differing = [text for text, *at in zip(texts, *times.values(), strict=True) if len(set(at)) > 1]
+    if not answer and differing:
+        table.ask("dates", orders, f"what {differing[0]!r} is")
+    table.settled["dates"] = answer or (orders[0] if orders else "")
+    if not answer and len(orders) > 1 and not differing:
+        # all on the same day: the order does not matter
+        table.notes.append("the order of day and month does not matter: all rows are of one day")
+
+
+def origin_of(table: UnderstoodTable, column: str, field: Field) -> Origin:
+    """Return a column's origin as far as its own head and the mapping define it."""
+    is_name = column in TEXTS or (column == "position" and are_labels(field))
+    source = table.mapping.of(column)
+    beside = table.beside.get(column, ())
+    return Origin(field, NAME if is_name else NUMBER, sign=source.sign, offset=source.offset, beside=beside)
+
+
+def are_labels(field: Field) -> bool:
+    """Return True if positions have names instead of numbers: P1, P2, ..., alike except for their numbers."""
+    patterns = set()
+    for text in field.texts:
+        patterns.add(re.sub(r"\d+", "0", text))
+    return len(patterns) == 1 and "0" in min(patterns) and patterns.isdisjoint(("0", "-0", "0.0", "0,0"))
