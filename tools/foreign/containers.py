@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .array_reader import HDF5, NUMPY, UNNAMED
+from .layout import seconds_beside
 from .workbook import output_of_reader
 
 MOST_CHANNELS = 16
@@ -176,6 +177,17 @@ def labelled_channels(source: Any) -> list[Channel]:
         for label, column in zip(labels, values.T, strict=True):
             channels.append(Channel(label if len(label) > 1 and label[0] != "[" else f"{name} {label}", column, unit))
     return channels
+
+
+def joined_stamps(channels: list[Channel]) -> list[Channel]:
+    """Return columns with whole seconds and the nanoseconds beside them as one column of nanoseconds."""
+    places = seconds_beside([channel.name for channel in channels])
+    if not places:
+        return channels
+    whole, nano = (np.asarray(channels[place].values, dtype=np.int64) for place in places)
+    name = channels[places[0]].name.rpartition(".")[0] or "time"
+    others = [channel for place, channel in enumerate(channels) if place not in places]
+    return [Channel(name, whole * 10**9 + nano, "ns"), *others]
 
 
 def is_container(path: Path, begin: bytes) -> bool:
@@ -388,38 +400,19 @@ def _mcap_parts(path: Path) -> list[Part]:
             what = f"has messages as {', '.join(sorted(encodings))}"
             raise InputError(f"{path}: {what}; those of ROS (cdr) and JSON are read")
         return _ros_parts(path)
-    rows: dict[str, list[dict[str, float]]] = {}
+    rows: dict[str, list[dict[str, Any]]] = {}
     with path.open("rb") as file:
         for _, channel, message in reader.make_reader(file).iter_messages():
             if channel.message_encoding == "json":
-                numbers = {"log_time": message.log_time} | _flat_numbers(json.loads(message.data))
-                rows.setdefault(channel.topic, []).append(numbers)
+                rows.setdefault(channel.topic, []).append({"log_time": message.log_time} | json.loads(message.data))
     parts = []
     for topic, messages in rows.items():
-        frame = pl.DataFrame(messages, infer_schema_length=None)
-        channels = table_channels(frame)
+        frame = pl.json_normalize(messages, separator=".", infer_schema_length=None)
+        channels = joined_stamps(table_channels(frame))
         if len(frame) >= FEWEST_ROWS:
-            parts.append(Part(topic.strip("/"), len(frame), tuple(frame.columns), partial(list, channels)))
+            names = tuple(channel.name for channel in channels)
+            parts.append(Part(topic.strip("/"), len(frame), names, partial(list, channels)))
     return parts
-
-
-def _flat_numbers(content: Any, prefix: str = "") -> dict[str, float]:
-    """Return the numbers of an object by their paths; seconds beside nanoseconds are one number of nanoseconds."""
-    numbers: dict[str, float] = {}
-    if not isinstance(content, Mapping):
-        return numbers
-    for nano in ("nsec", "nanosec", "nsecs"):
-        if "sec" in content and nano in content:
-            return {prefix or "stamp": int(content["sec"]) * 10**9 + int(content[nano])}
-    for name, value in content.items():
-        path = f"{prefix}.{name}" if prefix else str(name)
-        if isinstance(value, bool) or value is None:
-            continue
-        if isinstance(value, int | float):
-            numbers[path] = value
-        else:
-            numbers |= _flat_numbers(value, path)
-    return numbers
 
 
 def frame_of(path: Path, channels: list[Channel]) -> pl.DataFrame:

@@ -284,15 +284,23 @@ def _printable(text: str) -> str:
     return " ".join(printable(text).split()).lstrip("# ")[:LONGEST_REMARK]
 
 
+def seconds_beside(names: Sequence[str]) -> tuple[int, ...]:
+    """Return the places of whole seconds and of the nanoseconds beside them among some names, if they are there."""
+    plain = [normal(name) for name in names]
+    for place, name in enumerate(plain):
+        match = NANOSECONDS.fullmatch(name)
+        for word in SECONDS:
+            if match is not None and (whole := match["before"] + word) in plain:
+                return plain.index(whole), place
+    return ()
+
+
 def with_exact_seconds(sheet: Sheet) -> Sheet:
     """Return a sheet whose whole seconds and the nanoseconds beside them are one time, as ROS writes them apart."""
     for line, texts in islice(sheet.rows(), LOOKED_AT):
-        names = [normal(text) for text in texts]
-        for place, name in enumerate(names):
-            match = NANOSECONDS.fullmatch(name)
-            for word in SECONDS:
-                if match is not None and (whole := match["before"] + word) in names:
-                    return _with_joined(sheet, line, names.index(whole), place)
+        places = seconds_beside(texts)
+        if places:
+            return _with_joined(sheet, line, *places)
     return sheet
 
 

@@ -15,6 +15,7 @@ from .containers import (
     array_channels,
     channels_of,
     frame_of,
+    joined_stamps,
     labelled_channels,
     parts_of,
     read_begin,
@@ -123,7 +124,7 @@ def heading_of_time(part: Part) -> bool:
 
 
 def _sheet(file: Path, part: Part, others: tuple[str, ...]) -> Sheet:
-    channels = channels_of(file, part)
+    channels = joined_stamps(channels_of(file, part))
     likely = f"{part.rate:g} Hz" if part.rate else ""
     units = tuple(channel.unit for channel in channels)
     named = int(not all(channel.name.startswith(UNNAMED) for channel in channels))

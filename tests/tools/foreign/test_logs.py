@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 import scipy.io
 from rosbags.rosbag2 import StoragePlugin
@@ -102,6 +103,21 @@ def test_a_crash_of_the_library_of_arrays_is_one_line(name: str, tmp_path: Path,
         monkeypatch.setattr(containers, "ARRAY_READER", f"import os\n{way}")
         with pytest.raises(th.InputError, match=rf"{path.name}: is no readable (HDF5|MATLAB) file"):
             th.import_record(path)
+
+
+@pytest.mark.parametrize(
+    "names", [("sec", "nanosec"), ("header.stamp.secs", "header.stamp.nsecs"), ("t sec", "t nsec")]
+)
+def test_seconds_beside_nanoseconds_are_one_time_in_tables(names: tuple[str, str], tmp_path: Path):
+    """ROS writes them apart, in any file."""
+    columns = dict(zip(names, (NANOS // 10**9, NANOS % 10**9), strict=True))
+    columns |= {f"acc_{axis} [m/s2]": FORCE[:, k] for k, axis in enumerate("xyz")}
+    columns |= {f"gyro_{axis} [rad/s]": RATE[:, k] for k, axis in enumerate("xyz")}
+    pl.DataFrame(columns).write_parquet(tmp_path / "log.parquet")
+    for source in (columns, tmp_path / "log.parquet"):
+        record = th.import_record(source).record
+        assert record.time_s == pytest.approx(TIME, abs=1e-12)
+        assert np.array_equal(record.rate, RATE)
 
 
 def test_objects_are_not_unpickled(tmp_path: Path):
