@@ -40,7 +40,7 @@ def hdf5_arrays(file: Any) -> list[Entry]:
         for column in item.dtype.names or ():
             add(f"{name}/{column}", item.shape, item.dtype[column], text, lambda column=column: item[column])
 
-    def add(name: str, shape: tuple[int, ...], kind: Any, unit: str, load: Callable[[], NDArray[Any]]) -> None:
+    def add(name: str, shape: Any, kind: Any, unit: str, load: Callable[[], NDArray[Any]]) -> None:
         if kind.base.kind in "iufb":
             entries.append((name, (*shape, *kind.shape), unit, load))
 

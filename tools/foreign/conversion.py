@@ -28,7 +28,7 @@ from ..records.columns import (
     with_force,
 )
 from ..records.read import significant_digits, written_resolution
-from .converted_times import counted_times, times_of_texts
+from .converted_times import counted_times, numbered_times, written_times
 from .frames import MAY_LACK, MOST_LEFT_OUT, ask_of_gaps, numeric_frame, values_of_frame
 from .layout import COMMENT
 from .mapping import OPEN, plural
@@ -108,9 +108,11 @@ def converted(table: UnderstoodTable) -> Conversion:
     for column, origin in table.origins.items():
         if column == TIMES and given:
             numbers[TIMES] = counted_times(table, given[TIMES])
+        elif column == TIMES and origin.form == NUMBER:
+            values = _values(table, TIMES, texts[TIMES], lines)
+            numbers[TIMES] = numbered_times(table, texts[TIMES], values)
         elif column == TIMES:
-            values = _values(table, TIMES, texts[TIMES], lines) if origin.form == NUMBER else None
-            numbers[TIMES] = times_of_texts(table, texts, lines, values)
+            numbers[TIMES] = written_times(table, texts, lines)
         elif origin.form == NAME and column not in TEXTS:
             labels = np.array(texts[column])
             numbers[column] = np.cumsum(np.append(True, labels[1:] != labels[:-1]))

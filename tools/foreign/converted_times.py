@@ -32,20 +32,30 @@ EPOCH = 1e8
 """Time above which times count from an epoch [s]: the first row is subtracted, since doubles would lose digits."""
 
 
-def times_of_texts(
-    table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int], values: NDArray[np.float64] | None
-) -> NDArray[np.float64]:
-    """Return times [s]: unchanged if the texts are numbers, `values`, otherwise from the first row on."""
+def numbered_times(table: UnderstoodTable, texts: Sequence[str], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return times [s] of numbers (N,): from the first row on if they count from an epoch.
+
+    The difference is exact: doubles hold 16 digits, epochs in ns have 19.
+    """
+    unit = table.origins[TIMES].unit
+    assert unit is not None
+    if np.abs(values * unit.factor).max() > EPOCH:
+        try:
+            exact = [Decimal(text.strip()) for text in texts]
+        except InvalidOperation:
+            exact = [Decimal(repr(value)) for value in values.tolist()]
+        table.start = exact[0] * Decimal(repr(unit.factor))
+        values = np.array([float(time - exact[0]) for time in exact])
+        table.notes.append("times count from the first row")
+    return counted_times(table, values)
+
+
+def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
+    """Return times [s] from the first row on of times of day and dates.
+
+    Raises InputError with the row that has none.
+    """
     origin = table.origins[TIMES]
-    if values is not None:
-        assert origin.unit is not None
-        if np.abs(values * origin.unit.factor).max() > EPOCH:
-            table.start = Decimal(repr(values[0].item())) * Decimal(repr(origin.unit.factor))
-            if is_plain_decimal(texts[TIMES][0]):
-                table.start = Decimal(texts[TIMES][0].strip()) * Decimal(repr(origin.unit.factor))
-            values = _since_first(texts[TIMES], values)
-            table.notes.append("times count from the first row")
-        return counted_times(table, values)
     mapping = table.whole_mapping
     order = mapping.dates or "day-first"
     dates = texts.get(DATE, [""] * len(lines))
@@ -105,20 +115,6 @@ def _without_clock_changes(
     jumps = np.zeros(len(seconds))
     jumps[changes + 1] = -HOUR * np.sign(steps[changes] - period)
     return seconds + np.cumsum(jumps)
-
-
-def is_plain_decimal(text: str) -> bool:
-    """Return True if a text is a plain decimal number."""
-    return re.fullmatch(r"\s*[+-]?\d+(\.\d*)?\s*", text) is not None
-
-
-def _since_first(texts: list[str], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return times since the first row, exact for plain numbers: doubles hold 16 digits, epochs in ns have 19."""
-    try:
-        exact = [Decimal(text.strip()) for text in texts]
-        return np.array([float(time - exact[0]) for time in exact])
-    except InvalidOperation:
-        return values - values[0]
 
 
 def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:

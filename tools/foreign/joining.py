@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import correlate, correlation_lags
-from scipy.stats import pearsonr
 
 from ..errors import InputError
 from ..records.columns import FORCE, RATE, STRAPDOWN_RATES, TEMPERATURE, RecordKind
@@ -180,7 +179,7 @@ def lag_of(numbers: dict[str, NDArray[np.float64]], longest: float) -> tuple[flo
     fixed = turning[margin : count - margin]
     scores = []
     for shift in shifts:
-        scores.append(pearsonr(fixed, expected[margin + shift : count - margin + shift]).statistic)
+        scores.append(np.corrcoef(fixed, expected[margin + shift : count - margin + shift])[0, 1])
     best = int(np.argmax(scores[1:-1])) + 1
     left, top, right = scores[best - 1 : best + 2]
     curvature = min(left - 2.0 * top + right, -1e-12)

@@ -146,12 +146,13 @@ def known_unit(text: str) -> LaboratoryUnit | None:
 
 def _symbol(text: str) -> str:
     """Return the symbol of a unit that a text names; any other text is returned in one spelling."""
-    plain = re.sub(r"[\s/]*\bper\b[\s/]*", "/", text.replace("_", "/"))
+    plain = re.sub(r"[\s/]*\bsquared$", "2", text.replace("_", "/"))
+    plain = re.sub(r"[\s/]*\bper\b[\s/]*", "/", plain)
     name = re.sub(r"(?<=[a-z])[-.](?=[a-z])", "", spelled_unit(plain))
     whole = _one_symbol(name)
     if whole in KNOWN or "/" not in name:
         return whole
-    above, *below = map(_one_symbol, re.sub(r"(second|sec|s)\*?squared$", "s2", name).split("/"))
+    above, *below = map(_one_symbol, name.split("/"))
     if below in (["s", "s"], ["s", "2"]):
         below = ["s2"]
     return "/".join([above, *below])
@@ -161,8 +162,8 @@ def _one_symbol(name: str) -> str:
     """Return the symbol of a word, or of a power of one: "sec2" is "s2"."""
     if name in KNOWN:
         return name
-    word, power = re.fullmatch(r"(.*?)(2?)", name).groups()
-    return _SYMBOLS.get(name) or _FOLDED.get(name.lower()) or _SYMBOLS.get(word, word) + power
+    word = name.removesuffix("2")
+    return _SYMBOLS.get(name) or _FOLDED.get(name.lower()) or _SYMBOLS.get(word, word) + name[len(word) :]
 
 
 def scaled_unit(text: str) -> LaboratoryUnit | None:

@@ -301,6 +301,6 @@ def test_a_table_of_xarray_does_not_need_xarray():
     variables = {f"acc_{axis}": column(FORCE[:, k], "m/s2") for k, axis in enumerate("xyz")}
     variables |= {f"gyro_{axis}": column(RATE[:, k], "rad/s") for k, axis in enumerate("xyz")}
     coordinates = {"time": column(TIME, "s")}
-    source = SimpleNamespace(dims=("time",), sizes={"time": COUNT}, coords=coordinates, data_vars=variables)
+    source: Any = SimpleNamespace(dims=("time",), sizes={"time": COUNT}, coords=coordinates, data_vars=variables)
     record = th.import_record(source).record
     assert np.array_equal(record.specific_force, FORCE)
