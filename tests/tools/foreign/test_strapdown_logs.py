@@ -90,7 +90,7 @@ def test_three_columns_are_told_by_their_unit_only_where_no_others_have_it(secon
     names = ["time_s", *of_rates, *(f"acc {k} [m/s2]" for k in "xyz")]
     columns = [time, *rates * (len(of_rates) // 3), *forces]
     message = refused(tmp_path, table(names, columns))
-    assert ("columns.rate=" if second == "gyro2" else "kind=strapdown record") in message
+    assert ("columns.rate=" if second == "gyro2" else "which column is w1_radps") in message
 
 
 @pytest.mark.parametrize(
