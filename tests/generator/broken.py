@@ -67,11 +67,13 @@ def changed(stand: Any, group: str, change: np.ndarray, rng: np.random.Generator
 NUMBERS = {"biases": 3, "mounting": 3, "scale factors": 3, "biases and mounting": 6}
 
 
-def joined_readings(session: Session, stands: list[Any], rows: list[int]) -> np.ndarray:
-    """Return readings (N, 3) [g] of a session whose stand changes at some rows."""
-    reading = session.read()[1]
+def joined_readings(
+    session: Session, stands: list[Any], rows: list[int], hidden: tuple[Sized, ...] = (), error: Any = 0.0
+) -> np.ndarray:
+    """Return readings (N, 3) [g] of a session whose stand changes at some rows, with effects and errors (N, 3)."""
+    reading = session.read(hidden, error)[1]
     for stand, row in zip(stands, rows, strict=True):
-        reading[row:] = replace(session, stand=stand).read()[1][row:]
+        reading[row:] = replace(session, stand=stand).read(hidden, error)[1][row:]
     return reading
 
 
@@ -103,13 +105,12 @@ def two_things(
     for group in groups:
         stand = changed(stand, group, sizes(rng, NUMBERS.get(group, 1), 8.0), rng)
         stands.append(stand)
-    reading = joined_readings(session, stands, rows[: len(groups)].tolist())
-    angles, with_effects = session.read(hidden)
-    reading += with_effects - session.read()[1]
+    added = np.zeros((count, 3))
     if wrong_row:
-        reading[rows[1]] += SIGMA * rng.choice([-1.0, 1.0], 3) * rng.uniform(10.0, 30.0, 3)
-    # Errors within nine tenths of the bound, because the interaction of effects and breaks is left out.
-    record = session.recorded(angles, reading + 0.9 * errors(rng, count)[0])
+        added[rows[1]] = SIGMA * rng.choice([-1.0, 1.0], 3) * rng.uniform(10.0, 30.0, 3)
+    added += 0.9 * errors(rng, count)[0]
+    reading = joined_readings(session, stands, rows[: len(groups)].tolist(), hidden, added)
+    record = session.recorded(session.read(hidden)[0], reading)
     return TwoThings(record, int(rows[0]) + 1, int(rows[1]) + 1)
 
 

@@ -330,7 +330,7 @@ class BenchSearch:
         if key not in self._problems:
             self._problems[key] = self.problem(setting.centre, free, cells)
         problem = self._problems[key]
-        part, readings = self._without(problem, chosen)
+        part, readings = self.beside(problem, chosen)
         for candidate in sets_of_size(part, size, setting.slack, work=work):
             outliers = [int(readings[row]) for row in candidate.outliers]
             if self._paid_radius(problem, chosen, candidate.effects, outliers, work) > 1.0 + setting.slack:
@@ -395,7 +395,7 @@ class BenchSearch:
 
         return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, columns(), len(cells))
 
-    def _without(self, problem: Problem, chosen: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
+    def beside(self, problem: Problem, chosen: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
         """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""
         if not chosen:
             return problem, np.arange(len(problem.residual))
@@ -425,7 +425,7 @@ class BenchSearch:
         """Return a lower bound of a set's radius, in which the sizes of effects pay for their undetermined parts.
 
         The set has effects of the problem, outliers at some readings, and the `chosen` ones. The bound is 0 if the
-        record determines each of these, or if `_without` gives one as good.
+        record determines each of these, or if `beside` gives one as good.
         """
         untold = [relaxation for relaxation in chosen if not relaxation.ways]
         if not untold:

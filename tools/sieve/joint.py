@@ -1,7 +1,7 @@
 """Two things at once: two breaks, a break and an effect, a break and a wrong row."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ from .simple import Simple
 
 FEWEST_ROWS, MOST_ROWS = 24, 120
 """Records of fewer rows do not tell two things; of more the pairs are too many."""
-MOST_WORK = 4e6
+MOST_WORK = 8e6
 """The work of a search, after which nothing is said."""
 MOST_CANDIDATES = 400
 """Where more pairs stand in the linear model the record does not tell which it is."""
@@ -51,6 +51,11 @@ class Option:
     groups: tuple[Group, ...] = ()
     gaps: tuple[Gap, ...] = ()
     beside: Beside = ALONE
+
+
+NOTHING = Option()
+Options = tuple[list[Option], list[NDArray[np.float64]]]
+"""Options, each with its columns (M, k) over the bounds of the rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,24 +91,21 @@ class Joint:
 
     search: Search
 
-    @cached_property
-    def breaks(self) -> tuple[list[Option], list[NDArray[np.float64]]]:
-        """Breaks at every gap, with their columns."""
+    def breaks(self, groups: Sequence[Group]) -> Options:
+        """Return breaks of some groups at every gap, with their columns."""
         options, columns = [], []
-        for group in self.search.every_group:
-            if len(group.parts) > MOST_NUMBERS:
-                continue
+        for group in groups:
             for gap, block in zip(self.search.gaps, self.search.columns(group), strict=True):
                 options.append(Option((group,), (gap,)))
                 columns.append(block)
         return options, columns
 
     @cached_property
-    def others(self) -> tuple[list[Option], list[NDArray[np.float64]]]:
-        """Effects and wrong rows, with their columns."""
+    def others(self) -> Options:
+        """Effects that the readings determine, wrong rows, and cells of unknown numbers, with their columns."""
         options, columns, model = [], [], self.search.model
         for place in model.classes.places:
-            if is_linear(place):
+            if is_linear(place) and place not in model.search.relaxed:
                 options.append(Option(beside=Beside(effects=(place,))))
                 columns.append(signature_columns([place], self.search.rows) / model.rows.bound[:, None])
         for row in range(len(model.readings)):
@@ -111,33 +113,51 @@ class Joint:
             block[3 * row : 3 * row + 3] = np.eye(3)
             options.append(Option(beside=Beside(rows=(row + 1,))))
             columns.append(block)
+        for place, cells in model.search.cells.items():
+            for cell in cells:
+                # A step is a break.
+                if cell.one_sign:
+                    options.append(Option(beside=Beside(effects=(place,))))
+                    columns.append(cell.columns.reshape(len(model.rows.bound), -1) / model.rows.bound[:, None])
         return options, columns
 
-    def standing(self) -> Iterator[Pair]:
-        """Return the pairs that make the linear model fit."""
-        options, columns = self.breaks
+    def standing(self, few: bool) -> Iterator[Pair]:
+        """Yield the pairs that make the linear model fit: breaks of few numbers, else of many beside effects."""
+        groups = [group for group in self.search.every_group if (len(group.parts) <= MOST_NUMBERS) == few]
+        options, columns = self.breaks(groups)
         others, columns_of_others = self.others
-        yield from self._of([*others, *options], [*columns_of_others, *columns], alike=len(options))
-        yield from self._of(options, columns, alike=0)
+        problem = self._problem([*columns_of_others, *columns], alike=len(options))
+        yield from self._of([*others, *options], problem, 2)
+        for relaxation in self.search.model.search.relaxed.values():
+            beside = Beside(effects=(relaxation.place,))
+            relaxed, _ = self.search.model.search.beside(self._problem(columns, alike=len(columns)), [relaxation])
+            yield from self._of([replace(option, beside=beside) for option in options], relaxed, 1)
+        if few:
+            yield from self._of(options, self._problem(columns, alike=0), 2)
 
-    def _of(self, options: Sequence[Option], columns: Sequence[NDArray], alike: int) -> Iterator[Pair]:
-        problem = Problem.of(self.search.problem.residual, self.search.problem.nominal, columns, alike=alike)
-        for chosen in sets_of_size(problem, 2, min(self.search.slack, MOST_SLACK_OF_TWO), 0, self.search.work):
-            first, second = (options[number] for number in chosen.effects)
+    def _problem(self, columns: Sequence[NDArray], alike: int) -> Problem:
+        return Problem.of(self.search.problem.residual, self.search.problem.nominal, columns, alike=alike)
+
+    def _of(self, options: Sequence[Option], problem: Problem, size: int) -> Iterator[Pair]:
+        """Yield the sets of one or two options that stand, each of one break at least, once."""
+        for chosen in sets_of_size(problem, size, min(self.search.slack, MOST_SLACK_OF_TWO), 0, self.search.work):
+            things = [options[number] for number in chosen.effects]
             # Breaks come last.
-            if second.gaps and not (first.gaps == second.gaps and self._are_of_one_group(first, second)):
-                yield self._pair(first, second, linear_radius(problem, EffectSet(chosen.effects)))
+            if things[-1].gaps and not self._are_of_one_group(*things):
+                yield self._pair(things, linear_radius(problem, EffectSet(chosen.effects)))
 
-    def _are_of_one_group(self, first: Option, second: Option) -> bool:
-        """Return true if one larger group makes both changes."""
+    def _are_of_one_group(self, first: Option, second: Option = NOTHING) -> bool:
+        """Return true if two options are breaks at one gap, of parts of one larger group."""
+        if first.gaps != second.gaps:
+            return False
         (one,), (other,) = first.groups, second.groups
         return any(one.is_part_of(group) and other.is_part_of(group) for group in self.search.every_group)
 
-    def _pair(self, first: Option, second: Option, radius: float) -> Pair:
-        broken = zip(first.groups + second.groups, first.gaps + second.gaps, strict=True)
-        in_time = sorted(broken, key=lambda group_and_gap: group_and_gap[1].hours)
-        groups, gaps = tuple(group for group, _ in in_time), tuple(gap for _, gap in in_time)
-        beside = first.beside
+    def _pair(self, things: Sequence[Option], radius: float) -> Pair:
+        broken = [(group, gap) for thing in things for group, gap in zip(thing.groups, thing.gaps, strict=True)]
+        broken.sort(key=lambda group_and_gap: group_and_gap[1].hours)
+        groups, gaps = tuple(group for group, _ in broken), tuple(gap for _, gap in broken)
+        beside = things[0].beside
         numbers = beside.numbers + len(groups) - 1
         for group, gap in zip(groups, gaps, strict=True):
             numbers += self.search.numbers_of(group, gap)
@@ -146,12 +166,20 @@ class Joint:
     @property
     def faults(self) -> tuple[Simple, ...]:
         """Return the simplest pairs that make the exact model fit; empty if there are too many."""
-        pairs = []
-        for pair in self.standing():
-            pairs.append(pair)
+        return self._faults(few=True) or self._faults(few=False)
+
+    def _faults(self, few: bool) -> tuple[Simple, ...]:
+        pairs: dict[tuple[Kind, tuple[Gap, ...]], Pair] = {}
+        for pair in self.standing(few):
+            key = (pair.groups, pair.beside), pair.gaps
+            if key not in pairs or pair.radius < pairs[key].radius:
+                pairs[key] = pair
             if len(pairs) > MOST_CANDIDATES:
                 return ()
-        pairs.sort(key=lambda pair: (pair.numbers, pair.radius))
+        return self._fitted(sorted(pairs.values(), key=lambda pair: (pair.numbers, pair.radius)))
+
+    def _fitted(self, pairs: Sequence[Pair]) -> tuple[Simple, ...]:
+        """Return those of some pairs, the simplest first, that make the exact model fit."""
         by_kind: dict[Kind, list[Standing]] = {}
         least = np.inf
         for pair in pairs[:MOST_EXACT]:

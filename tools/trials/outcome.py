@@ -10,7 +10,7 @@ from ..diagnosis import Cause, Diagnosis, Explanation, NamedEffect, diagnose, di
 from ..result import ABSENT, Told
 from .bench import NOISE_BOUND
 from .case import Case
-from .faults import Fault, breaks_of, parts_of
+from .faults import Fault, NamedBreak, breaks_of, parts_of
 from .sizes import Hidden, Secret
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
@@ -224,7 +224,7 @@ def kind_with_fault(case: Case, result: Diagnosis) -> str:
         return "candidate" if any(right) else "wrong"
     if right[0]:
         return "right"
-    return "part" if _is_part(case, result.explanations[0]) else "wrong"
+    return "part" if _is_part(case, result) else "wrong"
 
 
 def _is_right(case: Case, explanation: Explanation) -> bool:
@@ -260,18 +260,31 @@ def _rows_and_effects(places: Sequence[EffectPlace]) -> tuple[set[int], list[Eff
     return rows, effects
 
 
-def _is_part(case: Case, explanation: Explanation) -> bool:
-    """Return True if an explanation names nothing false: the hidden fault, the effects, or parts of their breaks."""
-    if case.fault is None or not case.places:
+def _is_part(case: Case, result: Diagnosis) -> bool:
+    """Return True if the first explanation names nothing false: the fault, hidden effects, or parts of their breaks."""
+    fault, explanation = case.fault, result.explanations[0]
+    if fault is None or not case.places:
         return False
     fault_alone, effects_alone = replace(case, hidden=()), replace(case, fault=None)
     if _is_right(fault_alone, explanation) or _is_right(effects_alone, explanation):
         return True
     breaks = breaks_of(explanation)
+    for cause in explanation.causes:
+        if parts_of(cause.place):
+            breaks.append(_break_of(cause, result))
+        elif not _alike(cause) & set(case.places):
+            return False
     hidden = [parts_of(place) for place in case.places]
-    of_breaks = all(case.fault.has_part(named) or any(named.parts <= parts for parts in hidden) for named in breaks)
-    rows = {case.fault.row} if case.fault.kind == "rows" else set()
-    return bool(breaks) and of_breaks and set(explanation.rows or ()) <= rows and not explanation.causes
+    of_breaks = all(fault.has_part(named) or any(named.parts <= parts for parts in hidden) for named in breaks)
+    rows = {fault.row} if fault.kind == "rows" else set()
+    return bool(breaks) and of_breaks and set(explanation.rows or ()) <= rows
+
+
+def _break_of(step: Cause, result: Diagnosis) -> NamedBreak:
+    """Return a step of the catalogue as a break, between the rows around its possible times."""
+    hours = result.sources.circumstances.hours
+    low, high = step.intervals[-1]
+    return NamedBreak(int((hours <= low).sum()), int((hours < high).sum()) + 1, parts_of(step.place))
 
 
 def outcome_kind(

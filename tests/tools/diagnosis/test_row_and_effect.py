@@ -33,3 +33,21 @@ def test_a_wrong_row_and_an_effect_are_named_together(what, number, count):
     assert [cause.place for cause in diagnosis.causes] == [place]
     assert "Beside that" in first.sentence
     assert str(diagnosis).startswith(f"Row {wrong.rows[0]} is wrong.")
+
+
+LONG = pytest.mark.acceptance
+BENT = [
+    ("angle", EffectPlace("quantisation", "accelerometer-3"), (3e-4,)),
+    pytest.param("copied", EffectPlace("saturation", "accelerometer-1"), (0.9,), marks=LONG),
+    pytest.param("sign", EffectPlace("dead-zone", "accelerometer-2"), (0.03,), marks=LONG),
+]
+
+
+@pytest.mark.parametrize(("what", "place", "sizes"), BENT)
+def test_a_wrong_row_is_named_beside_an_effect_that_is_not_linear(what, place, sizes):
+    wrong = with_wrong_rows(31, what, 48, 1, [(place, sizes)])
+    diagnosis = diagnose(wrong.record, noise_bound=SIGMA, rerun=False)
+    first = diagnosis.explanations[0]
+    assert (diagnosis.verdict, first.kind, first.rows) == ("explained", "rows", wrong.rows), str(diagnosis)
+    assert [cause.place for cause in diagnosis.causes] == [place]
+    assert "No angle mends it" not in first.sentence

@@ -1,5 +1,7 @@
 """Two breaks, a break and an effect, a break and a wrong row: both are named if one alone is not enough."""
 
+from dataclasses import replace
+
 import pytest
 
 from diagnoses import diagnosed
@@ -8,6 +10,8 @@ from trihedron.models.effects import EffectPlace
 
 QUADRATIC = EffectPlace("quadratic", "accelerometer-1")
 PRODUCT = EffectPlace("cross-product", "accelerometer-3", axes=(1, 2))
+STEPS = EffectPlace("quantisation", "accelerometer-2")
+HYSTERESIS = EffectPlace("hysteresis", "accelerometer-1")
 LONG = pytest.mark.acceptance
 
 
@@ -38,11 +42,17 @@ def test_two_breaks_are_named(seed, groups, count):
         (1, "outer zero", QUADRATIC, 1.5e-4),
         pytest.param(2, "biases", PRODUCT, -2e-4, marks=LONG),
         pytest.param(3, "inner zero", PRODUCT, 2e-4, marks=LONG),
+        (4, "outer zero", STEPS, 4e-4),
+        pytest.param(5, "biases", STEPS, 4e-4, marks=LONG),
+        pytest.param(6, "biases", HYSTERESIS, 2e-4, marks=LONG),
+        pytest.param(7, "biases and mounting", QUADRATIC, 4e-4, marks=LONG),
     ],
 )
 def test_a_break_and_an_effect_are_named(seed, group, place, size):
     two = two_things(seed, (group,), 48, ((place, (size,)),))
-    result = diagnosed(two.record)
+    # The drawn senses of approach are not those in which the inputs change.
+    record = replace(two.record, approach_alpha=None, approach_beta=None) if place == HYSTERESIS else two.record
+    result = diagnosed(record)
     assert result.verdict == "explained", str(result)
     first, (cause,) = result.explanations[0], result.causes
     assert (first.kind, first.before_row, cause.place) == ("break", two.before_row, place)
