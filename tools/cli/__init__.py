@@ -14,7 +14,7 @@ from . import commands, studies
 from .answer import Answer, exit_status, no_working_folder, refuse, say, too_little_memory
 from .completion import add_completion
 from .help_page import HelpPage
-from .next_step import Call, next_command
+from .next_step import Call, continued, next_command
 from .plan_commands import plan
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -176,7 +176,7 @@ def carried_out(words: list[str]) -> object:
         return outcome
     names, _, _ = app.parse_commands(words)
     following = next_command(Call(app, " ".join(names), bound.arguments), outcome.result)
-    return replace(outcome, text=f"{outcome.text}\n\nNext: {following}")
+    return replace(outcome, text=f"{outcome.text}\n\n{continued(f'Next: {following}')}")
 
 
 def advice(command: str, paths: Sequence[str], options: Mapping[str, Any], result: Any) -> str:

@@ -1,5 +1,7 @@
 """The command to run after another one: an answer ends with it, and it can be run as printed."""
 
+import os
+import re
 import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -27,6 +29,10 @@ SAME_RECORD = (
     ),
 )
 """Options that stay when another command takes the same record."""
+COLUMNS, INDENT = 80, " " * 6
+"""Columns of a terminal; the beginning of a line that continues the one before."""
+UNSAFE = re.compile(r"[^\w@%+=:,./-]", re.ASCII)
+"""What a shell reads as it stands only behind a backslash."""
 STRAPDOWN = "strapdown record"
 RUNS = {"scenario": "simulate", "FMU": "simulate", "SSP archive": "simulate", "campaign": "campaign"}
 """Kinds of files that run, and the command that runs them."""
@@ -114,6 +120,26 @@ def next_command(call: Call, result: Any) -> str:
     line = "" if after is None else after(call, result)
     name = call.name.split()[0]
     return line or call.with_one_more(report=f"{name}.html", out=name, json=f"{name}.json")
+
+
+def continued(command: str) -> str:
+    """Return a command in lines of at most 80 columns, which a shell reads as one, with paths as short as can be."""
+    lines, line = [], ""
+    for word in shlex.split(command):
+        short = min(word, os.path.relpath(word), key=len) if Path(word).is_absolute() else word
+        quoted = shlex.quote(short)
+        if len(quoted) > COLUMNS - len(INDENT) - 2:
+            quoted = UNSAFE.sub(r"\\\g<0>", short)
+        if line and len(line) + len(quoted) > COLUMNS - 3:
+            lines.append(f"{line} \\")
+            line = INDENT
+        line += f" {quoted}" if line.strip() else quoted
+        while len(line) > COLUMNS - 2:
+            # Within a word the next line begins at once; a backslash stays with its character.
+            piece = line[: COLUMNS - 1].rstrip("\\")
+            lines.append(f"{piece}\\")
+            line = line[len(piece) :]
+    return "\n".join([*lines, line])
 
 
 def _after_import(call: Call, result: Any) -> str:

@@ -13,8 +13,8 @@ from ..rounding import NONE, digits, exactly, interval, residual, upwards
 from . import beyond
 from .noise import noise_text
 
-WIDTH, LINES = 80, 23
-"""Columns and lines of the answer; the next command takes two lines more of a screen."""
+WIDTH, LINES = 80, 22
+"""Columns and lines of the answer; the next command takes up to three lines more of a screen."""
 LABEL = 13
 """Width of the labels [columns]."""
 MOST_SIZES, MOST_RIVALS, MOST_HYPOTHESES = 4, 3, 2
@@ -33,16 +33,20 @@ PLACES = {"g": "an accelerometer", "rad": "an axis", "rad/s": "a gyro"}
 
 def terminal_lines(result: Diagnosis, verdict: str, warnings: Sequence[str]) -> list[str]:
     """Return the answer in lines of at most 80 columns, a screen with the next command."""
-    lines = textwrap.wrap(verdict, WIDTH, max_lines=MOST_VERDICT, placeholder=f" {MORE}", break_on_hyphens=False)
-    lines.append("")
-    before = ""
+    head = textwrap.wrap(verdict, WIDTH, max_lines=MOST_VERDICT, placeholder=f" {MORE}", break_on_hyphens=False)
+    entries, before = [], ""
     for label, text in _entries(result):
         if text:
-            lines += _wrapped(text, "" if label == before else f"{label}:", MOST_ENTRY)
+            entries.append(_wrapped(text, "" if label == before else f"{label}:", MOST_ENTRY))
             before = label
+    *middle, advice = entries
     for text in warnings:
-        lines += _wrapped(text, "warning:", MOST_ENTRY)
-    return lines[:LINES]
+        advice += _wrapped(text, "warning:", MOST_ENTRY)
+    advice = advice[: LINES - len(head) - 1]
+    while middle and len(head) + 1 + sum(map(len, middle)) + len(advice) > LINES:
+        # The last entries say the least.
+        middle.pop()
+    return [*head, "", *(line for entry in middle for line in entry), *advice]
 
 
 def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:

@@ -4,6 +4,7 @@ import io
 import json
 import re
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -42,10 +43,10 @@ BEGINNINGS = (
 
 def next_of(text: str) -> str:
     """Return the command that an answer ends with."""
-    lines = text.rstrip("\n").split("\n")
-    assert [line for line in lines if line.startswith("Next:")] == lines[-1:], text
-    assert lines[-2] == ""
-    return lines[-1].removeprefix("Next: ")
+    body, _, command = text.rstrip("\n").rpartition("\n\nNext: ")
+    assert "Next:" not in body, text
+    # A long command goes on in the next line.
+    return command.replace("\\\n      ", "")
 
 
 def run(line: str, capsys: pytest.CaptureFixture[str]) -> str:
@@ -75,6 +76,24 @@ def test_a_reader_who_follows_the_commands_comes_to_an_end(beginning: str, capsy
         done.append(line)
         assert len(done) < 8, done
         line = next_of(run(line, capsys)) if "demo" not in line else line
+
+
+@pytest.mark.usefixtures("no_pictures", "here")
+@pytest.mark.parametrize("folder", ["x" * 30, "a folder/" + "y" * 40, "/".join(["z" * 40] * 4)])
+def test_the_next_command_fits_80_columns_with_a_long_path(folder: str, capsys, tmp_path):
+    place = tmp_path / "elsewhere" / folder
+    place.mkdir(parents=True)
+    record = place / "record-of-unit-17.csv"
+    record.write_bytes(Path("measured.csv").read_bytes())
+    text = run(shlex.join(["trihedron", "diagnose", str(record), "--noise-bound", "1e-5"]), capsys)
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= 25
+    command = text[text.index("Next: ") :].removeprefix("Next: ")
+    typed = subprocess.run(["sh", "-c", f"printf '%s\\n' {command}"], capture_output=True, text=True, check=True)
+    words = typed.stdout.splitlines()
+    assert words[:2] == ["trihedron", "diagnose"]
+    assert Path(words[2]).resolve() == record.resolve()
 
 
 @pytest.mark.usefixtures("no_pictures", "here")
