@@ -87,7 +87,7 @@ class Problem:
             start, stop = stop, stop + of_candidate.shape[1]
             if stop > len(rows):
                 # It grows in its place: two of them might not find room.
-                rows.resize((max(stop, 2 * len(rows)), len(residual)), refcheck=False)
+                rows.resize((max(stop, len(rows) + len(rows) // 8), len(residual)), refcheck=False)
             rows[start:stop] = of_candidate.T
             blocks.append(slice(start, stop))
         rows.resize((stop, len(residual)), refcheck=False)

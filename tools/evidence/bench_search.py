@@ -19,6 +19,8 @@ from ..bounded.programmes import SolverError, least_squares
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.estimates import widening
 from ..calibration.model import Linearisation, linearise, predicted_input
+from ..errors import InputError
+from ..rounding import upwards
 from .bench_model import (
     ASTRAY,
     LARGEST_OF_BENCH,
@@ -59,6 +61,8 @@ PROVEN_WANDER = 2
 """A function of time, which contains so much, counts as so many effects, or one more where time is not proven."""
 
 
+MOST_BYTES, MOST_KEPT = 2**32, 2**28
+"""Most memory of the columns of a search, reached by some 4,000 positions, and of those of other centres [bytes]."""
 CellNumber = tuple[EffectPlace, int]
 """An effect with an unknown number, and which cell of it."""
 
@@ -216,6 +220,12 @@ class BenchSearch:
             if place.definition.searched is not None and (of_place := CellsAtRest(place, rows)):
                 # Steps are as many as rows: together they would fill the memory.
                 cells[place] = of_place if of_place.is_step else list(of_place)
+        columns = sum(len(of_place) * len(of_place[0].numbers) for of_place in cells.values())
+        if (size := 8 * columns * len(self.readings.bound)) > MOST_BYTES:
+            raise InputError(
+                f"{len(self.readings)} positions: the search for effects needs {upwards(size / 2**30)} GiB, and "
+                f"{MOST_BYTES >> 30} GiB is the most; give a part of the record, or average repeated positions"
+            )
         return cells
 
     @cached_property
@@ -328,6 +338,8 @@ class BenchSearch:
         cells, places = setting.cells, setting.centre.places
         key = (setting.centre, tuple(free), cells)
         if key not in self._problems:
+            if sum(problem.columns.nbytes for problem in self._problems.values()) > MOST_KEPT:
+                self._problems.clear()
             self._problems[key] = self.problem(setting.centre, free, cells)
         problem = self._problems[key]
         part, readings = self.beside(problem, chosen)

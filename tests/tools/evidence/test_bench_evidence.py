@@ -21,7 +21,8 @@ from trihedron.tools.calibration import PRESETS, parametrise
 from trihedron.tools.diagnosis import Witness, diagnose
 from trihedron.tools.diagnosis.cause import excluded_sizes
 from trihedron.tools.diagnosis.witness import judgement_of
-from trihedron.tools.evidence import bench_evidence, bench_left_out, bench_predictions
+from trihedron.tools.errors import InputError
+from trihedron.tools.evidence import bench_evidence, bench_left_out, bench_predictions, bench_search
 from trihedron.tools.evidence.bench_model import Cast, determined, predicted_errors
 from trihedron.tools.evidence.bench_predictions import second_mounting, simulate_rows
 from trihedron.tools.records import PositionRecord, read_record
@@ -124,6 +125,15 @@ def test_the_extended_model_runs_at_one_possible_point(tmp_path: Path, kind: str
         evidence.model.readings, fit, rows, evidence.model.calibration.gravity
     )
     assert np.abs(misses / fit.allowed.reshape(-1, 3)[rows]).max() < 1.01
+
+
+def test_a_search_that_would_fill_the_memory_is_refused_before_it_begins(monkeypatch: pytest.MonkeyPatch):
+    record = drawn_record(5, [(EffectPlace("cubic", "accelerometer-1"), (6e-4,))], 40)
+    monkeypatch.setattr(bench_search, "MOST_BYTES", 100_000)
+    with pytest.raises(
+        InputError, match=r"^40 positions: the search for effects needs 0\.\d+ GiB, and .* a part of the"
+    ):
+        diagnose(record, noise_bound=SIGMA)
 
 
 def test_too_few_positions_cannot_be_judged_and_that_is_said():
