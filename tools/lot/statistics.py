@@ -28,6 +28,8 @@ CHANCE = 1e-2
 """Probability that a search names anything in a lot where there is nothing."""
 LEAST_INSTRUMENTS = 8
 """Fewer instruments have no distribution to which one could be unlike."""
+SMALL = 20
+"""Fewer instruments are a small lot."""
 LEAST_GROUP = 5
 """Fewest instruments before and after a step."""
 NORMAL_SPREAD = 1.4826
@@ -175,19 +177,25 @@ def odd_values(columns: Sequence[Column]) -> list[Odd]:
     """Return the instruments whose whole interval lies outside the range of the lot.
 
     The range is that of a normal law with the lot's median and spread; as the spread itself is uncertain, the quantile
-    is Student's.
+    is Student's. Of a small lot, whose median and spread have no simple law, the value must also be outside the range
+    by the mean and standard deviation of the others, whose law is exact.
     """
     odd = []
     tried = sum(len(column.members) for column in columns)
+    chance = CHANCE / (2.0 * max(1, tried))
     for column in columns:
         count = len(column.members)
         if count < LEAST_INSTRUMENTS or column.spread == 0.0:
             continue
-        reach = column.spread * float(stats.t.isf(CHANCE / (2.0 * tried), EFFICIENCY * count))
+        reach = column.spread * float(stats.t.isf(chance, EFFICIENCY * count))
         for k, member in enumerate(column.members):
             above = column.lows[k] - column.median
             below = column.median - column.highs[k]
             if max(above, below) <= reach:
+                continue
+            others = np.delete(column.estimates, k)
+            exact = others.std(ddof=1) * float(stats.t.isf(chance, count - 2)) * math.sqrt(1.0 + 1.0 / (count - 1))
+            if count < SMALL and abs(column.estimates[k] - others.mean()) <= exact:
                 continue
             times = abs(column.estimates[k] - column.median) / column.spread
             sentence = (
@@ -385,7 +393,8 @@ def _trend_of(column: Column, against: Against) -> Dependence | None:
     estimates = column.estimates[members]
     if estimates.max() == estimates.min():
         return None
-    _, chance = np.array(stats.spearmanr(abscissa, estimates), dtype=float).tolist()
+    # Kendall's ranks have exact chances in small lots.
+    _, chance = np.array(stats.kendalltau(abscissa, estimates), dtype=float).tolist()
     slope, _, low, high = np.array(stats.theilslopes(estimates, abscissa), dtype=float).tolist()
     per = "a year" if against == "date" else "a kelvin"
     return Dependence(

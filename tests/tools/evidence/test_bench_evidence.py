@@ -131,7 +131,7 @@ def test_a_search_that_would_fill_the_memory_is_refused_before_it_begins(monkeyp
     record = drawn_record(5, [(EffectPlace("cubic", "accelerometer-1"), (6e-4,))], 40)
     monkeypatch.setattr(bench_search, "MOST_BYTES", 100_000)
     with pytest.raises(
-        InputError, match=r"^40 positions: the search for effects needs 0\.\d+ GiB, and .* a part of the"
+        InputError, match=r"^40 positions: the search for effects needs [0-9.e-]+ GiB, .* give a part of"
     ):
         diagnose(record, noise_bound=SIGMA)
 

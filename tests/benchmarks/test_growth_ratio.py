@@ -1,0 +1,119 @@
+"""Growth of cost with the size of a record, and the cost of one more record beside that of a command of its own."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from generator.lots import SIGMA, write_lot
+from generator.positions import drawn_record
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis import diagnose
+
+pytestmark = pytest.mark.benchmark_ratio
+ONE_EFFECT = ((EffectPlace("cubic", "accelerometer-1"), (6e-4,)),)
+MOST_GROWTH = 8.0
+"""Most time of a diagnosis of 1,000 positions over that of 100: 6.1 to 7.1 were measured."""
+MOST_START = 12.0
+"""Most time of a command that calibrates over that of the calibration in its process: 7 were measured."""
+LEAST_OF_A_BATCH = 15.0
+"""Least time of 500 commands over that of a batch of 500 records."""
+LEAST_OF_ATTITUDES = 10.0
+"""Least time of attitude runs, each in a campaign of its own, over that of as many in one."""
+CAMPAIGN = """
+schema = "trihedron.campaign/1"
+repeats = {runs}
+[attitude]
+motion = "5"
+rate_hz = 1000.0
+duration_s = 60.0
+noise_bound_radps = 1e-5
+"""
+
+
+def processor_seconds(*command: str) -> float:
+    """Return the processor time of a command and the processes that it starts."""
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    before = os.times()
+    subprocess.run(
+        [sys.executable, "-m", "trihedron.tools.cli", *command],
+        check=True,
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    after = os.times()
+    return after.children_user - before.children_user + after.children_system - before.children_system
+
+
+def test_a_diagnosis_of_ten_times_as_many_positions(capsys):
+    seconds = {}
+    for count in (100, 1000):
+        record = drawn_record(7, ONE_EFFECT, count)
+        # The first diagnosis of a process loads compiled code.
+        diagnose(drawn_record(7, ONE_EFFECT, 40), noise_bound=SIGMA)
+        begun = time.process_time()
+        result = diagnose(record, noise_bound=SIGMA)
+        seconds[count] = time.process_time() - begun
+        assert [cause.effect for cause in result.causes] == ["cubic"]
+    with capsys.disabled():
+        print(f"\ndiagnosis of positions: {seconds} s of processor, {seconds[1000] / seconds[100]:.1f} times")
+    assert seconds[1000] < MOST_GROWTH * seconds[100]
+
+
+def test_a_command_and_a_batch_against_the_calibration_itself(tmp_path: Path, capsys):
+    count = 500
+    table = write_lot(tmp_path / "records", count, 1, positions=12)
+    record = tmp_path / "records" / "record-3.csv"
+    processor_seconds("calibrate", str(record), "--noise-bound", "1e-5")
+    single = min(processor_seconds("calibrate", str(record), "--noise-bound", "1e-5") for _ in range(3))
+    own = []
+    for _ in range(5):
+        begun = time.process_time()
+        th.calibrate(record, noise_bound=SIGMA)
+        own.append(time.process_time() - begun)
+    many = processor_seconds("batch", str(table), "--do", "calibrate", "--noise-bound", "1e-5", "--jobs", "1",
+                             "--out", str(tmp_path / "lot"))  # fmt: skip
+    with capsys.disabled():
+        print(
+            f"\ncalibrate, 12 positions: a command {single:.2f} s, in the process {min(own):.3f} s "
+            f"({single / min(own):.0f} times); {count} in a batch {many:.1f} s ({single * count / many:.1f} times)"
+        )
+    assert single < MOST_START * min(own)
+    assert single * count > LEAST_OF_A_BATCH * many
+
+
+def test_attitudes_of_one_campaign_against_a_campaign_for_each(tmp_path: Path, capsys):
+    seconds = {}
+    for runs in (1, 201):
+        path = tmp_path / f"{runs}.toml"
+        path.write_text(CAMPAIGN.format(runs=runs), encoding="utf-8")
+        # The first campaign compiles.
+        for number in range(2 if runs == 1 else 1):
+            out = str(tmp_path / f"{runs}-{number}")
+            seconds[runs] = processor_seconds("campaign", str(path), "--jobs", "1", "--out", out)
+    more = (seconds[201] - seconds[1]) / 200
+    with capsys.disabled():
+        print(
+            f"\nattitude, 60 s at 1 kHz: {1e3 * more:.1f} ms a run in one campaign, "
+            f"{seconds[1]:.1f} s in one of its own"
+        )
+    assert seconds[1] > LEAST_OF_ATTITUDES * seconds[201] / 201
+
+
+def test_positions_of_no_effect_grow_no_faster(capsys):
+    """A consistent record: a calibration, and what is excluded of each effect."""
+    seconds = []
+    for count in (100, 1000):
+        record = drawn_record(8, (), count)
+        begun = time.process_time()
+        assert diagnose(record, noise_bound=SIGMA).verdict == "consistent"
+        seconds.append(time.process_time() - begun)
+    with capsys.disabled():
+        print(f"\nconsistent positions: {np.round(seconds, 2)} s of processor")
+    assert seconds[1] < MOST_GROWTH * seconds[0]

@@ -1,0 +1,49 @@
+"""Lots of few instruments: nothing is named by chance more often than stated, and what is odd is named."""
+
+import numpy as np
+import pytest
+
+from trihedron.tools.lot import Lot, Member, Value, lot_of
+
+PARAMETERS = 18
+
+
+def drawn_lot(rng: np.random.Generator, count: int, moved: float = 0.0) -> Lot:
+    """Return a lot of normal parameters; one of the fourth instrument is moved by so many standard deviations."""
+    estimates = rng.normal(size=(count, PARAMETERS))
+    estimates[3, 5] += moved
+    members = []
+    for number, row in enumerate(estimates):
+        values = {}
+        for k, value in enumerate(row.tolist()):
+            values[f"X{k + 1}"] = Value(unit="g", estimate=value, low=value - 1e-3, high=value + 1e-3)
+        date = f"2026-{1 + number % 12:02d}-{1 + number:02d}"
+        temperature = float(rng.uniform(15.0, 30.0))
+        member = {"record": f"{number}.csv", "serial": f"U-{number}", "date": date, "temperature_degC": temperature}
+        members.append(Member(**member, verdict="consistent", values=values))
+    return lot_of(members, "calibrate")
+
+
+def lots_with_a_name(counts: range | tuple[int, ...], lots: int) -> int:
+    """Return the number of lots without anything hidden that name something."""
+    rng, named = np.random.default_rng(8), 0
+    for number in range(lots):
+        lot = drawn_lot(rng, counts[number % len(counts)])
+        named += bool(lot.odd or lot.dependences)
+    return named
+
+
+def test_a_small_lot_without_anything_names_nothing():
+    assert lots_with_a_name((8, 9, 12), 45) <= 2
+
+
+@pytest.mark.acceptance
+def test_small_lots_name_nothing_more_often_than_stated():
+    """Two searches with a chance of one in a hundred each; three standard deviations more."""
+    assert lots_with_a_name(range(8, 20), 1200) <= 0.02 * 1200 + 3.0 * np.sqrt(0.02 * 1200)
+
+
+@pytest.mark.parametrize("count", [8, 12, 19])
+def test_an_odd_instrument_of_a_small_lot_is_named(count: int):
+    lot = drawn_lot(np.random.default_rng(count), count, moved=60.0)
+    assert [(odd.serial, odd.symbol) for odd in lot.odd] == [("U-3", "X6")]
