@@ -18,6 +18,7 @@ from trihedron.fmus import PLATFORMS, components, zig_version
 from trihedron.fmus.component import Component
 from trihedron.fmus.native.c_source import native_sources
 from trihedron.fmus.native.compile import FLAGS, binary
+from trihedron.models.attitude_algorithms.computer import INCREMENTS
 
 STEPS = 1000
 RUNNERS = {"x86_64-linux-musl": None, "aarch64-linux-musl": "qemu-aarch64", "x86_64-windows-gnu": "wine"}
@@ -36,7 +37,11 @@ def script_and_result(component: Component) -> tuple[str, list[float]]:
         model.put(**values)
         lines.extend(f"{kinds[name]} {model.at[name]} {float(value).hex()}" for name, value in values.items())
 
-    set_all(draw_parameters(component, rng))
+    parameters = draw_parameters(component, rng)
+    if component.name == "AttitudeComputer":
+        # Rates and mixed inputs suit some algorithms only.
+        parameters["input_kind"] = INCREMENTS
+    set_all(parameters)
     model.begin()
     lines.append("leave - -")
     for k in range(STEPS):
