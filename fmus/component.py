@@ -89,7 +89,7 @@ work = partial(Variable, causality="work")
 
 FLAG: dict[str, Any] = {"variability": "discrete", "type": "boolean"}
 COUNT: dict[str, Any] = {"variability": "discrete", "type": "integer"}
-"""Of an output or an input that is no number of a quantity."""
+"""Of an output or an input that is not a number of a quantity."""
 
 GRAVITY = fixed(
     "gravity", "g: model value of gravity", unit="m/s2", start=STANDARD_GRAVITY, within=(1.0, 100.0), nominal=10.0
@@ -281,7 +281,7 @@ def started(component: Component, values: Mapping[str, float | Sequence[float]])
     Raises
     ------
     ValueError
-        what is no parameter of the component, an array of another length, a value beyond what the parameter takes
+        what is not a parameter of the component, an array of another length, a value beyond what the parameter takes
     """
     parameters = {variable.name: variable for variable in component.of("parameter")}
     changed = {}

@@ -115,7 +115,7 @@ def component_parameters(targets: Mapping[str, float], gravity: float, mounting:
 
 
 def calibration_of(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a calibration's object in the present schema; an object that is no calibration of a former one as it is.
+    """Return a calibration's object in the present schema; any other object is returned as it is.
 
     Fields that are missing or wrong stay so: who validates the object says what is wrong with them.
     """
@@ -225,7 +225,7 @@ def calibrated_block(calibration: Any) -> Parameters:
     Raises
     ------
     ValueError
-        for what is no calibration, or one that lacks an estimate
+        for what is not a calibration, or one that lacks an estimate
     """
     content = _one_calibration(calibration)
     with _complete(content.get("verdict")):
@@ -238,7 +238,7 @@ def calibrated_elements(calibration: Any, key: str) -> dict[str, float | None]:
     Raises
     ------
     ValueError
-        for what is no calibration, or one that lacks an estimate
+        for what is not a calibration, or one that lacks an estimate
     """
     content = _one_calibration(calibration)
     known: Mapping[str, float] = {}
@@ -262,7 +262,7 @@ def calibrated_intervals(calibration: Any) -> dict[str, Interval]:
     Raises
     ------
     ValueError
-        for what is no calibration, or one that lacks an estimate
+        for what is not a calibration, or one that lacks an estimate
     """
     low, high = calibrated_elements(calibration, "low"), calibrated_elements(calibration, "high")
     return {name: (low[name], high[name]) for name in low}
@@ -274,7 +274,7 @@ def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]]
     Raises
     ------
     ValueError
-        for what is no calibration as its schema says
+        for what is not a calibration as its schema says
     """
     content = of_one_record(calibration)
     parameters = _gyros(content, 0.0)
@@ -507,7 +507,7 @@ def parameter_set(
     Raises
     ------
     ValueError
-        for what is no real parameter of the component, or an array of another length
+        for what is not a real parameter of the component, or an array of another length
     """
     real_parameters = {}
     for variable in component.of("parameter"):

@@ -249,7 +249,7 @@ def step_accelerometers(
         for p in range(3):
             held[p] = symmetric(generator)
     draw_error(noise_bound, held_fraction, held, generator, error)
-    # A step of 1e-14 s, with which some masters end, is no sample.
+    # A step of 1e-14 s, with which some masters end, is not a sample.
     if step > 1e-9:
         draw_noise(
             step,

@@ -204,7 +204,7 @@ def step_gyros(
 ) -> int:
     """Read the rates and the increments over (time, time + step]; returns 0 or the number of a message.
 
-    A step of 1e-14 s, with which some masters end, is no sample.
+    A step of 1e-14 s, with which some masters end, is not a sample.
     """
     if step <= 1e-9 * last_step[0]:
         return 0
@@ -359,7 +359,7 @@ def step_gyro_inverse(
 ) -> int:
     """Compute rates and increments of the body over (time, time + step]; returns 0 or the number of a message.
 
-    A step of 1e-14 s, with which some masters end, is no sample.
+    A step of 1e-14 s, with which some masters end, is not a sample.
     """
     if step <= 1e-9 * last_step[0]:
         return 0

@@ -91,7 +91,7 @@ step_s = 0.25
 from = "table.specific_force"
 to = "block.specific_force"
 """
-    multiple = (10, "fmus.block.step_s = 0.25 is no whole multiple of run.step_s = 0.1")
+    multiple = (10, "fmus.block.step_s = 0.25 is not a whole multiple of run.step_s = 0.1")
     expected = "'table.specific_force[1]' -> 'block.specific_force[1]': 'table' steps less often; say between"
     problems = found(written(tmp_path, text))
     assert multiple in problems

@@ -463,7 +463,7 @@ class Calibration(Part):
     verdict : str
         "consistent", "falsified" (no parameters keep every reading within its bound), "insufficient", or
         "noise-unknown": nothing is guaranteed, as nothing says how large the errors are; `sigma.find` says how to know.
-        Without a table, where σ is no bound: "usable", if the predicted error of an unseen pose is small
+        Without a table, where σ is not a bound: "usable", if the predicted error of an unseen pose is small
     sigma : Sigma
     stands_with_sigma : float or None
         the least σ with which the model stands, where all bounds grow with it

@@ -260,7 +260,7 @@ def limits_of(within: Sequence[str], columns: list[str]) -> dict[str, float]:
         if not 0.0 <= value < np.inf:
             raise InputError(f"--within {text}: write a number that is not below 0, as 1e-6, or f1_mps2=1e-6")
         if equals and column not in columns:
-            raise InputError(f"--within {text}: {column} is no column of both; {nearest(column, columns)}")
+            raise InputError(f"--within {text}: {column} is not a column of both; {nearest(column, columns)}")
         if equals:
             limits[column] = value
         else:
@@ -324,10 +324,10 @@ def _of_file(path: Path) -> pl.DataFrame:
         return pl.read_parquet(io.BytesIO(data))
     advice = advice_on(path, data, "record")
     if advice:
-        raise InputError(f"{path}: is no table of a run or a record{advice}")
+        raise InputError(f"{path}: is not a table of a run or a record{advice}")
     try:
         data.decode("utf-8")
         table = pl.read_csv(io.BytesIO(data), comment_prefix="#", infer_schema_length=None)
     except (UnicodeDecodeError, pl.exceptions.PolarsError) as error:
-        raise InputError(f"{path}: is no table of a run or a record ({str(error).splitlines()[0][:100]})") from error
+        raise InputError(f"{path}: is not a table of a run or a record ({str(error).splitlines()[0][:100]})") from error
     return table.rename({column: column.strip() for column in table.columns})

@@ -88,7 +88,7 @@ def correction(calibration: "str | Path | calibrations.Calibration") -> "calibra
     Raises
     ------
     InputError
-        for a file that is no calibration, or lacks an estimate
+        for a file that is not a calibration, or lacks an estimate
 
     Examples
     --------

@@ -36,7 +36,7 @@ def locked(path: Path, *, make: bool = True) -> Iterator[None]:
     """Hold the lock of a file, which stays: a lock that is taken away while it is held would not keep anybody out.
 
     Without `make` the file has to be there. Taken where another process holds it; on a file system that knows no locks
-    nobody is kept out. An InputError where it is no regular file.
+    nobody is kept out. An InputError where it is not a regular file.
     """
     refuse_irregular(path)
     with path.open("ab" if make else "r+b") as file:

@@ -404,7 +404,7 @@ def _diagnosis_of(found: "str | Path | Any") -> "diagnosis.Diagnosis":
     result = diagnosis.read_diagnosis(Path(found)) if isinstance(found, str | Path) else found
     if not isinstance(result, diagnosis.Diagnosis):
         what = found if isinstance(found, str | Path) else type(found).__name__
-        raise InputError(f"--with {what}: is no diagnosis; the file of `trihedron diagnose --json` is needed")
+        raise InputError(f"--with {what}: is not a diagnosis; the file of `trihedron diagnose --json` is needed")
     return result
 
 

@@ -201,7 +201,7 @@ def object_of(text: bytes, where: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: is not JSON text{advice_on(where, text)}") from error
     if not isinstance(content, dict):
-        raise InputError(f"{where}: is no object of JSON")
+        raise InputError(f"{where}: is not a JSON object")
     return content
 
 

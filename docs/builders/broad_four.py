@@ -251,7 +251,7 @@ nine differences {every}. The table has element 32 in the halves of each record,
 
 {of_halves}
 
-Element 32 keeps its sign within a record and changes it between records, so it is no noise of the fit.
+Element 32 keeps its sign within a record and changes it between records, so it is not noise of the fit.
 A turn of the cameras' frame does not explain it either. With such a turn fitted to
 21, the values of 08 leave {frame} arcmin instead of {carried}.
 

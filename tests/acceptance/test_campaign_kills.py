@@ -58,7 +58,7 @@ def test_a_worker_that_is_killed_costs_no_run_that_is_stored(tmp_path, unbroken,
     _, complaints = main.communicate(timeout=MOST_SECONDS)
     if main.returncode:
         assert re.fullmatch(
-            r"trihedron: --jobs: a worker .*; \d+ of 120 runs are in \S+; --resume goes on\n", complaints
+            r"trihedron: --jobs: a worker .*; \d+ of 120 runs are in \S+; continue with --resume\n", complaints
         )
         assert engine == "local"
     assert_begun(content(out), unbroken)
@@ -97,7 +97,7 @@ def test_ctrl_c_leaves_a_whole_folder(tmp_path, unbroken):
     main.send_signal(signal.SIGINT)
     _, complaints = main.communicate(timeout=30.0)
     assert main.returncode == 130
-    assert re.fullmatch(r"trihedron: interrupted; \d+ of 120 runs are in \S+; --resume goes on\n", complaints)
+    assert re.fullmatch(r"trihedron: interrupted; \d+ of 120 runs are in \S+; continue with --resume\n", complaints)
     wait_for(lambda: not any(command_of(pid) for pid in workers))
     present = content(out)
     assert_begun(present, unbroken)
@@ -125,7 +125,7 @@ def test_a_scheduler_that_is_killed_ends_the_campaign_in_one_line_and_it_goes_on
         scheduler.kill()
         _, complaints = main.communicate(timeout=60.0)
     assert main.returncode == 2
-    assert re.fullmatch(r"trihedron: --scheduler: .*; \d+ of 120 runs are in \S+; --resume goes on\n", complaints)
+    assert re.fullmatch(r"trihedron: --scheduler: .*; \d+ of 120 runs are in \S+; continue with --resume\n", complaints)
     assert_begun(content(out), unbroken)
     with cluster(tmp_path / "again", 2) as (_, address):
         main = started(path, out, "--engine", "dask", "--scheduler", address, "--resume")
@@ -149,7 +149,7 @@ def test_a_disk_that_is_full(tmp_path, unbroken, engine):
         _, complaints = main.communicate(timeout=MOST_SECONDS)
         assert main.returncode == 2
         assert "No space left on device" in complaints
-        assert "--resume goes on" in complaints
+        assert "continue with --resume" in complaints
         assert complaints.count("\n") == 1
         present = content(out)
         assert 0 < files_done(out) < 60

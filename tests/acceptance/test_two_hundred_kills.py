@@ -202,7 +202,7 @@ def test_two_resumes_at_once(tmp_path: Path, commands: ForkedCommands) -> None:
             process = commands.run(command, tmp_path)
             if process.status != 0:
                 assert process.status == 2
-                assert process.err == "trihedron: --out out: another process works there\n"
+                assert process.err == "trihedron: --out out: another process uses it\n"
                 refused += 1
         first.join()
     assert came[0].status == 0

@@ -76,7 +76,7 @@ def test_positions_belong_together_by_their_numbers():
         (run(), run().with_columns(pl.col("time_s") + 99.0), (), "has no time in common"),
         (run(), pl.DataFrame({"time_s": TIME, "x": TIME}), (), "has no column of numbers in common"),
         (run(), run(), ("-1",), "write a number that is not below 0"),
-        (run(), run(), ("f2_mps2=1",), "f2_mps2 is no column of both; did you mean 'f1_mps2'"),
+        (run(), run(), ("f2_mps2=1",), "f2_mps2 is not a column of both; did you mean 'f1_mps2'"),
         (run(), 7, (), "a run or a record is needed, not int"),
     ],
 )

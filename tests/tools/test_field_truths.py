@@ -97,7 +97,7 @@ def test_field_six_poses_and_three_turns_have_numbers(tmp_path: Path) -> None:
     assert gain.move_after < 0.5 * gain.move_before
     angles = turned_angles(th.apply(calibration, record).record, 1.0 / 102.4)
     assert angles == pytest.approx([360.0] * 3, abs=3.0)
-    # another rate than the logger's is no wrong range: the line names both
+    # another rate than the logger's is not a wrong range: the line names both
     th.import_record(path, out=tmp_path / "slow.csv", answers=answers | {"units.time": "51.2 Hz"})
     with pytest.raises(th.InputError, match="wrong range setting") as refusal:
         th.calibrate(tmp_path / "slow.csv")

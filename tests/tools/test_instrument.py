@@ -228,7 +228,7 @@ def test_what_is_there_or_of_another_instrument_or_no_result_is_refused_in_one_l
             (tmp_path / "unit" / "x.json").write_text(content, encoding="utf-8")
         with pytest.raises(InputError, match=r"x\.json: "):
             entries_of(tmp_path / "unit")
-    with pytest.raises(InputError, match="is no folder"):
+    with pytest.raises(InputError, match="is not a folder"):
         entries_of(tmp_path / "none")
 
 

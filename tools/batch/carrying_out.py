@@ -64,7 +64,7 @@ def _alone(folder: Path) -> Iterator[None]:
                 with said_writable(folder / LOCK):
                     stack.enter_context(locked(folder / LOCK))
             except Taken:
-                raise InputError(f"--out {folder}: another process works there") from None
+                raise InputError(f"--out {folder}: another process uses it") from None
             yield
     finally:
         if [path.name for path in folder.iterdir()] == [LOCK]:
@@ -73,7 +73,7 @@ def _alone(folder: Path) -> Iterator[None]:
 
 
 def _kept(rows: Mapping[str, Member], work: Sequence[Job], folder: Path) -> str:
-    return f"{len(rows)} of {len(work)} records are in {folder}; --resume goes on"
+    return f"{len(rows)} of {len(work)} records are in {folder}; continue with --resume"
 
 
 def _begin(folder: Path, do: Do, *, resume: bool) -> None:
@@ -85,10 +85,12 @@ def _begin(folder: Path, do: Do, *, resume: bool) -> None:
     if not path.exists():
         others = sorted(one.name for one in folder.iterdir() if one.name != LOCK)
         if others:
-            raise InputError(f"--out {folder}: holds {others[0]}, which is of no batch; give another folder")
+            raise InputError(
+                f"--out {folder}: holds {others[0]}, which does not belong to a batch; give another folder"
+            )
         return
     if not resume:
-        raise InputError(f"--out {folder}: holds a batch already; --resume goes on with it, or give another folder")
+        raise InputError(f"--out {folder}: already has a batch; continue it with --resume, or give another folder")
     try:
         before = json.loads(bytes_of(path))
     except ValueError as error:
@@ -97,7 +99,7 @@ def _begin(folder: Path, do: Do, *, resume: bool) -> None:
         raise InputError(f"--resume: {folder} is a batch of {before.get('do')}, not of {do}; give another --out")
     if before != _manifest(do):
         raise InputError(
-            f"--resume: {folder} was made by another version of Trihedron, or of what it uses; give another --out"
+            f"--resume: {folder} was made by another version of Trihedron or of its libraries; give another --out"
         )
 
 

@@ -98,7 +98,7 @@ def jobs_of(records: Sequence[Path], do: Do, options: Mapping[str, Any]) -> list
     for name in options:
         if name not in OPTIONS[do]:
             shown = AT_TERMINAL.get(name, name.replace("_", "-"))
-            raise InputError(f"--{shown}: is no option of --do {do}; leave it out")
+            raise InputError(f"--{shown}: is not an option of --do {do}; leave it out")
     if do == "apply" and len(records) == 1 and "calibration" not in options and _table_of(records[0]) is None:
         raise InputError("--with: --do apply needs a calibration, or a folder of `trihedron batch --do calibrate`")
     jobs = []
@@ -161,7 +161,7 @@ def _table_of(path: Path) -> pl.DataFrame | None:
             comment_prefix="#",
         )
     except pl.exceptions.PolarsError as error:
-        raise InputError(f"{path}: is no table of records ({str(error).splitlines()[0]})") from error
+        raise InputError(f"{path}: is not a table of records ({str(error).splitlines()[0]})") from error
     return table.rename({name: name.strip() for name in table.columns})
 
 

@@ -135,7 +135,7 @@ def _calibration_for(calibration: Path, facts: Mapping[str, str], label: str) ->
 def _csv_of(result: Applied, record: str) -> bytes:
     """Return the corrected record as a CSV file."""
     if result.record is None:
-        raise InputError(f"{record}: nothing that was found can be taken out of readings")
+        raise InputError(f"{record}: the diagnosis names nothing that a correction could remove")
     with tempfile.TemporaryDirectory(prefix="trihedron-batch-") as folder:
         path = Path(folder) / "corrected.csv"
         records.write_record(result.record, path)

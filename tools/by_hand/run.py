@@ -273,7 +273,7 @@ def faces_of(record: HandRecord, words: Sequence[str], count: int) -> Faces | No
     Raises
     ------
     InputError
-        for another number of faces than rests, or a word that is no face
+        for another number of faces than rests, or a word that is not a face
     """
     up = np.full((count, 3), np.nan)
     if isinstance(record, PoseRecord) and record.up is not None and not words:
@@ -409,7 +409,7 @@ def turns_told(record: HandRecord, moves: Moves, request: HandRequest) -> Turns 
     Raises
     ------
     InputError
-        for another number of turns than the record has, or a word that is no turn
+        for another number of turns than the record has, or a word that is not a turn
     """
     if not request.turns:
         return None

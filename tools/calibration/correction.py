@@ -236,7 +236,7 @@ def read_correction(path: Path, sha256: str = "") -> Correction:
         needed = advice or "; the file of `trihedron calibrate --json` is needed"
         raise InputError(f"{path}: is not JSON text{needed}") from error
     if advice:
-        raise InputError(f"{path}: is no calibration{advice}")
+        raise InputError(f"{path}: is not a calibration{advice}")
     return correction_of(content, str(path), sha256)
 
 
@@ -288,7 +288,7 @@ def _covariance(calibration: Mapping[str, Any]) -> NDArray[np.float64]:
         except (TypeError, ValueError) as error:
             raise ValueError("its covariance is not as the schema says; calibrate again") from error
         if covariance.shape != (9, 9) or not np.isfinite(covariance).all() or np.diag(covariance).min() < 0.0:
-            raise ValueError("its covariance is no matrix of 9 rows and columns; calibrate again")
+            raise ValueError("its covariance is not a matrix of 9 rows and columns; calibrate again")
         return covariance
     elements = calibrated_elements(calibration, "standard_error")
     sd = {name: math.nan if value is None else value for name, value in elements.items()}

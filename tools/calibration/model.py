@@ -74,7 +74,7 @@ def read_mounting_file(path: Path) -> dict[str, NDArray]:
     content_bytes = bytes_of(path, "a file of mountings is needed", label=f"--mounting {path}", most=LARGEST_TEXT)
     advice = advice_on(path, content_bytes)
     if advice:
-        raise InputError(f"--mounting {path}: is no file of mountings{advice}")
+        raise InputError(f"--mounting {path}: is not a file of mountings{advice}")
     try:
         content = tomllib.loads(content_bytes.decode("utf-8"))
     except UnicodeDecodeError as error:

@@ -206,7 +206,7 @@ def read_position_angles(content: bytes, label: str) -> tuple[NDArray, NDArray]:
         angles = table.select("alpha_deg", "beta_deg").cast(pl.Float64).to_numpy()
     except pl.exceptions.PolarsError as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"{label}: is no list of positions with alpha_deg and beta_deg ({reason})") from error
+        raise InputError(f"{label}: is not a list of positions with alpha_deg and beta_deg ({reason})") from error
     if not np.isfinite(angles).all() or not len(angles):
         raise InputError(f"{label}: holds no positions, or angles that are not finite numbers")
     return np.radians(angles[:, 0]), np.radians(angles[:, 1])

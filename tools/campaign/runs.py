@@ -152,7 +152,7 @@ def _refuse_other_columns(where: str, computation: Computation, dtypes: Mapping[
     """Refuse a computation of unknown columns, or of texts if it takes numbers."""
     for name in computation.names:
         if name not in dtypes:
-            raise InputError(f"{where}: '{name}' is no column of the results; {nearest(name, list(dtypes))}")
+            raise InputError(f"{where}: '{name}' is not a column of the results; {nearest(name, list(dtypes))}")
     numbers = (computation.quantiles or []) + (computation.sensitivity or [])
     if computation.against is not None:
         numbers.append(computation.against)
@@ -289,7 +289,7 @@ def carry_out_campaign(
                     words = f", {failed} failed" if failed else ""
                     advance(computed.runs, f"{finished} of {campaign.runs} runs, {digits(rate)}/s{words}")
         except (KeyboardInterrupt, InputError) as error:
-            progress_text = f"{finished} of {campaign.runs} runs are in {folder}; --resume goes on"
+            progress_text = f"{finished} of {campaign.runs} runs are in {folder}; continue with --resume"
             if isinstance(error, InputError):
                 raise InputError(f"{error}; {progress_text}") from error
             raise KeyboardInterrupt(f"interrupted; {progress_text}") from None

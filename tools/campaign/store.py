@@ -333,7 +333,7 @@ def opened_store(
 
 def _check_same(folder: Path, order: Order, *, resume: bool) -> None:
     if not resume:
-        raise InputError(f"--out {folder}: holds a campaign already; --resume goes on with it, or give another folder")
+        raise InputError(f"--out {folder}: already has a campaign; continue it with --resume, or give another folder")
     before = read_manifest(folder)
     if before.get("order_sha256") == order.sha256:
         return
@@ -355,5 +355,5 @@ def _alone(folder: Path) -> Iterator[None]:
             with said_writable(folder / LOCK):
                 stack.enter_context(locked(folder / LOCK))
         except Taken:
-            raise InputError(f"--out {folder}: another process works there") from None
+            raise InputError(f"--out {folder}: another process uses it") from None
         yield

@@ -54,7 +54,7 @@ class Results:
         if missing:
             raise InputError(
                 f"{store.folder}: is not complete ({len(missing)} of {len(self._files)} files of runs are missing); "
-                "trihedron campaign with --resume goes on with it"
+                "trihedron campaign with continue with --resume with it"
             )
         try:
             self.schema: dict[str, pl.DataType] = dict(pl.read_parquet_schema(self._files[0]))

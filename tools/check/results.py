@@ -118,7 +118,7 @@ def _summarise_diagnosis(diagnosis: Diagnosis, findings: Findings) -> None:
 
 
 def _refused(constant: str) -> float:
-    raise ValueError(f"{constant} is no JSON number")
+    raise ValueError(f"{constant} is not a JSON number")
 
 
 def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:

@@ -257,7 +257,7 @@ def apply_command(
     text = document.text(reports.applied_page(result, latitude_deg))
     if out is not None:
         if result.record is None:
-            raise InputError(f"--out {out}: nothing that was found can be taken out of readings")
+            raise InputError(f"--out {out}: the diagnosis names nothing that a correction could remove")
         records.write_record(result.record, out)
     return replace(answer(text, json, result.to_json()), result=result)
 

@@ -178,7 +178,7 @@ def former(*words: Annotated[str, Parameter(show=False, allow_leading_hyphen=Tru
     """Refuse the spelling of `plan` with options alone, and answer with the command that it is now."""
     commands = ("target", "positions", "check", "imu", "hand")
     if words and not words[0].startswith("-"):
-        raise InputError(f"plan {words[0]}: is no command; {nearest(words[0], commands)}")
+        raise InputError(f"plan {words[0]}: is not a command; {nearest(words[0], commands)}")
     spelling = present_spelling(words)
     plan.parse_args(spelling, exit_on_error=False, print_error=False)
     command = shlex.join(["trihedron", "plan", *spelling])

@@ -61,7 +61,7 @@ def measure_command(
         try:
             result = workbench.measure(plan, source=source, out=out, noise_bound=noise_bound, **options, progress=True)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"interrupted; {out} holds what came, and --resume goes on with it") from None
+            raise KeyboardInterrupt(f"interrupted; {out} holds what came, and continue with --resume with it") from None
     return answer(result, json)
 
 

@@ -316,5 +316,5 @@ def _place_in(evidence: Evidence, cause: Cause, record: PositionRecord | Strapdo
             raise InputError(f"{record.path}: --with {error}") from error
         return cause.place
     if cause.place not in (*evidence.rows.places, *getattr(evidence.model, "starting", ())):
-        raise InputError(f"--with: {cause.place.title} is no effect of {record.path}: another kind of record")
+        raise InputError(f"--with: {cause.place.title} is not an effect of {record.path}: another kind of record")
     return cause.place

@@ -130,7 +130,7 @@ def _same_in_catalogue(evidence: Evidence, place: EffectPlace) -> tuple[EffectPl
     try:
         (space,) = evidence.model.spaces_of([place])
     except ValueError:
-        # Somewhere it is no number.
+        # Somewhere it is not a number.
         return ()
     classes = evidence.model.classes
     for first, own_space in zip(classes.places, classes.spaces, strict=True):

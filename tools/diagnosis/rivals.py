@@ -192,9 +192,9 @@ class Unlisted:
     def of(dependence: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
         """Return the functions outside the catalogue next to the fit of a set."""
         if dependence is None:
-            # A record without pairs is not compared by its kind, which is no caution of its own.
+            # A record without pairs is not compared by its kind, which is not a caution of its own.
             return Unlisted((), None, None, compared=not listed.evidence.reader.pairs)
-        # A fit within the error of the linear model only is no rival, and no proof that there is none.
+        # A fit within the error of the linear model only is not a rival, and no proof that there is none.
         compared = listed.evidence.model.second_order <= SURE_SECOND_ORDER
         holding = [standing for standing in dependence.standing if listed.is_of(fit, standing.pair)]
         # If only a part of a set is needed, that part counts.

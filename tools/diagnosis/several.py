@@ -340,7 +340,7 @@ class Together:
     def _cautions(self, best: Finding) -> tuple[str, ...]:
         """Return cautions where one record alone has a function outside the catalogue as simple as the only set.
 
-        It is no rival of an effect of the instrument if another record refutes it and names that effect alone.
+        It is not a rival of an effect of the instrument if another record refutes it and names that effect alone.
         """
         sure: set[EffectPlace] = set()
         for label in self.joint.labels:

@@ -169,7 +169,7 @@ class Witness(Result):
 
     @property
     def not_judged(self) -> str | None:
-        """Return the reason why the effects could not be judged, or None; that is no objection."""
+        """Return the reason why the effects could not be judged, or None; that is not an objection."""
         if self.folds is not None:
             return None
         return "whether the effects improve positions that were left out could not be judged: too few positions"

@@ -235,7 +235,7 @@ def about_main_effect(run: Carried) -> Carried:
 
     Signatures are of first order. Where one effect makes nearly all of large errors, its second order may exceed the
     bounds too. It then separates effects that are alike to first order: an effect that is not consistent about itself
-    is no candidate, if another one is.
+    is not a candidate, if another one is.
     """
     runs, errors = [], []
     for place in main_effects(run):

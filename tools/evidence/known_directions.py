@@ -44,7 +44,7 @@ class KnownDirections:
             raise InputError(f"{self.path}: directions and readings are N x 3 each")
         sizes = np.linalg.norm(self.direction, axis=1)
         if not (np.isfinite(self.reading).all() and np.abs(sizes - 1.0).max(initial=0.0) <= UNIT):
-            raise InputError(f"{self.path}: a reading is no number, or a direction no unit vector")
+            raise InputError(f"{self.path}: a reading is not a number, or a direction is not a unit vector")
         if not self.noise_bound > 0.0:
             raise InputError(f"{self.path}: the noise bound is {self.noise_bound:g}; it is above zero")
 

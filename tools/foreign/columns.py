@@ -56,7 +56,7 @@ def fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
     mapping, fields = table.mapping, dict[str, Field]()
     for column in mapping.columns:
         if column not in COLUMNS:
-            raise InputError(f"columns.{column}: is no column of a record; {nearest(column, sorted(COLUMNS))}")
+            raise InputError(f"columns.{column}: is not a column of a record; {nearest(column, sorted(COLUMNS))}")
         source = mapping.of(column)
         if source.source not in ("", OPEN, "none"):
             fields[column] = _field_named(table, column, source.source)
@@ -84,7 +84,7 @@ def fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
         names = [field.head.text for field in alike]
         why = f"which is {column}"
         if len(set(names)) < len(names):
-            why = f"two columns are called {names[0]!r}"
+            why = f"two columns have the name {names[0]!r}"
             names = [str(field.place + 1) for field in alike]
         table.ask(f"columns.{column}", names[:4], why)
     _ask_of_crossed(table, fields)
@@ -98,7 +98,7 @@ def _ask_of_crossed(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     forces, rates = (Triad(tuple(fields[column] for column in columns)) for columns in (FORCE, RATE))  # type: ignore
     if median_size(table, forces.fields) < LEAST_PLAIN and force_units(median_size(table, rates.fields)):
         table.proposed |= {FORCE_QUANTITY: rates.fields, RATE_QUANTITY: forces.fields}
-        why = f"|f| of {forces.answer} is no gravity, that of {rates.answer} is"
+        why = f"|f| of {forces.answer} is not a gravity, that of {rates.answer} is"
         table.ask("columns.force", (rates.answer, forces.answer), why)
         table.ask("columns.rate", (forces.answer, rates.answer), "which columns are the gyros")
         for column in FORCE + RATE:
@@ -212,7 +212,7 @@ def without_only_triad(table: UnderstoodTable, fields: dict[str, Field], left: l
         table.proposed[FORCE_QUANTITY] = triad.fields
         why = "which columns are the accelerometers"
         if not force_units(median_size(table, triad.fields)):
-            why += "; gyros alone make no record"
+            why += "; gyros alone are not a record"
         table.ask("columns.force", [triad.answer], why)
     return [field for field in left if field not in triad.fields]
 

@@ -145,7 +145,7 @@ def _names_in(path: str, shape: tuple[int, ...], *, alone: bool) -> list[str]:
 def array_channels(array: NDArray[Any]) -> list[Channel]:
     """Return the columns of an array without names.
 
-    Raises InputError if it is no array of two dimensions with three rows or more.
+    Raises InputError if it is not an array of two dimensions with three rows or more.
     """
     parts = Tree({UNNAMED: array.shape}, arrays={UNNAMED: array}).parts()
     if not parts:
@@ -213,7 +213,7 @@ def parts_of(path: Path, begin: bytes) -> list[Part]:
             f"{path}: is a {word}; to read it: {EXTRAS.get(library, EXTRA)} ({library} is missing)"
         ) from error
     except Exception as error:
-        raise InputError(f"{path}: is no readable {word} ({_reason(error)}); copy or export it again") from error
+        raise InputError(f"{path}: is not a readable {word} ({_reason(error)}); copy or export it again") from error
     if not parts:
         raise InputError(f"{path}: holds no table of numbers with {FEWEST_ROWS} rows or more")
     return parts

@@ -203,7 +203,7 @@ def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequen
         if text[-1:].isdigit() or table.value(text) is None:
             continue
         if is_unknown_behind(text):
-            what = f"column {origin.name!r}: {quoted(text.strip())}: {unit_behind(text)!r} is no unit that is known"
+            what = f"column {origin.name!r}: {quoted(text.strip())}: {unit_behind(text)!r} is not a known unit"
             raise InputError(f"{at} {line}, {what}; write plain numbers, or --set columns.{column}=none leaves it out")
         if sense_behind(text, QUANTITY_OF.get(column, "")):
             continue
@@ -223,7 +223,7 @@ def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequen
         if column in QUATERNION and is_missing(text):
             value = np.nan
         if value is None:
-            what = f"{quoted(text.strip())} is no number with decimal {table.decimal!r}"
+            what = f"{quoted(text.strip())} is not a number with decimal {table.decimal!r}"
             hint = "--set missing=TEXT leaves such rows out"
             raise InputError(f"{at} {line}, column {origin.name!r}: {what}; {hint}")
         values.append(value)
@@ -250,7 +250,7 @@ def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Seq
             signs[row] = -1.0
         elif sense != positive and table.value(text) != 0.0:
             what = f"column {origin.name!r}: {quoted(text.strip())} is neither {positive} nor {OPPOSITE[positive]}"
-            raise InputError(f"{table.sheet.path}: row {line}, {what}, as columns.{column}.positive says")
+            raise InputError(f"{table.sheet.path}: row {line}, {what}, but columns.{column}.positive has another sense")
     return signs
 
 
@@ -437,5 +437,5 @@ def _hint(table: UnderstoodTable, fault: RecordError) -> str:
                 instead = "--set time=order"
             return f"; where times are written too coarsely: --set columns.time_s=none and {instead}"
     if "gravity" in fault.what:
-        return "; --set units.force=UNIT says what readings are in"
+        return "; --set units.force=UNIT states their unit"
     return ""

@@ -66,7 +66,7 @@ def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Se
         if DATE in texts:
             midnight = parsed_moment(date, order)
         if at is None or midnight is None:
-            what = f"column {origin.name!r}: {quoted(text.strip())} is no time like those before"
+            what = f"column {origin.name!r}: {quoted(text.strip())} has another format than the times before"
             raise InputError(f"{table.sheet.path}: row {line}, {what}")
         seconds.append(at + midnight)
     table.notes.append("times count from the first row")

@@ -153,12 +153,12 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
             name = _kinds_of_forces(table)[0]
         elif of_table == of_block:
             kinds = [POSITION.name, STRAPDOWN_RATES.name]
-            why = "angles of a table and gyros are both there"
+            why = "the file has both angles of a table and gyros"
             if not of_table:
                 kinds += [POSES.name, FORCES.name]
                 if len(table.rows) >= MANY_ROWS:
                     kinds = [STRAPDOWN_RATES.name, FORCES.name, POSITION.name, POSES.name]
-                why = "neither angles of a table nor gyros are known"
+                why = "the file has neither angles of a table nor gyros"
             table.ask("kind", kinds, why)
             required = FORCE
         if of_block and not of_table:
@@ -236,7 +236,7 @@ def _decide_marks(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     if answer or table.sheet.stated.decimal:
         table.decimal = answer or table.sheet.stated.decimal
     elif len(proven) == 2:
-        table.ask("decimal", (".", ","), f"{marks.decimal['.']!r} and {marks.decimal[',']!r} are both there")
+        table.ask("decimal", (".", ","), f"{marks.decimal['.']!r} and {marks.decimal[',']!r} both occur")
     elif proven:
         table.decimal = proven[0]
     elif len(marks.thousands) == 1:
@@ -345,14 +345,14 @@ def _ask_of_words(table: UnderstoodTable) -> None:
                 places.append(further.field.place)
         for line, text in origin.field.cells:
             if text in line_of and text not in words and _is_reading(table, line, places):
-                words[text] = f"row {line}, {origin.name!r}: {quoted(text)} is no number{_beside(table, text)}"
+                words[text] = f"row {line}, {origin.name!r}: {quoted(text)} is not a number{_beside(table, text)}"
     if words:
         # a comma separates answers
         answers = [text[:40] for text in words if "," not in text][:MOST_WORDS] or [next(iter(words))[:40]]
         rows = "such rows"
         if len(words) == 1:
             rows = "it"
-        table.ask("missing", (",".join(answers),), f"{next(iter(words.values()))}; this leaves {rows} out")
+        table.ask("missing", (",".join(answers),), f"{next(iter(words.values()))}; this answer leaves {rows} out")
 
 
 def _refuse_notation(table: UnderstoodTable, origin: Origin, line_of: dict[str, int]) -> None:
@@ -363,7 +363,7 @@ def _refuse_notation(table: UnderstoodTable, origin: Origin, line_of: dict[str, 
             written.append(text)
     if len(written) > MOST_ODD:
         first = written[-1]
-        what = f"row {line_of[first]}, column {origin.name!r}: {quoted(first)} is no number{_beside(table, first)}"
+        what = f"row {line_of[first]}, column {origin.name!r}: {quoted(first)} is not a number{_beside(table, first)}"
         also = f"nor are {len(written) - 1} others; write plain decimal numbers, a minus in front"
         raise InputError(f"{table.sheet.path}: {what}, {also}")
 
@@ -406,5 +406,5 @@ def _decide_readings(table: UnderstoodTable) -> None:
             still += bool(apart) and max(apart) <= STANDING_DEG
             before = angles
     if still:
-        why = f"{still} rows stand where the row before stands and positions have no numbers"
+        why = f"{still} rows have the position of the row before, and positions have no numbers"
         table.ask("readings", ("average", "each"), f"{why}; a time series with its moves is --set 'kind=raw record'")

@@ -59,7 +59,7 @@ def decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
         origin = replace(origin, form=CLOCK)
         ambiguous = next(filter(two_parts, time.texts), None)
         if ambiguous and table.mapping.clock in ("", OPEN):
-            table.ask("clock", ("h:m", "m:s"), f"what {ambiguous!r} is")
+            table.ask("clock", ("h:m", "m:s"), f"the meaning of {ambiguous!r} is not clear")
     elif any(table.value(text) is None for text in time.texts) and any(map(date_of, time.texts)):
         origin = replace(origin, form=MOMENT)
         _decide_dates(table, time)
@@ -92,7 +92,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
     if table.is_asked("kind"):
         _ask_which_time(table)
         return
-    _refuse_period(table, "no column is known as a time")
+    _refuse_period(table, "no column has the name of a time")
     if table.kind is POSITION and not any(field.quantity == TIME for field in table.filled):
         table.settled["time"] = "order"
         table.notes.append("no time is written: the rows count in their order")
@@ -108,7 +108,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
             in_order = "; rows in their order: --set time=order"
         table.ask("columns.time_s", timed[:3], f"which column is the time{in_order}")
         return
-    why = "no column is known as a time: {}; else columns.time_s=NAME says which"
+    why = "no column is known as a time: {}; else columns.time_s=NAME names it"
     if not table.sheet.stated.time and not has_unit:
         likely = table.sheet.stated.likely_rate or likely_of(table.mapping).get(TIME, "100 Hz")
         table.ask("units.time", (likely,), why.format("rows at which rate"))
@@ -120,7 +120,7 @@ def _ask_which_time(table: UnderstoodTable) -> None:
         return
     risen = rising(table, table.filled)
     if not risen:
-        table.ask("units.time", ("100 Hz",), "no column is known as a time: rows at which rate")
+        table.ask("units.time", ("100 Hz",), "no column has the name of a time; which rate do the rows have")
         return
     labels = [field.label for field in risen]
     table.ask("columns.time_s", labels[:3], "which column is the time")
@@ -154,7 +154,7 @@ def _decide_dates(table: UnderstoodTable, field: Field) -> None:
     answer = table.mapping.dates.replace(OPEN, "")
     differing = [text for text, *at in zip(texts, *times.values(), strict=True) if len(set(at)) > 1]
     if not answer and differing:
-        table.ask("dates", orders, f"what {differing[0]!r} is")
+        table.ask("dates", orders, f"the meaning of {differing[0]!r} is not clear")
     table.settled["dates"] = answer or (orders[0] if orders else "")
     if not answer and len(orders) > 1 and not differing:
         # all on the same day: the order does not matter

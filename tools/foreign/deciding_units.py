@@ -49,7 +49,7 @@ def decide_units(table: UnderstoodTable) -> None:
     agreed: dict[str, set[str]] = {}
     for key in units:
         if key not in QUANTITIES:
-            raise InputError(f"units.{key}: is no quantity; {', '.join(QUANTITIES)}")
+            raise InputError(f"units.{key}: is not a quantity; {', '.join(QUANTITIES)}")
     for column, origin in table.origins.items():
         quantity = QUANTITY_OF.get(column)
         if quantity is None or origin.form in (CLOCK, MOMENT):
@@ -94,7 +94,7 @@ def _check_size(table: UnderstoodTable) -> None:
         table.ask("units.force", near, f"|f| is about {size:.3g} g in the unit of {table.mapping.preset}")
     elif size < LEAST_SIZE and table.kind not in (POSITION, POSES) and len(fields[0].cells) >= FEWEST:
         names = ", ".join(field.label for field in fields)
-        what = f"{names}: |f| is about {size:.3g} g: these are accelerations without gravity, or in another unit"
+        what = f"{names}: |f| is about {size:.3g} g: these accelerations have another unit, or no gravity"
         raise InputError(f"{table.sheet.path}: {what}; take the columns with gravity, or give --set units.force=UNIT")
 
 
@@ -104,7 +104,7 @@ def _ask_for_unit(table: UnderstoodTable, quantity: str) -> None:
     for free in table.fields:
         if free not in sources and free.unit and free.unit.raw:
             raw = free.head.unit
-            table.ask(f"units.{quantity}", (example_sensitivity(quantity, raw),), f"what one {raw} is, as here")
+            table.ask(f"units.{quantity}", (example_sensitivity(quantity, raw),), f"the size of one {raw}, for example")
             return
     fields = table.proposed.get(quantity, ())
     answers = likely_units(table, quantity, fields, EXAMPLES[quantity][:3], None)
@@ -138,7 +138,7 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
             unit = of_converter(unit, stated if is_raw else None)
         if unit is None or unit.raw or unit.quantity != quantity:
             examples = f"{', '.join(EXAMPLES[quantity])} or '16384 LSB/g'"
-            raise InputError(f"{key} = {answer!r}: is no unit of {quantity}; as {examples}")
+            raise InputError(f"{key} = {answer!r}: is not a unit of {quantity}; as {examples}")
         return unit, answer
     if stated is not None and stated.quantity == quantity:
         return stated, text
@@ -152,14 +152,14 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
     answers: Sequence[str] = likely_units(table, quantity, fields, usual, stated)
     if is_raw:
         answers = [answer for answer in answers if _is_sensitivity(answer)] or usual
-        why = f"{head.text!r} is in {text}: what one {text} is, as here"
+        why = f"{head.text!r} is in {text}: the size of one {text}, for example"
     elif doubtful:
         answers, why = doubtful, f"what {text!r} of {head.text!r} is"
     elif text and text != head.text:
-        why = f"{text!r} of {head.text!r} is no unit of {quantity} that is known"
+        why = f"{text!r} of {head.text!r} is not a known unit of {quantity}"
     elif column == SAMPLE:
         rates = [answer for answer in answers if is_rate(answer)]
-        answers, why = rates or ("100 Hz",), f"{head.text!r} counts samples: at which rate"
+        answers, why = rates or ("100 Hz",), f"{head.text!r} counts samples; at which rate"
     else:
         values = table.values(texts)
         # as a workbook counts days since 1900

@@ -192,7 +192,7 @@ def _converted_sheets(
         table = understood(of_instance(sheets[0], mixed.answers[0]), mapping, role)
         table.ask(mixed.key, mixed.answers, mixed.why)
     if len(sheets) > 1:
-        table.ask("sheet", names_of(sheets), "tables stand in several sheets")
+        table.ask("sheet", names_of(sheets), "several sheets have tables")
     if sheets[0].stated.parts:
         table.ask("part", sheets[0].stated.parts, f"tables in the file; --list shows them: {file.name}")
     if table.questions:
@@ -296,10 +296,10 @@ def _large_sheet(file: Path, head: bytes, whole: Path | bytes, mapping: Mapping)
 def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *, is_own: bool) -> OpenQuestions:
     """Return the questions about a table in one line; write the mapping to fill in unless the user gave that file."""
     count = len(table.questions)
-    unknown = "one thing is"
+    missing = "one fact is"
     if count != 1:
-        unknown = f"{count} things are"
-    what, advice = f"{file}: {unknown} not known", ""
+        missing = f"{count} facts are"
+    what, advice = f"{file}: {missing} missing", ""
     if mapping_file is not None:
         if not is_own:
             with at_once():
@@ -361,7 +361,7 @@ def _imported(
         listed = ", ".join(map(str, rows[:LISTED])) + (", ..." if len(rows) > LISTED else "")
         left_out.append(f"{plural(len(rows), 'row')} ({why}): {listed}")
     if layout.last:
-        left_out.append(f"what stands below row {layout.last}")
+        left_out.append(f"rows below {layout.last}")
     judged = record
     if len(record) > JUDGED:
         judged = record.selected(np.arange(JUDGED))
@@ -374,8 +374,8 @@ def _imported(
         readings = int(conversion.readings.sum())
         scatter = tuple(conversion.scatter.tolist())
         notes.append(
-            f"{_range_of_readings(conversion)} readings averaged in each row, a mean's standard error "
-            f"{upwards(max(scatter))} m/s²: the noise bound's evidence where --noise-bound is not given"
+            f"{_range_of_readings(conversion)} readings averaged in each row; standard error of a mean "
+            f"{upwards(max(scatter))} m/s², from which σ is taken without --noise-bound"
         )
     first_rows = []
     for k in range(min(SHOWN, len(record))):

@@ -120,7 +120,7 @@ def _common_rows(fast: Instrument, slow: Instrument) -> NDArray[np.bool_]:
     for side in (fast, slow):
         back = np.flatnonzero(np.diff(side.times) <= 0.0)
         if len(back):
-            raise InputError(f"{side.table.sheet.path}: row {back[0] + 1} of its data: the time does not rise")
+            raise InputError(f"{side.table.sheet.path}: row {back[0] + 1} of its data: the time does not increase")
     edge = ALIKE * slow.step
     inside = (fast.times >= slow.times[0] - edge) & (fast.times <= slow.times[-1] + edge)
     after = np.clip(np.searchsorted(slow.times, fast.times), 1, len(slow.times) - 1)
@@ -137,7 +137,7 @@ def _lag_note(force: Instrument, rate: Instrument, numbers: dict[str, NDArray[np
     lag, correlation = lag_of(numbers, LONGEST_START if is_doubtful else LONGEST_LAG)
     not_certain = "; both files begin at 0 s: that they have one clock is not certain" if is_doubtful else ""
     if correlation < LEAST_CORRELATION:
-        return f"no lag between the files can be estimated: too little of the motion turns gravity{not_certain}"
+        return f"the lag between the files is unknown: the motion turns gravity too little{not_certain}"
     behind = "behind" if lag >= 0.0 else "ahead of"
     measured = f"the gyros are {digits(abs(lag), 2)} s {behind} the accelerometers"
     if is_doubtful and abs(lag) > max(LEAST_LAG, force.step, rate.step):

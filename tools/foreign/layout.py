@@ -79,7 +79,7 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     lines = dict(above)
     for key, line in (("names", names), ("units_row", units)):
         if line > 0 and line not in lines:
-            raise InputError(f"{sheet.path}: {key} = {line}: is no row above the data, which begin in row {first}")
+            raise InputError(f"{sheet.path}: {key} = {line}: is not a row above the data, which begin in row {first}")
     cells = lines.get(names, [])
     fields = max(len(texts) for _, texts in rows)
     if len(cells) == fields + 1 and cells[0].strip() in COMMENT:
@@ -401,10 +401,10 @@ def _flat(sheet: Sheet, rows: list[Row]) -> Sheet | None:
         return None
     for line, rest, _ in readings:
         if _names_of(rest) != name_of:
-            what = f"row {line}: its heading says other things than those before; say the same in all"
+            what = f"row {line}: its heading differs from those before; give all headings one form"
             raise InputError(f"{sheet.path}: {what}")
     if unheaded:
-        raise InputError(f"{sheet.path}: row {unheaded}: readings below no heading that says their angles")
+        raise InputError(f"{sheet.path}: row {unheaded}: these readings have no heading with their angles")
     cells: list[list[str]] = [[] for _ in range(readings[-1][0])]
     for line, texts in rows:
         if line < title:

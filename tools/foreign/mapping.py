@@ -266,7 +266,7 @@ def _put_inside(section: dict[str, Any], name: str, inner: str, value: Any, opti
     """Set `key` or `key.part` of the units or columns of a mapping."""
     if not inner:
         example = {"units": "force", "columns": "f1_mps2"}[name]
-        raise InputError(f"{option}: say which of the {name}, as {name}.{example}")
+        raise InputError(f"{option}: name one of the {name}, as {name}.{example}")
     key, _, part = inner.partition(".")
     before = section.get(key, OPEN)
     if isinstance(before, dict):

@@ -35,7 +35,7 @@ def novatel_sheet(path: Path, lines: Sequence[str]) -> Sheet:
             continue
         content, star, checksum = line[1:].strip().rpartition("*")
         if not star or checksum.lower() != f"{block_checksum(content.encode()):08x}":
-            raise InputError(f"{path}: row {number}: its checksum is wrong or it ends too early; remove the line")
+            raise InputError(f"{path}: row {number}: its checksum is wrong, or it is cut short; remove the line")
         fields = content.partition(";")[2].split(",")
         before = 2 if form["extended"] else 0
         if len(fields) != before + 9:
@@ -44,7 +44,7 @@ def novatel_sheet(path: Path, lines: Sequence[str]) -> Sheet:
             week, seconds = int(fields[before]), float(fields[before + 1])
             counts = [int(field) for field in fields[before + 3 :]]
         except ValueError as error:
-            raise InputError(f"{path}: row {number}: holds what is no number ({error})") from error
+            raise InputError(f"{path}: row {number}: holds something that is not a number ({error})") from error
         z, minus_y, x, turn_z, minus_turn_y, turn_x = counts
         rows.append([week, week * 604800.0 + seconds, z, -minus_y, x, turn_z, -minus_turn_y, turn_x])
     frame = pl.DataFrame(rows, schema=list(NAMES), orient="row")

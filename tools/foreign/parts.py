@@ -75,7 +75,7 @@ def sheet_of_part(file: Path, name: str) -> Sheet:
     if name:
         chosen = [part for part in parts if part.name == name.strip("/")]
         if not chosen:
-            raise InputError(f"{file}: --from {name}: is no table in it; {nearest(name, names)}")
+            raise InputError(f"{file}: --from {name}: is not a table in it; {nearest(name, names)}")
     else:
         best = max(rank_of(part.names) for part in parts)
         chosen = [part for part in parts if rank_of(part.names) == best]

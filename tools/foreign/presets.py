@@ -91,6 +91,8 @@ def preset_of(mapping: Mapping, names: list[str], above: list[str]) -> Preset | 
         return None
     if mapping.preset:
         if mapping.preset not in presets():
-            raise InputError(f"--as {mapping.preset}: is no known layout; {nearest(mapping.preset, list(presets()))}")
+            raise InputError(
+                f"--as {mapping.preset}: is not a known layout; {nearest(mapping.preset, list(presets()))}"
+            )
         return presets()[mapping.preset]
     return next((preset for preset in presets().values() if preset.is_layout_of(names, above)), None)

@@ -137,7 +137,7 @@ class Sheet:
             except StopIteration:
                 return
             except csv.Error as error:
-                raise InputError(f"{self.path}: row {line}: is no row of fields ({error})") from error
+                raise InputError(f"{self.path}: row {line}: is not a row of fields ({error})") from error
             if has_text(texts):
                 yield line, texts
 
@@ -232,7 +232,7 @@ def unpacked(path: Path, content: bytes) -> bytes:
         if length > LARGEST:
             raise InputError(f"{path}: unpacks to more than {LARGEST} bytes; not read")
         if not reader.eof:
-            raise InputError(f"{path}: is packed by gzip and ends too early; copy it again")
+            raise InputError(f"{path}: is packed by gzip and is cut short; copy it again")
         content = reader.unused_data
     return b"".join(parts)
 
@@ -241,7 +241,7 @@ def refuse_other(path: Path, content: bytes) -> None:
     """Refuse a file that is not text with a table, by its first bytes, with advice."""
     advice = advice_on(path, content, "record", "workbook")
     if advice:
-        raise InputError(f"{path}: is no table of measured data{advice}")
+        raise InputError(f"{path}: is not a table of measured data{advice}")
     begins = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip().decode("latin-1")
     for pattern, what in OTHERS.items():
         if re.match(pattern, begins):
@@ -291,7 +291,7 @@ def lines_of(path: Path, text: str) -> list[str]:
         raise InputError(f"{path}: has {len(lines)} rows; at most {MOST_ROWS} are read")
     if max(map(len, lines)) > LONGEST_LINE:
         row = next(k for k, line in enumerate(lines, 1) if len(line) > LONGEST_LINE)
-        raise InputError(f"{path}: row {row}: is longer than {LONGEST_LINE} characters; it is no table")
+        raise InputError(f"{path}: row {row}: is longer than {LONGEST_LINE} characters; a table is needed")
     return lines
 
 

@@ -81,7 +81,7 @@ except BaseException as error:
     if isinstance(error, SystemExit):
         raise
     reason = (str(error).strip() or type(error).__name__).splitlines()[0][:120]
-    print(f"is no readable workbook, .xlsx, .xlsb, .xls or .ods ({{reason}})")
+    print(f"is not a readable workbook, .xlsx, .xlsb, .xls or .ods ({{reason}})")
     sys.exit(3)
 """
 
@@ -96,7 +96,7 @@ def workbook_sheets(path: Path, content: bytes) -> list[Sheet]:
     try:
         lines = output_of_reader(_READ, content=content).decode("utf-8", "replace").splitlines()
     except ValueError as error:
-        raise InputError(f"{path}: {str(error) or 'is no readable workbook, or too large a one'}") from error
+        raise InputError(f"{path}: {str(error) or 'is not a readable workbook, or is too large'}") from error
     return [Sheet(path, cells=_cells(rows), name=name) for name, rows in map(json.loads, lines)]
 
 
@@ -164,7 +164,7 @@ def _repacked(path: Path, archive_bytes: bytes) -> bytes:
                 _refuse_content(path, member.filename, content)
                 alone.writestr(member.filename, content)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError) as error:
-        raise InputError(f"{path}: is no readable workbook ({error})") from error
+        raise InputError(f"{path}: is not a readable workbook ({error})") from error
     return packed.getvalue()
 
 

@@ -214,16 +214,16 @@ def entries_of(folder: Path) -> Entries:
     Raises
     ------
     InputError
-        no folder, or a JSON file in it that is no entry
+        no folder, or a JSON file in it that is not an entry
     """
     if not folder.is_dir():
-        raise InputError(f"{folder}: is no folder")
+        raise InputError(f"{folder}: is not a folder")
     entries = []
     for path in sorted(folder.glob("*.json")):
         content = object_of(bytes_of(path, most=LARGEST_RESULT), str(path))
         entry = parsed_result(content, {INSTRUMENT: Entry}, str(path))
         if entry is None:
-            raise InputError(f"{path}: schema {content.get('schema')!r}: is no entry of an instrument's folder")
+            raise InputError(f"{path}: schema {content.get('schema')!r}: is not an entry of an instrument's folder")
         _held(entry.result, f"{path}: result")
         moment(entry.date, f"{path}: date")
         entries.append(entry.model_copy(update={"file": path.name}))

@@ -87,7 +87,7 @@ def read_programme(path: Path, mounting: str = "identity") -> TableProgramme:
     except ValidationError as error:
         problem = field_problems(error, PositionPlan)[0][1]
         raise InputError(
-            f"{path}: is no plan of positions ({problem}); `trihedron plan positions` makes one"
+            f"{path}: is not a plan of positions ({problem}); `trihedron plan positions` makes one"
         ) from error
     if len(plan.mountings) != 1:
         names = ", ".join(plan.mountings)
@@ -95,7 +95,7 @@ def read_programme(path: Path, mounting: str = "identity") -> TableProgramme:
     rows = []
     for number in plan.programme:
         if not 1 <= number <= len(plan.positions):
-            raise InputError(f"{path}: programme: {number} is no position of the plan")
+            raise InputError(f"{path}: programme: {number} is not a position of the plan")
         position = plan.positions[number - 1]
         rows.append([position.alpha_deg, position.beta_deg])
     request = Request(

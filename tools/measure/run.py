@@ -62,7 +62,7 @@ class Files:
             if not all(isinstance(word, dict) and isinstance(word["rows"], int) for word in self.words):
                 raise ValueError
         except (ValueError, KeyError, RecursionError):
-            raise InputError(f"{self.words_file}: is no file of a session; give another --out") from None
+            raise InputError(f"{self.words_file}: is not a file of a session; give another --out") from None
         for name, value in self._header.items():
             if not isinstance(header, dict) or header.get(name) != value:
                 option = name

@@ -228,7 +228,7 @@ class Session:
         Raises InputError for an impossible word.
         """
         if word["word"] != "repeat":
-            raise InputError(f"{word['word']}: is no word; repeat is one")
+            raise InputError(f"{word['word']}: is not an answer; repeat is one")
         number = word["visit"]
         if all(visit.number != number for visit in self.good):
             raise InputError(f"repeat {number}: no good rest has this number")

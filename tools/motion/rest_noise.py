@@ -1,7 +1,7 @@
 """Noise of gyros and accelerometers at rest: white noise, flicker noise, and a test for anything more.
 
 The noise comes from within the rests, over the times at which it is least. A change of bias between rests, or slowly
-within one, is no noise; it is refused if the rests show more of it than flicker noise causes.
+within one, is not noise; it is refused if the rests show more of it than flicker noise causes.
 """
 
 import math

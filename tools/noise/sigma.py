@@ -22,7 +22,7 @@ def read_noise(path: str | Path) -> Noise:
     content = bytes_of(Path(path), most=LARGEST_RESULT)
     result = parsed_result(object_of(content, f"--noise {path}"), {"trihedron.noise/1": Noise}, f"--noise {path}")
     if result is None:
-        raise InputError(f"--noise {path}: is no result of `trihedron noise`; {LEAST}")
+        raise InputError(f"--noise {path}: is not a result of `trihedron noise`; {LEAST}")
     return result
 
 

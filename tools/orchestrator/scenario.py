@@ -329,7 +329,7 @@ class Scenario(Section):
         ratio = step / base
         stride = round(min(ratio, MOST_STEPS))
         if not 1 <= stride < MOST_STEPS or abs(ratio - stride) > 1e-9 * stride:
-            raise InputError(f"fmus.{name}.step_s = {step!r} is no whole multiple of run.step_s = {base!r}")
+            raise InputError(f"fmus.{name}.step_s = {step!r} is not a whole multiple of run.step_s = {base!r}")
         return stride
 
 

@@ -140,7 +140,7 @@ def read_number_table(path: Path, label: str, names: Sequence[str] | None) -> tu
     content = bytes_of(path, label=label)
     advice = advice_on(label, content, "record")
     if advice:
-        raise InputError(f"{label}: is no table of numbers{advice}")
+        raise InputError(f"{label}: is not a table of numbers{advice}")
     if path.suffix.lower() != ".parquet":
         return _read_csv(content, label, names), content
     wrong = fault_of_parquet(content)

@@ -256,4 +256,4 @@ def _check_inside(name: str, entry: Loaded, step: float, scenario: Scenario) -> 
     if inside > 0.0 and (round(step / inside) < 1 or abs(step / inside - round(step / inside)) > 1e-9):
         whom = f"'{name}' ({entry.fmu.label})"
         key = "run.step_s" if scenario.fmus[name].step_s is None else f"fmus.{name}.step_s"
-        raise InputError(f"{key} = {step!r} is no multiple of the {inside!r} s by which {whom} steps inside")
+        raise InputError(f"{key} = {step!r} is not a multiple of the {inside!r} s by which {whom} steps inside")

@@ -93,7 +93,7 @@ class OwnEffects:
         content = bytes_of(file, "a file of effects is needed", label=f"--effects-from {file}", most=LARGEST_FILE)
         advice = advice_on(file, content)
         if advice:
-            raise InputError(f"--effects-from {file}: is no file of effects{advice}")
+            raise InputError(f"--effects-from {file}: is not a file of effects{advice}")
         try:
             return OwnEffects(str(file), content.decode("utf-8-sig"))
         except UnicodeDecodeError as error:

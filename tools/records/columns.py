@@ -455,7 +455,9 @@ def faults(columns: FileColumns, *, any_times: bool = False) -> Iterator[RecordE
         up = columns.group(UP)
         known = np.isfinite(up).any(axis=1)
         for k in np.flatnonzero(known & ~(np.abs(np.linalg.norm(up, axis=1) - 1.0) <= UP_NORM)):
-            yield columns.fault(k, _all(UP), f"is no unit vector to {UP_NORM:g}; leave all three empty where unknown")
+            yield columns.fault(
+                k, _all(UP), f"is not a unit vector to {UP_NORM:g}; leave all three empty where unknown"
+            )
     yield from _words(columns)
 
 
@@ -479,7 +481,7 @@ def face_of(text: str) -> tuple[float, float, float] | None:
         return None
     match = _FACE.fullmatch(text)
     if match is None or (match[1] and match[3]):
-        raise ValueError(f"{quoted(text)} is no face; +1, -1, +2, -2, +3 or -3 is needed, the axis that points up")
+        raise ValueError(f"{quoted(text)} is not a face; +1, -1, +2, -2, +3 or -3 is needed, the axis that points up")
     up = [0.0, 0.0, 0.0]
     sign = match[1] or match[3] or "+"
     up["123".index(match[2].lower().translate(_AXES))] = -1.0 if sign in ("-", "a", "A") else 1.0
@@ -499,7 +501,7 @@ def turn_of(text: str) -> tuple[int, float] | None:
     if match is not None and match[2]:
         angle = float(match[2])
     if match is None or angle == 0.0:
-        raise ValueError(f"{quoted(text)} is no turn; 1:360 is needed, the axis and the angle in degrees")
+        raise ValueError(f"{quoted(text)} is not a turn; 1:360 is needed, the axis and the angle in degrees")
     return int(match[1].lower().translate(_AXES)), angle
 
 

@@ -86,7 +86,7 @@ class Decisions:
             parts.append(f"{len(self.rests)} rests as marked")
         if self.turns:
             parts.append(f"turns {self.turns}")
-        return f"by decision ({self.file or 'not saved'}): {', '.join(parts)}"
+        return f"decisions ({self.file or 'not saved'}): {', '.join(parts)}"
 
 
 def decisions_file(record: Path) -> Path:
@@ -104,13 +104,13 @@ def decisions_of(content: Mapping[str, Any], where: str) -> Decisions:
     """
     unknown = set(content) - KEYS
     if unknown:
-        raise InputError(f"{where}: {min(unknown)} is no decision; known are left_out, rests and turns")
+        raise InputError(f"{where}: {min(unknown)} is not a decision; use left_out, rests or turns")
     left_out = content.get("left_out", [])
     if not isinstance(left_out, list) or not all(type(number) is int and number > 0 for number in left_out):
         raise InputError(f"{where}: left_out: the numbers of positions are needed, as [21, 40]")
     turns = content.get("turns", "")
     if not isinstance(turns, str):
-        raise InputError(f"{where}: turns: words are needed, as '1:360,2:360'")
+        raise InputError(f"{where}: turns: a text is needed, as '1:360,2:360'")
     for word in filter(None, turns.split(",")):
         _meant(turn_of, word, f"{where}: turns")
     return Decisions(tuple(sorted(set(left_out))), _rests_of(content.get("rests"), where), turns)
@@ -172,12 +172,12 @@ def read_decisions(record: Path, sha256: str) -> Decisions | None:
     try:
         values = tomllib.loads(content.decode())
     except ValueError as error:
-        raise InputError(f"{path}: is no TOML ({str(error).splitlines()[0]}); mend or delete it") from error
+        raise InputError(f"{path}: is not TOML ({str(error).splitlines()[0]}); mend or delete it") from error
     if values.get("schema") != SCHEMA:
         raise InputError(f"{path}: schema = '{SCHEMA}' is needed; delete the file, or make it by `trihedron open`")
     if values.get("record_sha256") != sha256:
         raise InputError(
-            f"{path}: is of another content of {record.name}; delete it, or decide again by `trihedron open {record}`"
+            f"{path}: belongs to another content of {record.name}; delete it, or use `trihedron open {record}`"
         )
     return replace(decisions_of(values, str(path)), file=path.name)
 

@@ -278,7 +278,7 @@ def settled_from(values: np.ndarray, floor: np.ndarray, *, drifts: bool = False)
         one column for each accelerometer and axis; differences that are never taken for one: what rounding does
     drifts : bool
         whether the second half's linear trend, where it has one, is continued through the first: a drift through
-        the whole rest is no settling
+        the whole rest is more than settling
     """
     start = 0
     while len(values) - start >= FEWEST:

@@ -299,10 +299,10 @@ def all_faults(
 
 
 def _with_import(error: RecordError, path: Path, content: bytes) -> RecordError:
-    """Return the error for a file that is no record, with the command that imports a laboratory's file."""
+    """Return the error for a file that is not a record, with the command that imports a laboratory's file."""
     advice = advice_on(path, content, "record", "workbook")
     if advice:
-        return RecordError(path, None, None, f"is no record{advice}")
+        return RecordError(path, None, None, f"is not a record{advice}")
     is_readable = is_workbook(content) or content[:2] in (PACKED, b"\xff\xfe", b"\xfe\xff") or b"\0" not in content
     if not is_readable or content.startswith(MAGIC) or not content.strip() or "no rows follow" in error.what:
         return error
@@ -438,7 +438,7 @@ def _end_of_head(content: bytes) -> int:
 
 
 def _plain_numbers(content: bytes, start: int) -> pl.DataFrame | None:
-    """Return the numbers of all lines from a byte on; None if any line is no row of finite numbers alone.
+    """Return the numbers of all lines from a byte on; None if any line is not a row of finite numbers alone.
 
     Each row has as many fields as the header. The values are those of `float`.
     """
@@ -679,13 +679,13 @@ def _parquet_names(path: Path, series: pl.Series) -> tuple[str, ...]:
 def record_of_array(source: Any) -> ForceRecord | None:
     """Return an array (N, 3) of accelerometer readings [m/s²] as a record, a row a second; None of anything else.
 
-    An InputError for an array of another shape, or with what is no number.
+    An InputError for an array of another shape, or with something that is not a number.
     """
     if not isinstance(source, np.ndarray) or source.dtype.names is not None:
         return None
     if source.ndim != 2 or source.shape[1] != 3 or not len(source):
         raise InputError(f"record: has the shape {source.shape}; an array (N, 3) of readings in m/s2 is needed")
     if source.dtype.kind not in "fiu" or not np.isfinite(source).all():
-        raise InputError("record: holds what is no number; an array (N, 3) of readings in m/s2 is needed")
+        raise InputError("record: holds something that is not a number; an array (N, 3) of readings in m/s2 is needed")
     force = source.astype(np.float64)
     return ForceRecord(time_s=np.arange(float(len(force))), specific_force=force, path=Path("array"))

@@ -309,7 +309,7 @@ def without_turns(angle: np.ndarray) -> np.ndarray:
 
 
 def smallest_step(angle: np.ndarray) -> float:
-    """The smallest change of an encoder's reading from row to row that is no move [rad]; infinite where none is."""
+    """The smallest change of an encoder's reading from row to row that is not a move [rad]; infinite where none is."""
     steps = np.abs(np.diff(angle))
     return float(steps[(steps > 0.0) & (steps <= COARSEST_ENCODER)].min(initial=math.inf))
 

@@ -36,7 +36,7 @@ from .pictures.residuals import joint_set, residuals
 TONES: dict[str, Tone] = {"consistent": "good"}
 WOULD_TELL = "Measure these positions again to find the noise bound."
 ERROR_BOUND = "error bound"
-"""The word for a guaranteed error where σ is no bound."""
+"""The word for a guaranteed error where σ is not a bound."""
 MOST_TURNS = 5
 """Largest number of turns that a sentence names."""
 WORDS = {"symbol": symbol_text, "name": bench.physical_words, "unit": unit_text}

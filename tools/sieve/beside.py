@@ -64,7 +64,7 @@ def bent_fits(evidence: Evidence, work: Work) -> list[Fit]:
 
 
 def _is_wider(fault: Simple, faults: Sequence[Simple]) -> bool:
-    """Return whether another fault of the same row has an effect that this one's contains: it is no rival."""
+    """Return whether another fault of the same row has an effect that this one's contains: it is not a rival."""
     of_row = [rival for rival in faults if rival.rows == fault.rows]
     return any(contains(_places(fault), _places(rival)) for rival in of_row)
 

@@ -20,7 +20,7 @@ NEAREST = 3
 MOST_FITS = 3
 """So many sets, the first ones, are compared."""
 FARTHER = 1
-"""Numbers more than the set from which a break is no rival."""
+"""Numbers more than the set from which a break is not a rival."""
 SLACK = 0.5
 """Largest error of the linear model about a set for another break [bounds]."""
 MOST_WORK = 2e7

@@ -89,7 +89,7 @@ class Shown:
 def last() -> Shown:
     """Return the last result; an InputError where the process that had it was stopped."""
     if not LAST:
-        raise InputError("the result went with the calculation that was stopped; calculate again")
+        raise InputError("stopping the calculation removed its result; calculate again")
     return LAST[0]
 
 
@@ -146,7 +146,7 @@ def described(path: str) -> dict[str, Any]:
 
 
 def understood(path: str, given: Mapping[str, str], out: str = "") -> dict[str, Any]:
-    """Return how a file that is no record is understood: open questions, or the columns and first rows of its record.
+    """Return how a laboratory's file is read: open questions, or the columns and first rows of its record.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ def typed(values: Mapping[str, Any]) -> dict[str, Any]:
         if value in ("", None, False):
             continue
         if name not in OPTIONS:
-            raise InputError(f"--{name.replace('_', '-')}: is no option of the page")
+            raise InputError(f"--{name.replace('_', '-')}: is not an option of the page")
         try:
             options[name] = OPTIONS[name](value)
         except (ValueError, TypeError) as error:
@@ -471,7 +471,7 @@ def explanation(number: int) -> str:
     """Return the page of an explanation of the last diagnosis as HTML; an InputError where there is none."""
     result = last().result
     if not isinstance(result, diagnosis.Diagnosis):
-        raise InputError("the last result is no diagnosis")
+        raise InputError("the last result is not a diagnosis")
     return document.html(reports.explanation_page(result, number))
 
 
@@ -498,7 +498,7 @@ def saved(what: str) -> dict[str, Any]:
         out = free_name(beside.with_name(f"{beside.stem}.corrected.csv"))
         corrected = corrections.apply(result, last().run, channels=last().channels).record
         if corrected is None:
-            raise InputError("nothing that was found can be taken out of readings")
+            raise InputError("the diagnosis names nothing that a correction could remove")
         records.write_record(corrected, out)
     elif what == "fmu":
         out = free_name(beside.with_name(f"{beside.stem}-fmus"))
@@ -507,7 +507,7 @@ def saved(what: str) -> dict[str, Any]:
         out = free_name(beside.with_name(f"{beside.stem}.{what}{ENDINGS[what]}"))
         corrections.export_calibration(result, cast("ExportTarget", what), out)
     else:
-        raise InputError(f"{what}: is nothing that a result is saved as")
+        raise InputError(f"{what}: is not a format for a result")
     return {"file": str(out)}
 
 

@@ -30,9 +30,9 @@ class OpenFile:
     ----------
     path : Path
     about : mapping or None
-        what it holds, as `answers.described` has it; None of a file that is no record
+        what it holds, as `answers.described` has it; None of a file that is not a record
     problem : str
-        why it is no record; empty of one
+        why it is not a record; empty of one
     decisions : mapping
         plain values of the decisions about it
     earlier : list of mapping
@@ -153,14 +153,14 @@ class Desk:
         Raises
         ------
         InputError
-            for a file that is no record and cannot be imported
+            for a file that is not a record and cannot be imported
         """
         file = self.files[number]
         if file.looked_at.wait(seconds) and file.about is None and file.imported is None:
             raise InputError(file.problem)
 
     def import_with(self, number: int, given: Mapping[str, str], *, write: bool) -> dict[str, Any]:
-        """Take answers about a file that is no record; with `write` make the record beside it, and open it.
+        """Take answers about a file that is not a record; with `write` make the record beside it, and open it.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class Desk:
             for an answer that is none
         """
         if not 0 <= number < len(self.files) or self.files[number].about is not None:
-            raise InputError("choose a file that is no record first")
+            raise InputError("first choose a file that needs an import")
         file = self.files[number]
         out = answers.free_name(file.path.with_name(f"{file.path.stem}.record.csv")) if write else ""
         view = self.look(answers.understood, str(file.path), dict(given), str(out))
@@ -234,13 +234,13 @@ class Desk:
             for a command or a file that there is not
         """
         if request.command not in COMMANDS:
-            raise InputError(f"{request.command}: is no command of the page; {', '.join(COMMANDS)} are")
+            raise InputError(f"{request.command}: is not a command of the page; use {', '.join(COMMANDS)}")
         if not request.files or not all(0 <= number < len(self.files) for number in request.files):
             raise InputError("choose a file first")
         chosen = [self.files[number] for number in request.files]
         for file in chosen:
             if file.about is None:
-                raise InputError(f"{file.path.name}: is no record: {file.problem}")
+                raise InputError(f"{file.path.name}: is not a record: {file.problem}")
         paths = [str(file.path) for file in chosen]
         asked = answers.Asked(request.command, paths, [file.of_content for file in chosen], request.options)
         with self._lock:

@@ -242,12 +242,12 @@ async function showRecord(file) {
   await showRests();
 }
 
-// A file that is no record: its questions, then its first rows as understood
+// A file that is not a record: its questions, then its first rows as understood
 
 function showImport(file) {
   const { questions, text, columns, header, rows } = file.imported;
   const tell = (given, write) => send({ do: "import", file: current, given, write });
-  $("record-about").textContent = questions.length ? `${file.name} is no record yet. Answer ${questions.length === 1 ? "one question" : questions.length + " questions"}:` : `${file.name} becomes this record:`;
+  $("record-about").textContent = questions.length ? `${file.name} is not a record yet. Answer ${questions.length === 1 ? "one question" : questions.length + " questions"}:` : `${file.name} becomes this record:`;
   const parts = questions.map(question => {
     const label = element("label", `${question.key}: ${question.why}`), select = element("select", null, { "aria-label": question.key });
     const other = element("input", null, { "aria-label": `Other answer to ${question.key}`, placeholder: "another answer" });

@@ -61,7 +61,7 @@ def open_records(*files: str | Path, port: int = 0, advise: answers.Advise | Non
     Raises
     ------
     InputError
-        for a file that is no record and cannot be imported, or a port that is taken
+        for a file that is not a record and cannot be imported, or a port that is taken
 
     Examples
     --------
@@ -218,5 +218,5 @@ def _done(desk: Desk, asked: Mapping[str, Any]) -> dict[str, Any]:
     elif what == "save":
         return desk.save(str(asked.get("what")))
     else:
-        raise InputError("the page asks for something that there is not")
+        raise InputError("the page has no such address")
     return {}

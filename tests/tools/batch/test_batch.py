@@ -146,7 +146,7 @@ def test_apply_takes_each_instruments_own_calibration(lot, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["lot.csv", "--do", "calibrate", "--with", "x.json", "--out", "new"], "--with: is no option of"),
+        (["lot.csv", "--do", "calibrate", "--with", "x.json", "--out", "new"], "--with: is not an option of"),
         (["record-0.csv", "record-0.csv", "--do", "calibrate", "--out", "new"], "is given twice"),
         (["lot.csv", "record-0.csv", "--do", "calibrate", "--out", "new"], "give it alone"),
         (["record-0.csv", "--do", "apply", "--out", "new"], "needs a calibration"),

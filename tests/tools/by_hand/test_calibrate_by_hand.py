@@ -124,7 +124,7 @@ def test_one_line_refuses_options_of_a_table_and_columns_that_may_be_gyros(tmp_p
         th.calibrate(table, convention="A2")
     with pytest.raises(ValueError, match="2 faces are given for 12 rests"):
         th.calibrate(table, faces="+1,-1")
-    with pytest.raises(ValueError, match="is no face"):
+    with pytest.raises(ValueError, match="is not a face"):
         th.calibrate(table, faces=",".join(["up"] * 12))
     with pytest.raises(ValueError, match="alpha_deg"):
         th.calibrate(table.with_columns(alpha=pl.lit(0.0)))

@@ -198,7 +198,7 @@ def test_apply_takes_an_array_of_readings(tmp_path):
     np.testing.assert_allclose(applied.record.specific_force, force, rtol=0, atol=1e-12)
     with pytest.raises(th.InputError, match=r"has the shape \(4, 2\)"):
         th.apply(tmp_path / "c.json", np.zeros((4, 2)))
-    with pytest.raises(th.InputError, match="no number"):
+    with pytest.raises(th.InputError, match="not a number"):
         th.apply(tmp_path / "c.json", np.full((4, 3), np.nan))
 
 

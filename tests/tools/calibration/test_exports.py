@@ -348,7 +348,7 @@ def test_a_calibration_with_gyros_that_were_not_calibrated_exports_everywhere(tm
         (["--to", "imucal", "--rate", "100"], "--to imucal: holds no noise"),
         (["--to", "c", "--name", "2bad-name"], "--name 2bad-name: must be a name of C"),
         (["--to", "rosbag"], "rosbag"),
-        (["--to", "kalibr", "--noise", "other.json"], "is no result of `trihedron noise`"),
+        (["--to", "kalibr", "--noise", "other.json"], "is not a result of `trihedron noise`"),
     ],
 )
 def test_what_is_missing_is_said(tmp_path, capsys, monkeypatch, words, message):

@@ -80,7 +80,7 @@ def test_an_interrupted_campaign_is_whole_and_goes_on(tmp_path, unbroken, stoppe
     stopped(7, KeyboardInterrupt())
     assert cli.main(command) == 130
     assert "interrupted; 6 of 14 runs are in" in (text := capsys.readouterr().err)
-    assert "--resume goes on" in text
+    assert "continue with --resume" in text
     assert sorted(path.name for path in (tmp_path / "out" / "runs").iterdir()) == PARTS[:3]
     assert_begun(content(tmp_path / "out"), unbroken)
     assert cli.main([*command, "--resume"]) == 0
@@ -115,7 +115,7 @@ def test_a_folder_with_results_is_not_written_over_or_mixed(tmp_path, monkeypatc
         assert text.count("\n") == 1
         assert content(out) == before
 
-    refused("holds a campaign already; --resume goes on with it")
+    refused("already has a campaign; continue it with --resume")
     with monkeypatch.context() as patched:
         patched.setattr("trihedron.tools.campaign.store.code_hash", lambda: "other")
         refused("is another version than when it was begun", "--resume")
@@ -137,7 +137,7 @@ def test_two_processes_do_not_work_in_one_folder(tmp_path, monkeypatch):
     def another_resumes(self: CalibrationRuns, number: int, *arguments: Any) -> RunOutputs:
         if number == 5 and not locks:
             locks.append((out / "campaign.lock").stat().st_ino)
-            with pytest.raises(InputError, match=f"^--out {re.escape(str(out))}: another process works there$"):
+            with pytest.raises(InputError, match=f"^--out {re.escape(str(out))}: another process uses it$"):
                 run_campaign(path, out, jobs=1, resume=True)
         return run(self, number, *arguments)
 
@@ -163,7 +163,7 @@ def test_a_full_disk_leaves_whole_files_and_the_campaign_goes_on(tmp_path, unbro
     with monkeypatch.context() as patched:
         patched.setattr(Path, "write_bytes", full)
         assert cli.main(command) == 2
-    assert re.search("No space left on device.*--resume goes on", capsys.readouterr().err)
+    assert re.search("No space left on device.*continue with --resume", capsys.readouterr().err)
     assert sorted(path.name for path in (tmp_path / "out" / "runs").iterdir()) == PARTS[:3]
     assert_begun(content(tmp_path / "out"), unbroken)
     assert cli.main([*command, "--resume"]) == 0

@@ -76,7 +76,7 @@ def test_what_a_campaign_file_cannot_say_is_refused_in_one_line(text, message):
         (ATTITUDE + "[parameters]\nalgorithm = { values = ['panow'] }\n", "parameters.algorithm"),
         (ATTITUDE + "[keep]\ndiagnosis = true\n", "has no diagnosis"),
         (ATTITUDE + "[keep]\nscalars = ['last_error']\n", "did you mean 'last_error_rad'?"),
-        (ATTITUDE + "[[compute]]\nquantiles = ['verdict']\n", "compute[1]: 'verdict' is no column"),
+        (ATTITUDE + "[[compute]]\nquantiles = ['verdict']\n", "compute[1]: 'verdict' is not a column"),
         (ATTITUDE + "[[compute]]\nsensitivity = ['last_error_rad']\n", "needs parameters that are numbers"),
         (HEAD + "[calibration]\n[parameters]\ngamma_12 = { values = [1] }\n", "parameters.gamma_12: is not known"),
         (HEAD + "[calibration]\n[[compute]]\nquantiles = ['verdict']\n", "is a text"),

@@ -78,7 +78,7 @@ def test_what_a_table_does_is_simulated_since_readings_cannot_be_without_it(tabl
     assert applied.rms_with < SIGMA < applied.rms_without
     command = ["apply", str(table / "table.json"), str(table / "table-tuesday.csv"), "--out", str(table / "no.csv")]
     assert main(command) == 2
-    assert "nothing that was found can be taken out of readings" in capsys.readouterr().err
+    assert "the diagnosis names nothing that a correction could remove" in capsys.readouterr().err
     assert not (table / "no.csv").exists()
 
 

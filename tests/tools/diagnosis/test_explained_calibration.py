@@ -175,7 +175,7 @@ def test_what_cannot_be_solved_together_is_refused(tmp_path):
     case = drawn(0)
     calibration = tmp_path / "calibration.json"
     calibration.write_text(json.dumps(th.calibrate(case.record, noise_bound=SIGMA).to_json()), encoding="utf-8")
-    with pytest.raises(InputError, match="is no diagnosis"):
+    with pytest.raises(InputError, match="is not a diagnosis"):
         th.calibrate(case.record, explained_by=calibration)
     outlier = EffectPlace("outlier", "position-7", None, (1,))
     rng = np.random.default_rng(5)

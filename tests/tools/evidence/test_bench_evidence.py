@@ -91,7 +91,7 @@ def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to()
 
 
 def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_wrong():
-    """Noise at its very bound is no objection; a reading that is off by six bounds is one, even if it fits by
+    """Noise at its very bound is not an objection; a reading that is off by six bounds is one, even if it fits by
     chance."""
     place = EffectPlace("quadratic", "accelerometer-1")
     record = hidden_record(512, place, (2e-4,))

@@ -67,7 +67,7 @@ def test_what_no_catalogue_lists_is_proven_by_place_and_quantity():
 def test_directions_that_prove_nothing_or_are_none_are_refused():
     record = rests(0)
     assert diagnose(KnownDirections(record.direction[:3], record.reading[:3], SIGMA)).verdict == "insufficient"
-    with pytest.raises(InputError, match="no unit vector"):
+    with pytest.raises(InputError, match="not a unit vector"):
         KnownDirections(2.0 * record.direction, record.reading, SIGMA)
     with pytest.raises(InputError, match="N x 3"):
         KnownDirections(record.direction[:5], record.reading, SIGMA)

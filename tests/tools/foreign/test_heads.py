@@ -81,7 +81,7 @@ def test_readings_side_by_side_are_averaged_where_they_are_known_to_be_such(
     text = table([PLACES + names], rows_of(np.swapaxes(READ, 1, 2) if by_axis else READ))
     answers = {"beside": "average"} if asks else {}
     if asks:
-        assert "one thing is not known: --set beside=average or --set beside=none" in refused(tmp_path, text)
+        assert "one fact is missing: --set beside=average or --set beside=none" in refused(tmp_path, text)
         assert "columns.f1_mps2=" in refused(tmp_path, text, {"beside": "none"})
     conversion = imported(tmp_path, text, answers, out=tmp_path / "record.csv")
     assert (conversion.rows, conversion.readings) == (COUNT, 4 * COUNT)

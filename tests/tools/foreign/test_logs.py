@@ -101,7 +101,7 @@ def test_a_crash_of_the_library_of_arrays_is_one_line(name: str, tmp_path: Path,
     path = LOGS[name][0](tmp_path)
     for way in ("os.kill(os.getpid(), 11)", "os.abort()", "bytearray(1 << 40)"):
         monkeypatch.setattr(containers, "ARRAY_READER", f"import os\n{way}")
-        with pytest.raises(th.InputError, match=rf"{path.name}: is no readable (HDF5|MATLAB) file"):
+        with pytest.raises(th.InputError, match=rf"{path.name}: is not a readable (HDF5|MATLAB) file"):
             th.import_record(path)
 
 

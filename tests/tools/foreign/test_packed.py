@@ -56,7 +56,7 @@ def test_what_holds_the_table_beyond_doubt_is_read(name: str, content: bytes, tm
         (b'{"a": 1, "b": [1, 2, 3]}', "is JSON"),
         (b"[\n  [1, 2, 3],\n  [1, 2, 3]\n]", "is JSON"),
         (b"%PDF-1.4", "is a PDF"),
-        (b"PAR1PAR1", "is no readable Parquet file"),
+        (b"PAR1PAR1", "is not a readable Parquet file"),
     ],
     ids=["cut", "corrupt", "bz2", "xz", "zip", "html", "xml", "json", "json lists", "pdf", "parquet"],
 )

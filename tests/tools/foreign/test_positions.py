@@ -201,7 +201,7 @@ READINGS = "alpha [deg];beta [deg];ax [g];ay [g];az [g]"
         (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;9,5", "Mittel;20"]), "--set missing=Mittel (row 4, 'Nr'"),
         (rows_with(f"Nr;Zeit;{READINGS}", ["1;früh", "2;später", "3;spät"]), "holds no numbers, but 'früh'"),
         (rows_with(f"Nr;Zeit [s];alpha;{READINGS}", ["1;0;1", "2;9;2", "3;20;3"]), "--set columns.alpha_deg="),
-        (rows_with(f"Nr;t [foo];{READINGS}", ["1;0", "2;9,5", "3;20"]), "'foo' of 't [foo]' is no unit of time"),
+        (rows_with(f"Nr;t [foo];{READINGS}", ["1;0", "2;9,5", "3;20"]), "'foo' of 't [foo]' is not a unit of time"),
         (rows_with(f"Nr;t [s];Temp [°C];{READINGS}", ["1;0;", "2;9;", "3;20;21,5"]), "columns.temperature_degC=none"),
         (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;", "3;20"]), "incomplete=leave out"),
         (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;9", "3;20"]).replace("[g]", "[m/s²]"), "units.force=UNIT says"),

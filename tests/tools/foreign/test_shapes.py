@@ -103,7 +103,7 @@ def test_what_is_wrong_in_a_block_is_said_by_the_row_of_the_file(tmp_path: Path)
     rows[row] = rows[row].replace(",", ",OVL,", 1).rpartition(",")[0]
     message = refused(tmp_path, "\n".join(rows))
     assert f"row {row + 1}, 'ax " in message
-    assert ": 'OVL' is no number" in message
+    assert ": 'OVL' is not a number" in message
 
 
 @pytest.mark.parametrize("angle", ["{a}°30'", "{a}:30", "12°34'56\""])

@@ -69,11 +69,11 @@ HOSTILE = {
     "a name that leaves": (changed(GOOD, **{"xl__worksheets__..__..__x.xml": b"x"}), "would leave the archive"),
     "no sheet": (changed(GOOD, **{SHEET: None}), "no sheet has rows"),
     "no list of sheets": (changed(GOOD, **{"xl__workbook.xml": b"<workbook"}), "no "),
-    "cut": (GOOD[: len(GOOD) // 2] + b"xl/workbook", "no readable workbook"),
-    "rows that repeat": (changed(OPEN, **{"content.xml": CONTENT.replace(FIRST, MANY, 1)}), "no readable workbook"),
+    "cut": (GOOD[: len(GOOD) // 2] + b"xl/workbook", "not a readable workbook"),
+    "rows that repeat": (changed(OPEN, **{"content.xml": CONTENT.replace(FIRST, MANY, 1)}), "not a readable workbook"),
     "entities in an open one": (changed(OPEN, **{"content.xml": LAUGHS}), "declares a DOCTYPE"),
     "a binary one that is cut": (changed(BINARY, **{"xl__worksheets__sheet1.bin": b"\x81\x01"}), "no sheet has rows"),
-    "an old one that is none": (OLD[:8] + bytes(2000), "no readable workbook"),
+    "an old one that is none": (OLD[:8] + bytes(2000), "not a readable workbook"),
     "an old one that is cut": (OLD[:3000], "no "),
 }
 
@@ -97,4 +97,4 @@ def test_a_part_that_unpacks_to_more_than_it_says_is_refused(tmp_path: Path):
     short = (len(XML) // 2).to_bytes(4, "little")
     stored = changed(GOOD, **{SHEET: XML})
     assert stored.count(size) >= 2
-    assert "is no readable workbook" in refused(tmp_path, stored.replace(size, short))
+    assert "is not a readable workbook" in refused(tmp_path, stored.replace(size, short))

@@ -275,7 +275,7 @@ def test_a_programme_with_a_position_that_the_plan_lacks_is_refused(number: int,
     plan["programme"][0] = number
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(plan), encoding="utf-8")
-    with pytest.raises(InputError, match=f"programme: {number} is no position of the plan"):
+    with pytest.raises(InputError, match=f"programme: {number} is not a position of the plan"):
         read_programme(path)
 
 

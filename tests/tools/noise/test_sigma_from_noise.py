@@ -52,7 +52,7 @@ def test_commands_take_the_file(noise, tmp_path, capsys):
     for words, text in (
         (["--noise", str(told), "--noise-bound", "1e-5"], "σ is given twice"),
         (["--noise", str(told.with_name("copy.csv"))], "is not JSON text"),
-        (["--noise", str(out)], "is no result of `trihedron noise`"),
+        (["--noise", str(out)], "is not a result of `trihedron noise`"),
         (["--noise", str(tmp_path / "missing.json")], "missing.json: no such file"),
     ):
         assert main(["calibrate", str(record), *words]) == 2

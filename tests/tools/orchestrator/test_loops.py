@@ -212,7 +212,7 @@ def test_a_step_is_a_multiple_of_what_an_fmu_makes_inside(everything, tmp_path, 
         assert run(tmp_path, {"a": EVERYTHING}, run=QUARTERS).table.height == 5
     else:
         message = refusal(tmp_path, {"a": EVERYTHING}, run=QUARTERS)
-        assert f"0.25 is no multiple of the {inside} s by which 'a' (Everything.fmu)" in message
+        assert f"0.25 is not a multiple of the {inside} s by which 'a' (Everything.fmu)" in message
 
 
 def test_where_nothing_compiles_the_plain_loop_does_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -174,7 +174,7 @@ def test_what_cannot_be_is_refused_in_one_line(foreign: Path) -> None:
     assert message == f"{ends}: the longer of their steps must be a whole multiple of the shorter"
     for step in (0.3, 0.1, 1e300):
         message = says({"slow": slow(CLOCK, step)}, [])
-        assert message == f"fmus.slow.step_s = {step} is no whole multiple of run.step_s = 0.125"
+        assert message == f"fmus.slow.step_s = {step} is not a whole multiple of run.step_s = 0.125"
     message = says({"slow": slow(CLOCK, 3 * BASE)}, [])
     assert message == "fmus.slow.step_s = 0.375 does not divide the run of 4 s"
     cycle = {"fast": GAIN, "slow": slow(GAIN)}

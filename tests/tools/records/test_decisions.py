@@ -55,12 +55,12 @@ def test_a_position_left_out_gives_the_numbers_of_a_record_without_it(tmp_path: 
     [
         ("left_out = [21]", "position 21 is left out"),
         ("left_out = ['a']", "left_out: the numbers of positions"),
-        ("rows = [9]", "rows is no decision"),
+        ("rows = [9]", "rows is not a decision"),
         ("rests = [[0.0, 1.0]]", "has no rests"),
         ("rests = [[1.0, 0.0]]", "rest 1"),
-        ("rests = [[0.0, 1.0, 'up']]", "is no face"),
-        ("turns = 'w:360'", "is no turn"),
-        ("left_out = [", "is no TOML"),
+        ("rests = [[0.0, 1.0, 'up']]", "is not a face"),
+        ("turns = 'w:360'", "is not a turn"),
+        ("left_out = [", "is not TOML"),
     ],
 )
 def test_decisions_that_cannot_be_read_are_refused(tmp_path: Path, line: str, message: str) -> None:
