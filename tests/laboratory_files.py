@@ -178,9 +178,9 @@ def position_files(bench: Bench) -> list[LabFile]:
     add("g or m/s²?", bare, "g", needs={"units.force": "g"}, wrong={"units.force": "m/s2"})
     add("m/s² or g?", bare, needs={"units.force": "m/s2"}, wrong={"units.force": "g"})
     no_angle = "pos;time [s];alpha;beta;ax [g];ay [g];az [g]"
-    add("degrees or radians?", no_angle, "g", needs={"units.angle": "deg"})
+    add("degrees by gravity", no_angle, "g")
     radians = {"alpha": numbers(np.radians(bench.alpha), 8), "beta": numbers(np.radians(bench.beta), 8)}
-    add("radians or degrees?", no_angle, "g", columns=radians, needs={"units.angle": "rad"})
+    add("radians by gravity", no_angle, "g", columns=radians)
     add("radians said", "pos;time [s];alpha [rad];beta [rad];ax [g];ay [g];az [g]", "g", columns=radians)
     grad = "Nr;Zeit [s];alpha [Grad];beta [Grad];ax [g];ay [g];az [g]"
     add("Grad", grad, "g", needs={"units.angle": "deg"}, **semicolon)

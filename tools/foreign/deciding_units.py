@@ -8,7 +8,7 @@ from ..records.columns import ANGLES, FORCE, POSES, POSITION, RATE
 from .mapping import OPEN, TRIADS
 from .names import QUANTITY_OF, SAMPLE, TIMES
 from .numbers import sexagesimal, unit_behind
-from .ranking import force_units, likely_units, median_size
+from .ranking import angle_unit, force_units, likely_units, median_size
 from .understanding import CLOCK, MOMENT, Origin, UnderstoodTable
 from .units import (
     COUNTS,
@@ -144,6 +144,10 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
         return stated, text
     if column in ANGLES and texts and all(table.value(t) is None and sexagesimal(t) is not None for t in texts):
         return known_unit("deg"), "deg"
+    by_gravity = angle_unit(table) if column in ANGLES and not text else ""
+    if by_gravity:
+        table.notes.append(f"{origin.name!r} is in {by_gravity}: in this unit alone the readings follow the vertical")
+        return known_unit(by_gravity), by_gravity
     columns = {"force": FORCE, "rate": RATE, "time": (TIMES,)}.get(quantity, ())
     fields = [table.origins[name].field for name in columns if name in table.origins]
     usual: Sequence[str] = EXAMPLES[quantity][:3]

@@ -361,7 +361,7 @@ def _imported(
         listed = ", ".join(map(str, rows[:LISTED])) + (", ..." if len(rows) > LISTED else "")
         left_out.append(f"{plural(len(rows), 'row')} ({why}): {listed}")
     if layout.last:
-        left_out.append(f"rows below {layout.last}")
+        left_out.append(f"lines below row {layout.last}")
     judged = record
     if len(record) > JUDGED:
         judged = record.selected(np.arange(JUDGED))

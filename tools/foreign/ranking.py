@@ -12,8 +12,9 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.bench.rests import up
+from ..records.columns import ANGLES, POSITION
 from ..records.columns import FORCE as FORCES
-from ..records.columns import POSITION
 from ..records.columns import VELOCITY as VELOCITIES
 from .mapping import OPEN, Mapping
 from .names import TIMES, normal
@@ -250,6 +251,42 @@ def force_units(size: float) -> list[str]:
         if distance <= NEAR:
             near.append((rank >= len(SIZES), distance, text))
     return [text for *_, text in sorted(near)]
+
+
+ANGLE_UNITS = ("deg", "rad", "arcmin", "arcsec")
+FOLLOWS, DIFFERS = 0.05, 0.3
+"""Part of the readings that the vertical leaves in the right unit of angles at most, in any other at least."""
+LARGEST = 1e9
+"""Size of a number from which it is no reading or angle."""
+FEWEST_POSITIONS = 12
+"""Number of positions below which readings may follow the vertical by chance."""
+
+
+def angle_unit(table: UnderstoodTable) -> str:
+    """Return the unit of angles in which alone the readings of a position table follow the vertical; "" if none does.
+
+    The readings may have any unit, and the block any mounting.
+    """
+    columns = [*ANGLES, *FORCES]
+    if table.kind is not POSITION or not set(columns) <= table.origins.keys():
+        return ""
+    values = numbers_in(table, [table.origins[column].field for column in columns])
+    if len(values) < FEWEST_POSITIONS or not (np.abs(values) < LARGEST).all():
+        return ""
+    readings = values[:, 2:] - values[:, 2:].mean(axis=0)
+    size = float(np.linalg.norm(readings))
+    if size == 0.0:
+        return ""
+    misfits = []
+    for text in ANGLE_UNITS:
+        unit = scaled_unit(text)
+        assert unit is not None
+        vertical = up(*np.radians(unit.factor * values[:, :2].T))
+        vertical -= vertical.mean(axis=0)
+        left = readings - vertical @ np.linalg.lstsq(vertical, readings)[0]
+        misfits.append((float(np.linalg.norm(left)) / size, text))
+    (least, text), (second, _) = sorted(misfits)[:2]
+    return text if least < FOLLOWS and second > DIFFERS else ""
 
 
 def likely_units(

@@ -414,7 +414,7 @@ function panelOf(panel) {
   for (const value of [low, (low + high) / 2, high]) {
     svg.append(drawn("line", { class: "grid", x1: LEFT, x2: WIDTH, y1: at(value), y2: at(value) }));
     const text = drawn("text", { x: LEFT - 4, y: at(value) + 4, "text-anchor": "end" });
-    text.textContent = Number(value.toPrecision(3));
+    text.textContent = Math.abs(value) < 0.001 * (high - low) ? 0 : Number(value.toPrecision(3));
     svg.append(text);
   }
   for (let k = 0; k <= 5; k++) {

@@ -46,7 +46,7 @@ def test_what_holds_the_table_beyond_doubt_is_read(name: str, content: bytes, tm
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (PACKED[:-20], "ends too early"),
+        (PACKED[:-20], "is cut short"),
         (PACKED[:-8] + b"junkjunk", "cannot be unpacked"),
         (bz2.compress(LAB), "is a packed archive; unpack it"),
         (lzma.compress(LAB), "is a packed archive; unpack it"),

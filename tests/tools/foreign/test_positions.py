@@ -177,7 +177,7 @@ def test_a_mapping_takes_all_rows_of_a_longer_file(bench: Bench, tmp_path: Path)
     file = file_of(bench, "footer")
     lines = file.content.decode().splitlines()
     first = imported(tmp_path, "\n".join([*lines[:20], "", "Ende der Messung"]), out=tmp_path / "first.csv")
-    assert (first.rows, first.left_out) == (19, ("what stands below row 20",))
+    assert (first.rows, first.left_out) == (19, ("lines below row 20",))
     long = imported(tmp_path, "\n".join(["Titel", "", *lines]), mapping=tmp_path / "first.import.toml")
     assert long.rows == len(bench.time)
 
@@ -201,10 +201,13 @@ READINGS = "alpha [deg];beta [deg];ax [g];ay [g];az [g]"
         (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;9,5", "Mittel;20"]), "--set missing=Mittel (row 4, 'Nr'"),
         (rows_with(f"Nr;Zeit;{READINGS}", ["1;früh", "2;später", "3;spät"]), "holds no numbers, but 'früh'"),
         (rows_with(f"Nr;Zeit [s];alpha;{READINGS}", ["1;0;1", "2;9;2", "3;20;3"]), "--set columns.alpha_deg="),
-        (rows_with(f"Nr;t [foo];{READINGS}", ["1;0", "2;9,5", "3;20"]), "'foo' of 't [foo]' is not a unit of time"),
+        (
+            rows_with(f"Nr;t [foo];{READINGS}", ["1;0", "2;9,5", "3;20"]),
+            "'foo' of 't [foo]' is not a known unit of time",
+        ),
         (rows_with(f"Nr;t [s];Temp [°C];{READINGS}", ["1;0;", "2;9;", "3;20;21,5"]), "columns.temperature_degC=none"),
         (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;", "3;20"]), "incomplete=leave out"),
-        (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;9", "3;20"]).replace("[g]", "[m/s²]"), "units.force=UNIT says"),
+        (rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;9", "3;20"]).replace("[g]", "[m/s²]"), "units.force=UNIT states"),
         (rows_with(f"Nr;t [s];{READINGS}", ["1;20", "2;10", "3;0"]), "row 3, column time_s: 10 after 20 runs back"),
     ],
     ids=lambda value: value[:40] if "--set" in value else "",
@@ -212,7 +215,7 @@ READINGS = "alpha [deg];beta [deg];ax [g];ay [g];az [g]"
 def test_what_is_doubtful_is_asked_and_named(text: str, message: str, tmp_path: Path):
     line = refused(tmp_path, text)
     assert message in line
-    assert "things" not in line
+    assert "facts" not in line
 
 
 @pytest.mark.parametrize(
