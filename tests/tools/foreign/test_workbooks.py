@@ -68,13 +68,13 @@ HOSTILE = {
     "entities": (changed(GOOD, **{SHEET: LAUGHS}), "declares a DOCTYPE"),
     "a name that leaves": (changed(GOOD, **{"xl__worksheets__..__..__x.xml": b"x"}), "would leave the archive"),
     "no sheet": (changed(GOOD, **{SHEET: None}), "no sheet has rows"),
-    "no list of sheets": (changed(GOOD, **{"xl__workbook.xml": b"<workbook"}), "no "),
+    "no list of sheets": (changed(GOOD, **{"xl__workbook.xml": b"<workbook"}), "not a readable"),
     "cut": (GOOD[: len(GOOD) // 2] + b"xl/workbook", "not a readable workbook"),
     "rows that repeat": (changed(OPEN, **{"content.xml": CONTENT.replace(FIRST, MANY, 1)}), "not a readable workbook"),
     "entities in an open one": (changed(OPEN, **{"content.xml": LAUGHS}), "declares a DOCTYPE"),
     "a binary one that is cut": (changed(BINARY, **{"xl__worksheets__sheet1.bin": b"\x81\x01"}), "no sheet has rows"),
     "an old one that is none": (OLD[:8] + bytes(2000), "not a readable workbook"),
-    "an old one that is cut": (OLD[:3000], "no "),
+    "an old one that is cut": (OLD[:3000], "not a readable"),
 }
 
 
