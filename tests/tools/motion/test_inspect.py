@@ -221,7 +221,7 @@ def test_the_command_prints_writes_json_and_a_picture(tmp_path, capsys):
     assert main(["inspect", str(path), "--json", str(text), "--allan", str(picture)]) == 0
     printed = capsys.readouterr().out
     assert "14 rests" in printed
-    assert "Accelerometers by the norm of gravity: consistent" in printed
+    assert "Accelerometers, by |f| = g at rest: consistent" in printed
     words = json.loads(text.read_text(encoding="utf-8"))
     assert words["schema"] == "trihedron.inspection/1"
     assert words["gyros_at_rest"]["verdict"] == "constant"
