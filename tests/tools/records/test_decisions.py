@@ -74,7 +74,7 @@ def test_decisions_about_another_content_are_refused(tmp_path: Path) -> None:
     record = written(tmp_path)
     decided(record, "left_out = [8]")
     record.write_text(record.read_text().replace("1,", "1,", 1) + "\n# a note\n")
-    with pytest.raises(InputError, match="of another content"):
+    with pytest.raises(InputError, match="to another content"):
         th.read_record(record)
 
 

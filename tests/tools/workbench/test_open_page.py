@@ -347,7 +347,7 @@ def test_decisions_about_another_content_are_said_and_replaced(tmp_path: Path, o
     about = server.desk.files[0].about
     assert about is not None
     assert about["decisions"] == {}
-    assert any("of another content" in line for line in about["warnings"])
+    assert any("to another content" in line for line in about["warnings"])
     assert told(server, do="decide", file=0, decisions={"left_out": [12]}) == {}
     assert th.calibrate(path, noise_bound=1e-5).verdict == "consistent"
 
