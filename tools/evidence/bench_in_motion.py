@@ -399,8 +399,10 @@ class WholeReader(BenchReader):
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
         """Return the calibration of the rests; the nominal one is falsified too by turns or readings in motion."""
         calibration = super().calibration_of(fit)
-        if (fit is not None and fit.places) or not calibration.stands or not self.model.falsified:
+        if (fit is not None and fit.places) or not self.model.falsified:
             return calibration
+        if not calibration.stands:
+            return calibration.model_copy(update={"radius": self.model.radius})
         parameters = []
         for parameter in calibration.parameters:
             unbounded = {"low": None, "high": None, "estimate": parameter.least_squares}

@@ -211,6 +211,23 @@ def test_what_only_motion_shows_is_named_with_its_size_inside(place, values):
     assert all(evidence.model.refit([rival]).radius > 1.0 for rival in rivals)
 
 
+@pytest.mark.parametrize(("arm", "squared"), [(4e-3, 1e-4), (1e-4, 2e-3), (4e-3, 0.0), (0.0, 2e-3)])
+def test_the_radius_of_the_verdict_is_that_of_the_witness_that_errs_most(arm, squared):
+    """Accelerometers see a place off the centre, gyros a square of rates; both may falsify the model."""
+    hidden = [Hidden(EffectPlace("lever-arm", "accelerometer-2"), (arm, 0.0, -arm))]
+    hidden.append(Hidden(EffectPlace("gyro-rate-squared", "gyro-block"), (squared, 0.0, -squared)))
+    reader = whole_evidence(measured(*hidden), bench().place, noise_bound=SIGMA).reader
+    turns = reader.turns_of(None)
+    assert turns is not None
+    alone = [before for before, _ in turns.alone]
+    assert [radius > 1.0 for radius in alone] == [arm > 1e-3, squared > 0.0]
+    calibration = reader.calibration_of(None)
+    assert calibration.verdict == "falsified"
+    assert calibration.radius is not None
+    # Each witness alone is judged by the linear model.
+    assert max(alone) <= calibration.radius * (1.0 + 1e-3)
+
+
 def bumped(size: float) -> Hidden:
     """Return a bench whose outer encoder errs only near 2 rad."""
     knots = np.round(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), 6)
