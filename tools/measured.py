@@ -166,6 +166,7 @@ def noise(
     against: str | Path | None = None,
     gravity: Gravity = 9.80665,
     channels: Channels = (),
+    trust: Trust = False,
     progress: Progress = False,
 ) -> "noises.Noise":
     """Identify the noise of gyros and accelerometers from a record of the block at rest.
@@ -200,10 +201,13 @@ def noise(
     Raises
     ------
     InputError
-        for a record without a rest, or records that do not go together
+        for a record without a rest or with wrong readings, or records that do not go together
     """
     kinds = records.StrapdownRecord, records.ForceRecord, records.BenchRecord, records.RawRecord
-    runs = [records.read_record(source, *kinds, channels=channels) for source in (record, *others)]
+    runs = []
+    for source in (record, *others):
+        run = records.read_record(source, *kinds, channels=channels)
+        runs.append(_trusted_in_parts(run, trust=trust, gravity=gravity))
     scenario = None if against is None else orchestrator.read_scenario(against)
     result = noises.identify(runs, gravity=gravity, skip=skip, scenario=scenario, progress=progress)
     if dwell is None:
@@ -350,8 +354,8 @@ def calibrate(
         of_table |= {"convention": convention != "A1", "baseline": baseline != "asymmetric"}
         of_table |= {"bounds": tuple(bounds) != (3e-3, 1e-2), "mounting": mounting != "identity"}
         _refuse(of_table, run, "a record of a table")
-        checked = motion.trusted(by_hand.parted_at_cuts(run, gravity), trust=trust, gravity=gravity)
-        run = replace(run, warnings=(*remarks, *checked.warnings))
+        run = _trusted_in_parts(run, trust=trust, gravity=gravity)
+        run = replace(run, warnings=(*remarks, *run.warnings))
         known = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "rates": rates}
         result = by_hand.calibrate_by_hand(run, by_hand.HandRequest.told(**known, **of_hand))
         return result.model_copy(update={"made_of": run})
@@ -368,6 +372,15 @@ def calibrate(
         run = replace(run, warnings=(*remarks, *run.warnings))
         return calibrations.calibrate_whole(run, place, **options).model_copy(update={"made_of": run})
     return diagnosis.calibrated_with(explained_by, run, place, **options).model_copy(update={"made_of": run})
+
+
+def _trusted_in_parts(run: Any, *, trust: bool, gravity: float) -> Any:
+    """Return a record with what speaks against it among its warnings; sections cut together are judged each by itself.
+
+    Raises InputError for faults, as `motion.trusted`.
+    """
+    checked = motion.trusted(by_hand.parted_at_cuts(run, gravity), trust=trust, gravity=gravity)
+    return replace(run, warnings=checked.warnings)
 
 
 def _refuse(options: Mapping[str, Any], run: "records.Record", kind: str) -> None:
@@ -602,8 +615,7 @@ def calibrate_together(
         refused |= {"mounting": mounting != "identity"}
         for label, run in runs.items():
             _refuse(refused, run, "records of a table")
-            checked = motion.trusted(by_hand.parted_at_cuts(run, gravity), trust=trust, gravity=gravity)
-            runs[label] = replace(run, warnings=checked.warnings)
+            runs[label] = _trusted_in_parts(run, trust=trust, gravity=gravity)
         request = by_hand.HandRequest(
             noise_bound=noise_bound, noise_sd=noise_sd, gravity=gravity, rest_scatter=rest_scatter
         )

@@ -22,7 +22,7 @@ TEXTS = ("mounting", "baseline", "stamps")
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "calibrate": (*NUMBERS, *TEXTS, "channels", "trust"),
     "diagnose": (*NUMBERS, *TEXTS, "channels", "trust"),
-    "noise": ("gravity", "channels"),
+    "noise": ("gravity", "channels", "trust"),
     "apply": ("noise_bound", "channels", "stamps", "trust", "calibration"),
 }
 """Options of each work, as its function names them."""

@@ -438,8 +438,8 @@ def frame_of(path: Path, channels: list[Channel]) -> pl.DataFrame:
 
 
 def read_begin(path: Path) -> bytes:
-    """Return the first bytes of a file, none of a folder."""
-    if path.is_dir() or not path.exists():
+    """Return the first bytes of a file; none of a folder or a pipe, which would wait for a writer."""
+    if not path.is_file():
         return b""
     with path.open("rb") as file:
         return io.BytesIO(file.read(1024)).getvalue()

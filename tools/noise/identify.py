@@ -71,7 +71,10 @@ def identify(
         channels.append(_of_channel(channel, still.step, selection, lines))
         if channel.name in simulated:
             against.append(held_against(channel, still.step, selection, simulated[channel.name]))
-    sources = [NoiseSource(record=record.path.name, sha256=record.sha256) for record in records]
+    sources, warnings = [], list[str]()
+    for record in records:
+        sources.append(NoiseSource(record=record.path.name, sha256=record.sha256))
+        warnings += [f"{record.path.name}: {line}" for line in record.warnings]
     return Noise(
         records=sources,
         rate_hz=1.0 / still.step,
@@ -84,6 +87,7 @@ def identify(
         too_short_for=_too_short_for(still),
         scenario="" if scenario is None or scenario.source is None else scenario.source.name,
         against=against,
+        warnings=warnings,
     )
 
 

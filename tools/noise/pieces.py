@@ -130,6 +130,10 @@ def at_rest(records: Sequence[TimeSeries], skip: float = 0.0) -> AtRest:
 
 def _of_record(record: TimeSeries, skip: float) -> AtRest:
     """Return the readings at rest of one record."""
+    if len(record.time_s) < FEWEST_ROWS:
+        raise InputError(
+            f"{record.path}: has {len(record.time_s)} rows; a rest of {FEWEST_ROWS} rows at least is needed"
+        )
     grid = grid_of(record.time_s)
     rows, static = _still_rows(record, grid.period)
     start = record.time_s[0] + skip

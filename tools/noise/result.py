@@ -351,9 +351,11 @@ class Noise(Result):
         bound of averaged readings, for the dwell and the positions that were asked for
     scenario, against : str, list of Against
         the simulation that the noise was held against, and the answer for each channel
+    warnings : list of str
+        unusual facts about the records
     """
 
-    omitted: ClassVar[frozenset[str]] = frozenset({"averaged", "scenario", "against"})
+    omitted: ClassVar[frozenset[str]] = frozenset({"averaged", "scenario", "against", "warnings"})
 
     schema_: Literal["trihedron.noise/1"] = Field(default="trihedron.noise/1", alias="schema")
     trihedron: str = Field(default_factory=version)
@@ -369,6 +371,7 @@ class Noise(Result):
     averaged: Dwell | None = None
     scenario: str = ""
     against: list[Against] = Field(default=[])
+    warnings: list[str] = Field(default=[])
 
     def of(self, sensor: Sensor) -> list[ChannelNoise]:
         """Return the channels of a sensor."""

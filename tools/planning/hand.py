@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from ..errors import InputError, nearest
 from ..motion.determinacy import LEAST_SD, MOST_POSES, TURN_PRIOR_SD, Determinacy, candidate_poses, worst_turn
 from ..motion.inspect import inspect_record
 from ..motion.norm import NAMES, norm_equations, standard_deviations
+from ..motion.trust import trusted
 from ..noise import Noise
 from ..quantity import Quantity
 from ..records import BenchRecord, StrapdownRecord, read_record
@@ -61,6 +62,8 @@ class HandRequest:
         of the accelerometers [m/s²/√Hz]
     measured : path or None
         a strapdown record whose rests count
+    trust : bool
+        the record counts although it looks wrong
     """
 
     accuracy: str = "1mg"
@@ -68,6 +71,7 @@ class HandRequest:
     targets: Sequence[str] = ()
     noise_density: float = 4e-3
     measured: str | Path | None = None
+    trust: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 < self.noise_density < 1.0:
@@ -256,7 +260,11 @@ class HandPlan(Result):
     pose_error, turn_error : float
         predicted standard errors after all steps: of |f| in the worst pose [g], of a turn of 90° [rad]
     parameters : list of ParameterPlanned
+    warnings : list of str
+        unusual facts about that record
     """
+
+    omitted: ClassVar[frozenset[str]] = frozenset({"warnings"})
 
     schema_: Literal["trihedron.hand-plan/1"] = Field(default="trihedron.hand-plan/1", alias="schema")
     steps: list[HandStep]
@@ -266,6 +274,7 @@ class HandPlan(Result):
     pose_error: float = Field(alias="pose_error_g")
     turn_error: float = Field(alias="turn_error_rad")
     parameters: list[ParameterPlanned]
+    warnings: list[str] = Field(default=[])
 
     def to_polars(self) -> "DataFrame":
         """A row for each step."""
@@ -316,7 +325,7 @@ def plan_by_hand(request: HandRequest) -> HandPlan:
     InputError
         for a wanted error that cannot be reached, or a record that cannot be used
     """
-    known, name = _measured(request)
+    known, name, warnings = _measured(request)
     wanted_of_gyros = request.turn_error is not None or any(symbol in OF_GYROS for symbol in request.errors)
     sd, poses = request.rest_sd, candidate_poses()
     steps: list[HandStep] = []
@@ -350,6 +359,7 @@ def plan_by_hand(request: HandRequest) -> HandPlan:
         pose_error_g=known.forces.worst,
         turn_error_rad=known.gyros.worst,
         parameters=parameters,
+        warnings=warnings,
     )
 
 
@@ -391,17 +401,16 @@ def _out_of_reach(request: HandRequest, known: Progress, count: int) -> str:
     )
 
 
-def _measured(request: HandRequest) -> tuple[Progress, str]:
-    """Return what the rests of a record make known, and its name; of the moves between them the shortest turns."""
+def _measured(request: HandRequest) -> tuple[Progress, str, list[str]]:
+    """Return what the rests of a record make known, its name and warnings; of the moves the shortest turns."""
     known = Progress(Determinacy.before(), TurnDeterminacy())
     if request.measured is None:
-        return known, ""
-    record = read_record(request.measured, StrapdownRecord, BenchRecord)
-    record = record.gyros if isinstance(record, BenchRecord) else record
-    inspection = inspect_record(record)
-    rests = inspection.rests
+        return known, "", []
+    record = trusted(read_record(request.measured, StrapdownRecord, BenchRecord), trust=request.trust)
+    name, warnings = record.path.name, list(record.warnings)
+    rests = inspect_record(record.gyros if isinstance(record, BenchRecord) else record).rests
     if not len(rests):
-        return known, record.path.name
+        return known, name, warnings
     force = rests.force / STANDARD_GRAVITY
     sd: NDArray | float = request.rest_sd
     if rests.force_scatter is not None:
@@ -413,4 +422,4 @@ def _measured(request: HandRequest) -> tuple[Progress, str]:
         turn = turns_to(before, after)[0]
         if turn.angle < np.pi:
             gyros = gyros.with_turn(turn, request.rest_sd)
-    return Progress(forces, gyros), record.path.name
+    return Progress(forces, gyros), name, warnings

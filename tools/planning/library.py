@@ -8,7 +8,7 @@ from .. import calibration as calibrations
 from .. import noise as noises
 from .. import planning
 from ..errors import InputError
-from ..options import Admissible, Baseline, Bounds, Convention, Mounting, Progress
+from ..options import Admissible, Baseline, Bounds, Convention, Mounting, Progress, Trust
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -286,6 +286,7 @@ def plan_hand(
     noise: str | Path | None = None,
     noise_density: float = 4e-3,
     measured: str | Path | None = None,
+    trust: Trust = False,
 ) -> "planning.HandPlan":
     """Find the poses and turns by hand that calibrate an IMU without a table, to a wanted error.
 
@@ -323,4 +324,6 @@ def plan_hand(
     """
     if noise is not None:
         noise_density = planning.density_of(noises.read_noise(noise))
-    return planning.plan_by_hand(planning.HandRequest(accuracy, turn_accuracy, tuple(targets), noise_density, measured))
+    return planning.plan_by_hand(
+        planning.HandRequest(accuracy, turn_accuracy, tuple(targets), noise_density, measured, trust)
+    )

@@ -177,8 +177,8 @@ def _drifts(result: Noise) -> Table:
 
 
 def warnings_of(result: Noise) -> list[str]:
-    """Return what limits the coefficients: filters, bad fits, other sets, short records, lines."""
-    lines = [f"too short for {text}" for text in result.too_short_for]
+    """Return what limits the coefficients: odd records, filters, bad fits, other sets, short records, lines."""
+    lines = [*result.warnings, *(f"too short for {text}" for text in result.too_short_for)]
     for channel in result.channels:
         lines += _channel_warnings(channel)
     return lines

@@ -476,6 +476,7 @@ def hand_page(plan: "HandPlan") -> Page:
             Section("Steps", words, table=Table(header, rows) if rows else None),
             Section("Predicted standard errors", table=parameters),
         ],
+        warnings=plan.warnings,
     )
 
 

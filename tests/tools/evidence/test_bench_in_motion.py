@@ -211,7 +211,7 @@ def test_what_only_motion_shows_is_named_with_its_size_inside(place, values):
     assert all(evidence.model.refit([rival]).radius > 1.0 for rival in rivals)
 
 
-@pytest.mark.parametrize(("arm", "squared"), [(4e-3, 1e-4), (1e-4, 2e-3), (4e-3, 0.0), (0.0, 2e-3)])
+@pytest.mark.parametrize(("arm", "squared"), [(4e-3, 1e-4), (1e-5, 2e-3), (4e-3, 0.0)])
 def test_the_radius_of_the_verdict_is_that_of_the_witness_that_errs_most(arm, squared):
     """Accelerometers see a place off the centre, gyros a square of rates; both may falsify the model."""
     hidden = [Hidden(EffectPlace("lever-arm", "accelerometer-2"), (arm, 0.0, -arm))]

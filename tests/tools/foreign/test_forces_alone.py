@@ -1,6 +1,7 @@
 """Accelerometers alone, gyros alone, and counts whose zero is the middle of a converter's range."""
 
 import os
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -148,6 +149,24 @@ def test_a_pipe_in_place_of_the_mapping_is_refused(tmp_path: Path, capsys):
     assert not out.exists()
     with pytest.raises(th.InputError, match="not a regular file"):
         th.import_record(log, out=out)
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.xlsb", "log.csv.gz", "log.mat", "log.bag", "log.mcap"])
+def test_a_pipe_in_place_of_a_log_is_refused_and_not_waited_for(name: str, tmp_path: Path):
+    os.mkfifo(tmp_path / name)
+    refusals = []
+
+    def read():
+        try:
+            th.import_record(tmp_path / name)
+        except th.InputError as error:
+            refusals.append(str(error))
+
+    reading = threading.Thread(target=read, daemon=True)
+    reading.start()
+    reading.join(60.0)
+    assert len(refusals) == 1
+    assert "is not a regular file; a measured file is needed" in refusals[0]
 
 
 @pytest.mark.parametrize("filler", ["-9999", "999", "-9999.0"])

@@ -40,7 +40,11 @@ BY_HAND = (
     "check {} --json out.json",
     "diagnose {}",
     "apply calibration.json {}",
+    "calibrate {}",
+    "noise {}",
+    "plan hand --measured {}",
 )
+TAKEN = (*BY_HAND[:5], "calibrate {}", "noise {}", "plan hand --measured {}")
 ON_TABLE = (
     f"calibrate {{}} --noise-bound 1.2e-5 {PLACE}",
     f"diagnose {{}} --noise-bound 1.2e-5 {PLACE}",
@@ -49,6 +53,17 @@ ON_TABLE = (
     "fmpy-input {}",
     "inspect {} --json out.json",
     "check {} --json out.json",
+    "noise {}",
+    "plan hand --measured {}",
+)
+OF_SEVERAL = (
+    "batch {} --do calibrate --jobs 1 --out out",
+    "batch {} --do diagnose --jobs 1 --out out",
+    "batch {} --do noise --jobs 1 --out out",
+    "batch {} --do apply --with calibration.json --jobs 1 --out out",
+    "calibrate {} another.csv",
+    "diagnose {} another.csv",
+    "noise another.csv {}",
 )
 WITHOUT_GYROS = ("calibrate {} --noise-bound 1.2e-5", "calibrate {} right-bench.csv --noise-bound 1.2e-5")
 SHORT: dict[str, Any] = {"moves": 7, "period": 0.02}
@@ -89,6 +104,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in WRONG:
         write_record(wrong_record(name, 7, truth=False, **SHORT), folder / f"{name}.csv")
     write_record(hand_record(7, truth=True, **SHORT), folder / "right.csv")
+    write_record(hand_record(8, truth=True, **SHORT), folder / "another.csv")
     right = bench_record(Truth.drawn(np.random.default_rng(5)), SHORT_PROGRAMME, Errors(rate=5e-5, encoder=2e-6))
     write_record(right, folder / "right-bench.csv")
     for name in (*GYROS, *FORCES):
@@ -120,6 +136,14 @@ def test_every_command_refuses_every_wrong_reading(command, files, tmp_path, mon
             assert not list(tmp_path.iterdir()), name
 
 
+@pytest.mark.parametrize("command", OF_SEVERAL)
+def test_each_of_several_records_is_asked(command, files, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in ("twice", "spike", "force-twice"):
+        assert run(command, f"{name}.csv", files) == 2
+        assert EXPECTED[name] in capsys.readouterr().err
+
+
 def test_an_import_says_what_would_be_wrong(files, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for name in (*GYROS, *FORCES):
@@ -141,7 +165,7 @@ def test_gyros_that_are_not_used_are_a_warning(command, files, tmp_path, monkeyp
         (tmp_path / "out.json").unlink(missing_ok=True)
 
 
-@pytest.mark.parametrize("command", BY_HAND[:5])
+@pytest.mark.parametrize("command", TAKEN)
 def test_every_command_takes_the_right_record_and_what_a_person_trusts(command, files, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert run(command, "right.csv", files) == 0

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import allantools
 import numpy as np
@@ -11,6 +12,7 @@ import yaml
 import trihedron as th
 from generator.noise import GRAVITY, known, noise_series, static_record
 from trihedron.tools.cli import main
+from trihedron.tools.errors import InputError
 from trihedron.tools.noise import Letter, Noise, Sensor
 from trihedron.tools.records import ForceRecord, StrapdownRecord, write_record
 
@@ -220,3 +222,22 @@ def test_refusals_say_what_to_do(tmp_path, capsys):
     assert main(["noise", str(slow), "--dwell", "-1"]) == 2
     assert "--dwell -1.0" in capsys.readouterr().err
     assert main(["noise", str(slow), "--json", str(slow)]) == 2
+
+
+@pytest.mark.parametrize("rows", [1, 2, 15])
+def test_a_record_of_few_rows_has_no_rest(rows: int):
+    record = static_record(rows, 0.01, {"N": 1e-4}, {"N": 1e-3}, 4)
+    with pytest.raises(InputError, match=f"has {rows} rows; a rest of"):
+        th.noise(record)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("least", [2e-4, 8.7e-4])
+def test_coarse_readings_at_rest_are_no_fault(seed: int, least: float):
+    """Gyros of 0.01 and 0.05 deg/s that repeat themselves for many rows, and a biased one at exactly 0."""
+    record = static_record(3000, 0.01, {"N": 2e-5}, {"N": 1e-3}, seed)
+    rate = least * np.round(known(record.rate) / least + [0.0, 0.3, -2.4])
+    force = 0.01 * np.round(record.specific_force / 0.01)
+    noise = th.noise(replace(record, rate=rate, specific_force=force))
+    assert noise.warnings == []
+    assert noise.static
