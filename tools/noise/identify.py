@@ -65,6 +65,7 @@ def identify(
     still = at_rest(records, skip)
     simulated = {} if scenario is None else simulated_noise(scenario, gravity)
     channels, against = [], []
+    constant = [channel.name for channel in still.channels if channel.is_constant]
     for channel in tracked(still.channels, "noise", show=progress):
         bins, lines = bins_of(channel.pieces, still.step)
         selection = select(bins)
@@ -75,6 +76,8 @@ def identify(
     for record in records:
         sources.append(NoiseSource(record=record.path.name, sha256=record.sha256))
         warnings += [f"{record.path.name}: {line}" for line in record.warnings]
+    for name in constant:
+        warnings.append(f"{name}: reads one value in each rest: its noise is below its resolution, and stays unknown")
     return Noise(
         records=sources,
         rate_hz=1.0 / still.step,

@@ -19,6 +19,8 @@ from ..rounding import digits, exactly
 from .processes import Sensor
 
 TimeSeries = StrapdownRecord | RawRecord | ForceRecord
+ROUNDING = 1e-14
+"""Readings that differ by so small a part are one value."""
 FEWEST_ROWS = 64
 """Rows of a stretch, at least."""
 SAME_POSE = 0.03
@@ -54,6 +56,11 @@ class Channel:
     name: str
     sensor: Sensor
     pieces: tuple[NDArray[np.float64], ...]
+
+    @property
+    def is_constant(self) -> bool:
+        """Return true if the readings repeat one value in each stretch, but for its rounding."""
+        return all(np.ptp(piece) <= ROUNDING * np.abs(piece).max() for piece in self.pieces)
 
 
 @dataclass(frozen=True, eq=False)

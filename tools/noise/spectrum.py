@@ -31,6 +31,8 @@ SIDE_LOBE = 0.05
 """A line weaker than this part of the strongest may be its side lobe."""
 WARM_UPS = 12
 """Time constants of a warm-up that are tried."""
+SMALLEST = 1e-12
+"""Least size of readings whose rounding counts [rad/s] or [m/s²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +110,9 @@ def bins_of(pieces: Sequence[NDArray[np.float64]], step: float) -> tuple[Bins, t
         masked = line_mask(coefficients)
         if not lines:
             lines = lines_of(coefficients, masked, step)
-        parts.append(_piece_bins(coefficients, masked, step, constants))
+        # readings that repeat one value have the noise of their rounding
+        floor = (np.finfo(np.float64).eps * max(float(np.abs(piece).max()), SMALLEST)) ** 2
+        parts.append(_piece_bins(coefficients, masked, step, constants, floor))
     joined = parts[0]
     if len(parts) > 1:
         joined = _joined(parts)
@@ -121,9 +125,13 @@ def trend_constants(duration: float) -> NDArray[np.float64]:
 
 
 def _piece_bins(
-    coefficients: NDArray[np.float64], masked: NDArray[np.bool_], step: float, constants: NDArray[np.float64]
+    coefficients: NDArray[np.float64],
+    masked: NDArray[np.bool_],
+    step: float,
+    constants: NDArray[np.float64],
+    floor: float,
 ) -> Bins:
-    """Return the bins of one piece."""
+    """Return the bins of one piece; their power is a least one at least."""
     number = np.arange(1, len(coefficients) + 1)
     edges = bin_edges(len(coefficients))
     kept = ~masked
@@ -139,7 +147,7 @@ def _piece_bins(
     of_single = edges[filled][single]
     return Bins(
         angle=math.pi * (middle[filled] / count) / size,
-        power=squares[filled] / count,
+        power=np.maximum(squares[filled] / count, floor),
         count=count,
         step=step,
         single=coefficients[of_single],

@@ -241,3 +241,13 @@ def test_coarse_readings_at_rest_are_no_fault(seed: int, least: float):
     noise = th.noise(replace(record, rate=rate, specific_force=force))
     assert noise.warnings == []
     assert noise.static
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-3, 9.80665])
+def test_a_channel_that_repeats_one_value_is_a_warning(value: float):
+    record = static_record(2000, 0.01, {"N": 1e-4}, {"N": 1e-3}, 6)
+    force = np.column_stack([record.specific_force[:, :2], np.full(2000, 9.8)])
+    rate = np.column_stack([np.full(2000, 0.01 * value), known(record.rate)[:, 1:]])
+    noise = th.noise(replace(record, rate=rate, specific_force=force))
+    assert [line.partition(":")[0] for line in noise.warnings] == ["gyro 1", "accelerometer 3"]
+    assert noise.channels[1].coefficients[0].detected
