@@ -67,6 +67,8 @@ class Job:
         for a record that cannot be read.
         """
         path = Path(self.path)
+        if not path.is_file():
+            raise FileNotFoundError(self.record)
         digest = hashlib.sha256(path.read_bytes())
         decisions = decisions_file(path)
         if decisions.is_file():
@@ -139,7 +141,9 @@ def _digest_of(path: Path) -> str:
 
 
 def _table_of(path: Path) -> pl.DataFrame | None:
-    """Return a table of records; None for any other file, even one that is missing."""
+    """Return a table of records; None for any other file, even one that is missing, and for a pipe."""
+    if not path.is_file():
+        return None
     try:
         with path.open("rb") as stream:
             first = stream.read(4096)

@@ -60,6 +60,8 @@ SLOW = 2.0
 """Rate below which a number beside m/s² is more likely in rad/s than in deg/s."""
 SHOWN = 4
 """Largest number of answers to a question about a unit."""
+LARGEST = 1e100
+"""Numbers are so large at most where they are compared: their squares are finite."""
 FEWEST_VALUES = 3
 """Fewest different values of a column that may be a channel."""
 SPREADS = (0.02, 0.1, 0.25)
@@ -179,13 +181,13 @@ def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Tria
 
 
 def numbers_in(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.float64]:
-    """Return the numbers of some columns as written, in the rows that have all of them (N, columns)."""
+    """Return the numbers of some columns, in the rows that have all of them (N, columns); beyond `LARGEST` this."""
     rows = []
     for _, texts in table.rows:
         row = table.values(texts[field.place] for field in fields if field.place < len(texts))
         if len(row) == len(fields):
             rows.append(row)
-    return np.array(rows, dtype=np.float64).reshape(-1, len(fields))
+    return np.clip(np.array(rows, dtype=np.float64).reshape(-1, len(fields)), -LARGEST, LARGEST)
 
 
 def bits_of_offset(counts: NDArray[np.float64]) -> int:
