@@ -156,7 +156,7 @@ def averaged_lines(averaged: Dwell) -> list[str]:
     """Return the bound of averaged readings, and the best dwell."""
     lines = [
         f"σ = {upwards(averaged.sigma, 3)} g for {averaged.positions} positions of {digits(averaged.dwell_s, 4)} s "
-        f"(probability that all readings keep it: {digits(averaged.probability, 4)})."
+        f"(all keep it with probability {digits(averaged.probability, 4)})."
     ]
     if averaged.not_excluded > 1.1 * averaged.deviation:
         least = averaged.sigma * averaged.deviation / averaged.not_excluded
