@@ -149,6 +149,19 @@ def test_a_run_without_outputs_records_states(version: int, interface: str, tmp_
     assert chosen.table[f"{fmu.stem}.der(x)"][0] == 1.0
 
 
+@pytest.mark.parametrize(("version", "derivative"), [(2, " derivative='2'"), (3, " derivative='1'")])
+def test_a_run_without_outputs_and_states_records_what_changes(version: int, derivative: str, tmp_path: Path) -> None:
+    """A local variable that is fixed is left out."""
+    fixed = ("name='m' valueReference='6' causality='local' variability='discrete'",) * 2
+    changes = ((derivative, ""), (fixed[0], fixed[1].replace("discrete", "fixed")))
+    run = run_of(Habit("mute", without_outputs=True, changes=changes), version, "CoSimulation", tmp_path)
+    assert run.columns == ["time_s", "plant.x", "plant.der(x)", "plant.y", "plant.steps", "plant.ticks"]
+    assert run.notes == (
+        "no FMU has outputs: 5 states or local variables (plant.x, plant.der(x), plant.y, ...) recorded; choose with "
+        "--record NAME",
+    )
+
+
 @pytest.mark.parametrize(("version", "interface"), EVERY)
 def test_nan_ends_the_run_unless_it_is_allowed(version: int, interface: str, tmp_path: Path) -> None:
     habit = Habit("nan", ("NOT_A_NUMBER",))
