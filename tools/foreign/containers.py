@@ -6,6 +6,7 @@ A maintained library reads each; a part of a file is a table with named columns.
 import io
 import json
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
@@ -64,6 +65,7 @@ class Part:
     names: tuple[str, ...]
     read: Callable[[], list[Channel]]
     rate: float = 0.0
+    remark: str = ""
 
 
 @dataclass
@@ -318,7 +320,11 @@ def table_channels(frame: pl.DataFrame) -> list[Channel]:
 
 
 def _ulog_parts(path: Path) -> list[Part]:
-    log = import_module("pyulog").ULog(str(path))
+    library = import_module("pyulog")
+    # the library writes its warnings to the output
+    with redirect_stdout(io.StringIO()) as output:
+        log = library.ULog(str(path))
+    remark = _remark_of(output)
     several = {topic.name for topic in log.data_list if topic.multi_id}
     parts = []
     for topic in log.data_list:
@@ -327,8 +333,14 @@ def _ulog_parts(path: Path) -> list[Part]:
         names = [_short(topic.name, column) for column in topic.data]
         channels = [Channel(column, values) for column, values in zip(names, topic.data.values(), strict=True)]
         if rows >= FEWEST_ROWS:
-            parts.append(Part(name, rows, tuple(names), partial(list, channels)))
+            parts.append(Part(name, rows, tuple(names), partial(list, channels), remark=remark))
     return parts
+
+
+def _remark_of(output: io.StringIO) -> str:
+    """Return a remark with the first warning that a library wrote."""
+    warning = output.getvalue().partition("\n")[0]
+    return f"rows may be missing: {warning}" if warning else ""
 
 
 def _short(topic: str, column: str) -> str:
@@ -338,7 +350,10 @@ def _short(topic: str, column: str) -> str:
 
 
 def _tdms_parts(path: Path) -> list[Part]:
-    file = import_module("nptdms").TdmsFile.read(path)
+    library, output = import_module("nptdms"), io.StringIO()
+    library.log.log_manager.console_handler.setStream(output)
+    file = library.TdmsFile.read(path)
+    remark = _remark_of(output)
     parts = []
     for group in file.groups():
         channels: dict[int, list[Channel]] = {}
@@ -352,7 +367,8 @@ def _tdms_parts(path: Path) -> list[Part]:
                 same.append(Channel("time", np.asarray(channel.time_track()), "s"))
             same.append(Channel(channel.name, values, unit))
         for rows, same in channels.items():
-            parts.append(Part(group.name, rows, tuple(one.name for one in same), partial(list, same)))
+            names = tuple(one.name for one in same)
+            parts.append(Part(group.name, rows, names, partial(list, same), remark=remark))
     return parts
 
 

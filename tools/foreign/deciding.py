@@ -84,6 +84,8 @@ def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -
     if preset is not None:
         mapping = preset.filled_in(mapping, names)
     table = UnderstoodTable(sheet, layout, mapping, given=given)
+    if sheet.stated.remark:
+        table.notes.append(sheet.stated.remark)
     ask_of_instances(table, "" if preset is None else preset.instance)
     if preset is not None:
         units = ", ".join(preset.units.values()) or "as answered"

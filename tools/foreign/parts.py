@@ -128,5 +128,7 @@ def _sheet(file: Path, part: Part, others: tuple[str, ...]) -> Sheet:
     likely = f"{part.rate:g} Hz" if part.rate else ""
     units = tuple(channel.unit for channel in channels)
     named = int(not all(channel.name.startswith(UNNAMED) for channel in channels))
-    stated = HeaderFacts(header_row=named, first_row=named + 1, units=units, likely_rate=likely, parts=others)
+    stated = HeaderFacts(
+        header_row=named, first_row=named + 1, units=units, likely_rate=likely, parts=others, remark=part.remark
+    )
     return Sheet(file, name=part.name, stated=stated, frame=frame_of(file, channels))

@@ -38,7 +38,9 @@ _NO_CHANNEL = (
     "gravity lat lon latitude longitude altitude"
 )
 """Words of names that are neither accelerometers, gyros nor angles of a table."""
-AXES = {"x": 0, "y": 1, "z": 2, "1": 0, "2": 1, "3": 2}
+LETTERS, DIGITS = ("x", "y", "z"), ("0", "1", "2", "3")
+AXES = (LETTERS, DIGITS[1:], DIGITS[:3])
+"""Axes of three columns, in order."""
 SIZES = ("m/s2", "g", "mg", "16384 LSB/g", "8192 LSB/g", "4096 LSB/g", "2048 LSB/g", "1024 LSB/g", "256 LSB/g")
 FURTHER = ("1000 LSB/g", "800 LSB/g", "1200 LSB/g", "4000 LSB/g", "512 LSB/g", "128 LSB/g", "ug", "cm/s2", "ft/s2")
 """Units of specific force, the usual ones first."""
@@ -96,25 +98,22 @@ class Triad:
 
 def named_triads(fields: Sequence[Field]) -> list[Triad]:
     """Return the groups of three columns whose names differ in their axis only, with the quantity of their words."""
-    groups: dict[tuple[str, ...], dict[int, Field]] = {}
-    places = _counted_from_zero(fields)
+    groups: dict[tuple[str, ...], dict[str, Field]] = {}
     for field in fields:
-        words = normal(re.sub(r"\[(\d)\]", r" \1", field.head.name)).split()
+        words = normal(re.sub(r"[\[(](\w)[\])]", r" \1", field.head.name)).split()
         if len(words) == 1:
             # gx, gy, gz
             words = re.sub(r"^([a-z])([xyz])$", r"\1 \2", words[0]).split()
-        axes = [word for word in words if word in AXES or (word == "0" and field in places)]
-        if len(axes) != 1:
-            continue
-        stem = tuple(word for word in words if word != axes[0])
-        shift = int(axes[0]) if field in places and axes[0].isdigit() else AXES.get(axes[0], 3)
-        groups.setdefault(stem, {})[shift] = field
+        axes = [word for word in words if word in LETTERS] or [word for word in words if word in DIGITS]
+        if len(axes) == 1:
+            stem = tuple(word for word in words if word != axes[0])
+            groups.setdefault(stem, {})[axes[0]] = field
     triads = []
     for stem, group in groups.items():
-        if group.keys() != {0, 1, 2}:
-            continue
-        quantity = _quantity_of(stem, group[0].quantity)
-        triads.append(Triad((group[0], group[1], group[2]), quantity, len(stem)))
+        for axes in AXES:
+            if group.keys() == set(axes):
+                first, second, third = (group[axis] for axis in axes)
+                triads.append(Triad((first, second, third), _quantity_of(stem, first.quantity), len(stem)))
     return triads
 
 
@@ -129,20 +128,6 @@ def may_be_channel(table: UnderstoodTable, field: Field, *, is_series: bool) -> 
     if not is_series:
         return True
     return len(set(field.texts)) >= FEWEST_VALUES and not rising(table, [field])
-
-
-def _counted_from_zero(fields: Sequence[Field]) -> set[Field]:
-    """Return the fields of names that count their channels from 0."""
-    stems: dict[str, dict[str, Field]] = {}
-    for field in fields:
-        stem = re.fullmatch(r"(.*?)[ _\[]?(\d)\]?", field.head.name)
-        if stem:
-            stems.setdefault(stem[1], {})[stem[2]] = field
-    counted = set[Field]()
-    for group in stems.values():
-        if group.keys() == {"0", "1", "2"}:
-            counted |= set(group.values())
-    return counted
 
 
 def _quantity_of(stem: Sequence[str], of_unit: str) -> str:

@@ -66,8 +66,8 @@ Row = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class HeaderFacts:
-    """Facts that a file states: decimal mark, line of names, units, period of time, a rate that may be its own, and the
-    names of tables in the file that may be meant, too."""
+    """Facts that a file states: decimal mark, line of names, units, period of time, a rate that may be its own, the
+    names of tables in the file that may be meant, too, and a remark of its library."""
 
     decimal: str = ""
     header_row: int = 0
@@ -76,6 +76,7 @@ class HeaderFacts:
     time: str = ""
     likely_rate: str = ""
     parts: tuple[str, ...] = ()
+    remark: str = ""
 
 
 @dataclass(frozen=True)

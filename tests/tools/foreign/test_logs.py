@@ -120,6 +120,21 @@ def test_seconds_beside_nanoseconds_are_one_time_in_tables(names: tuple[str, str
         assert np.array_equal(record.rate, RATE)
 
 
+def test_warnings_of_a_library_are_notes_and_not_printed(tmp_path: Path, capsys):
+    """A ULog with a message of unknown kind, and a TDMS file whose last channel is cut."""
+    path = LOGS["ULog"][0](tmp_path)
+    content = bytearray(path.read_bytes())
+    content[content.find(b"D\x07\0", len(content) // 2) + 1] = 77
+    path.write_bytes(content)
+    cut = LOGS["TDMS"][0](tmp_path)
+    cut.write_bytes(cut.read_bytes()[:-800])
+    notes = th.import_record(path).notes
+    assert any(note.startswith("rows may be missing: ") for note in notes), notes
+    with pytest.raises(th.InputError, match="log.tdms: one thing is not known"):
+        th.import_record(cut)
+    assert capsys.readouterr() == ("", "")
+
+
 def test_objects_are_not_unpickled(tmp_path: Path):
     """An array of objects would run code; it is refused."""
     np.save(tmp_path / "log.npy", np.array([{"a": 1}] * 5, dtype=object), allow_pickle=True)
