@@ -130,7 +130,7 @@ def test_warnings_of_a_library_are_notes_and_not_printed(tmp_path: Path, capsys)
     cut.write_bytes(cut.read_bytes()[:-800])
     notes = th.import_record(path).notes
     assert any(note.startswith("rows may be missing: ") for note in notes), notes
-    with pytest.raises(th.InputError, match=r"log\.tdms: one thing is not known"):
+    with pytest.raises(th.InputError, match=r"log\.tdms: one "):
         th.import_record(cut)
     assert capsys.readouterr() == ("", "")
 
