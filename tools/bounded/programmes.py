@@ -28,6 +28,8 @@ ADDED_ROWS = 100
 """Number of most violated rows that one round adds."""
 TOLD_APART, CONSIDERED = 0.99, 3000
 """Cosine from which two rows bound the same, and number of most violated rows that are searched for different ones."""
+NEARLY = 1e-6
+"""Relative room for rounding in the size of a row beside all others."""
 BLOCK, MANY_BLOCKS = 2048, 8
 """Rows that a decomposition takes at once if there are many blocks: they stay in the processor's cache."""
 DUAL_SIMPLEX, PRIMAL_SIMPLEX = 1, 4
@@ -110,10 +112,13 @@ class Polytope:
         self._taken = first_rows(self._matrix) if begin is None else begin
         self._rows = self._matrix[self._taken]
         self._corner = Corner.of(self._rows)
+        self._near: Nearness | None = None
 
     def confine(self, lower: NDArray, upper: NDArray) -> None:
         """Set the ends (M,) of every row."""
         self._lower, self._upper = lower / self._scale, upper / self._scale
+        if len(lower) >= MANY_BLOCKS * BLOCK:
+            self._near = Nearness.of(self._matrix, np.minimum(self._upper, -self._lower))
         if self._highs is not None:
             rows = np.arange(len(self._taken), dtype=np.int32)
             self._highs.changeRowsBounds(len(rows), rows, *self._ends)  # pyright: ignore
@@ -129,21 +134,33 @@ class Polytope:
         The duals Φ, with Φ'J = weights, are the derivatives of the value by each row's active end.
         """
         weights = np.asarray(weights, dtype=float)
-        activity, violation = np.empty((2, len(self._scale)))
         while True:
             x, multipliers = self._farthest(weights)
             if len(self._taken) == len(self._scale):
                 break
-            activity = np.matmul(self._matrix, x, out=activity)
-            violation = np.subtract(self._lower, activity, out=violation)
-            np.maximum(violation, np.subtract(activity, self._upper, out=activity), out=violation)
-            apart = self._matrix if len(violation) >= MANY_BLOCKS * BLOCK else None
-            if not len(violated := _most_violated(violation, self._taken, TOLERANCE, apart)):
+            violated = self._violated_at(x)
+            if not len(violated):
                 break
             self._take(violated)
         duals = np.zeros(len(self._scale))
         duals[self._taken] = multipliers * self._unit / self._scale[self._taken]
         return float(weights @ x) * self._unit, x * self._unit, duals
+
+    def _violated_at(self, x: NDArray) -> NDArray:
+        """Return rows to take in that a point is beyond; none only where it is beyond no row."""
+        if self._near is None:
+            return self._violated_of(slice(None), x)
+        near = self._near.rows_at(x)
+        violated = self._violated_of(near[:BLOCK], x)
+        # A point that is far from zero is beyond some of the first rows: all are looked at where it is not.
+        return violated if len(violated) or len(near) <= BLOCK else self._violated_of(slice(None), x)
+
+    def _violated_of(self, rows: slice | NDArray, x: NDArray) -> NDArray:
+        """Return the same of some of the rows."""
+        activity, violation = self._matrix[rows] @ x, np.zeros(len(self._scale))
+        violation[rows] = np.maximum(self._lower[rows] - activity, activity - self._upper[rows])
+        apart = self._matrix if len(violation) >= MANY_BLOCKS * BLOCK else None
+        return _most_violated(violation, self._taken, TOLERANCE, apart)
 
     def _farthest(self, weights: NDArray) -> tuple[NDArray, NDArray]:
         """Return the vertex x (n,) of the rows in use, and their duals (K,)."""
@@ -169,6 +186,36 @@ class Polytope:
             index = np.tile(np.arange(width, dtype=np.int32), count)
             ends = self._lower[added], self._upper[added]
             self._highs.addRows(count, *ends, rows.size, start, index, rows.ravel())  # pyright: ignore
+
+
+@dataclass(frozen=True, eq=False)
+class Nearness:
+    """Rows in the order in which a point must be away from zero to reach their ends.
+
+    |row x| ≤ |row R⁻¹| |R x| with the triangle R of all rows: at a point near zero few of many rows need a look.
+    `triangle` (n, n); `order` (M,); `least` (M,): the least |R x| at which each, in this order, is at an end.
+    """
+
+    triangle: NDArray[np.float64]
+    order: NDArray[np.int64]
+    least: NDArray[np.float64]
+
+    @staticmethod
+    def of(matrix: NDArray, room: NDArray) -> "Nearness | None":
+        """Return the order of rows (M, n) with room (M,) about zero; None where they do not determine the columns."""
+        triangle = np.linalg.qr(shortened(matrix), mode="r")
+        diagonal = np.abs(np.diag(triangle))
+        if not diagonal.min() > DEPENDENT * diagonal.max():
+            return None
+        size = np.linalg.norm(np.linalg.solve(triangle.T, matrix.T), axis=0)
+        least = room / np.where(size > 0.0, size, 1.0)
+        order = np.argsort(least, kind="stable")
+        return Nearness(triangle, order, least[order])
+
+    def rows_at(self, x: NDArray) -> NDArray[np.int64]:
+        """Return the rows that may be beyond an end at a point (n,)."""
+        away = float(np.linalg.norm(self.triangle @ x)) * (1.0 + NEARLY)
+        return self.order[: np.searchsorted(self.least, away, side="right")]
 
 
 def first_rows(matrix: NDArray) -> NDArray:

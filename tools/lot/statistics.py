@@ -284,6 +284,8 @@ def _part_of(has: NDArray[np.bool_]) -> tuple[int, int]:
     begin, end = 0, len(has)
     for _ in range(2):
         split = _split_of(has[begin:end])
+        if split is None and end - begin == len(has):
+            return _stretch_of(has)
         if split is None:
             break
         at = begin + split
@@ -292,6 +294,21 @@ def _part_of(has: NDArray[np.bool_]) -> tuple[int, int]:
         else:
             end = at
     return begin, end
+
+
+def _stretch_of(has: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return the part between two instruments with a cause in which it is more frequent; all where chance may be why.
+
+    One split may be explained by chance where a part between two is not.
+    """
+    count, total = len(has), int(has.sum())
+    at = np.flatnonzero(has)
+    first, last = np.triu_indices(total)
+    chances = stats.hypergeom.sf(last - first, count, total, at[last] - at[first] + 1)
+    best = int(np.argmin(chances))
+    if chances[best] * 0.5 * count**2 > CHANCE:
+        return 0, count
+    return int(at[first[best]]), int(at[last[best]]) + 1
 
 
 def _split_of(has: NDArray[np.bool_]) -> int | None:

@@ -157,3 +157,20 @@ def test_a_space_is_there_where_the_faster_decomposition_fails(monkeypatch: pyte
     monkeypatch.setattr(np.linalg, "svd", failing)
     space = programmes.column_space(columns)
     assert space @ space.T == pytest.approx(expected @ expected.T, abs=1e-12)
+
+
+@pytest.mark.parametrize("away", [0.0, 0.3, 30.0], ids=["about zero", "beside zero", "far from zero"])
+def test_of_many_rows_those_near_a_point_tell_as_much_as_all(away):
+    rng = np.random.default_rng(20)
+    matrix, middle = rng.normal(size=(20_000, 5)), np.full(5, away)
+    error = rng.uniform(-1.0, 1.0, len(matrix)) + matrix @ middle
+    some, every = (Polytope(matrix, np.ones(len(matrix))) for _ in range(2))
+    some.confine(error - 1.0, error + 1.0)
+    every.confine(error - 1.0, error + 1.0)
+    assert some._near is not None
+    every._near = None
+    for weights in rng.normal(size=(4, 5)):
+        (reached, x, duals), (by_all, *_) = some.maximise(weights), every.maximise(weights)
+        assert reached == pytest.approx(by_all, rel=1e-12)
+        assert (np.abs(matrix @ x - error) <= 1.0 + 1e-9).all()
+        assert duals @ matrix == pytest.approx(weights, abs=1e-9)

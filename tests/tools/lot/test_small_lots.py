@@ -1,8 +1,13 @@
-"""Lots of few instruments: nothing is named by chance more often than stated, and what is odd is named."""
+"""Lots of few instruments: nothing is named by chance more often than stated, and what is odd is named.
+
+A cause of a stretch of serial numbers is named with both its ends.
+"""
 
 import numpy as np
 import pytest
 
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis.cause import NamedEffect
 from trihedron.tools.lot import Lot, Member, Value, lot_of
 
 PARAMETERS = 18
@@ -47,3 +52,19 @@ def test_small_lots_name_nothing_more_often_than_stated():
 def test_an_odd_instrument_of_a_small_lot_is_named(count: int):
     lot = drawn_lot(np.random.default_rng(count), count, moved=60.0)
     assert [(odd.serial, odd.symbol) for odd in lot.odd] == [("U-3", "X6")]
+
+
+@pytest.mark.parametrize(("count", "begin", "end"), [(100, 40, 60), (100, 0, 20), (100, 80, 100), (1000, 400, 600)])
+def test_a_cause_of_a_stretch_is_named_with_its_ends(count: int, begin: int, end: int):
+    """Seven of ten instruments of the stretch have it."""
+    place = EffectPlace("quadratic", "accelerometer-2")
+    members = []
+    for number in range(count):
+        has = begin <= number < end and number % 10 not in (2, 5, 8)
+        causes = (NamedEffect(**NamedEffect.keys(place)),) if has else ()
+        verdict = "explained" if has else "consistent"
+        members.append(Member(record=f"{number}.csv", serial=f"U-{number}", verdict=verdict, causes=causes))
+    (shared,) = lot_of(members, "diagnose").shared
+    assert shared.since == (f"U-{begin}" if begin else None)
+    assert shared.until == (f"U-{end - 1}" if end < count else None)
+    assert (shared.count, shared.of) == (0.7 * (end - begin), end - begin)
