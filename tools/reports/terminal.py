@@ -101,7 +101,7 @@ def certain_texts(result: Diagnosis) -> list[str]:
         texts += _first_of(_sizes(result, may_be_zero=False), "sizes")
         if result.best.rows and not result.best.causes:
             count = (result.calibration.positions or 0) - len(result.best.rows)
-            texts.append(f"without {rows_in_words(result.best.rows)} the other {count} fit within σ.")
+            texts.append(f"without {rows_in_words(result.best.rows)} the other {count} fit within their bounds.")
     proven = result.proven
     if proven is not None and result.verdict in ("ambiguous", "unexplained"):
         text = f"the error is at {proven.place.replace('-', ' ')}"
@@ -132,7 +132,7 @@ def _sizes(result: Diagnosis, *, may_be_zero: bool) -> list[str]:
     causes, texts = result.causes, []
     between = "surely between" if result.calibration.sigma.kind == "bound" else "between"
     for cause in causes:
-        of = f"{cause.place.title}: " if len(causes) > 1 else ""
+        of = f"{_in_words(cause)}: " if len(causes) > 1 else ""
         for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
             is_open = low <= 0.0 <= high and not parameter.name.endswith(NO_SIZES)
             if is_open != may_be_zero:
@@ -147,6 +147,13 @@ def _sizes(result: Diagnosis, *, may_be_zero: bool) -> list[str]:
             else:
                 texts.append(f"{head}: {estimate}, {between} {least} and {most} {unit}".rstrip())
     return texts
+
+
+def _in_words(cause: Cause) -> str:
+    """Return an effect and its place in words."""
+    if cause.effect == "outlier":
+        return f"reading {cause.where.removeprefix('position-')}.{cause.place.axes[0]}"
+    return cause.place.title
 
 
 def _size_in_words(cause: Cause, name: str) -> str:
