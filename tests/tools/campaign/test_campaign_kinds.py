@@ -69,7 +69,7 @@ def test_positions_of_ones_own(tmp_path):
     (result,) = results(parsed("[calibration]\npositions = 'own.csv'\n", tmp_path))
     assert result.scalars["verdict"] == "consistent"
     (tmp_path / "own.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match="no list of positions"):
+    with pytest.raises(InputError, match="not a list of positions"):
         make_runner(parsed("[calibration]\npositions = 'own.csv'\n", tmp_path))
 
 
