@@ -217,6 +217,7 @@ def test_the_radius_of_the_verdict_is_that_of_the_witness_that_errs_most(arm, sq
     hidden = [Hidden(EffectPlace("lever-arm", "accelerometer-2"), (arm, 0.0, -arm))]
     hidden.append(Hidden(EffectPlace("gyro-rate-squared", "gyro-block"), (squared, 0.0, -squared)))
     reader = whole_evidence(measured(*hidden), bench().place, noise_bound=SIGMA).reader
+    assert isinstance(reader, bench_in_motion.WholeReader)
     turns = reader.turns_of(None)
     assert turns is not None
     alone = [before for before, _ in turns.alone]
