@@ -75,16 +75,16 @@ def with_stamps(record: Measured, stamps: str | None = None) -> Measured:
         if grid.uneven:
             return _better(record, grid)
         return record
+    period = None if stamps in (EVEN, LOGGED) else 1.0 / rate_of(stamps)
     if stamps == LOGGED or isinstance(record, PositionRecord | PoseRecord):
         return _said(record, "time stamps: as logged, as said")
-    if stamps == EVEN and len(record) < 2:
+    if period is None and len(record) < 2:
         return record
-    if stamps == EVEN:
+    if period is None:
         grid = grid_of(record.time_s)
         if not grid.regular:
             raise InputError(f"{record.path}, column 'time_s': follows no even times; give --stamps RATE_HZ or logged")
         return _said(replace(record, time_s=grid.even), f"time stamps: even, {_every(grid.period)}, as said")
-    period = 1.0 / rate_of(stamps)
     even = record.time_s[0] + period * np.arange(len(record))
     return _said(replace(record, time_s=even), f"time stamps: even, {_every(period)}, as said; those logged are unused")
 

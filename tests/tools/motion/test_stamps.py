@@ -149,6 +149,15 @@ def test_the_option_decides(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
         assert "even, logged or the sampling rate in hertz" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("stamps", ["uneven", "0", "nan"])
+def test_words_that_are_no_stamps_are_refused_of_a_table_of_positions_too(stamps, tmp_path):
+    (tmp_path / "record.csv").write_text(
+        "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2\n1,0,0,0,0,0,9.8\n"
+    )
+    with pytest.raises(th.InputError, match=f"stamps {stamps}: give even, logged or"):
+        th.read_record(tmp_path / "record.csv", stamps=stamps)
+
+
 @pytest.mark.parametrize("step", [0.05, 0.1, 1.0])
 def test_stamps_that_repeat_are_refused_with_a_way_on(step: float, tmp_path: Path) -> None:
     record = moved_by_hand(8)
