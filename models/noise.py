@@ -11,7 +11,7 @@ Source: coefficients and spectra of IEEE Std 952-1997, annex C.
 
 import math
 
-from .random_numbers import seed_generator, symmetric, uniform
+from .random_numbers import seed_generator, uniform
 from .restricted import Vector
 
 STATES = 12
@@ -29,13 +29,14 @@ SHORT_END = 0.3975
 HELD = 2.0
 """A Markov process is advanced whenever its time over this has passed."""
 LEVELS = 1024.0
-"""Levels of a driving number: one uniform number of 32 bits holds three of them."""
-DRIVE = 3.3829117335329633e-3
-"""√12 over LEVELS: steps of a driving number of standard deviation one."""
-FIRST_STEP, WALK, REMAINDER, FLICKER, WAITED = 0, 1, 4, 7, 43
+"""Levels of a driving number that are told before the next one begins: one number of 32 bits holds three."""
+DRIVE = 3.4641016151377544
+"""√12: over the standard deviation of a uniform number between 0 and 1."""
+FIRST_STEP, WALK, REMAINDER, FLICKER, WAITED, ROUNDED, SUM = 0, 1, 4, 7, 43, 55, 58
 """Places in the memory of noise: the first step [s]; for each axis the walk, the remainder, the Markov processes; the
-time since each of these was advanced [s]."""
-MEMORY_SIZE = 55
+time since each of these was advanced [s]; for each axis the number that its remainder is drawn from, and the sum of its
+Markov processes."""
+MEMORY_SIZE = 61
 SPARE_SIZE = 2
 
 
@@ -51,34 +52,43 @@ def gaussian(generator: Vector, spare: Vector) -> float:
     return size * math.cos(angle)
 
 
-def draw_driving(generator: Vector, driving: Vector) -> None:
-    """Draw three uniform numbers of mean zero and standard deviation one, from one number of the generator."""
+def draw_driving(generator: Vector, at: int, driving: Vector) -> None:
+    """Draw three uniform numbers of mean zero and standard deviation one into places from `at` on.
+
+    One number of the generator gives all three, by its first digits and those behind them.
+    """
     drawn = uniform(generator)
-    for p in range(3):
+    driving[at] = DRIVE * (drawn - 0.5)
+    for p in range(1, 3):
         drawn = drawn * LEVELS
-        level = math.floor(drawn)
-        drawn = drawn - level
-        driving[p] = DRIVE * (level + 0.5 - 0.5 * LEVELS)
+        drawn = drawn - math.floor(drawn)
+        driving[at + p] = DRIVE * (drawn - 0.5)
 
 
 def advance_flicker(step: float, instability: Vector, memory: Vector, generator: Vector, driving: Vector) -> None:
     """Advance the Markov processes of all axes by a step [s].
 
-    A process that hardly changes over a step waits: it is advanced when a part of its time has passed, exactly. Uniform
-    numbers drive it: its spectrum is the one that normal numbers of the same variance give.
+    A process that hardly changes over a step waits: when a part of its time has passed it is advanced, exactly, and the
+    next slower one is looked at. Uniform numbers drive it: its spectrum is the one that normal numbers of the same
+    variance give.
     """
     time = memory[FIRST_STEP]
+    passed = step
     for i in range(STATES):
-        waited = memory[WAITED + i] + step
+        waited = memory[WAITED + i] + passed
         memory[WAITED + i] = waited
-        if waited * HELD >= time:
-            memory[WAITED + i] = 0.0
-            decay = math.exp(-waited / time)
-            spread = SHARE * math.sqrt(1.0 - decay * decay)
-            draw_driving(generator, driving)
-            for p in range(3):
-                at = FLICKER + STATES * p + i
-                memory[at] = decay * memory[at] + spread * instability[p] * driving[p]
+        if waited * HELD < time:
+            return
+        memory[WAITED + i] = 0.0
+        decay = math.exp(-waited / time)
+        spread = SHARE * math.sqrt(1.0 - decay * decay)
+        draw_driving(generator, 0, driving)
+        for p in range(3):
+            at = FLICKER + STATES * p + i
+            change = spread * instability[p] * driving[p] - (1.0 - decay) * memory[at]
+            memory[at] = memory[at] + change
+            memory[SUM + p] = memory[SUM + p] + change
+        passed = waited
         time = time * RATIO
 
 
@@ -95,11 +105,13 @@ def start_noise(step: float, instability: Vector, memory: Vector, generator: Vec
     for p in range(3):
         memory[WALK + p] = 0.0
         memory[REMAINDER + p] = 0.0
+        memory[SUM + p] = 0.0
         for i in range(STATES):
             memory[WAITED + i] = 0.0
             memory[FLICKER + STATES * p + i] = 0.0
             if instability[p] > 0.0:
                 memory[FLICKER + STATES * p + i] = SHARE * instability[p] * gaussian(generator, spare)
+                memory[SUM + p] = memory[SUM + p] + memory[FLICKER + STATES * p + i]
 
 
 def draw_noise(
@@ -123,7 +135,7 @@ def draw_noise(
         length of the step, and time since the start at its end [s]
     white, instability, walk, ramp, quantisation : (3,)
         N, B, K, R, Q
-    memory, generator, spare : (55,), (6,), (2,)
+    memory, generator, spare : (61,), (6,), (2,)
         advanced; a first step of 0 in the memory: nothing was drawn yet
     noise : (3,)
         overwritten
@@ -134,18 +146,21 @@ def draw_noise(
     if flickering > 0.0:
         advance_flicker(step, instability, memory, generator, noise)
     if flickering > 0.0 or walk[0] > 0.0 or walk[1] > 0.0 or walk[2] > 0.0:
-        draw_driving(generator, noise)
+        draw_driving(generator, 0, noise)
+    if quantisation[0] > 0.0 or quantisation[1] > 0.0 or quantisation[2] > 0.0:
+        draw_driving(generator, ROUNDED, memory)
+    first = memory[FIRST_STEP]
+    opening = SHORT_END * SHORT_END * first
+    closing = LONG_END * LONG_END / (LONGEST * first)
     for p in range(3):
         value = ramp[p] * (elapsed - 0.5 * step)
         density = white[p] * white[p]
         wander = walk[p] * walk[p]
         if instability[p] > 0.0:
-            for i in range(STATES):
-                value = value + memory[FLICKER + STATES * p + i]
-            closing = LONG_END * instability[p]
-            opening = SHORT_END * instability[p]
-            density = density + opening * opening * memory[FIRST_STEP]
-            wander = wander + closing * closing / (LONGEST * memory[FIRST_STEP])
+            value = value + memory[SUM + p]
+            flicker = instability[p] * instability[p]
+            density = density + opening * flicker
+            wander = wander + closing * flicker
         variance = density / step + wander * step / 12.0
         if variance > 0.0:
             value = value + math.sqrt(variance) * gaussian(generator, spare)
@@ -154,7 +169,7 @@ def draw_noise(
             value = value + memory[WALK + p] + 0.5 * change
             memory[WALK + p] = memory[WALK + p] + change
         if quantisation[p] > 0.0:
-            remainder = quantisation[p] * 1.7320508075688772 * symmetric(generator)
+            remainder = quantisation[p] * memory[ROUNDED + p]
             value = value + (remainder - memory[REMAINDER + p]) / step
             memory[REMAINDER + p] = remainder
         noise[p] = value

@@ -18,7 +18,7 @@ schema = "trihedron.scenario/1"
 title = "Two bare blocks"
 [run]
 step_s = 0.005
-stop_s = 600.0
+stop_s = 3600.0
 [fmus.block]
 component = "AccelerometerBlock"
 [fmus.block.parameters]
@@ -60,10 +60,10 @@ def cost(folder: Path, forces: str, rates: str) -> float:
     return min(times)
 
 
-def test_all_processes_cost_less_than_twice_the_white_noise(tmp_path):
-    """About 1.6 is measured; 1.5 is the aim."""
+def test_all_processes_cost_half_as_much_again_as_white_noise(tmp_path):
+    """Of an hour 1.40 to 1.49 is measured; a busy machine adds a tenth."""
     white = cost(tmp_path / "white", "", "")
-    assert cost(tmp_path / "all", sizes(OF_FORCES), sizes(OF_RATES)) < 2.0 * white
+    assert cost(tmp_path / "all", sizes(OF_FORCES), sizes(OF_RATES)) < 1.65 * white
 
 
 def test_an_hour_at_200_hz_takes_less_than_five_seconds():
@@ -78,8 +78,15 @@ def test_the_command_reads_an_hour_at_200_hz_in_five_seconds_and_400_mb(tmp_path
     path = tmp_path / "static.csv"
     write_record(static_record(720_000, 0.005, {"N": 1e-4, "K": 2e-6}, {"N": 1e-3, "B": 2e-4}, seed=2), path)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    program = "from trihedron.tools.cli import main; raise SystemExit(main())"
-    subprocess.run([sys.executable, "-c", program, "noise", str(path)], check=True, capture_output=True)
+    program = (
+        "import sys, pathlib; from trihedron.tools.cli import main; main(); "
+        "print(pathlib.Path('/proc/self/status').read_text(), file=sys.stderr)"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program, "noise", str(path)], check=True, capture_output=True, text=True
+    )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 5.0
-    assert after.ru_maxrss < 400_000
+    # of the command alone: the children's largest size counts this process, which made the record
+    peak = next(line for line in run.stderr.splitlines() if line.startswith("VmHWM"))
+    assert int(peak.split()[1]) < 400_000
