@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ...fmus.parameters import Parameters
 from ..errors import InputError
 from ..orchestrator import read_scenario, write_scenario
 from ..orchestrator.scenario import Scenario
@@ -79,17 +80,17 @@ def _element(parameters: Mapping[str, object], name: str, axis: int, default: fl
     return float(value)
 
 
-def block_parameters(against: Sequence[Against]) -> dict[str, dict[str, list[float]]]:
+def block_parameters(against: Sequence[Against]) -> dict[str, Parameters]:
     """Return the noise parameters of each component, by its name, in which a simulation's noise changes.
 
     Correlated noise and warm-up are no parameters of a block.
     """
-    blocks = {}
+    blocks: dict[str, Parameters] = {}
     for sensor, component in COMPONENTS.items():
         channels = [one for one in against if one.channel.startswith(sensor)]
         if not any(one.changed.keys() & PARAMETERS[sensor].keys() for one in channels):
             continue
-        values = {}
+        values: Parameters = {}
         for letter, name in PARAMETERS[sensor].items():
             values[name] = [(one.simulated | one.changed).get(letter, 0.0) for one in channels]
         blocks[component] = values
