@@ -61,7 +61,7 @@ def test_a_diagnosis_names_the_noise_that_the_simulation_lacks(scenario, tmp_pat
     write_record(moved_record(1, 6e-6), path)
     words = ["diagnose", str(path), "--against", str(scenario), "--json", str(out), "--export", str(folder)]
     assert main(words) == 0
-    assert "bench.toml simulates other noise" in " ".join(capsys.readouterr().out.split())
+    assert "bench.toml does not simulate the noise of the record" in " ".join(capsys.readouterr().out.split())
     noise = json.loads(out.read_text())["noise"]
     gyros = noise["against"][:3]
     assert sum("K" in one["alternatives"] for one in gyros) >= 2
