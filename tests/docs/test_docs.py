@@ -169,7 +169,7 @@ def test_every_page_of_the_gallery_has_its_verdict_and_the_notebook_what_its_cel
     assert all(name in gallery.gallery_page() for name in drawn)
     page = notebooks.page_of(ROOT / "docs" / "first-look.ipynb")
     assert page.count("<img ") == 2
-    assert "same: bench and bench" in page
+    assert "Same: bench and bench" in page
 
 
 def test_every_command_answers_a_question():

@@ -72,7 +72,9 @@ def wrong_options(command: Command) -> Iterator[tuple[str, ...]]:
         if not name.startswith("--") or not argument.parse or argument.token_count()[0] == 0:
             continue
         result, count = kinds(argument.hint), argument.token_count()[0]
-        yield (name,)
+        # `--realtime` alone is real time, a factor of one.
+        if name != "--realtime":
+            yield (name,)
         if isinstance(result[0], tuple):
             yield (name, "no-such-choice")
         elif result[0] in (int, float):

@@ -279,4 +279,4 @@ def test_what_is_proven_is_beside_a_set_that_acts_otherwise_and_beside_no_other(
     )
     assert unlisted.rivals == (tuple(forms[:1]) if elsewhere else ())
     assert [text for text in unlisted.caution if "catalogue" in text] == []
-    assert any("what is proven" in text for text in unlisted.caution) == elsewhere
+    assert any("the proven function" in text for text in unlisted.caution) == elsewhere
