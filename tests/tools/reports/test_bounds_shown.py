@@ -32,7 +32,8 @@ SHOWN = ("reports", "document", "cli")
 NUMERIC = re.compile(r"[^{}]*[eEfFgGn%]")
 DATA = {
     "rounding.py",
-    "foreign/sheet.py",
+    "foreign/workbook.py",
+    "live/run_view.py",
     "records/kinds.py",
     "papers/reproduction.py",
     "document/notation.py",
