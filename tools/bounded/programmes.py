@@ -203,7 +203,7 @@ class Nearness:
     @staticmethod
     def of(matrix: NDArray, room: NDArray) -> "Nearness | None":
         """Return the order of rows (M, n) with room (M,) about zero; None where they do not determine the columns."""
-        triangle = np.linalg.qr(shortened(matrix), mode="r")
+        triangle = np.asarray(np.linalg.qr(shortened(matrix), mode="r"))
         diagonal = np.abs(np.diag(triangle))
         if not diagonal.min() > DEPENDENT * diagonal.max():
             return None
