@@ -13,6 +13,7 @@ from ..motion.rests import quiet_rests, rates_of, sampling_of
 from ..records import RawRecord, StrapdownRecord, find_rests
 from ..records.decisions import rows_of_rests
 from ..records.kinds import BenchRecord, ForceRecord
+from ..records.limits import rows_at_limit
 from ..records.noise import sums_of
 from ..records.stamps import grid_of
 from ..rounding import digits, exactly
@@ -45,6 +46,8 @@ LONG_GAP = 20
 """Lost rows beyond which a gap ends a stretch: fewer are closed up."""
 SAME_STEP = 0.01
 """Largest relative difference of the sampling periods of records of one instrument."""
+CUT_OFF = 0.02
+"""Part of the readings at an end of the range from which noise would be told too small."""
 KNOCKS = 10
 """Rows on both sides of a knock that are left out."""
 
@@ -161,8 +164,19 @@ def _of_record(record: TimeSeries, skip: float) -> AtRest:
     for sensor, values in groups:
         for axis in range(3):
             pieces = tuple(np.ascontiguousarray(values[stretch, axis]) for stretch in kept)
+            _check_range(pieces, f"{record.path}: {sensor} {axis + 1}")
             channels.append(Channel(f"{sensor} {axis + 1}", sensor, pieces))
     return AtRest(tuple(channels), grid.period, static, getattr(record, "increment", None) is not None)
+
+
+def _check_range(pieces: Sequence[NDArray[np.float64]], where: str) -> None:
+    """Raise an InputError where readings are cut off at an end of the range: their noise looks smaller than it is."""
+    cut = sum(int(rows_at_limit(piece).sum()) for piece in pieces)
+    rows = sum(map(len, pieces))
+    if cut > CUT_OFF * rows:
+        raise InputError(
+            f"{where}: {cut} of {rows} readings at rest are at an end of its range; record it within the range"
+        )
 
 
 def _rates(record: TimeSeries, period: float) -> NDArray[np.float64] | None:
