@@ -18,9 +18,10 @@ from trihedron.tools.diagnosis import diagnose
 pytestmark = pytest.mark.benchmark_ratio
 ONE_EFFECT = ((EffectPlace("cubic", "accelerometer-1"), (6e-4,)),)
 MOST_GROWTH = 8.0
-"""Most time of a diagnosis of 1,000 positions over that of 100: 6.1 to 7.1 were measured."""
+"""Most time of a diagnosis of 1,000 positions over that of 100: with a cubic effect 6.0 was measured, once."""
 MOST_START = 12.0
-"""Most time of a command that calibrates over that of the calibration in its process: 7 were measured."""
+"""Most time of a command that calibrates over that of the calibration in its process: 0.4 s to start are 11 times.
+It is not met: 19 to 20 times were measured."""
 LEAST_OF_A_BATCH = 15.0
 """Least time of 500 commands over that of a batch of 500 records."""
 LEAST_OF_ATTITUDES = 10.0
@@ -84,8 +85,8 @@ def test_a_command_and_a_batch_against_the_calibration_itself(tmp_path: Path, ca
             f"\ncalibrate, 12 positions: a command {single:.2f} s, in the process {min(own):.3f} s "
             f"({single / min(own):.0f} times); {count} in a batch {many:.1f} s ({single * count / many:.1f} times)"
         )
-    assert single < MOST_START * min(own)
     assert single * count > LEAST_OF_A_BATCH * many
+    assert single < MOST_START * min(own)
 
 
 def test_attitudes_of_one_campaign_against_a_campaign_for_each(tmp_path: Path, capsys):
