@@ -125,6 +125,7 @@ def kinds() -> list[Component]:
     return selected
 
 
+@pytest.mark.first(14)
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("component", kinds(), ids=title)
 def test_derivatives_are_those_of_the_outputs(component, fmi, tmp_path):

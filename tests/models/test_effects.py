@@ -88,6 +88,7 @@ def test_the_catalogue_is_the_contracts():
     assert names == [four[:2], four, four]
 
 
+@pytest.mark.first(30)
 @pytest.mark.parametrize("place", LINEAR, ids=lambda p: p.title)
 def test_signatures_are_the_derivatives_of_what_the_components_read(place):
     """Use central differences at two sizes, extrapolated."""

@@ -11,7 +11,10 @@ import pytest
 from trihedron.tools.demo import IMU_CALIBRATION, SHORTER, run_demo
 
 
-@pytest.fixture(scope="module", params=[2026, 7], ids=["accelerometer", "encoder"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(2026, id="accelerometer"), pytest.param(7, id="encoder", marks=pytest.mark.acceptance)],
+)
 def demo(request, tmp_path_factory):
     """Return the folder, the page and the lines of a demonstration for each hidden effect."""
     out = tmp_path_factory.mktemp("demo")

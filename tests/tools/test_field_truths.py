@@ -111,6 +111,7 @@ def test_field_gyros_that_all_err_by_one_function_prove_nothing(tmp_path: Path) 
     assert diagnosis.proven is None or diagnosis.proven.quantity is None
 
 
+@pytest.mark.acceptance
 def test_field_sag_and_product_at_the_edge_are_named_without_a_third_effect(tmp_path: Path) -> None:
     diagnosis = th.diagnose(field_file("p07_sgo_cp3_100.csv", tmp_path), noise_bound=1e-5)
     assert diagnosis.verdict == "explained"
@@ -246,6 +247,7 @@ def imported_without_answers(path: Path) -> tuple[Any, str]:
         return None, str(error)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("name", LOGS)
 def test_field_logs_keep_their_numbers_and_none_is_guessed(name: str, tmp_path: Path) -> None:
     assert_read(field_file(name, tmp_path), name, tmp_path)

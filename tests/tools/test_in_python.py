@@ -155,7 +155,9 @@ def test_a_notebook_of_a_record_runs_from_its_first_cell_to_its_last(record, tmp
         th.export_notebook("monday.csv", out="monday.py")
 
 
-@pytest.mark.parametrize("strapdown", [False, True], ids=["positions", "strapdown"])
+@pytest.mark.parametrize(
+    "strapdown", [pytest.param(False, marks=pytest.mark.acceptance), True], ids=["positions", "strapdown"]
+)
 def test_a_generated_notebook_runs_in_a_kernel_and_shows_rounded_tables_and_pictures(
     strapdown, record, tmp_path, monkeypatch
 ):

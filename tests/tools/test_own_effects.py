@@ -36,6 +36,7 @@ def written(folder: Path, text: str = EXAMPLE) -> Path:
     return path
 
 
+@pytest.mark.first(20)
 @pytest.mark.parametrize("effect", KNOWN, ids=lambda effect: effect.name)
 def test_every_effect_of_the_catalogue_passes_what_is_asked_of_others(effect):
     assert check_effect("the catalogue", effect) is effect

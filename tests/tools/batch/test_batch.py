@@ -185,6 +185,7 @@ def test_a_table_of_another_language_is_read(lot, tmp_path):
     assert result.verdicts == {"consistent": 2}
 
 
+@pytest.mark.acceptance
 def test_a_lot_tells_the_shared_cause_and_the_odd_one(tmp_path):
     shared = EffectPlace("quadratic", "accelerometer-2"), (4e-4,)
     hidden = {number: [shared] for number in range(40, 60) if number % 10 not in (2, 5, 8)}

@@ -109,6 +109,7 @@ def of_imucal_by_angles(parts: list[pl.DataFrame], period: float, angles: Sequen
     return scales
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_turns_by_hand_that_are_no_whole_ones_are_told_by_the_moves(seed: int) -> None:
     """imucal takes each turn as exactly 360 degrees; with the angles that we measure it gives our numbers."""

@@ -37,6 +37,7 @@ def norms(x: np.ndarray, reading: np.ndarray) -> np.ndarray:
     return np.linalg.norm((reading - x[6:]) @ matrix.T, axis=1) - 1.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("name", "part"), [("broad-03", 0.3), ("broad-08", 0.3)])
 def test_gyros_and_their_lag_against_a_true_attitude(name: str, part: float) -> None:
     """Both records are of one instrument, whose gyros lag by about 4 ms."""
@@ -48,6 +49,7 @@ def test_gyros_and_their_lag_against_a_true_attitude(name: str, part: float) -> 
     )
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", MARKS)
 def test_unseen_rests_and_moves_are_predicted_no_worse_than_by_plain_least_squares(name: str) -> None:
     path = record_of(name)

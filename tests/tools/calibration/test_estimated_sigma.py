@@ -12,6 +12,7 @@ from trihedron.tools.cli import main
 from trihedron.tools.records import write_record
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("repeated", [0, 3])
 @pytest.mark.parametrize("count", [12, 24, 48, 100])
 def test_gaussian_errors_falsify_no_model(count, repeated):

@@ -27,13 +27,18 @@ WITHOUT_VERDICT = (
     "fmpy-input",
 )
 """Commands that print the names of files, or text for another program."""
+LEADING_TO_LONG_ONES = {"plan target", "batch clean.csv", "doctor --json", "calibrate clean.csv3"}
+"""Commands whose next command takes seconds."""
+VERDICTS = [
+    pytest.param(c, marks=pytest.mark.acceptance if c.title in LEADING_TO_LONG_ONES else [], id=c.title) for c in QUICK
+]
 BEGINNINGS = (
     "import foreign.csv --out record.csv",
     "check clean.csv",
     "calibrate clean.csv --noise-bound 1e-5",
     "calibrate measured.csv --noise-bound 1e-5",
-    "calibrate clean.csv measured.csv --noise-bound 1e-5 --own *",
-    "diagnose measured.csv --noise-bound 1e-5",
+    pytest.param("calibrate clean.csv measured.csv --noise-bound 1e-5 --own *", marks=pytest.mark.acceptance),
+    pytest.param("diagnose measured.csv --noise-bound 1e-5", marks=pytest.mark.acceptance),
     "diagnose clean.csv --noise-bound 1e-5 --channels 1,2,3 --bounds 3e-3 1e-2",
     "inspect strapdown.csv",
     "plan positions 6 --starts 1 --cuts 0 --keep-out alpha:-10:-5",
@@ -57,7 +62,7 @@ def run(line: str, capsys: pytest.CaptureFixture[str]) -> str:
 
 
 @pytest.mark.usefixtures("no_pictures", "here")
-@pytest.mark.parametrize("command", QUICK, ids=lambda c: c.title)
+@pytest.mark.parametrize("command", VERDICTS)
 def test_every_verdict_ends_with_a_command_that_runs(command: Command, capsys):
     cli.main(list(command.arguments))
     text = capsys.readouterr().out
@@ -78,6 +83,7 @@ def test_a_reader_who_follows_the_commands_comes_to_an_end(beginning: str, capsy
         line = next_of(run(line, capsys)) if "demo" not in line else line
 
 
+@pytest.mark.first(1)
 @pytest.mark.usefixtures("no_pictures", "here")
 @pytest.mark.parametrize("folder", ["x" * 30, "a folder/" + "y" * 40, "/".join(["z" * 40] * 4)])
 def test_the_next_command_fits_80_columns_with_a_long_path(folder: str, capsys, tmp_path):

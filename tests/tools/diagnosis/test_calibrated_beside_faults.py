@@ -116,6 +116,7 @@ def faulty(seed: int) -> Faulty:
     raise AssertionError(f"{kind} is not named with seed {seed}")
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_every_true_parameter_lies_in_its_interval(seed):
     case = faulty(seed)

@@ -65,7 +65,6 @@ QUICK = {
     "fixture that bends": Hidden({turned(2, 1): (8e-5,)}, 40),
     "mounting that creeps": Hidden({EffectPlace("mounting-drift", "mounting"): (1e-3, -2e-3, 5e-4)}),
     "warm-up": Hidden({on("warm-up", 2): (4e-4, 0.02)}, 26),
-    "lag from another temperature": Hidden({on("thermal-lag", 2): (5e-5, 1e-4, 0.015)}, 30, WARM),
     "channels exchanged late": Hidden({on("exchanged-readings", 1, 2): (before_row(20),)}),
     # The channels before that alone do not determine a bench.
     "channel reversed early": Hidden({on("exchanged-readings", 3, 3): (before_row(5),)}),
@@ -75,6 +74,7 @@ QUICK = {
     "quadratic": Hidden({on("quadratic", 2): (-1.2e-3,)}, 40),
 }
 LONG = {
+    "lag from another temperature": Hidden({on("thermal-lag", 2): (5e-5, 1e-4, 0.015)}, 30, WARM),
     "fixture that bends far": Hidden({turned(1, 3): (3e-3,)}, 36),
     "fixture that bends about its second axis": Hidden({turned(2, 2): (-2e-4,)}, 24),
     "warm mounting": Hidden({EffectPlace("mounting-temperature", "mounting"): (2e-5, 3e-5, -4e-5)}, 30, WARM),

@@ -98,6 +98,7 @@ def test_what_the_catalogue_lacks_is_not_given_a_name(spoilt: Callable):
         assert (structure[0]["accelerometer"], structure[0]["on"]) == (1, "input")
 
 
+@pytest.mark.acceptance
 def test_impossible_sizes_are_no_cause():
     """No accelerometer has a cubic term of 0.015 per g², though it would explain every reading."""
     place = EffectPlace("cubic", "accelerometer-1")

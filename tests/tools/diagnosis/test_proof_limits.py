@@ -75,6 +75,7 @@ def unsolved(*_: Any, **__: Any) -> Any:
     raise SolverError("a linear programme was not solved: Unbounded")
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("place", "stage"),
     [

@@ -22,6 +22,7 @@ for number in range(900, 920):
     DRAWN.append(pytest.param(kind, int(drawn.integers(len(EFFECTS))), size, marks=pytest.mark.acceptance))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("what", "number", "count"), [*SURE, *DRAWN])
 def test_a_wrong_row_and_an_effect_are_named_together(what, number, count):
     place, sizes = EFFECTS[number]

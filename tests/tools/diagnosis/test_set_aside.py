@@ -29,7 +29,7 @@ def with_angle_off(record: PositionRecord, row: int, degrees: float) -> Position
     return replace(record, alpha=alpha)
 
 
-@pytest.mark.parametrize("positions", [20, 10])
+@pytest.mark.parametrize("positions", [20, pytest.param(10, marks=pytest.mark.acceptance)])
 def test_a_wrong_row_of_one_record_is_named_there_and_the_others_judged_with_the_rest(positions):
     """Ten positions do not tell the wrong row by themselves."""
     records = of_one_instrument(21, 3, positions=positions)
@@ -47,6 +47,7 @@ def test_a_wrong_row_of_one_record_is_named_there_and_the_others_judged_with_the
     assert read.records[1].set_aside == tuesday.set_aside
 
 
+@pytest.mark.acceptance
 def test_an_effect_of_the_instrument_is_named_beside_a_wrong_row_of_one_day():
     records = of_one_instrument(22, 3, positions=24, shared=[(QUADRATIC, (4e-4,))])
     records[2] = with_angle_off(records[2], 11, -1.0)

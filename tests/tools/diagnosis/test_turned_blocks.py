@@ -41,6 +41,7 @@ TURNED = {
 }
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(
     ("name", "seed"),
     [(name, 1) for name in TURNED] + [pytest.param(name, 2, marks=pytest.mark.acceptance) for name in TURNED],

@@ -187,6 +187,7 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     assert "--latitude-deg: is of one record; give one" in capsys.readouterr().err
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("place", "values"),
     [

@@ -22,6 +22,7 @@ def rests(seed: int, effect: str = "", size: float = 0.0, accelerometer: int = 1
     return KnownDirections(n, reading + rng.uniform(-SIGMA, SIGMA, reading.shape), SIGMA)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_nonlinear_scale_factor_is_named_with_its_true_size_inside(seed, tmp_path):
     rng = np.random.default_rng([77, seed])

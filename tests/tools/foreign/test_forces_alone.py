@@ -152,6 +152,7 @@ def test_a_pipe_in_place_of_the_mapping_is_refused(tmp_path: Path, capsys):
         th.import_record(log, out=out)
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("name", ["log.csv", "log.xlsb", "log.csv.gz", "log.mat", "log.bag", "log.mcap"])
 @pytest.mark.parametrize("read", [th.import_record, partial(th.batch, do="noise", out="out")])
 def test_a_pipe_in_place_of_a_log_is_refused_and_not_waited_for(read, name: str, tmp_path: Path, monkeypatch):

@@ -199,6 +199,7 @@ def test_two_files_of_one_clock_are_one_record(tmp_path: Path):
         assert "both files have the same times" in conversion.notes
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("lag", [0.0, 0.08, -0.05])
 def test_the_slower_file_is_interpolated_within_its_bound_and_the_lag_is_stated(lag: float, tmp_path: Path):
     fast, slow = np.arange(0.0, 60.0, 0.01), np.arange(0.203, 59.0, 0.02)
@@ -219,6 +220,7 @@ def test_the_slower_file_is_interpolated_within_its_bound_and_the_lag_is_stated(
     assert (" ahead of " in notes) == (lag < 0.0) or lag == 0.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("late", [3.17, -1.06])
 def test_two_files_that_each_begin_at_0_are_asked_for_the_lag_that_the_record_shows(late: float, tmp_path: Path):
     """Each logger counts from its own start: the gyros' stamps of a moment are larger by the lag."""

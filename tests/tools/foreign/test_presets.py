@@ -338,6 +338,7 @@ FIELD = {
 """File of the field -> the answers to its only round of questions."""
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize("name", FIELD)
 def test_a_file_of_the_field_takes_one_round_of_questions_at_most(name: str, tmp_path: Path):
     path, answers = field_file(name, tmp_path), FIELD[name]
@@ -443,6 +444,7 @@ def test_rows_of_two_sensors_are_not_mixed(tmp_path: Path):
         th.import_record(path, part="I=7")
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("mark", [",", ";"])
 def test_a_large_text_is_read_as_a_small_one(mark: str, tmp_path: Path, monkeypatch):
     """Its columns are read at once; the numbers, the rows that are left out and the record's file are the same."""

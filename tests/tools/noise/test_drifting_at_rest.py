@@ -22,6 +22,7 @@ def with_motion(record: StrapdownRecord, rate, force=None) -> StrapdownRecord:
     )
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(
     ("step", "rows", "gyro", "accelerometer", "letter"),
     [
@@ -44,6 +45,7 @@ def test_a_static_record_is_taken_whole_however_much_its_biases_drift(step, rows
         assert 0.6 < known(known(channel.coefficient(letter)).estimate) / size < 1.5
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("size", "time"), [(1e-2, 300.0), (3e-3, 600.0)])
 def test_a_warm_up_ends_no_rest(size, time):
     record = static_record(36_000, 0.1, *WHITE, seed=3)
@@ -63,6 +65,7 @@ def turned(time, axis: int, start: float, length: float, degrees: float):
     return rates
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("sizes", "length", "degrees"),
     [(WHITE, 3.0, 90.0), (WHITE, 60.0, 10.0), (WHITE, 100.0, 45.0), (WALKING, 3.0, 90.0), (WALKING, 60.0, 30.0)],

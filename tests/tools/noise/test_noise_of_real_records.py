@@ -60,6 +60,7 @@ def inside(noise: Noise, record: StrapdownRecord) -> list[bool]:
     return results
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", RECORDS[:4])
 def test_white_noise_is_that_of_the_data_sheet_within_a_factor(name):
     result = th.noise(measured(name))
@@ -68,6 +69,7 @@ def test_white_noise_is_that_of_the_data_sheet_within_a_factor(name):
         assert 1.0 / 2.5 < white / DATA_SHEET[channel.sensor] < 2.5
 
 
+@pytest.mark.acceptance
 def test_rests_that_were_not_used_are_predicted():
     every = []
     for name in RECORDS:

@@ -28,6 +28,7 @@ def averaged_record(seed: int, count: int = POSITIONS):
     return session.record(error=(means - means.mean(axis=0)) / GRAVITY)
 
 
+@pytest.mark.acceptance
 def test_clean_records_of_the_instrument_are_consistent(noise):
     """At most one of a hundred is falsified."""
     verdicts = [th.calibrate(averaged_record(seed), noise_result=noise).verdict for seed in range(100)]

@@ -208,6 +208,7 @@ def test_the_programme_runs_and_the_truth_is_inside(plan_folder: Path, tmp_path:
     assert inside_intervals(result, true_targets(read_scenario(scenario))) == 18
 
 
+@pytest.mark.acceptance
 def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path) -> None:
     table = np.loadtxt(plan_folder / "angles.csv", delimiter=",", skiprows=1)
     table[:, 2] += 0.05 * (-1.0) ** np.arange(len(table))

@@ -189,6 +189,7 @@ def test_dead_channels_and_channels_of_few_values_have_no_limit():
     assert channel_limits(StrapdownRecord(PERIOD * np.arange(400), rate, None, rate[:, ::-1])).lines == []
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", ["broad-03", "broad-21", "mpu9150-0", "mpu9150-1", "mpu9150-2", "xsens-imu-tk"])
 def test_no_measured_record_has_a_limit(name):
     assert channel_limits(measured(name)).lines == []

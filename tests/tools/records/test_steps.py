@@ -83,6 +83,7 @@ def test_intervals_hold_the_truth_with_rounded_angles(tmp_path):
     assert kappa.high - kappa.low > 1e-4
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("step", [0.1, MINUTE, 0.001])
 def test_a_table_that_stands_at_its_settings_hides_no_effect(step, tmp_path):
     session, rng = drawn(7, 40)

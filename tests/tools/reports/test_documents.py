@@ -33,6 +33,9 @@ def test_every_kind_of_result_has_the_function_that_makes_its_page():
         assert callable(getattr(importlib.import_module(f"trihedron.tools.reports.{module}"), maker))
 
 
+LONG = {"bench, explained, with its gain", "bench, ambiguous", "bench, unexplained", "block, ambiguous"}
+"""Documents of diagnoses that take seconds."""
+DOCUMENTS = [pytest.param(name, marks=pytest.mark.acceptance if name in LONG else []) for name in MAKERS]
 MEASURED = ["What was measured"]
 RANKED = ["Evidence: residual with each effect", "Evidence: similar effects"]
 SECTIONS = {
@@ -90,7 +93,7 @@ def in_order(wanted: Sequence[str], found: Sequence[str]) -> bool:
     return all(name in rest for name in wanted)
 
 
-@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("name", DOCUMENTS)
 def test_what_every_document_says(name):
     result, record = shown(name)
     page, html = page_of(name), text_of(name)
@@ -126,7 +129,7 @@ def test_what_every_document_says(name):
     assert not re.search(r">\s*(nan|None)\s*<", html)
 
 
-@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("name", DOCUMENTS)
 def test_numbers_of_tables_are_numbers_for_a_spreadsheet(name):
     with_unit = re.compile(r"[-−]?\d[\d.]*(·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? ?(g|µg|rad|rad/s|m/s²|s|°|deg|arcsec|arcmin|%|σ)?")
     for tag, cell in re.findall(r"<td( class=[^>]*)?>([^<]*)</td>", text_of(name)):
@@ -136,7 +139,7 @@ def test_numbers_of_tables_are_numbers_for_a_spreadsheet(name):
             assert not with_unit.fullmatch(unescape(cell)), cell
 
 
-@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("name", DOCUMENTS)
 def test_a_page_says_nothing_twice(name):
     page = page_of(name)
     texts = [page.verdict, *page.warnings]

@@ -30,6 +30,7 @@ def test_every_verdict_fits_the_screen(name):
         assert "\nGain: " in str(diagnosis)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("what", ["disturbed", "angle"])
 def test_wrong_rows_fit_the_screen_and_say_what_to_do(what):
     diagnosis = diagnose(with_wrong_rows(4, what, 24, 3).record, noise_bound=SIGMA, rerun=False)

@@ -50,6 +50,7 @@ CASES = [("outer zero", 1, 48), ("inner zero", 2, 36), ("biases", 3, 24), ("scal
 CASES += [("biases and mounting", 5, 48), ("common scale", 6, 36)]
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(("group", "seed", "count"), CASES)
 def test_a_break_is_named_with_its_gap_and_its_size(group, seed, count):
     broken = broken_record(seed, group, count, 8.0)
@@ -89,7 +90,10 @@ def test_what_the_catalogue_lists_keeps_its_name(group):
 
 @pytest.mark.parametrize(
     ("name", "row", "words"),
-    [("o18_remount_power.csv", 25, "mounting"), ("o19_power.csv", 31, "biases")],
+    [
+        pytest.param("o18_remount_power.csv", 25, "mounting", marks=pytest.mark.acceptance),
+        ("o19_power.csv", 31, "biases"),
+    ],
 )
 def test_breaks_of_the_field_are_named(name, row, words, tmp_path):
     result = diagnosed(read_record(field_file(name, tmp_path)))
@@ -107,7 +111,9 @@ def test_biases_of_the_field_changed_by_what_they_did(tmp_path):
         assert low <= size <= high
 
 
-@pytest.mark.parametrize("whole", [False, True], ids=["rests", "with gyros"])
+@pytest.mark.parametrize(
+    "whole", [False, pytest.param(True, marks=pytest.mark.acceptance)], ids=["rests", "with gyros"]
+)
 def test_biases_of_a_bench_record_change_at_a_time(whole):
     drawn = draw_whole(np.random.default_rng([5, 5]))
     bench = replace(drawn, alpha=drawn.alpha[-28:], beta=drawn.beta[-28:])

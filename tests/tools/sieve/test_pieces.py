@@ -32,6 +32,7 @@ def assert_named(result, wrong):
         assert wrong.key in first.change[label]
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(("kind", "what"), [("rest", "exchanged"), ("move", "sign"), ("move", "offset")])
 def test_a_wrong_piece_of_a_block_moved_by_hand_is_named(kind, what):
     wrong = with_wrong_piece(1, kind, what)
@@ -179,7 +180,7 @@ def test_a_wrong_rest_of_a_series_without_gyros_is_called_a_rest():
     assert "7.3" in first.sentence or first.sentence.startswith("Rest 7 is wrong")
 
 
-@pytest.mark.parametrize("what", ["jump", "offset"])
+@pytest.mark.parametrize("what", [pytest.param("jump", marks=pytest.mark.acceptance), "offset"])
 def test_no_sign_is_named_where_it_hardly_turns_the_block(what):
     rng = np.random.default_rng(1)
     motion = drawn_motion(rng, moves=16, rest=2.5)

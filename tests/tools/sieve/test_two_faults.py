@@ -15,6 +15,7 @@ HYSTERESIS = EffectPlace("hysteresis", "accelerometer-1")
 LONG = pytest.mark.acceptance
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("seed", "groups", "count"),
     [
@@ -36,6 +37,7 @@ def test_two_breaks_are_named(seed, groups, count):
     assert any(key.endswith(f"_from_row_{two.further_row}") for key in first.change)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("seed", "group", "place", "size"),
     [
@@ -72,6 +74,7 @@ def test_a_break_and_a_wrong_row_are_named(seed, group, count):
     assert (first.before_row, first.rows) == (two.before_row, (two.further_row,))
 
 
+@pytest.mark.acceptance
 def test_two_things_that_change_at_one_gap_are_named():
     two = two_things(1, ("outer zero", "biases"), 48, at_once=True)
     result = diagnosed(two.record)

@@ -136,6 +136,7 @@ def test_a_suite_counts_the_right_fault_as_right():
     assert Suite.model_validate_json(suite.json_text()) == suite
 
 
+@pytest.mark.acceptance
 def test_a_break_is_no_coarse_encoder_where_the_programme_has_round_angles():
     """All angles are multiples of 0.1°, as commanded; the errors are far smaller than half a step."""
     suite = named_suite("faults")
