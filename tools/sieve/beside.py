@@ -32,6 +32,8 @@ MOST_WORK = 6e6
 CLEAR = 10.0
 """A change of a row is looked for where the row misfits by so many times the effect beside it."""
 OUTLIER = "outlier"
+BREAKS = ("bias-step", "scale-step", "mounting-slip")
+"""Effects that are breaks: the search for a break and a wrong row names them."""
 OPEN = Change(ROW, "The cause stays open.")
 
 
@@ -51,12 +53,15 @@ def rows_beside_effects(evidence: Evidence) -> tuple[Simple, ...]:
     return tuple(fault for fault in faults if not _is_wider(fault, faults))
 
 
-def bent_fits(evidence: Evidence, work: Work) -> list[Fit]:
-    """Return the fits of single effects that are not linear and make the model fit, the least radius first."""
+def bent_fits(evidence: Evidence, work: Work, excluded: Sequence[str] = ()) -> list[Fit]:
+    """Return the fits of single effects that are not linear and make the model fit, the least radius first.
+
+    `excluded` are names of effects that are not tried.
+    """
     fits = []
     try:
         for (place,) in evidence.model.candidates(1, work):
-            if not is_linear(place) and place.effect != OUTLIER:
+            if not is_linear(place) and place.effect not in (OUTLIER, *excluded):
                 fits += evidence.model.mended([place], work)
     except (CutOff, SolverError, ValueError):
         return []
@@ -96,7 +101,7 @@ def _beside_bent(evidence: Evidence, table: Table) -> Iterator[Simple]:
     work = Work(MOST_WORK)
     for row in np.argsort(-table.excess, kind="stable")[:MOST_TRIED].tolist():
         remaining = _without(evidence, row)
-        for found in bent_fits(remaining, work) if remaining is not None else ():
+        for found in bent_fits(remaining, work, BREAKS) if remaining is not None else ():
             assert remaining is not None
             fit = found.centred(remaining.model.room)
             yield from _faults(remaining, fit, row, _change(table, remaining, fit, row, None))

@@ -64,7 +64,16 @@ def test_a_break_and_an_effect_are_named(seed, group, place, size):
 
 @pytest.mark.parametrize(
     ("seed", "group", "count"),
-    [(1, "biases", 36), pytest.param(2, "mounting angle", 48, marks=LONG), pytest.param(3, "bias", 24, marks=LONG)],
+    [
+        (1, "biases", 36),
+        # Breaks that the catalogue has as effects, too: each is named once.
+        (3, "bias", 24),
+        (12, "scale factor", 36),
+        (13, "mounting", 30),
+        pytest.param(2, "mounting angle", 48, marks=LONG),
+        pytest.param(14, "scale factor", 24, marks=LONG),
+        pytest.param(15, "mounting", 48, marks=LONG),
+    ],
 )
 def test_a_break_and_a_wrong_row_are_named(seed, group, count):
     two = two_things(seed, (group,), count, wrong_row=True)
