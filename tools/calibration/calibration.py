@@ -565,8 +565,9 @@ def _of_pasted_rows(record: PositionRecord) -> list[str]:
         while row + count < len(earlier) and earlier[row] != row and earlier[row + count] == earlier[row] + count:
             count += 1
         if count >= FEWEST_PASTED:
-            again = f"rows {row + 1} to {row + count} of {record.path.name}"
-            first = f"rows {earlier[row] + 1} to {earlier[row] + count}"
+            at, numbers = earlier[row], record.numbers
+            again = f"rows {numbers[row]} to {numbers[row + count - 1]} of {record.path.name}"
+            first = f"rows {numbers[at]} to {numbers[at + count - 1]}"
             lines.append(f"{again} are {first} again, digit by digit: take one of them out, each counts twice")
         row += max(count, 1)
     return lines

@@ -126,11 +126,10 @@ class Given:
         named = self.explanation
         if named is None or any(cause.effect == "outlier" for cause in named.causes):
             return ()
+        known = self.record.numbers if isinstance(self.record, PositionRecord) else ()
         for row in named.rows or ():
-            if not 1 <= row <= len(self.record):
-                raise InputError(
-                    f"--with: the diagnosis names row {row}, and {self.record.path} has {len(self.record)}"
-                )
+            if row not in known:
+                raise InputError(f"--with: the diagnosis names row {row}, which {self.record.path} does not have")
         return named.rows or ()
 
     @property
@@ -204,8 +203,8 @@ class Given:
         self._refuse_nothing()
         if place is not None and not self.wrong_rows and not self.changes and self.causes:
             return self._by_reader(record, place)
-        rows = np.setdiff1d(np.arange(len(record)), np.array(self.wrong_rows, dtype=int) - 1)
-        remaining, request = record.selected(rows), self.request()
+        remaining = record.selected(~np.isin(record.numbers, self.wrong_rows))
+        request = self.request()
         if not self.at_rest and not self.changes:
             return self._without_effects(calibrate_whole(remaining, place, **vars(request)))
         evidence = bench_evidence(remaining, **vars(request))

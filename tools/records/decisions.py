@@ -81,7 +81,7 @@ class Decisions:
             if len(self.left_out) > LISTED:
                 numbers.append("...")
             noun = "position" if len(self.left_out) == 1 else "positions"
-            parts.append(f"{noun} {', '.join(numbers)} left out (an answer counts the other rows from 1)")
+            parts.append(f"{noun} {', '.join(numbers)} left out")
         if self.rests is not None:
             parts.append(f"{len(self.rests)} rests as marked")
         if self.turns:

@@ -136,9 +136,10 @@ class _Record(_Origin):
 
     def __post_init__(self) -> None:
         count = len(self)
-        if self.row.size == 0:
-            object.__setattr__(self, "row", np.arange(1, count + 1))
-        for name, columns in {**self.groups, "scatter": FORCE, "row": ("row",)}.items():
+        for name in ("row", "numbers"):
+            if np.size(getattr(self, name, 1)) == 0:
+                object.__setattr__(self, name, np.arange(1, count + 1))
+        for name, columns in {**self.groups, "scatter": FORCE, "row": ("row",), "numbers": ("numbers",)}.items():
             value = getattr(self, name, None)
             if value is None:
                 continue
@@ -146,7 +147,7 @@ class _Record(_Origin):
                 if len(value) != count:
                     raise ValueError(f"{len(value)} words of {name} for {count} rows")
                 continue
-            if name in ("position", "row"):
+            if name in ("position", "row", "numbers"):
                 number_type = np.int64
             else:
                 number_type = np.float64
@@ -366,6 +367,8 @@ class PositionRecord(_Record):
         for a record made from rests, where they are long enough to tell
     raw : RawRecord or None
         its raw record, with all the `rests` of the table, refused ones too
+    numbers : ndarray of int, shape (N,)
+        number of each row among the rows of readings in the file, from 1: answers name rows by it
     """
 
     word = "position record"
@@ -398,6 +401,7 @@ class PositionRecord(_Record):
     dwell_noise: DwellNoise | None = None
     raw: RawRecord | None = None
     rests: tuple[Rest, ...] = ()
+    numbers: np.ndarray = field(default_factory=_no_rows)
 
     def bounds_with(self, noise_bound: float, gravity: float) -> np.ndarray:
         """Return the bound of each reading's error (3 N,), fractions of `gravity`.
@@ -535,6 +539,8 @@ class PoseRecord(_Record):
         standard error of each mean [m/s²]
     path, row, warnings, sha256, about, channels
         source of the record, and the way it was read
+    numbers : ndarray of int, shape (N,)
+        as of PositionRecord
     """
 
     word = "pose record"
@@ -554,6 +560,7 @@ class PoseRecord(_Record):
     face: tuple[str, ...] | None = None
     up: np.ndarray | None = None
     scatter: np.ndarray | None = None
+    numbers: np.ndarray = field(default_factory=_no_rows)
 
 
 LONG = 500_000

@@ -93,7 +93,7 @@ def _beside_linear(evidence: Evidence, table: Table) -> Iterator[Simple]:
                 continue
             fit = fits[0].centred(remaining.model.room)
             own = (columns @ fit.stated).reshape(-1, 3)[row]
-            yield from _faults(remaining, fit, row, _change(table, remaining, fit, row, own))
+            yield from _faults(remaining, fit, int(table.numbers[row]), _change(table, remaining, fit, row, own))
 
 
 def _beside_bent(evidence: Evidence, table: Table) -> Iterator[Simple]:
@@ -104,7 +104,7 @@ def _beside_bent(evidence: Evidence, table: Table) -> Iterator[Simple]:
         for found in bent_fits(remaining, work, BREAKS) if remaining is not None else ():
             assert remaining is not None
             fit = found.centred(remaining.model.room)
-            yield from _faults(remaining, fit, row, _change(table, remaining, fit, row, None))
+            yield from _faults(remaining, fit, int(table.numbers[row]), _change(table, remaining, fit, row, None))
 
 
 def _without(evidence: Evidence, row: int) -> Evidence | None:
@@ -133,8 +133,8 @@ def _rows_beside(table: Table, columns: NDArray, told: NDArray) -> list[int]:
     return [row for rows in standing for row in rows]
 
 
-def _faults(remaining: Evidence, fit: Fit, row: int, change: Change) -> Iterator[Simple]:
-    """Yield the pair of a wrong row and the effect of a fit; nothing if one reading alone is wrong."""
+def _faults(remaining: Evidence, fit: Fit, number: int, change: Change) -> Iterator[Simple]:
+    """Yield the pair of a wrong row, by its number, and the effect of a fit; nothing if one reading alone is wrong."""
     if change.reading is not None:
         # The catalogue's own search names a reading that is off beside an effect.
         return
@@ -147,11 +147,11 @@ def _faults(remaining: Evidence, fit: Fit, row: int, change: Change) -> Iterator
     yield Simple(
         kind="rows",
         numbers=change.numbers + _numbers(place) + 1,
-        where=(f"row-{row + 1}", place.where),
-        sentence=f"Row {row + 1} is wrong. {change.words} Beside that {effect}.",
+        where=(f"row-{number}", place.where),
+        sentence=f"Row {number} is wrong. {change.words} Beside that {effect}.",
         radius=fit.radius,
         evidence=remaining,
-        rows=(row + 1,),
+        rows=(number,),
         change=change.keys,
         fit=fit,
     )

@@ -161,7 +161,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Beside:
-    """Causes beside breaks: effects of the simulation, or a wrong row."""
+    """Causes beside breaks: effects of the simulation, or a wrong row, as the search counts it or as the file does."""
 
     effects: tuple[EffectPlace, ...] = ()
     rows: tuple[int, ...] = ()
@@ -349,9 +349,9 @@ class Search:
                 f"{sentence}{'' if k else '; all else is the same before and after'}. {group.supposed}".strip()
             )
             numbers += self.numbers_of(group, gap)
-        gap = best.gaps[0]
+        gap, beside = best.gaps[0], self.numbered(beside)
         first, last = min(one.gaps[0].before for one in standing), max(one.gaps[0].after for one in standing)
-        between = int(self.order[first]) + 1, int(self.order[last]) + 1
+        between = self.number_at(first), self.number_at(last)
         return Simple(
             kind="break",
             numbers=numbers,
@@ -378,7 +378,21 @@ class Search:
 
     def row_after(self, gap: Gap) -> int:
         """The first row after a gap, as in the file; of a series the number of its rest."""
-        return int(self.order[gap.after]) + 1
+        return self.number_at(gap.after)
+
+    @cached_property
+    def numbers(self) -> NDArray[np.int_]:
+        """Numbers (N,) of the rows in the file; of a series those of its rests."""
+        source = self.evidence.source
+        return np.arange(1, len(self.hours) + 1) if source is None else source.record.numbers
+
+    def number_at(self, place: int) -> int:
+        """Return the number of the row at a place, from 0, of the order of time."""
+        return int(self.numbers[self.order[place]])
+
+    def numbered(self, beside: Beside) -> Beside:
+        """Return the causes beside breaks, their rows by the numbers of the file."""
+        return replace(beside, rows=tuple(int(self.numbers[row - 1]) for row in beside.rows))
 
     @cached_property
     def of_rests(self) -> bool:
@@ -393,7 +407,7 @@ class Search:
 
     def between(self, first: int, last: int) -> str:
         """Between which rows, from 0 in the order of time; of a series also when."""
-        rows = f"Between {self.unit_of_rows}s {self.order[first] + 1} and {self.order[last] + 1}"
+        rows = f"Between {self.unit_of_rows}s {self.number_at(first)} and {self.number_at(last)}"
         if not self.of_rests:
             return rows
         circumstances = self.model.readings.circumstances

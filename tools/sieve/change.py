@@ -105,7 +105,8 @@ class Mending:
         apart[self.row] = np.inf
         same = np.flatnonzero(apart <= 2.0 * self.bound.max())
         for row in same[np.argsort(apart[same], kind="stable")][:1]:
-            yield Change(DISCRETE, f"Its readings are those of row {row + 1}.", {"readings_of_row": int(row + 1)})
+            number = int(self.table.numbers[row])
+            yield Change(DISCRETE, f"Its readings are those of row {number}.", {"readings_of_row": number})
         if len(same):
             return
         at = linear.positions
@@ -114,9 +115,8 @@ class Mending:
         near[self.row] = np.inf
         for row in np.flatnonzero(near <= NEAR):
             if self.alone.fit(angles[row][None], self.alone.reading):
-                yield Change(
-                    DISCRETE, f"Its readings belong to the angles of row {row + 1}.", {"angles_of_row": int(row + 1)}
-                )
+                number = int(self.table.numbers[row])
+                yield Change(DISCRETE, f"Its readings belong to the angles of row {number}.", {"angles_of_row": number})
                 return
 
     def readings(self) -> Iterator[Change]:

@@ -99,7 +99,7 @@ def _of_whole_rows(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]
         return None
     if remaining.model.falsified:
         return None
-    numbers = tuple(int(row) + 1 for row in wrong)
+    numbers = tuple(record.numbers[wrong].tolist())
     unit = _unit(evidence)
     return Simple(
         kind="rows",
@@ -127,7 +127,8 @@ def _of_readings(
     fits = evidence.model.mended(places, Work())
     if not fits:
         return []
-    numbers = tuple(int(row) + 1 for row in wrong)
+    assert evidence.source is not None
+    numbers = tuple(evidence.source.record.numbers[wrong].tolist())
     labels = [f"{number}.{channel}" for number, channel in zip(numbers, channels, strict=True)]
     fault = Simple(
         kind="rows",

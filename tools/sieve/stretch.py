@@ -64,7 +64,8 @@ def _fault(evidence: Evidence, window: NDArray, mended: Exchange | None) -> tupl
         return ()
     if remaining.model.falsified:
         return ()
-    first, last = int(window[0]) + 1, int(window[-1]) + 1
+    numbers = tuple(record.numbers[window].tolist())
+    first, last = numbers[0], numbers[-1]
     sentence = f"Rows {first} to {last} do not belong to the rest, which fits."
     if mended is not None:
         sentence += f" They fit with {mended.words}."
@@ -75,7 +76,7 @@ def _fault(evidence: Evidence, window: NDArray, mended: Exchange | None) -> tupl
         sentence=sentence,
         radius=remaining.model.radius,
         evidence=remaining,
-        rows=tuple(range(first, last + 1)),
+        rows=numbers,
         change={} if mended is None else mended.keys,
     )
     return (fault,)

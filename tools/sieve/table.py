@@ -27,10 +27,14 @@ SECOND_ORDER = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Readings at table positions, linear about a point; `limit` is the largest radius of a model that fits."""
+    """Readings at table positions, linear about a point.
+
+    `limit` is the largest radius of a model that fits, `numbers` (N,) are those of the rows in the file.
+    """
 
     linear: Linearisation
     limit: float
+    numbers: NDArray[np.int_]
 
     @staticmethod
     def of(evidence: Evidence) -> "Table | None":
@@ -48,7 +52,7 @@ class Table:
             certain = admissible(at.alpha, at.beta, matrices, bounds=model.bounds)
             certain &= (nominal_input(at.alpha, at.beta, matrices) >= 0.0) == (linear.sign > 0)
             linear = replace(linear, bound=bound + widening(linear, certain, bound, model.bounds))
-        return Table(linear, model.limit)
+        return Table(linear, model.limit, record.numbers)
 
     def __len__(self) -> int:
         return len(self.linear.reading)

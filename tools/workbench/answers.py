@@ -424,11 +424,11 @@ def _or_nan(number: float | None) -> float:
 
 
 def _wrong_positions(result: Any, record: Any) -> list[int]:
-    """Return the numbers of the positions that a diagnosis names wrong; it counts rows, without those left out."""
+    """Return the numbers of the positions that a diagnosis names wrong; it counts the rows of the file."""
     explanations = getattr(result, "explanations", ())
     if not explanations or explanations[0].kind != "rows" or not hasattr(record, "position"):
         return []
-    return [int(record.position[row - 1]) for row in explanations[0].rows or ()]
+    return record.position[np.isin(record.numbers, explanations[0].rows or ())].tolist()
 
 
 def _explanations(result: Any) -> list[dict[str, Any]]:
