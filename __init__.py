@@ -66,7 +66,7 @@ __all__ = [name for name in _NAMES if name != "open"]  # pyright: ignore[reportU
 
 
 def __getattr__(name: str) -> Any:
-    """What is asked for, imported when it is."""
+    """Import an attribute when it is first used."""
     if name == "__version__":
         from importlib.metadata import version
 

@@ -29,8 +29,9 @@ def cache_folder() -> Path:
 def others_can_write(folder: Path) -> Path | None:
     """The folder itself, or the first above it, in which other users can put files; None where there is none.
 
-    A digest tells damage, not a stranger's hand: what is kept is machine code. A folder above with the sticky bit lets
-    nobody take away what is another's. Where the system has no owners of files (Windows) it answers for its folders.
+    A digest shows damage, but no manipulation, and the kept files are machine code. In a folder above with the sticky
+    bit nobody can remove the files of other users. Where the system has no owners of files (Windows) it answers for its
+    folders.
     """
     if not hasattr(os, "geteuid"):
         return None

@@ -113,8 +113,8 @@ class Component:
         the table; value references count its scalars from 1 (0 is the time)
     model : tuple of callable
         the kernels that initialise, step and, where there is a third, respond: that recomputes the outputs that follow
-        the inputs at once. Each takes what it names: variables of the table, ``time``, ``step``, ``effect``; returns 0
-        or the number of a message
+        the inputs at once. Each takes the variables of the table that its arguments name, ``time``, ``step``,
+        ``effect``; returns 0 or the number of a message
     messages : tuple of str
         what message 1, 2, ... of the kernels says
     equations : tuple of str
@@ -281,7 +281,7 @@ def started(component: Component, values: Mapping[str, float | Sequence[float]])
     Raises
     ------
     ValueError
-        what is not a parameter of the component, an array of another length, a value beyond what the parameter takes
+        a name that is no parameter of the component, an array of another length, a value outside the parameter's range
     """
     parameters = {variable.name: variable for variable in component.of("parameter")}
     changed = {}

@@ -1,7 +1,7 @@
 """The instruments: blocks of accelerometers and gyros, their inverses, and the computers of attitude and velocity.
 
-AccelerometerBlock, whose scale factors depend on the sign of the input, and AccelerometerCompensation; GyroBlock, three
-gyros that read increments, and GyroCompensation, which gives increments of the body; AttitudeComputer, attitude from
+AccelerometerBlock, whose scale factors depend on the sign of the input, and AccelerometerCompensation. GyroBlock, three
+gyros that read increments, and GyroCompensation, which gives increments of the body. AttitudeComputer, attitude from
 angle increments; VelocityComputer, velocity beside it.
 """
 

@@ -39,7 +39,7 @@ GRAVITIES = (4.9, 14.7)
 """[m/s²]: half and one and a half times the standard, as readings are taken to be."""
 CASES = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}
 BY_HAND = "by_hand"
-"""Key of what a calibration says that was made without a table's angles."""
+"""Key of a calibration's facts that was made without a table's angles."""
 BY_GRAVITY = {
     "gamma_11": ("X4", "X5"),
     "gamma_21": ("X6+X8",),
@@ -66,7 +66,7 @@ Parameters = dict[str, float | list[float]]
 def bench_parameters(calibration: Any) -> dict[str, Parameters]:
     """The parameters that make the simulated bench predict as it was calibrated, by component.
 
-    Δβ, α* and Δg cannot be told from other parameters: they are set to zero, and what they do stands in the others.
+    Δβ, α* and Δg cannot be told from other parameters: they are set to zero, and the others contain their effect.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def component_parameters(targets: Mapping[str, float], gravity: float, mounting:
 def calibration_of(content: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a calibration's object in the present schema; any other object is returned as it is.
 
-    Fields that are missing or wrong stay so: who validates the object says what is wrong with them.
+    Fields that are missing or wrong stay so: the validation of the object reports them.
     """
     schema = content.get("schema")
     if schema == JOINT_SCHEMA:
@@ -220,12 +220,12 @@ def of_one_record(calibration: Any, sha256: str = "") -> Any:
 def calibrated_block(calibration: Any) -> Parameters:
     """Parameters of the block, and of its compensation; mountings do not matter.
 
-    They are the estimates, whatever the verdict.
+    They are the estimates, for any verdict.
 
     Raises
     ------
     ValueError
-        for what is not a calibration, or one that lacks an estimate
+        for an object that is not a calibration, or lacks an estimate
     """
     content = _one_calibration(calibration)
     with _complete(content.get("verdict")):
@@ -238,7 +238,7 @@ def calibrated_elements(calibration: Any, key: str) -> dict[str, float | None]:
     Raises
     ------
     ValueError
-        for what is not a calibration, or one that lacks an estimate
+        for an object that is not a calibration, or lacks an estimate
     """
     content = _one_calibration(calibration)
     known: Mapping[str, float] = {}
@@ -262,7 +262,7 @@ def calibrated_intervals(calibration: Any) -> dict[str, Interval]:
     Raises
     ------
     ValueError
-        for what is not a calibration, or one that lacks an estimate
+        for an object that is not a calibration, or lacks an estimate
     """
     low, high = calibrated_elements(calibration, "low"), calibrated_elements(calibration, "high")
     return {name: (low[name], high[name]) for name in low}
@@ -274,7 +274,7 @@ def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]]
     Raises
     ------
     ValueError
-        for what is not a calibration as its schema says
+        for an object that is not a calibration by its schema
     """
     content = of_one_record(calibration)
     parameters = _gyros(content, 0.0)
@@ -507,7 +507,7 @@ def parameter_set(
     Raises
     ------
     ValueError
-        for what is not a real parameter of the component, or an array of another length
+        for a name that is no real parameter of the component, or an array of another length
     """
     real_parameters = {}
     for variable in component.of("parameter"):

@@ -285,9 +285,9 @@ def called_names(function: Callable[..., Any]) -> list[str]:
 def hook_source(hook: Callable[..., Any], component: Component) -> str:
     """Return the source of a stage's hook, which calls the nominal kernel and then those of the effects.
 
-    Where the nominal hook zeroes what is added, what each effect adds is evaluated on the un-extended values of the
-    stage and summed, so their order does not matter; where it does nothing, they change the last argument in turn. A
-    hook that returns whether there are effects returns 1.0.
+    Where the nominal hook zeroes its last argument, each effect is evaluated on the un-extended values of the stage.
+    The sum does not depend on their order. Where the hook does nothing, they change the last argument in turn. A hook
+    that returns whether there are effects returns 1.0.
     """
     function = ast.parse(kernel_source(hook).text).body[0]
     assert isinstance(function, ast.FunctionDef)

@@ -3,8 +3,8 @@
 Source: Golovan, Matasov, Tarygin 2022, (1.1): f' = (I + Γ) f_z + Δf⁰ + Δfˢ with Γ_pp = Γ⁺ or Γ⁻ by the sign of the
 input of accelerometer p. Γ and the bias are fractions of gravity's model value, as in the paper.
 
-The inverse takes readings r = A(s) n + b to the input n, with A = I + Γ and the scale factor of each accelerometer
-chosen by the sign s of its own input: (1.1), solved for the input.
+The inverse takes readings r = A(s) n + b to the input n: it is (1.1), solved for the input. A = I + Γ, where the sign s
+of each accelerometer's input selects its scale factor.
 """
 
 import math

@@ -1,7 +1,7 @@
 """The gyro block, scale factors and misalignment, bias, bounded errors, increments in whole quanta; its inverse.
 
 The stages are those of the accelerometer block, on the mean rate ω over a step: reading = ω + Γ ω + b + effects +
-error, then the last stage; the increment is the reading's integral, rounded, with its remainder carried on.
+error, then the last stage. The increment is the reading's integral, rounded, with its remainder carried on.
 
 The inverse is one to second order in the effects. The block reads r = (I + Γ) ω + b + e(ω), with e the effects'
 addition to a step, which may depend on earlier steps. With ω₀ = (I + Γ)⁻¹ (r − b) and ω₁ = ω₀ − (I + Γ)⁻¹ e(ω₀), the

@@ -1,10 +1,10 @@
 """Noise of an inertial sensor as its own processes: white, flicker, random walk, ramp and quantisation.
 
 The readings of a step h are means over it. White noise adds N w/√h; a random walk adds the mean of b over the step; the
-ramp adds R t; quantisation adds (q_k - q_(k-1))/h with the remainder q of standard deviation Q. Flicker is a sum of
-first-order Markov processes, two a decade, whose times begin at the first step h: with variances (B²/π) ln r, times
-h r^i, r = √10, and a random walk and white noise that close its two ends, its Allan deviation is 0.664 B within 2 %
-from two steps to a hundred thousand. Every process starts stationary: B is in the first minute, too.
+ramp adds R t. Quantisation adds (q_k - q_(k-1))/h with the remainder q of standard deviation Q. Flicker is a sum of
+first-order Markov processes, two a decade, whose times begin at the first step h. They have variances (B²/π) ln r and
+times h r^i, r = √10; a random walk and white noise close the two ends. Its Allan deviation is 0.664 B within 2 % from
+two steps to a hundred thousand. Every process starts stationary: B is in the first minute, too.
 
 Source: coefficients and spectra of IEEE Std 952-1997, annex C.
 """
@@ -29,13 +29,13 @@ SHORT_END = 0.3975
 HELD = 2.0
 """A Markov process is advanced whenever its time over this has passed."""
 LEVELS = 1024.0
-"""Levels of a driving number that are told before the next one begins: one number of 32 bits holds three."""
+"""Distinct levels of a driving number: one number of 32 bits holds three such numbers."""
 DRIVE = 3.4641016151377544
 """√12: over the standard deviation of a uniform number between 0 and 1."""
 FIRST_STEP, WALK, REMAINDER, FLICKER, WAITED, ROUNDED, SUM = 0, 1, 4, 7, 43, 55, 58
 """Places in the memory of noise: the first step [s]; for each axis the walk, the remainder, the Markov processes; the
-time since each of these was advanced [s]; for each axis the number that its remainder is drawn from, and the sum of its
-Markov processes."""
+time since each of these was advanced [s]. Last, for each axis, the number that its remainder is drawn from, and the sum
+of its Markov processes."""
 MEMORY_SIZE = 61
 SPARE_SIZE = 2
 
@@ -69,8 +69,8 @@ def advance_flicker(step: float, instability: Vector, memory: Vector, generator:
     """Advance the Markov processes of all axes by a step [s].
 
     A process that hardly changes over a step waits: when a part of its time has passed it is advanced, exactly, and the
-    next slower one is looked at. Uniform numbers drive it: its spectrum is the one that normal numbers of the same
-    variance give.
+    next slower one is looked at. Uniform numbers drive it: its spectrum equals that of normal numbers of the same
+    variance.
     """
     time = memory[FIRST_STEP]
     passed = step

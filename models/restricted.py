@@ -38,8 +38,8 @@ SENSE_INPUT = 6
 INPUT = 9
 """inputs of the accelerometers [g] (three places)"""
 RATE = 12
-"""angular rate [rad/s] at the end of the last step (three places); for the accelerometer block, like the following; in
-the table's context two places, the rates of its axes"""
+"""angular rate [rad/s] at the end of the last step (three places), for the accelerometer block, like the following. In
+the table's context these are two places, the rates of its axes"""
 ANGULAR_ACCELERATION = 15
 """angular acceleration [rad/s²] over the last step (three places)"""
 GRAVITY = 18

@@ -1,13 +1,13 @@
 """Commands of a two-axis table, and the motion of its axes: moves, programmes of positions, feedback.
 
 Moves are as fast as the limits of rate and acceleration allow. The plan of axis i begins at ``plan[9 * i]``: time,
-angle and rate at its beginning, angle at its end, duration of the change to the peak rate, of the cruise and of the
-braking [s], sense (+1, -1), peak rate [rad/s]. The motion of axis i is ``motion[2 * i]`` (angle [rad]) and ``motion[2 *
+angle and rate at its beginning, angle at its end; duration of the change to the peak rate, of the cruise and of the
+braking [s]; sense (+1, -1), peak rate [rad/s]. The motion of axis i is ``motion[2 * i]`` (angle [rad]) and ``motion[2 *
 i + 1]`` (rate [rad/s]).
 
 A position programme commands one position after the other. Each position has a slot: the move to it from the previous
-position, as fast as the limits of the slower axis allow, and the dwell, rounded up to whole steps. A command holds over
-a whole slot.
+position and the dwell. The move is as fast as the limits of the slower axis allow; the dwell is rounded up to whole
+steps. A command holds over a whole slot.
 
 The controller feeds a computed attitude back to the commands: the block holds its attitude in space. The rotation
 vector from the initial to the computed attitude, seen along each axis of the table, turns that axis back at a rate of

@@ -35,8 +35,7 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
 
     Arguments of plain types (numbers, words, paths, sequences and mappings of them) are of these types; what an
     InputError says of an option it says of the argument. Arrays of NumPy stand for sequences. Linear algebra has one
-    thread meanwhile. What is refused is a ValueError, or a FileNotFoundError. The docstring has the words of shared
-    options.
+    thread meanwhile. A refusal is a ValueError, or a FileNotFoundError. The docstring has the words of shared options.
     """
     signature = inspect.signature(function)
 

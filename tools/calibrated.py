@@ -57,10 +57,10 @@ class Sigma(Part):
     value : float or None
         None where each record, or each reading, has a bound of its own
     kind : str
-        "bound": a person gave it; "estimated": the record tells it; "unknown": nothing says where it comes from, or
-        only the scatter within rests, which does not show an error that holds over one
+        "bound": a person gave it; "estimated": the record tells it; "unknown": it has no known source, or only the
+        scatter within rests. That scatter does not show an error that holds over a whole rest
     basis : str
-        on what it rests; `from` in the JSON
+        source of σ; `from` in the JSON
     find : str
         way to find a bound, where it is unknown
     """
@@ -320,7 +320,7 @@ class HandGain(Part):
 
 class PooledTest(Part):
     """F test whether several runs are of one instrument: its value `f`, the probability `p` of a larger one by chance,
-    `growth` of the residuals' rms when the runs are pooled, and the answer."""
+    and the answer. `growth` is that of the residuals' rms when the runs are pooled."""
 
     f: Number
     p: Size
@@ -478,14 +478,14 @@ class Calibration(Part):
     positions, measurements : int or None
         N and M
     estimator : str or None
-        what the estimates are: "analytic centre"; "central programme", where the possible parameters have no interior;
-        "least squares" of a falsified model; "a priori" in files of schema trihedron.calibration/1
+        kind of estimate: "analytic centre"; "central programme", where the possible parameters have no interior; "least
+        squares" of a falsified model; "a priori" in files of schema trihedron.calibration/1
     no_estimate : str
         why nothing, or not everything, is bounded
     witness : list of Reading
         the readings that prove a falsification
     parameters : list of Parameter
-        those of the bench and the accelerometers, then those of the gyros; of several records what they share
+        those of the bench and the accelerometers, then those of the gyros; of several records the shared ones
     priors : list of KnownBefore
     gyros : Gyros or None
         of a bench record whose place is known; then all numbers are of readings and turns together
@@ -507,7 +507,7 @@ class Calibration(Part):
     of_record : dict of OfRecord
         of several records, by label
     changes : list of ParameterChange
-        of records each of which is calibrated by itself: what changes from one to another
+        of records each of which is calibrated by itself: the parameters that differ between them
     provenance : Provenance or None
         None of several records: each has its own
     warnings : list of str
@@ -633,9 +633,9 @@ class Calibration(Part):
         path : path
             .html, or .pdf
         about : mapping, optional
-            serial number, operator, bench, date, temperature, before what the record's comment lines say
+            serial number, operator, bench, date, temperature; they count before those of the record's comment lines
         record : PositionRecord, optional
-            What the result was made from, where it came from a file.
+            Source of the result, where it came from a file.
 
         Raises
         ------

@@ -26,7 +26,7 @@ UNIT_LENGTH = 1e-3
 TIME, POSITION = "time_s", "position"
 LARGEST = float(np.finfo(float).max)
 RUNS = ("run.parquet", "run.csv")
-"""What a run's folder holds."""
+"""Files of records in the folder of a run."""
 
 
 class Difference(Result):

@@ -25,9 +25,9 @@ _KIND = "code"
 """Folder of the cache for machine code that numba loads."""
 _MODELS = Path(__file__).parents[1] / "models"
 FEW_ROWS = 400
-"""So many rows are few for Python."""
+"""Rows of one call up to which plain Python computes it."""
 FEW = 2_000
-"""So many samples plain Python has gone through before a compiler is ready."""
+"""Samples that plain Python processes before a compiler is ready."""
 
 
 def njit(function: Callable[..., Any], **options: Any) -> Any:
@@ -54,8 +54,8 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
     """A kernel in the restricted Python of `trihedron.models.restricted` as machine code, with every kernel it calls.
 
     It is for other functions that numba compiles, not for Python itself: that compiles much faster. It takes float64
-    arrays for `Vector`; the same arithmetic as the kernel's, operation by operation, but that a division by zero gives
-    an infinity, as in C, and no exception.
+    arrays for `Vector`. The arithmetic is the kernel's, operation by operation, except that a division by zero gives an
+    infinity, as in C, and no exception.
     """
     if not COMPILES:
         return kernel
@@ -63,7 +63,7 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _linked(function: Callable[..., Any], made: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a copy of a function that calls, in place of each function of its module's names, what is made of it."""
+    """Return a copy of a function that calls a transformed function for each function of its module's names."""
     linked: dict[str, Any] = {"__name__": function.__module__}
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)

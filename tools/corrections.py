@@ -126,8 +126,8 @@ def export_calibration(
     noise : path, optional
         For kalibr: the result of `trihedron noise --json`.
     densities : four float, optional
-        For kalibr, in place of --noise: of the accelerometers noise density [m/s²/√Hz] and random walk [m/s³/√Hz], of
-        the gyros noise density [rad/s/√Hz] and random walk [rad/s²/√Hz].
+        For kalibr, in place of --noise: noise density [m/s²/√Hz] and random walk [m/s³/√Hz] of the accelerometers,
+        noise density [rad/s/√Hz] and random walk [rad/s²/√Hz] of the gyros.
     rate : float, optional
         For kalibr: readings per second [Hz]; by default that of --noise.
     topic : str
@@ -138,7 +138,7 @@ def export_calibration(
     Returns
     -------
     ExportedCalibration
-        The files, the equation, and what the format cannot hold.
+        The files, the equation, and the losses of the format.
 
     Raises
     ------

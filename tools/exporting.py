@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Flavour = Literal["python", "native"]
 UNIFORM = 1e-3
-"""How far a row's time may be off a uniform one, in steps."""
+"""Largest distance of a row's time from a uniform one, in steps."""
 USUAL = ALGORITHMS[0]
 """Algorithm of the computers' FMUs, where no start value sets another."""
 

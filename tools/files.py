@@ -18,7 +18,7 @@ from typing import Any
 from .errors import InputError, NoSuchFileError, nearest_file, reason
 
 LARGEST, LARGEST_RESULT, LARGEST_TEXT = 2 << 30, 256 << 20, 16 << 20
-"""Bytes of the largest file that is read: of any, of a result (JSON), and of what a person writes (TOML, Python)."""
+"""Bytes of the largest file that is read: of any kind, of a result (JSON), and of a text by a person (TOML, Python)."""
 LONGEST_PART = 24
 """Characters of a name that the name of a draft beside it has, too: it may be longer than a system allows."""
 ZIP = b"PK"
@@ -30,9 +30,9 @@ OPEN_DOCUMENT = b"META-INF/manifest.xml"
 
 
 Placed = tuple[Path, Path, Sequence[Path]]
-"""What is written beside its place, its place, and what goes when it is there."""
+"""The draft of a file or folder, its place, and the files that are removed when it is in place."""
 _PENDING: ContextVar[list[Placed] | None] = ContextVar("_PENDING", default=None)
-"""What a block has written that keeps files together."""
+"""Files and folders that a block which keeps files together has written."""
 
 
 @dataclass
@@ -44,7 +44,7 @@ class Touched:
 
 
 _TOUCHED: ContextVar[Touched | None] = ContextVar("_TOUCHED", default=None)
-"""What the command that runs has read and written."""
+"""Files that the running command has read and written."""
 
 
 @contextmanager
@@ -238,8 +238,8 @@ def whole_file(path: Path) -> Iterator[Path]:
 def whole_folder(path: Path, obsolete: Sequence[str] = ()) -> Iterator[Path]:
     """Yield a folder next to `path` to fill; its files move into `path` when the block ends without an error.
 
-    Files of the same name in an existing `path` are replaced, others are left alone but for those `gone`, files or
-    folders in `path` that are taken away then where the block has not made them; an InputError where the folder cannot
+    Files of the same name in an existing `path` are replaced; others are left alone. The block may also name files or
+    folders in `path` as `obsolete`: these are removed where it has not made them. An InputError where the folder cannot
     be written.
     """
     path = Path(path)
@@ -279,7 +279,7 @@ def bytes_of(
     wanted : str
         the right kind of input in place of a folder or a device
     label : str
-        what a refusal calls the file where that is not its path: the name that stands in a scenario, say
+        name of the file in a refusal where that is not its path: a name in a scenario, for instance
     most : int
         bytes that it may have
     archive : bool
@@ -324,7 +324,7 @@ _SCHEMA = re.compile(rb"^\s*[{]?\s*\"?schema\"?\s*[=:]\s*\"trihedron\.([a-z-]+)/
 _OF_RECORD = re.compile(rb"\b(alpha_deg|f1_mps2|w1_radps|dtheta1_rad)\b")
 _NAMES = re.compile(rb'[\w"]+(,[\w" ]+){2,}')
 _SNIFFED = 4000
-"""Bytes at the beginning of a file that say what it is."""
+"""Bytes at the beginning of a file that show its kind."""
 KINDS_OF_FILES = {
     "scenario": "a scenario: did you mean `trihedron simulate {file}`?",
     "campaign": "a campaign: did you mean `trihedron campaign {file}`?",
@@ -420,7 +420,7 @@ def _in_a_folder(path: Path) -> None:
 # Parquet files of others: another process looks at one first, as a corrupt one may end the process that reads it
 
 MAGIC = b"PAR1"
-"""What a Parquet file begins with."""
+"""First bytes of a Parquet file."""
 MOST_NUMBERS = 200_000_000
 """Rows times columns of a file that is read, compressed as it may be: 1.6 GB in memory."""
 

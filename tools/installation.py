@@ -37,7 +37,7 @@ EXTRAS = {
     "logs": ("h5py", "pyulog", "rosbags", "mcap"),
     "tdms": ("npTDMS",),
 }
-"""What each extra of the package installs."""
+"""Packages that each extra installs."""
 POSITIONS, DWELL_S = 12, 2.0
 """Of the run that is tried."""
 

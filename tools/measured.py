@@ -308,7 +308,7 @@ def calibrate(
         Prior knowledge: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds. Repeat it for several.
     bench : Bench, optional
         Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are calibrated
-        too. By default what its comment lines say.
+        too. By default those of its comment lines.
 
     Returns
     -------
@@ -435,7 +435,7 @@ def bench_at(
     Parameters
     ----------
     record : record
-        Whose comment lines say what is not given.
+        Its comment lines give the values that are None here.
     latitude_deg : float, optional
         Latitude of the bench [deg]. Default: the record's comment line. With --azimuth-deg the gyros are calibrated,
         too.

@@ -1,6 +1,6 @@
 """Options that several functions share, with their meaning and their form at a terminal.
 
-A function of the library has the type of an option as its annotation and does not describe it; `completed` adds the
+A function of the library has the type of an option as its annotation and does not describe it. `completed` adds the
 words to its docstring, and the command line takes name, type and words from it.
 """
 

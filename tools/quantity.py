@@ -19,7 +19,7 @@ DEGREES = math.degrees(1.0)
 Rounding = Literal[
     "nearest", "up", "down", "exact", "residual", "as it is", "estimate", "low", "high", "to the estimate's place"
 ]
-"""What a number promises: see `rounding`. The last four are rounded to the place of the row's interval."""
+"""Promise of a number: see `rounding`. The last four are rounded to the place of the row's interval."""
 
 
 @dataclass(frozen=True)

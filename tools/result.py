@@ -131,7 +131,7 @@ class Result(BaseModel):
         path : path
             .html, or .pdf
         record : PositionRecord, StrapdownRecord, optional
-            What the result was made from: pages of calibrations and diagnoses show more of it.
+            The record behind the result: pages of calibrations and diagnoses show more with it.
 
         Raises
         ------

@@ -1,10 +1,10 @@
 """Numbers as text: bounds rounded up, ends of intervals outwards, estimates to nearest, so that guarantees hold.
 
-Whatever shows a number to a person - terminal, page, table, picture, message - writes it by these functions: the name
-of the function says what the number promises. JSON and tables for programs keep every digit.
+Code that shows a number to a person - terminal, page, table, picture, message - writes it by these functions. The name
+of the function states the promise of the number. JSON and tables for programs keep every digit.
 
-Rounding is exact: a number is taken for the decimal number that JSON has of it (the shortest that is read back as the
-same double), so that what is shown holds for what is stored, and 1e-5 stays 1e-5.
+Rounding is exact: a number is taken for the decimal number that JSON has of it, the shortest that is read back as the
+same double. A shown number thus holds for the stored one, and 1e-5 stays 1e-5.
 """
 
 import math
@@ -102,7 +102,7 @@ def digits(value: float | None, count: int = 3) -> Number:
 def exactly(value: float | None, count: int = MOST_DIGITS) -> Number:
     """A number that a person has given, with all its digits and no more: 1e-5, 0.25, 30.
 
-    `count`: of a number that was computed from such, as a period from time stamps, so many digits count at most.
+    `count`: most digits that count of a number that was computed from others, as a period from time stamps.
     """
     if value is None:
         return NONE
@@ -114,8 +114,8 @@ def exactly(value: float | None, count: int = MOST_DIGITS) -> Number:
 def residual(radius: float | None, count: int = 3) -> Number:
     """A least largest residual over its bound.
 
-    Up to 1 it says within what a model explains readings, and is rounded up; above 1 that nothing leaves less, and is
-    rounded down, with the digits that show that it is above 1.
+    Up to 1 it bounds the residuals of a model, and is rounded up. Above 1 it states that no parameters leave less, and
+    is rounded down, with the digits that show that it is above 1.
     """
     if radius is None or radius <= 1.0:
         return upwards(radius, count)

@@ -45,8 +45,8 @@ def made(
 ) -> Generator[Returned, None, None]:
     """Yield the value of a function for each argument, in the order in which the calls end.
 
-    One job of the local engine is this process. Without `jobs` there are as many processes as cores; without the
-    address of a Dask scheduler "dask" is a cluster of processes of this machine.
+    One job of the local engine is this process. Without `jobs` there is a process for each core. Without the address of
+    a Dask scheduler "dask" is a cluster of processes of this machine.
 
     Raises
     ------
@@ -113,7 +113,7 @@ class OneProcess:
         return self._pool.submit(function, *arguments)
 
     def stop(self) -> None:
-        """End the process and what it does; the next call has a new one."""
+        """End the process and its work; the next call has a new one."""
         pool, self._pool = self._pool, None
         if pool is not None:
             pool.shutdown(wait=False, kill_workers=True)

@@ -1,9 +1,9 @@
 """Derivatives of kernels: forward differentiation of restricted Python into restricted Python.
 
-The tangent of a kernel computes what the kernel does, the same bits, and carries a derivative along: beside every
-float and every vector ``x`` goes ``x_dot``, its derivative along a direction. Each statement is differentiated by the
-rules of calculus, so the derivative is exact to rounding. Where a function has none, that of the branch taken is given;
-a root, a size and an angle of zero count as flat, and so does what `floor` or `int` made whole.
+The tangent of a kernel computes the same values as the kernel, the same bits, and carries a derivative along. Beside
+every float and every vector ``x`` goes ``x_dot``, its derivative along a direction. Each statement is differentiated by
+the rules of calculus, so the derivative is exact to rounding. Where a function has none, the derivative of the branch
+taken is used. A root, a size and an angle of zero count as flat; so do the results of `floor` and `int`.
 """
 
 import ast
@@ -60,7 +60,7 @@ def tangents(parts: Sequence[SourcePart], kernel_names: Sequence[str]) -> list[S
     Raises
     ------
     RestrictionError
-        a call that stands where it may be passed over, or what is not in restricted Python
+        a call in a place that may be passed over, or code that is not restricted Python
     """
     kernels: dict[str, ast.FunctionDef] = {}
     origins: dict[str, SourcePart] = {}

@@ -1,9 +1,9 @@
 """Attitude algorithms: each one small pure kernel beside its data.
 
-A kernel takes the increments γ of the gyro samples of one step in a flat array, and writes the quaternion λ* of the
+A kernel takes the increments γ of the gyro samples of one step in a flat array. It writes the quaternion λ* of the
 step: λ(t_n) = λ(t_{n-1}) ∘ λ*. x = tan(φ/4) e is the vector of the modified Rodrigues parameters of the step's rotation
-vector φ e. The coefficients of the paper's algorithms are not printed in it; they follow from expanding
-4 dx/dt = ω + 2 x×ω + 2 x(x·ω) - (x·x)ω, and tests in multiple precision hold the orders.
+vector φ e. The coefficients of the paper's algorithms are not printed in it. They follow from expanding 4 dx/dt = ω + 2
+x×ω + 2 x(x·ω) - (x·x)ω, and tests in multiple precision hold the orders.
 
 Source: Chelnokov, Perelyaev, Chelnokova 2016.
 """

@@ -1,9 +1,9 @@
 """The algorithm of adaptive degree: it chooses the degree that the increments support, without a model of the motion.
 
 It takes windows of eight increments. The N-th difference of the increments is the error with which N of them predict
-the next one. If its mean square over the last 16 increments falls a hundredfold from the fourth to the eighth
-difference, the rate is smooth and the functional iteration through eight takes the window. Otherwise (vibration, coning
-above a tenth of the sample rate, quanta, noise, a hand's motion) a polynomial through many increments is a bad
+the next one. Its mean square over the last 16 increments may fall a hundredfold from the fourth to the eighth
+difference. The rate is then smooth, and the functional iteration through eight takes the window. Otherwise (vibration,
+coning above a tenth of the sample rate, quanta, noise, a hand's motion) a polynomial through many increments is a bad
 interpolation. Then each increment is a step of its own with products of the eight before it,
 
     φ_n = γ_n + (Σ c_d γ_{n-d}) × γ_n + β_{n+1} - β_n,   β_{n+1} = (Σ b_p γ_{n-p}) × γ_n.
@@ -14,9 +14,9 @@ The c_d make the mean of the products correct for any motion without trend: in a
 
 exactly to x⁷, and to 4e-5 of it up to x = 1.8 rad, three and a half samples a turn, in the least squares. The β cancel
 except at the ends. With two of the b_p the products are exact if ω is of third degree in time, for all ∫ α × ω to the
-fourth power of time: of order 4 in general. The other five minimise the remainder of vibrations at the ends, of any two
-frequencies to 2.7 rad a sample and of a constant rate beside one: in the least squares, over the cube of the higher
-frequency.
+fourth power of time. They are of order 4 in general. The other five minimise the remainder of vibrations at the ends,
+of any two frequencies to 2.7 rad a sample and of a constant rate beside one. The minimum is in the least squares, over
+the cube of the higher frequency.
 """
 
 import math

@@ -4,8 +4,8 @@
 
 It takes increments, rates at the ends of the samples, or both.
 
-Rates, or rates with increments, become the increments of the algorithm: those of the polynomial of degree N that has
-the N + 1 inputs of its step, N the samples of the algorithm.
+Rates, or rates with increments, become the increments of the algorithm. These are those of the polynomial of degree N
+that has the N + 1 inputs of its step, where N is the number of samples of the algorithm.
 
 * rates: those at the beginning, and at the end of each of the N samples;
 * mixed: N/2 increments and the rates at their N/2 + 1 ends; each half of a sample is a sample of the algorithm.

@@ -42,7 +42,8 @@ class Algorithm:
         power of (frequency times sample interval) in the relative drift under coning
     max_increment : float
         valid range: longest increment over one sample [rad]. If a constant rate is exact: half a turn over a step, or
-        the end of the exact range; otherwise the point at which one update at a constant rate errs by `RANGE_ERROR`
+        the end of the exact range; otherwise the point at which the error of one update at a constant rate is
+        `RANGE_ERROR`
     norm_order : int or None
         order of the quaternion's deviation from the unit sphere over a fixed time without renormalisation; None: only
         rounding
@@ -53,8 +54,8 @@ class Algorithm:
     name : str
         name for its choice; by default that of its kernel
     products : tuple of Product
-        products of the rotation vector, or of the one that its formula represents; velocity uses them, too. None if the
-        attitude is iterated
+        products of the rotation vector, or of the vector that its formula represents; velocity uses them, too. None if
+        the attitude is iterated
     """
 
     number: int

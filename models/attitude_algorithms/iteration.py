@@ -1,8 +1,8 @@
 """Functional iteration: the rate as the polynomial through N increments, the attitude iterated on Chebyshev nodes.
 
-The method follows Wu 2018 (quaternion functional iterative integration): λ = 1 + ½∫ λ ∘ ω dt is iterated with ω the
-polynomial of degree N - 1 that has the given increments, at P = N + 7 Chebyshev nodes of the step, until the remainder
-of the iteration is below rounding. All terms of second order in the increments are kept, so the error is that of the
+The method follows Wu 2018 (quaternion functional iterative integration). λ = 1 + ½∫ λ ∘ ω dt is iterated until the
+remainder of the iteration is below rounding, at P = N + 7 Chebyshev nodes of the step. ω is the polynomial of degree N
+- 1 that has the given increments. All terms of second order in the increments are kept, so the error is that of the
 polynomial alone: of order N + 2 for even N and N + 1 for odd N. (The two-sample one is of order 4, like (22).) The
 Rodrigues vector of Wu's first paper (RodFIter, IEEE Trans. AES 54(5), 2018; from its abstract and patent) is iterated
 on the same nodes: the same error to rounding, at more cost and in a shorter range.
@@ -62,8 +62,8 @@ def prepare_functional_iteration(count: int, table: Vector) -> None:
     count : int
         N, number of increments
     table : ((N + P + 1) * P,)
-        overwritten: P rows with which the increments give the rates at the nodes, in units of half a step; P rows that
-        integrate values at the nodes from the beginning to each node; one row that integrates to the end
+        overwritten: P rows map the increments to the rates at the nodes, in units of half a step; P rows integrate
+        values at the nodes from the beginning to each node; one row integrates to the end
     """
     nodes = count + EXTRA_NODES
     for i in range(nodes):

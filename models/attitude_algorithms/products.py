@@ -1,24 +1,25 @@
 """Rotation vectors with products of increments: φ = Σ γ_i + Σ k_ij γ_i × γ_j, each algorithm by its k_ij alone.
 
-The sums are over the increments of a step, i = 0, 1, ...; negative i are those before it, the last of them -1; i =
+The sums are over the increments of a step, i = 0, 1, ...; negative i are those before it, the last of them -1. i =
 `SUM` is the sum of the increments of the step before γ_j. So k_ij are the data of every family:
 
 * polynomial rates, exact in ½∫ α × ω dt;
-* optimised for coning, compressed: under coning the vector product of two increments has a mean that depends only on
-  their distance, so all pairs of one distance may be combined to one, (Σ k_p γ_{N-p}) × γ_N. The k_p solve, order by
+* optimised for coning, compressed. Under coning the vector product of two increments has a mean that depends only on
+their distance. All pairs of one distance may therefore be combined to one, (Σ k_p γ_{N-p}) × γ_N. The k_p solve, order
+by
   order in x = Ω Δt, Σ k_p · 4 sin²(x/2) sin(p x) = (N x - sin N x)/2. In general motion they are only of third order.
   With increments before the step there are more k_p: the class of Ignagni 1996, whose paper was not available;
 * uncompressed: the pairs of a distance share the k_p so that the products are exact for polynomial rates, too, which
   restores the order of general motion. Song, Wu and Pan 2013, by a table in the public domain after Song's thesis;
   tests hold the orders;
-* recursive: the fast loop of Savage 1998, part 1, (46), (47): each increment with half the sum of the earlier ones
-  and 1/12 of the previous one, which is exact for a linear rate, for any number of them in a step.
+* recursive: the fast loop of Savage 1998, part 1, (46), (47). Each increment is multiplied with half the sum of the
+earlier ones and 1/12 of the previous one; this is exact for a linear rate, for any number of them in a step.
 
 Velocity has the same k_ij, by duality: `velocity`.
 
-The first algorithms have formulas of their own, from one gyro sample, some with the previous one, or from two: γ' and
-γ'' are the increments of the two halves of a step. Their products are those of a rotation vector of the same accuracy,
-which velocity uses.
+The first algorithms have formulas for one gyro sample, some with the previous one, or for two: γ' and γ'' are the
+increments of the two halves of a step. Their products are those of a rotation vector of the same accuracy, which
+velocity uses.
 """
 
 import math

@@ -8,9 +8,9 @@ force. With ε² = 0 attitude and velocity are one equation: the dual rate ω + 
 
 υ_i = ∫ f dt over a sample: the products are sculling, the other terms are rotation, exact for constant ω and f. That is
 the form "joint". The classic one puts sums of increments into the rotation, α = Σ γ_i and υ = Σ υ_i in place of φ and
-σ, and adds the products of σ afterwards: of third order at most. Its first order has ½ α × υ for the rotation: of
-second order. If the attitude is iterated, f is the polynomial through the increments like ω, and C f is integrated over
-the nodes, after the last iteration.
+σ. It adds the products of σ afterwards: of third order at most. Its first order has ½ α × υ for the rotation: of second
+order. If the attitude is iterated, f is the polynomial through the increments like ω, and C f is integrated over the
+nodes, after the last iteration.
 
 Source: P. Savage, "Strapdown inertial navigation integration algorithm design", part 2, JGCD 21(2), 1998, for the
 classic form; K. Roscoe, "Equivalency between strapdown inertial navigation coning and sculling integrals/algorithms",

@@ -4,14 +4,14 @@
 
 Two sets of coordinates are used. `ELEMENTARY` are the 24 physical parameters of bench and block, which readings cannot
 separate. Readings determine only the 18 `TARGETS`, and the reading is an exact function of these too: Δg and Δβ drop
-out. Frames, each by an exact turn of the frame: base -> κ about axis 2 -> α about the outer axis (1) -> ε about axis 2
--> β about the inner axis (3) -> mounting Q -> mounting error θ.
+out. Frames, each by an exact turn of the frame before: base -> κ about axis 2 -> α about the outer axis (1) -> ε about
+axis 2 -> β about the inner axis (3) -> mounting Q -> mounting error θ.
 
 Functions of them take any number of positions and complex numbers (for derivatives by a complex step).
 
-The linear model has the paper's numbering: X1 κ, X2 Δα + α*, X3 ε, X4..X15 the columns of Γ + θ̂ + QNQᵀΔβ − Δg/g with
-two scale factors (plus, minus) for each accelerometer, X16..X18 the biases. By (1.7) and (1.9) the sign of an input is
-certain.
+The linear model has the paper's numbering. X1 is κ, X2 Δα + α*, X3 ε. X4..X15 are the columns of Γ + θ̂ + QNQᵀΔβ − Δg/g
+with two scale factors (plus, minus) for each accelerometer. X16..X18 are the biases. By (1.7) and (1.9) the sign of an
+input is certain.
 
 Source: Golovan, Matasov, Tarygin 2022, sections 1 and 3; case (A1), Γ without diagonal lower triangular. To first order
 the exact reading is (1.3) and (1.11); the formulas (1.10) and (2.7), which the published text lost, are reconstructed.
@@ -98,7 +98,7 @@ def small_turn(vector: ArrayLike) -> NDArray:
 
     θ̂ is that of (1.2): [[0, θ3, −θ2], [−θ3, 0, θ1], [θ2, −θ1, 0]].
 
-    The power series of sin(θ)/θ and (1 − cos θ)/θ² in θ² are good to rounding for turns up to 2π: zero is not a special
+    The power series of sin(θ)/θ and (1 − cos θ)/θ² in θ² are good to rounding for turns up to 2π. Zero is not a special
     case, and complex steps pass through.
     """
     vector = np.asarray(vector)
@@ -259,9 +259,8 @@ def target_values(parameters: ArrayLike, mounting: ArrayLike) -> NDArray:
 
     Returns
     -------
-    (18,) array
-        in the order of `TARGETS`: X1 = κ, X2 = Δα + α*, X3 = ε; (1 + Γ±)(1 − Δg/g) − 1; Γ21, Γ31, Γ32 times
-        (1 − Δg/g); (X13, −X12, X8) = rotation vector of exp(θ̂) Q R₃(−Δβ) Qᵀ; the biases
+    (18,) array in the order of `TARGETS`: X1 = κ, X2 = Δα + α*, X3 = ε. Then (1 + Γ±)(1 − Δg/g) − 1; Γ21, Γ31, Γ32
+    times (1 − Δg/g); (X13, −X12, X8) = rotation vector of exp(θ̂) Q R₃(−Δβ) Qᵀ; the biases
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """The two-axis turntable in time: moves, geometric errors, encoders, and the motion of a block on it.
 
 Angles: the servo brings the encoder reading to the command, so the true angle is the angle of the move less its offset.
-From the base the frame is turned by κ about axis 2 (the outer axis dips below the horizon), by α about the outer axis,
-by ε about axis 2 (the inner axis leans towards +outer), by β about the inner axis, by the mounting Q, the mounting
-error ϑ, and the turns of the block on the table by effects; each an exact rotation.
+From the base the frame is turned by κ about axis 2 (the outer axis dips below the horizon), and by α about the outer
+axis. Then by ε about axis 2 (the inner axis leans towards +outer), and by β about the inner axis. Last come the
+mounting Q, the mounting error ϑ, and the turns of the block on the table by effects; each is an exact rotation.
 
 Increments, the integral of the block's angular rate against inertial space, are exact to rounding.
 
@@ -305,9 +305,9 @@ def integrate_increment(
 ) -> None:
     """Integrate the block's angular rate over (begin, end] into `increment` (3,) [rad].
 
-    Gauss rules with five points between the ends of the phases of the moves, none over more than a quarter of a radian,
-    make the increments exact to rounding at any step size. An exception is a step within which the block slips on the
-    table: the rates include the slip from the middle of a piece on, and `add_slip` adds its own turn, one about one
+    Gauss rules have five points between the ends of the phases of the moves, none over more than a quarter of a radian.
+    They make the increments exact to rounding at any step size. An exception is a step within which the block slips on
+    the table. The rates include the slip from the middle of a piece on, and `add_slip` adds its own turn about one
     axis.
     """
     for i in range(3):

@@ -6,8 +6,8 @@ The frames are those of `trihedron.models.bench`. In the axes of the inner frame
 
     ω = R₃(β) R₂(ε) e₁ α' + e₃ β' + R₃(β) R₂(ε) R₁(α − X2) R₂(κ) Ω,
 
-Ω Earth's rotation in axes of the base; the vertical transforms like Ω. Only the angles depend on time, so a few
-integrals over a piece of motion, its `MOMENTS`, give γ and φ for any parameters: no attitude is integrated, and the
+Ω Earth's rotation in axes of the base; the vertical transforms like Ω. Only the angles depend on time. A few integrals
+over a piece of motion, its `MOMENTS`, therefore give γ and φ for any parameters: no attitude is integrated, and the
 unknowns enter as one linear system. The angles are the encoders' readings; Δβ is part of the mounting (X13, −X12, X8),
 as in the readings at rest. Readings that lag by τ are those of moments τ earlier.
 
@@ -144,7 +144,7 @@ def integrated_readings(
     moments : (S, 13) array
         moments of the pieces
     growth : (2, S, 13) array
-        their derivatives when a piece moves on in time: first [1/s] and second [1/s²]; the error is below 1e-7 rad for
+        their derivatives when a piece moves on in time: first [1/s] and second [1/s²]. The error is below 1e-7 rad for
         a lag of some milliseconds, while both axes turn by some rad/s
     mounting : (3, 3) array
         Q

@@ -204,7 +204,7 @@ class MotionRows:
     """Steps of a record in motion for the signatures: N rows, one a step.
 
     Signatures (N, 3, K) of gyro effects are in rad/s of the reading: reading = true rate + signature · coefficients,
-    with means over the step on both sides; those of accelerometers in motion are in g.
+    with means over the step on both sides. Those of accelerometers in motion are in g.
 
     Attributes
     ----------

@@ -183,15 +183,15 @@ class Effect:
         degree in the inputs: readings determine the inputs only up to the factor 1 − Δg/g, and a coefficient of this
         degree up to a power of it
     untold : callable or None
-        for a linear effect of one coefficient that depends on a quantity that a record may not show: place, rows -> (N,
-        3), the possible difference of a reading [g] per unit of the coefficient where it is unknown. The signature
+        for a linear effect of one coefficient that depends on a quantity that a record may not show. place, rows -> (N,
+        3): the possible difference of a reading [g] per unit of the coefficient where it is unknown. The signature
         vanishes there
     formula : str
         its formula for people: names of its parameters, {p} (accelerometer or position), {i}, {j} (axes), {angle} and
         {order} in braces (`trihedron.tools.document.notation`); empty if the sentence is enough
     open_argument : callable or None
         place, rows -> (N, 3): possible difference of a reading [g] per unit of the size of the coefficients, within the
-        known range of the quantity on which the effect depends; None if that is exact
+        known range of the effect's quantity; None if that is exact
     memory : callable or None
         restricted Python: the component's memory for the effect, called once a step by its hook `kept_effects`, like
         the kernel by its stage's
@@ -199,7 +199,7 @@ class Effect:
         place -> the effect there, if parameters and kernel differ between the places; raises ValueError for a wrong law
     searched : ONSET, TIME_CONSTANT or None
         kind of its last parameter [h], if a diagnosis searches that number: the time from which the effect acts, or the
-        time constant T of e^(-t/T), with a memory that of the lag of the temperature. The others are linear
+        time constant T of e^(-t/T). With a memory T is that of the lag of the temperature. The others are linear
         coefficients
     contains : tuple of str
         names of effects at the same place that equal it for some values of its parameters: if one of them stands, it is

@@ -177,10 +177,10 @@ def quantisation(context: Vector, own: Vector, p: int, step: float, reading: Vec
 def quantisation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
     """Return the variants of the largest steps whose multiples the readings are, exactly and to σ.
 
-    Readings lie within half a step of the inputs. Noise after the rounding, at its very bound or in steps of its own,
-    makes readings that are exact multiples of a fine step and to σ of a coarse one: both are tried. Most of few
-    multiples of a step may be even by chance, and a mean over a rest may lie in the middle of two: if all are multiples
-    of half or a third of it, that is tried, too.
+    Readings lie within half a step of the inputs. Noise after the rounding, at its very bound or in steps, makes
+    readings that are exact multiples of a fine step and to σ of a coarse one: both are tried. Most of few multiples of
+    a step may be even by chance, and a mean over a rest may lie in the middle of two. If all are multiples of half or a
+    third of it, that is tried, too.
     """
     p, limits_of_ways = place.index, []
     tolerance = max(FINEST, rows.resolution)

@@ -149,7 +149,7 @@ def _write(folder: Path, done: Done, do: Do) -> None:
 
 
 def _warnings(rows: Mapping[str, Member]) -> list[str]:
-    """Return what the reader of a lot must know: records without a date have no place in an instrument's folder."""
+    """Return the sentence on records without a date, which have no place in an instrument's folder."""
     without = sum(member.date is None and member.failed is None for member in rows.values())
     if without:
         return [f"{without} records have no date, so no entry in an instrument's folder; add the column date"]

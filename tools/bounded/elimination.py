@@ -10,7 +10,7 @@ NEGLIGIBLE = 1e-12
 
 
 def eliminated(system: NDArray[np.float64], free: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return rows without the unknowns that are free, each of which acts on a few rows alone.
+    """Return rows without the unknowns that are free, where each of these acts on a few rows only.
 
     Each free unknown must lie in an interval for each of its rows. Intervals have a common point if every two of them
     have one (Helly), so two rows make one row without the unknown.

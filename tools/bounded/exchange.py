@@ -4,8 +4,8 @@ The least largest residual (Stiefel's algorithm): n + 1 rows hold a solution for
 other, the largest residual is known. While another row misses by more, it replaces one of them. Weights of these rows
 prove a lower bound of the least largest residual of all rows, which grows at each step.
 
-The farthest point in a direction, for rows with two ends: n rows meet at a corner, each at the end to which the
-direction pulls it, so no point goes farther in this direction. While the corner is beyond another row, that row
+The farthest point in a direction, for rows with two ends. Where n rows meet at a corner, the direction pulls each row
+to one of its ends, so no point goes farther in this direction. While the corner is beyond another row, that row
 replaces one of them, and rows that it passes on the way change their ends (dual simplex with long steps).
 
 An exchange takes a small part of the time of a linear programme. If its end is not proven, as with dependent columns,

@@ -114,7 +114,7 @@ class Band:
     """The band of all possible functions.
 
     `knots` (k,) with the lower and upper end `low`, `high` (k,) of all functions; `least` (K,): the values at all knots
-    of a function that bends least; `bending`: largest bending in the band.
+    of the function that bends least. `bending`: largest bending in the band.
     """
 
     knots: NDArray[np.float64]

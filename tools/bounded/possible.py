@@ -68,8 +68,8 @@ class Possible(Steps):
     all: fewer rows leave a larger set, so its bounds remain valid. With `growths` of the bounds about the fit the set
     is the union of their branches; the fit lies in the first. `proofs` of similar sets are used, and added to.
 
-    `matrix`, `lower`, `upper`: the same set, or its first branch, as lower ≤ matrix y ≤ upper; `span` (n, rank):
-    orthonormal basis of the determined space of the columns times their `scale` (n,): x = span y / scale.
+    `matrix`, `lower`, `upper`: the same set, or its first branch, as lower ≤ matrix y ≤ upper. `span` (n, rank):
+    orthonormal basis of the determined space of the columns times their `scale` (n,), with x = span y / scale.
     """
 
     def __init__(

@@ -284,8 +284,8 @@ def chebyshev_radius(
     """Return the least possible max |residual − jacobian x| / bound, with the proof that nothing less is possible.
 
     The jacobian (M, n) may have any rank; the units of its columns do not matter. Bounds (M,) are positive; `low` and
-    `high` (n,) are ends of x: the duals prove the radius only without them. With a `growth`, which has ends of its own,
-    the result is the least ρ with |residual − jacobian x| ≤ ρ bound + growth(x): the size of x pays for the growth.
+    `high` (n,) are ends of x: the duals prove the radius only without them. A `growth` has ends of its own. With it the
+    result is the least ρ with |residual − jacobian x| ≤ ρ bound + growth(x): the size of x pays for the growth.
 
     Returns the radius: above 1 no x keeps every residual within its bound; x: a centre; duals (M,): jacobian'duals = 0,
     sum of bound·|duals| = 1, residual'duals = radius. The measurements with a nonzero dual, at most rank + 1, prove the

@@ -2,7 +2,7 @@
 
 For compiled code a set is a row of five whole numbers: up to three candidates, then up to two readings that are left
 out; -1 is an empty place. Deleting reading a of weight w_a, residual r and leverage h takes r²/(1 - h) off the weighted
-sum of squares, and the others' weights then sum to 1 - w_a; two readings have a formula of order two.
+sum of squares. The others' weights then sum to 1 - w_a; two readings have a formula of order two.
 """
 
 import numpy as np
@@ -272,8 +272,8 @@ def surviving_sets(choices, outliers, limit, projection):
 def settle(problem, chosen_set, weights, limit):
     """Return the verdict on one set (REFUSED, ACCEPTED or UNDECIDED) and the final weights (M,).
 
-    A problem is a matrix, the residual, the number of nominal columns, which come first, and the first column after
-    these and the number of columns of each candidate; the chosen set is a row of five.
+    A problem is a matrix, the residual, the number of nominal columns, which come first, and of each candidate its
+    first column and its number of columns. The chosen set is a row of five.
     """
     matrix, residual, always, starts, sizes = problem
     rows, count, positive = len(residual), always, 0

@@ -2,10 +2,9 @@
 
 The proofs are lower bounds of the Chebyshev radius by weighted least squares.
 
-For weights w ≥ 0 with sum 1 and rows in units of their bounds, radius² ≥ min over x of Σ w (r - J x)². With the
-columns that are always there projected out once, that minimum costs a few small numbers for each set of further
-columns: this is what settles a hundred thousand sets in seconds. Lawson's algorithm (weights grow where residuals are
-large) makes the bound sharp.
+For weights w ≥ 0 with sum 1 and rows in units of their bounds, radius² ≥ min over x of Σ w (r - J x)². The columns that
+are always there are projected out once. The minimum then costs a few small numbers for each set of further columns, so
+a hundred thousand sets take seconds. Lawson's algorithm (weights grow where residuals are large) makes the bound sharp.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -175,8 +174,8 @@ class Projection:
     """A problem under weights (M,), with the nominal columns projected out.
 
     `basis` (p, M) is orthonormal, of the weighted nominal columns; `residual` (M,) and `columns` (C, M), of all
-    candidates, are weighted and projected. The columns' products are `gram` (C, A) with the A columns of candidates
-    that may be in a set with others, `own` (C, K) with the columns of the same candidate, and `product` (C,) with the
+    candidates, are weighted and projected. `gram` (C, A) holds the products with the A columns of candidates that may
+    be in a set with others; `own` (C, K) those with the columns of the same candidate; `product` (C,) those with the
     residual.
     """
 

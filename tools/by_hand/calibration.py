@@ -76,7 +76,7 @@ MORE_RESTS = "more rests, of two seconds and more"
 
 @dataclass(frozen=True, eq=False)
 class HandFit:
-    """Fit of a run: accelerometers, gyros, and the scatter of the readings over what was taken for it."""
+    """Fit of a run: accelerometers, gyros, and the ratio of the readings' scatter to its assumed value."""
 
     forces: Forces
     gyros: GyroFit | None
@@ -280,7 +280,7 @@ def _priors(possible: Possible | None) -> list[KnownBefore]:
 
 
 def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
-    """Return what a calibration rests on, and how well it predicts."""
+    """Return the basis of a calibration, with its predicted errors."""
     pose = fit.forces.determinacy.pose_errors()
     worst = int(np.argmax(pose))
     norms = norm_equations(fit.forces.x, run.rests.force)[0]

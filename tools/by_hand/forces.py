@@ -48,7 +48,7 @@ class Forces:
 
     @property
     def determinacy(self) -> Determinacy:
-        """Return what the covariance is worth in poses that were not measured."""
+        """Return the predicted errors in poses that were not measured."""
         return Determinacy(self.covariance, x=self.x)
 
 

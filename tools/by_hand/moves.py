@@ -94,7 +94,7 @@ class Way:
         true = self.true_turns(gyros)
         count = true.shape[1]
         small = rotations(true)
-        # What is integrated along the way, turned into the beginning's axes: each interval's step, turn, force, rise.
+        # Integrals along the way, in the axes of its beginning: each interval's step, turn, force, rise.
         columns = np.zeros((*self.step.shape, 10))
         columns[:, :, 0] = self.step
         columns[:, :, 1:4] = true
@@ -120,8 +120,8 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class PieceRows:
-    """Errors (M, d) of pieces [rad], with slopes by the nine parameters of the accelerometers (M, d, 9) and by those
-    of the gyros (M, d, 22), and their mean square (M, d) by readings of the accelerometers with unit errors."""
+    """Errors (M, d) of pieces [rad], and their slopes by the nine parameters of the accelerometers (M, d, 9) and by
+    those of the gyros (M, d, 22). Their mean square (M, d) is by readings of the accelerometers with unit errors."""
 
     error: NDArray[np.float64]
     by_forces: NDArray[np.float64]

@@ -127,7 +127,7 @@ def is_shared(symbol: str) -> bool:
 
 
 def _of_record(calibration: Calibration, run: Run, *, everything: bool) -> OfRecord:
-    """Return what a record has of its own."""
+    """Return the parameters and figures that belong to one record."""
     parameters = [p for p in calibration.parameters if everything or not is_shared(p.symbol)]
     assert calibration.provenance is not None
     return OfRecord(

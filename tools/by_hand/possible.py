@@ -21,7 +21,7 @@ START = np.array([2.0 if row == column else 1.0 for row, column in PAIRS] + [1.0
 """Limits (10,) of Q − 1, q and c before the readings count."""
 ROUNDS = 12
 ROUNDING = 1e-12
-"""What the evaluation of a row may be wrong by."""
+"""Largest error of the evaluation of a row by rounding."""
 
 
 @dataclass(frozen=True, eq=False)

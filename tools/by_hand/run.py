@@ -1,4 +1,4 @@
-"""Measurements of one record without a table: rests, moves, faces, turns, and what a reading errs by."""
+"""Measurements of one record without a table: rests, moves, faces, turns, and the errors of the readings."""
 
 import math
 from collections.abc import Sequence
@@ -367,7 +367,7 @@ def cut_moves(moves: Moves) -> NDArray[np.bool_]:
 def parted_at_cuts(record: HandRecord, gravity: float) -> HandRecord:
     """Return a record with gyros with a gap in its time stamps where it is cut: where gravity jumps and they do not.
 
-    What is checked of the record is then checked of each section.
+    Each section is then checked as the whole record is.
     """
     if not isinstance(record, StrapdownRecord) or len(record) < FEWEST_ROWS:
         return record

@@ -1,4 +1,4 @@
-"""Records corrected by a calibration: corrected readings, what they are worth, and why it is not guaranteed."""
+"""Records corrected by a calibration: corrected readings, their errors, and the reasons against a guarantee."""
 
 import math
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ class AppliedEffect(Result):
     """An effect that a diagnosis names, and its treatment in another record.
 
     "corrected": it was subtracted from the readings; "simulated": the extended FMUs have it, but no inverse exists;
-    "left": it does not show in a record of this kind, or is not linear in its sizes.
+    "left": it does not show in a record of this kind, or is not linear in its sizes
     """
 
     effect: str
@@ -69,8 +69,8 @@ class Applied(Told):
     effects : tuple of AppliedEffect
         of a diagnosis
     over, unit, rms_without, rms_with, max_without, max_with
-        errors of the record simulated by FMUs, without and with the effects, over what `over` says; what is the
-        record's own, its biases, is fitted to it in both. Absent where nothing can be run
+        errors of the record simulated by FMUs, without and with the effects; `over` names the readings. Biases that
+        belong to the record alone are fitted to it in both. Absent where nothing can be run
     correction : Correction
         not published
     record : PositionRecord, RawRecord or StrapdownRecord

@@ -67,7 +67,7 @@ STANDARD_BOUNDS = (3e-3, 1e-2)
 SCALE_FACTORS = (0.5, 1.5)
 """What an accelerometer may read of its input: beyond that it is dead or reversed, or the units are wrong."""
 DEAD = 0.01
-"""The part of what the inputs span that an accelerometer's readings span at the least."""
+"""Least part of the space of the inputs that the readings of an accelerometer span."""
 NOISE_BOUNDS = (1e-12, 1e-2)
 """Noise bounds that can be used: above rounding, and small enough that the model is smooth on their scale."""
 SAY_THE_NOISE = (
@@ -76,7 +76,7 @@ SAY_THE_NOISE = (
 )
 """What to do where nothing tells σ."""
 ROUNDING = 2e-15
-"""What the evaluation of readings and model may be wrong by, as a fraction of g."""
+"""Largest error of the evaluation of readings and model, as a fraction of g."""
 WIDE = 2.0
 """Change of readings [σ] from which steps of the encoders may falsify a model."""
 MOST_ALONG = 0.3
@@ -94,12 +94,13 @@ COARSE = 0.5
 NOTICEABLE = 0.1
 """Part of σ from which a warning names a comment line that adds to it."""
 FEWEST_PASTED = 3
-"""So many rows one after the other that stand in a record twice, with all digits, were pasted."""
+"""Least number of consecutive rows that stand in a record twice, with all digits: they were pasted."""
 SMALL_RADIUS = 0.1
 """Number of readings beside the parameters, and the part of σ that their largest error rarely stays below."""
 FEWEST_SPARE = 12
 FAR, MOST_FAR = 0.2, 3
-"""No parameter of an aligned bench is so large [1], [rad], [g]; so many that are larger are named."""
+"""No parameter of an aligned bench is as large as the first value [1], [rad], [g]; the second is the number of larger
+ones that a message names."""
 GRID_STEP_DEG = 15
 WELL_DETERMINED = 2.0
 """Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
@@ -107,8 +108,8 @@ MAX_POSITIONS = 24
 FEWEST = 6
 """Fewer positions fit too many ways."""
 CHANGES = 0.25
-"""Where the first or the last rows, but for one of them, are nearer to an ideal bench as they are read, by squares of
-so much in all [g²], channels change during the record: that is an effect, and no way of reading it."""
+"""Channels may change during the record: the first or the last rows, all but one, are then nearer to an ideal bench as
+they are read, by this sum of squares [g²]. That is an effect, and no way of reading."""
 TURNS = tuple((unit, alpha, beta) for unit, (alpha, beta) in product((1.0, 180.0 / np.pi), SENSES))
 """Units and senses of the angles that are tried; the first changes nothing."""
 MATRICES = np.array(PERMUTATIONS)
@@ -120,9 +121,9 @@ PLACES = np.where(MATRICES.max(axis=2) > 0.0, MATRICES.argmax(axis=2), MATRICES.
 class Asked:
     """Request of a calibration: the options of `trihedron.calibrate`.
 
-    σ and `noise_sd` are fractions of g, gravity in [m/s²]; the bounds are u^max [rad] and v^0max of (1.7); mountings
-    are a preset, the path of a TOML file, or Q (3, 3) by name; targets are linear combinations of X1..X18 beside those
-    of the convention, priors "X16=1e-3" for |X16| ≤ 1e-3 or "bounds" for all by (1.7): constraints like readings.
+    σ and `noise_sd` are fractions of g, gravity in [m/s²]; the bounds are u^max [rad] and v^0max of (1.7). Mountings
+    are a preset, the path of a TOML file, or Q (3, 3) by name. Targets are linear combinations of X1..X18 beside those
+    of the convention. Priors are "X16=1e-3" for |X16| ≤ 1e-3, or "bounds" for all by (1.7): constraints like readings.
     `positions` are those of all records that are taken together, by default the record's own. With `residuals_tell` the
     residuals of the fit give σ where the record tells none; such a σ judges no model.
     """
@@ -159,9 +160,9 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     The exact model of `trihedron.models.bench` is fitted by Gauss-Newton and linearised at the fit. The Chebyshev
     programme gives the verdict and two more for each target the ends of its interval, both corrected for the remainder
     of the linearisation. The estimates are those of one point that keeps every exact residual within its bound: the
-    analytic centre of all such (a position that is listed twice counts twice, and moves it a little). Beside them stand
-    the a-priori estimates, whose weights and guaranteed errors are those of the linear programmes (2.4), (2.5) on the
-    angles measured, and least squares. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
+    analytic centre. A position that is listed twice counts twice, and moves it a little. Beside them stand the a-priori
+    estimates, whose weights and guaranteed errors are those of the linear programmes (2.4), (2.5) on the angles
+    measured, and least squares. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
     """
     request = Asked(**options)
     noise = noise_bound_for(record, request)

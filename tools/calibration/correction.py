@@ -33,7 +33,7 @@ from .targets import corners
 WELL_POSED = 1e3
 """Gyros whose matrix is conditioned worse measure no three rates."""
 SURE = 4.0
-"""So many standard errors are exceeded by less than one reading in ten thousand."""
+"""A difference of this number of standard errors occurs in less than one reading in ten thousand."""
 
 
 @dataclass(frozen=True)
@@ -108,12 +108,12 @@ class Correction:
     elsewhere, `bias` (3,) is in g. `covariance` (9, 9) is that of the six elements of Γ row by row and the biases [g],
     NaN where no standard error is known. `low`, `high` (3, 3, 3, 3) are the least and the greatest error of the reading
     of accelerometer p at the input (i, j, k) − 1 [g]; None where the calibration guarantees nothing. `mounting` (3, 3)
-    is that of the calibration's record, None of several. `of_record` names, among several records calibrated together,
-    the one that these biases belong to, where it is another one.
+    is that of the calibration's record, None of several. `of_record` is the label of the record to which these biases
+    belong, of several calibrated together, where it is not this one.
 
     `verdict` is that of the calibration, `pose_error` its predicted standard error of |f| [g] in the worst pose, and
-    `open` its open directions in words. `noise_bound` [g] is σ of the calibration and `sigma_kind` its kind; `source`,
-    `sha256`, `temperature` [°C] (least and most) and `comments` are those of its record; `effects` of accelerometers
+    `open` its open directions in words. `noise_bound` [g] is σ of the calibration and `sigma_kind` its kind. `source`,
+    `sha256`, `temperature` [°C] (least and most) and `comments` are those of its record. `effects` of accelerometers
     were calibrated beside it and are not corrected.
     """
 
@@ -152,8 +152,8 @@ class Correction:
         Returns
         -------
         ndarray, or two of them
-            specific force [m/s²], and with `rates` the angular rate [rad/s], both in the calibration's axes: axis 1 is
-            accelerometer 1, axis 2 lies in the plane of accelerometers 1 and 2
+            specific force [m/s²], and with `rates` the angular rate [rad/s], both in the calibration's axes. Axis 1 is
+            accelerometer 1; axis 2 lies in the plane of accelerometers 1 and 2
 
         Raises
         ------
@@ -408,8 +408,8 @@ def corrected(correction: Correction, specific_force: NDArray) -> NDArray:
 def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
     """Return the least and the greatest error (N, 3) [g] of the block's readings at inputs (N, 3) [g].
 
-    The greatest error over all parameters that the calibration leaves possible is convex in the input as long as its
-    signs stay, so that its values at the corners of a simplex around the input bound it.
+    The greatest error over all possible parameters is convex in the input as long as its signs stay. Its values at the
+    corners of a simplex around the input therefore bound it.
     """
     assert correction.low is not None
     assert correction.high is not None

@@ -45,10 +45,10 @@ COARSE = 1e-2
 """Singular values below this fraction of the largest are left out of the first, coarse estimate."""
 MAX_ROUNDS = 30
 ENOUGH = 6000
-"""So many measurements, spread over the record, are weighed: more would tell little more and take long."""
+"""Measurements that are weighed, spread over the record: more would change little and take long."""
 AT_ONCE = 64
 MANY_ROWS = 65536
-"""So many are weighted and decomposed at once."""
+"""Rows that are weighted and decomposed at once."""
 MANY_MEASUREMENTS = 5000
 """From here on the programmes take seconds."""
 GROUPS = (
@@ -83,10 +83,10 @@ def fit(
 ) -> Linearisation:
     """Fit the exact model to readings (N, 3) over g by least squares, relinearising to convergence; linear at the fit.
 
-    The first estimate uses measurements whose sign is certain by (1.7), with its `bounds` u^max and v^0max; then all
-    are used, with the signs of the inputs from the estimate. Where the estimate leaves a sign open the bound (3 N,), σ
-    as a fraction of g, is widened by |Γ⁺ − Γ⁻| |n|. Undetermined directions of the parameters stay at zero, and the
-    bounds are widened by their possible effect, each direction at most of its `extent` (P,).
+    The first estimate uses measurements whose sign is certain by (1.7), with its `bounds` u^max and v^0max. The second
+    uses all, with the signs of the inputs from the first. Where the estimate leaves a sign open the bound (3 N,), σ as
+    a fraction of g, is widened by |Γ⁺ − Γ⁻| |n|. Undetermined directions of the parameters stay at zero, and the bounds
+    are widened by their possible effect, each direction at most of its `extent` (P,).
 
     Where the fit to all readings does not settle, it leaves out those whose error exceeds any of an aligned bench
     (`GROSS`): channels may be exchanged. Raises an InputError if the fit does not converge.
@@ -470,8 +470,8 @@ def possible_values(feasible: FeasibleSet, weights: NDArray) -> tuple[NDArray, E
 def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
     """Return the least and the greatest weights'X that the measurements leave possible.
 
-    The ends are those of the linear programmes about the Chebyshev centre, moved outwards by the largest remainder of
-    the linearisation at any of the vertices, weighted by each programme's duals.
+    The ends are those of the linear programmes about the Chebyshev centre. They are moved outwards by the largest
+    remainder of the linearisation at any of the vertices, weighted by each programme's duals.
 
     Shape (K, 2) for weights (K, P), NaN where the measurements do not determine it.
     """

@@ -1,4 +1,5 @@
-"""Calibrations for other programs: files of an `affine` model in the form of each of `formats`, and what they lose."""
+"""Calibrations for other programs: files of an `affine` model in the form of each of `formats`, and the list of
+losses."""
 
 import re
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The form of a calibration in each program: its content, its equation, and what it cannot hold."""
+"""The form of a calibration in each program: its content, its equation, and its losses."""
 
 import io
 import json
@@ -24,7 +24,7 @@ REAL32 = 9
 
 @dataclass(frozen=True)
 class Written:
-    """An export: contents of its files by the part in their names ("" for the file itself), equation, what is lost."""
+    """An export: contents of its files by the part in their names ("" for the file itself), equation, losses."""
 
     contents: Mapping[str, bytes]
     equation: Sequence[str]
@@ -32,7 +32,7 @@ class Written:
 
 
 def _lost(model: Model, *, gyros: bool = True) -> list[str]:
-    """Return what a format with one matrix for the accelerometers loses."""
+    """Return the losses of a format with one matrix for the accelerometers."""
     lost = []
     if model.asymmetry:
         error = digits(1e3 * model.asymmetry / model.gravity, 2)

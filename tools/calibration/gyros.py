@@ -63,8 +63,8 @@ class Bench:
     """A bench's place on the earth and the bounds of its turns.
 
     The place is the latitude and the azimuth of the outer axis, from north towards east [deg]. The bounds are that of a
-    gyro's mean over one second [rad/s], by default from the rests, and that of an encoder's error [rad], by default σ,
-    which includes it. `rates` is the meaning of a rate in the record.
+    gyro's mean over one second [rad/s], by default from the rests, and that of an encoder's error [rad]. The latter is
+    by default σ, which includes the error of the encoders. `rates` is the meaning of a rate in the record.
     """
 
     latitude_deg: float
@@ -133,8 +133,8 @@ def said_of_place(raw: RawRecord | PositionRecord | StrapdownRecord) -> dict[str
 def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **options: Any) -> Calibration:
     """Calibrate bench and accelerometers from a record's rests, and the gyros of a bench record with a known place.
 
-    The options are the fields of `Asked`. Raises an InputError as `calibrate` does; where a place is given, also for
-    another record, for priors, for gyros that do not follow the table, and for unknown noise of the gyros.
+    The options are the fields of `Asked`. Raises an InputError as `calibrate` does. With a place it also raises one for
+    another kind of record, for priors, for gyros that do not follow the table, and for unknown noise of the gyros.
     """
     is_of_bench = isinstance(record.raw, BenchRecord)
     if bench is None:

@@ -2,7 +2,7 @@
 
 Over a few rows over which both axes speed up steadily, or not at all, a parabola is fitted to each reading. Its value
 in the middle is that of one more position, at which the block turns. Its error is σ plus the scatter of the rows, the
-error of the encoder and the time stamp of the middle row, and the difference between a wave of gravity and a parabola.
+error of the encoder and of the middle row's time stamp, and the difference between a wave of gravity and a parabola.
 
 Together with rests and turns these readings make one system. In it all accelerometers lag by one time behind the
 encoders, and the place of each in the block follows from the dependence of its reading on rate and acceleration. The
@@ -26,7 +26,7 @@ from .targets import Target
 from .turns import ROUNDS, STILL, WithTurns, fitted_step
 
 HALF_S, HALF_RAD, FEWEST = 0.08, 0.08, 3
-"""To either side of the middle so much time [s] and turn [rad] is taken, and at least so many rows."""
+"""Time [s] and turn [rad] that are taken to either side of the middle, and the least number of rows."""
 STEADY = 2.5
 """Largest distance of angles from a parabola of time [bounds of an encoder]."""
 UNSEEN = 4.0
@@ -37,7 +37,7 @@ MOST = 90
 CERTAIN = 5e-3
 """By less [g] a radian of turning changes an input in a sense that is not sure."""
 SURE = 6e-3
-"""An input nearer to zero [g] may change its sign while a reading is taken, by what the bench is off or by turning."""
+"""An input nearer to zero [g] may change its sign during a reading, by errors of the bench or by turning."""
 UNTOLD = 1.0
 """Bound of a reading without information, as where the input's sign is not certain [g]."""
 SLOW = 0.02
@@ -48,7 +48,7 @@ PLAUSIBLE = np.array([1e-2] + [0.1] * 9)
 NEAR = 1e-4
 """So far [s] before and after a moment."""
 QUARTIC = 3.0 / 35.0 / 24.0 * 1.5
-"""What a parabola over angles of -1 to 1 rad lacks of a wave of up to 1.5 g in the middle [g]."""
+"""Difference in the middle [g] of a parabola over angles of -1 to 1 rad from a wave of up to 1.5 g."""
 
 
 @dataclass(frozen=True, eq=False)

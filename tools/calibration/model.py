@@ -35,7 +35,7 @@ from ..records import PositionRecord
 MOUNTING_TARGETS = ("X8", "-X12", "X13")
 """Targets that differ by mounting."""
 BLOCK = 4096
-"""Positions that are evaluated at once: what is made of them on the way stays in the processor's cache."""
+"""Positions that are evaluated at once: their intermediate arrays stay in the processor's cache."""
 
 
 def frame_turn(axis: int, angle: float) -> NDArray:
@@ -153,8 +153,8 @@ class Parametrisation:
     """Parameters of the fit.
 
     `symbols` are the names of the P parameters, `X8@name` where there are several mountings; `matrices` (K, 3, 3) are
-    the Q of the K mountings; the 18 targets of each are `selection[k] @ parameters`, `selection` (K, 18, P). The
-    symmetric baseline has one scale factor for each accelerometer.
+    the Q of the K mountings. The 18 targets of mounting k are `selection[k] @ parameters`, with `selection` (K, 18, P).
+    The symmetric baseline has one scale factor for each accelerometer.
     """
 
     symbols: tuple[str, ...]
@@ -168,9 +168,10 @@ class Parametrisation:
 class Positions:
     """N table positions at which the block was, or might be, read.
 
-    `alpha`, `beta` (N,) are encoder readings [rad], `mounting` (N,) indices into the mountings of the parametrisation,
-    `tilts` (N, 2) small turns [rad] by which κ and ε differ from the parameters' at each position, `slips` (N, 3)
-    rotation vectors [rad], in block axes, by which the block is turned on the table beside θ; none by default.
+    `alpha`, `beta` (N,) are encoder readings [rad]; `mounting` (N,) are indices into the mountings of the
+    parametrisation. `tilts` (N, 2) are small turns [rad] by which κ and ε differ from the parameters' at each position.
+    `slips` (N, 3) are rotation vectors [rad], in block axes, by which the block is turned on the table beside θ. By
+    default there are no tilts and no slips.
     """
 
     alpha: NDArray
@@ -301,9 +302,9 @@ class Linearisation:
 
     Measurements are ordered position by position, accelerometers 1, 2, 3 within each: M = 3 N.
 
-    `reading` (N, 3) are the readings over g, `point` (P,) is X̂, in the order of `symbols`; `residual` (M,) is reading
-    less prediction, `jacobian` (M, P) has the exact derivatives of the prediction; `bound` (M,) is σ, or more where the
-    sign of the input is open, as fractions of g; `sign` (N, 3) of the inputs, +1 or -1, chose each scale factor.
+    `reading` (N, 3) are the readings over g; `point` (P,) is X̂, in the order of `symbols`. `residual` (M,) is reading
+    less prediction; `jacobian` (M, P) has the exact derivatives of the prediction. `bound` (M,) is σ, or more where the
+    sign of the input is open, as fractions of g. `sign` (N, 3) of the inputs, +1 or -1, selects each scale factor.
 
     `span` (P, rank) is an orthonormal basis of the determined directions, for an aligned bench or, where that
     determines everything, at the point; the identity when the measurements determine everything.
@@ -397,9 +398,8 @@ def least_singular(noise_bound: float) -> float:
 def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
     """Return an orthonormal basis (P, rank) of the determined directions; the identity when they are all.
 
-    A direction counts when its singular value in the jacobian (M, P) exceeds √σ [g]: then noise moves the estimate
-    along it so little that the second-order remainder of the move stays below the noise. Encoder errors alone give less
-    than 1e-4.
+    A direction counts when its singular value in the jacobian (M, P) exceeds √σ [g]. Noise then moves the estimate so
+    little along it that the second-order remainder stays below the noise. Encoder errors alone give less than 1e-4.
     """
     rows, missing = shortened(jacobian), max(0, jacobian.shape[1] - len(jacobian))
     _, values, directions = np.linalg.svd(np.pad(rows, ((0, missing), (0, 0))), full_matrices=False)

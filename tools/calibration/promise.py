@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 AS_WARM = 1.0
 """So far beyond the temperatures of its calibration a record is as warm [K]."""
 ROOM = 1.01
-"""What the second order and rounding may add to a radius."""
+"""Factor for the second order and rounding in a radius."""
 OF_TABLE = ("X1", "X2", "X3", "X8", "-X12", "X13")
 """Parameters of table and mounting: those of another day are others."""
 STEPS = 3

@@ -1,9 +1,9 @@
 """Turns of a bench record: the integrals of the gyros over pieces of it, and their bounds.
 
 A piece is a rest, a move from one rest to the next, or a part of a move. Moves are cut where the table turns steadily:
-only there do a lag of the gyros behind the encoders, and errors that return with each whole turn, show. Over a piece
-the integral errs by the gyros' noise, by the encoders' errors at its ends and on the way, by the motion of both axes
-between rows, and by a moment at its ends.
+only there do a lag of the gyros behind the encoders, and errors that return with each whole turn, show. The integral
+over a piece errs by the noise of the gyros and by the encoders' errors at its ends and on the way. It also errs by the
+motion of both axes between rows, and by a moment at its ends.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -48,7 +48,7 @@ LARGEST = 0.5
 PLAUSIBLE = np.array([1e-2] * 3 + [1e-2] * 9 + [1e-2] * 9 + [1e-2])
 """Sizes of gyros' parameters: a direction that moves no reading by its bound at such sizes is not determined."""
 ROUNDS, STILL = 8, 1e-10
-"""So many steps of least squares at most; one of so small a part of the sizes moves nothing."""
+"""Most steps of least squares, and the relative size of a step that ends them."""
 Model = TypeVar("Model", bound=Linearisation)
 
 
@@ -57,10 +57,10 @@ class Turns:
     """Pieces of a bench record.
 
     `first`, `last` (S,) are rows of the raw record; `integral` (S, 3) [rad] are the gyros' integrals from one to the
-    other; `moments` (S, 13), `growth` (2, S, 13) are as in `models.bench`; `noise` (S,) [rad] bounds the gyros' errors;
-    `swept` (S, 3) [rad] bounds the errors by encoders and stamps of the turn about each axis of the inner frame;
-    `coning` (S, 3) are sums of γ' × γ over the gyros' increments γ of the rows, γ' being the one before; `period` [s]
-    is the time from row to row.
+    other. `moments` (S, 13), `growth` (2, S, 13) are as in `models.bench`. `noise` (S,) [rad] bounds the gyros' errors.
+    `swept` (S, 3) [rad] bounds the errors by encoders and stamps of the turn about each axis of the inner frame.
+    `coning` (S, 3) are sums of γ' × γ over the gyros' increments γ of the rows, where γ' is the increment before.
+    `period` [s] is the time from row to row.
     """
 
     first: NDArray[np.int_]
@@ -205,7 +205,7 @@ def turns_of(
 def _smear(lag: float, period: float) -> float:
     """Return the largest change of an integral by a lag that is made between rows, per unit growth of a rate [s²].
 
-    An interpolation between two rows is late by the lag in the mean, but takes one row or the other: for a lag τ and a
+    An interpolation between two rows is late by the lag in the mean, but takes one row or the other. For a lag τ and a
     period h the integral is off by τ (h - τ)/2. A lead extrapolates the last two rows, and is off by τ (h + τ)/2.
     """
     size = abs(lag)
@@ -250,8 +250,8 @@ def _bends(angle: NDArray) -> NDArray[np.float64]:
 def _between_rows(angles: NDArray, bends: NDArray) -> NDArray[np.float64]:
     """Return the error of the turn about a transverse axis since the row before (N,) [rad], as axes speed up in a step.
 
-    The error is the area between the path of both angles (2, N) and its chord: a twelfth of a bend times the other's
-    step, more for one that begins within the step.
+    The error is the area between the path of both angles (2, N) and its chord. It is a twelfth of a bend times the
+    other's step, and more for a bend that begins within the step.
     """
     step = np.abs(np.diff(angles, prepend=angles[:, :1]))
     return (step[0] * bends[1] + step[1] * bends[0]) / 8.0

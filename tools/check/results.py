@@ -1,4 +1,4 @@
-"""List all problems of a file of results: its schema, its fields, and what they say together."""
+"""List all problems of a file of results: its schema, its fields, and their contradictions."""
 
 import json
 from collections.abc import Mapping

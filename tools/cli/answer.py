@@ -30,7 +30,7 @@ else:
 
 Command = TypeVar("Command", bound=Callable[..., object])
 NOT_ALLOWED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
-"""What the machine says of a file or folder that the user named; everything else is a fault of the program."""
+"""Errors of the system about a file or folder that the user named; every other one is a fault of the program."""
 
 LEAST_MEMORY = 1 << 30
 """Bytes of addresses without which libraries do not load, or end the process."""
@@ -99,7 +99,7 @@ def say(command: Callable[[], object], *, quiet: bool) -> int:
 
     Its files appear together when it is done, or none of them.
 
-    `quiet`: print nothing but what was asked for by name: no text, no bars, no warnings.
+    `quiet`: print no text, no bars and no warnings; only output that was asked for by name.
     """
     began = monotonic()
     with ExitStack() as silent:
@@ -306,7 +306,7 @@ CHECKED: dict[str, Any] = {
 }
 """Options that a terminal checks before anything is computed, or takes in another form."""
 NOT_TYPED = ("progress", "gyro_bias", "bench")
-"""What a terminal does not give: a command shows its progress, and a terminal has no arrays and no values."""
+"""Parameters that the command line does not offer: a command shows its progress, and a terminal has no arrays."""
 
 
 def with_options_of(*functions: Callable[..., Any]) -> Callable[[Command], Command]:

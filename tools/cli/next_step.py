@@ -32,7 +32,7 @@ SAME_RECORD = (
 COLUMNS, INDENT = 80, " " * 6
 """Columns of a terminal; the beginning of a line that continues the one before."""
 UNSAFE = re.compile(r"[^\w@%+=:,./-]", re.ASCII)
-"""What a shell reads as it stands only behind a backslash."""
+"""Characters that a shell takes literally only behind a backslash."""
 STRAPDOWN = "strapdown record"
 RUNS = {"scenario": "simulate", "FMU": "simulate", "SSP archive": "simulate", "campaign": "campaign"}
 """Kinds of files that run, and the command that runs them."""
@@ -49,7 +49,7 @@ class Call:
     name : str
         the command, as "plan positions"
     arguments : mapping
-        parameter -> value, of what was typed
+        parameter -> value, of the typed command
     """
 
     app: App

@@ -102,7 +102,7 @@ def with_any_of(ways: Sequence[Way], diagnosis: Diagnosis, refusals: Sequence[st
 
 
 def _remark(diagnosis: Diagnosis, standing: Sequence[Way], left_out: Sequence[str]) -> str:
-    """Return the sentence on what the diagnosis leaves open."""
+    """Return the sentence on the questions that the diagnosis leaves open."""
     count = len(standing)
     text = f"the diagnosis is ambiguous, {count} explanations with stated laws remain"
     if diagnosis.verdict == "unexplained":

@@ -158,12 +158,11 @@ def nothing_exported(diagnosis: Diagnosis) -> str:
 def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:
     """Export the effects, the extension and the noise of a diagnosis into a folder; return the files, if any.
 
-    FMUs of a flavour, "python" or "native", that start with the parameters and sizes that are stated; beside each a
-    parameter set (.ssv) with these and their intervals; and scenarios that run them as the record was measured. An
-    outlier is of no FMU. Of hypotheses it is the first that stands. Blocks start with the noise that the simulation
-    lacks.
+    FMUs of a flavour, "python" or "native", that start with the stated parameters and sizes; beside each a parameter
+    set (.ssv) with these and their intervals; and scenarios that run them as the record was measured. An outlier is of
+    no FMU. Of hypotheses it is the first that stands. Blocks start with the noise that the simulation lacks.
 
-    An InputError where a value is beyond what a component takes, or the folder cannot be written.
+    An InputError where a value is outside the range of a component, or the folder cannot be written.
     """
     noise = {} if diagnosis.noise is None else block_parameters(diagnosis.noise.against)
     try:

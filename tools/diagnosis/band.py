@@ -19,7 +19,7 @@ from .cause import Number
 NEAREST = 1.0 / 4000.0
 """Values of a quantity nearer to each other than this part of their range are one knot."""
 MOST_TOLD = 41
-"""So many knots are told at most, and the functions' values between them at more; of several functions in all."""
+"""Most knots of which values are listed; of several functions, in all."""
 INPUTS, RATES = ("n1", "n2", "n3"), ("w1", "w2", "w3", "dw1", "dw2", "dw3")
 
 
@@ -40,10 +40,10 @@ class BandOfFunctions(Told):
         the functions' place, their quantity, and their factor
     knots : tuple of Knot
         ends, exact for all functions that bend no more than `bending`; where the record has more values of the quantity
-        than are knots of them, for those that are straight between
+        than knots, for functions that are straight between knots
     imitated : tuple of tuple of float
-        functions, by their values at the knots, that the model without effects imitates: they are no part of what is
-        told, by least squares over the values that the record has of the quantity
+        functions, by their values at the knots, that the model without effects imitates. They are taken out of the
+        band, by least squares over the record's values of the quantity
     bending : float
         total variation of the slope, times the range of the knots; of functions that jump that of the values
     steps : bool

@@ -36,7 +36,7 @@ TELLS = 0.05
 MORE_PIECES, MOST_PART = (32, 40, 48, 64), 0.7
 """Pieces of tables beyond those that are sought for a proof, up to this part of the values of the quantity."""
 AS_GOOD = 1.1
-"""A formula extends the model where it predicts what was left out to within so much as well as a table does."""
+"""A formula extends the model where its error on left-out data is at most this factor times that of a table."""
 
 
 class StatedLaw(Cause):
@@ -51,7 +51,7 @@ class StatedLaw(Cause):
     shape : (float, float) or None
         of a law with a number that gives its shape, the ends of all its values that stand
     beside : tuple of Cause or None
-        further effects of which it is made: of three gyros with a function each, those of the others
+        other effects of the same extension: of three gyros with a function each, those of the others
     """
 
     radius: Number
@@ -83,8 +83,8 @@ class FoundKnot(TypedDict):
 class BeyondCatalogue(StatedLaw):
     """An effect outside the catalogue that extends the model.
 
-    A table may not fit, or only with so fine a set of knots that left-out readings cannot judge it, if errors reach
-    their bounds and the function bends between the knots. The extension is then a table that needs a slightly larger
+    Errors may reach their bounds while the function bends between the knots. A table then does not fit, or needs a set
+    of knots so fine that left-out readings cannot judge it. The extension is then a table that needs a slightly larger
     noise bound; its intervals hold all tables that fit with one `NEAR` times as large.
 
     Attributes
@@ -433,7 +433,8 @@ def _knots_of(law: str, parameters: Sequence[SizedParameter]) -> tuple[FoundKnot
 def keys_of(beyond: Beyond, *, extend: bool, rerun: bool) -> Mapping[str, Any]:
     """Return the keys of the result for a proven place and quantity, for any law.
 
-    `extend`: whether the model is to be extended by what is in no catalogue; `rerun` is as for `Beyond.extension`.
+    `extend`: whether the model is to be extended by effects outside the catalogue; `rerun` is as for
+    `Beyond.extension`.
     """
     if not beyond.bands:
         return {}

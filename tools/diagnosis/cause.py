@@ -214,7 +214,7 @@ def parameters_of(evidence: Evidence, fit: Fit) -> tuple[SizedParameter, ...]:
 def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
     """Return a set of effects as causes, with estimates inside their intervals.
 
-    What the readings show by themselves stands before them.
+    Effects that the readings show by themselves come first.
     """
     causes = [Cause.found(effect.place, (), effect.values, effect.ends) for effect in evidence.reader.read_off]
     intervals = fit.intervals(evidence.model.room, evidence.model.effort.most_rows)

@@ -1,9 +1,9 @@
 """Place and quantity before law: find the inputs that a misfit depends on, for any law.
 
-`dependence(evidence)` asks the evidence for its `pairs()` of a place and a quantity, and of each for the least complex
-functions with which the model stands, within the bounds of the search. Complexity counts the coefficients that such
-functions add beside the model, and one more for each number that is searched for; so do the columns of an effect of the
-catalogue. What suffices where nothing else does that is hardly more complex, a rival, is proven.
+`dependence(evidence)` asks the evidence for its `pairs()` of a place and a quantity. For each it seeks the least
+complex functions with which the model stands, within the bounds of the search. Complexity counts the coefficients that
+these functions add to the model, and one more for each number that is searched for. The columns of an effect of the
+catalogue count in the same way. What suffices where nothing else does that is hardly more complex, a rival, is proven.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,13 +29,15 @@ from ..result import Result
 from .cause import Number
 
 RIVAL = 1.5
-"""What stands at so many times the least complexity, or with one coefficient more, is a rival of what stands there."""
+"""A pair whose complexity is at most this factor times the least, or one coefficient more, is a rival of the
+simplest."""
 NEAR = 1.3
 """Below this radius a slightly larger noise bound is a candidate like any other: nothing is proven."""
 MOST_SECOND_ORDER = 1.0
 """Largest error of the linear model for which functions are judged [bounds]."""
 FURTHER_NUMBERS = 2
-"""What leaves more than a bound, as the linear model may be wrong, is a proof where so many numbers more mend that."""
+"""A function that leaves more than a bound, by the uncertainty of the linear model, is a proof where this number of
+further coefficients mends it."""
 OWN = 1e-7
 """Part of a column beyond the model below which the model imitates it."""
 AGREED = 1e-7
@@ -43,15 +45,16 @@ AGREED = 1e-7
 MOST_ROUNDS = 4
 """The model is linearised anew at most so often."""
 LARGEST_PART = 0.5
-"""A function has at most this part of as many coefficients as its quantity has values."""
+"""Most coefficients of a function, as a part of the number of values of its quantity."""
 DEPENDENT = 1e-12
 """Of so small a part (squared) columns depend on the others."""
 SHARPENED = 6
 """Rounds that sharpen the weights of the model without functions."""
 ALIKE = 0.1
-"""Functions that are so much of their size apart are told apart."""
+"""Least distance of two functions, relative to their size, at which they count as different."""
 WAVES_APART, FINEST_WAVES, MOST_REFINED = WAVES[1] - WAVES[0], 1.0 / 256.0, 4
-"""Waves are tried so far apart, over the range of a quantity, and about so many that are refused least so near."""
+"""Spacing of the waves that are tried over the range of a quantity, the finest spacing, and the number of refused waves
+about which finer ones are tried."""
 SMOOTH_ORDER = 4
 """Highest power, or harmonic, of the functions by which two quantities are compared."""
 KERNEL_LENGTHS = (0.15, 0.35, 0.8, 2.0)
@@ -81,11 +84,11 @@ class Standing:
 class Dependence:
     """Functions of one quantity at one place that mend a falsified model.
 
-    `standing`: pairs that make the model fit, the least complex first, up to `most_of_rivals` of it; `freedoms`: ways
-    in which a place may act that make the model fit when each reading has its own value; `radius` of the model without
-    functions. A function is a proof up to the radius `limit` and the complexity `most_complex`. `listed_elsewhere`,
-    `listed_otherwise`: true if an equally simple set of the catalogue acts at another place, or depends on another
-    quantity.
+    `standing`: pairs that make the model fit, the least complex first, up to `most_of_rivals` of it. `freedoms`: ways
+    in which a place may act that make the model fit when each reading has its own value. `radius` is that of the model
+    without functions. A function is a proof up to the radius `limit` and the complexity `most_complex`.
+    `listed_elsewhere`, `listed_otherwise`: true if an equally simple set of the catalogue acts at another place, or
+    depends on another quantity.
     """
 
     standing: tuple[Standing, ...]
@@ -153,10 +156,10 @@ class Suffices(Result):
     quantity : str
         "n1" to "n3", inputs; two of them, their product; "alpha", "beta", "hours", "temperature", "sense" of approach
     factor : str or None
-        what the function is multiplied by, another quantity; "tilt" where not the turn about an axis depends on it
+        quantity by which the function is multiplied; "tilt" where not the turn about an axis depends on it
     form : str
-        how the function is written: in equal "pieces" of a line or "around" a circle, by "powers", "harmonics" up to an
-        order, one "harmonic", a "jump", a "sawtooth", a "wave", "while" one move lasts, "values" where it has few
+        form of the function: "pieces" of a line or "around" a circle, all equal; "powers"; "harmonics" up to an order,
+        or one "harmonic"; a "jump", a "sawtooth", a "wave"; "while" one move lasts; "values" where it has few
     complexity : int
         coefficients beside the model's, and one more for each number that was searched for
     radius : float

@@ -1,4 +1,5 @@
-"""A record calibrated with what a diagnosis names: wrong rows left out, breaks and effects as further unknowns."""
+"""A record calibrated with the faults that a diagnosis names: wrong rows left out, breaks and effects as further
+unknowns."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -35,7 +36,7 @@ LEAST_NEEDED = "the least with which the model stands, by the diagnosis"
 def calibrated_with(
     diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, place: Place | None = None, **options: Any
 ) -> Calibration:
-    """Calibrate a record with what a diagnosis names.
+    """Calibrate a record with the faults that a diagnosis names.
 
     Wrong rows are left out. A larger noise bound counts. Breaks and effects are solved in one programme with the
     parameters. If the diagnosis is of this record, the sizes of the effects are unknown. If it is of another record of
@@ -60,7 +61,7 @@ def calibrated_with(
 
 
 def _calibrated(given: "Given") -> Calibration:
-    """Return the calibration with what one explanation names."""
+    """Return the calibration with the faults of one explanation."""
     try:
         calibration = given.calibration()
     except SolverError as error:
@@ -277,7 +278,8 @@ class Given:
         return evidence_options(record, **options)
 
     def warnings(self) -> list[str]:
-        """Return sentences on what the calibration leaves out, or takes from the diagnosis."""
+        """Return sentences on the rows that the calibration leaves out and on the effects that it takes from the
+        diagnosis."""
         warnings = []
         if self.wrong_rows:
             numbers = ", ".join(str(row) for row in self.wrong_rows)

@@ -88,7 +88,7 @@ def order_of_effects(rows: Rows, places: Sequence[EffectPlace]) -> OrderOfEffect
         if best > (1.0 - HELPS) * current:
             break
         if len(ranked) > MOST_TRIED:
-            # An effect that hardly helps alone is not tried again after the one that helps most.
+            # Only the effects that help most alone are tried beside the first.
             places = [tried_place for _, tried_place in ranked[:MOST_TRIED]] + chosen
         chosen.append(place)
         steps.append(OrderedEffect(**NamedEffect.keys(place), held_out_rms_arcmin=best / ARCMIN))

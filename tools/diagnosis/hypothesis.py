@@ -27,9 +27,9 @@ class Hypothesis(Told):
     formula, where : str
         as it is written in one way; the place of its effect
     answer : str
-        "stands": the model is falsified, and with the formula it is not; "refuted": with the formula it is, too; "not
-        needed": it is not without it, and the intervals say how large the coefficients may be; "cannot be told": the
-        model has the same in it, or the record is too short
+        "stands": the model is falsified, and is not with the formula; "refuted": it is falsified with the formula, too;
+        "not needed": it is not falsified without the formula, and the intervals limit the coefficients; "cannot be
+        told": the model contains the formula, or the record is too short
     radius_before, radius : float
         least largest error over its bound, without the formula and with it
     parameters : tuple of SizedParameter

@@ -47,7 +47,7 @@ class Kind:
     evidence : callable
         the evidence of a record, with options
     options : callable
-        the options of its evidence by what is asked; an InputError for one that the kind does not have
+        the options of its evidence by parameter; an InputError for an option that the kind does not have
     own : tuple of str
         names of options that no other kind has
     baselines : tuple of str

@@ -46,11 +46,11 @@ LARGEST = 0.5
 TURNS = 1.2
 """Sum of changes over size above which a function counts as steps."""
 MOST_LISTED = 3
-"""So many sets of effects of the catalogue are laws of a pair."""
+"""Most sets of effects of the catalogue that are laws of a pair."""
 LIKE = 0.05
 """An effect is a function of the quantity where so little of it, relatively, is none."""
 MOST_PROOFS = 6
-"""So many of the last proofs are tried on the next shapes."""
+"""Most recent proofs that are tried on the next shapes."""
 SAME_LAW = 1e-5
 """Laws whose columns, each at its own fit, differ by less are one law in other words."""
 SURELY = 1.0 + 1e-6

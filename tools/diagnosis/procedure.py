@@ -1,7 +1,7 @@
 """From a record to a verdict on the simulation: the procedure of `trihedron diagnose`, for any record.
 
-Falsify the model; search for the smallest sets of effects that mend it; judge them by what was left out; bound what is
-possible; say what would separate the sets that remain.
+Falsify the model; search for the smallest sets of effects that mend it; judge them by left-out data. Bound the possible
+sizes; propose measurements that separate the remaining sets.
 """
 
 import math
@@ -55,9 +55,9 @@ def diagnose(
     hypotheses : sequence of str
         formulas that are judged
     rerun : bool
-        simulate again what was held out, without and with the effects that are named, and say the power
+        simulate the held-out data again, without and with the effects that are named, and compute the power
     extend : bool
-        extend the model by what is in no catalogue, though something in the catalogue stands
+        extend the model by a function outside the catalogue, though an effect of the catalogue stands
     progress : bool
         show a bar on standard error, where that is a terminal
 
@@ -259,7 +259,7 @@ class Procedure:
                 caution += beyond.caution
         return caution
 
-    # Bound what is possible
+    # Bound the possible sizes
 
     @cached_property
     def nominal(self) -> Fit | None:
@@ -301,7 +301,7 @@ class Procedure:
         """A fault of the record explains it, and nothing else does that is as simple."""
         keys: dict[str, Any] = {"explanations": explanations, "next": next_step(fault)}
         if fault.evidence is not self.evidence:
-            # What the model with the fault says against itself does not count.
+            # Objections of the model with the fault do not count.
             diagnosis = self._result("explained", {}, **keys)
             warnings = (*fault.evidence.reader.head().get("warnings", ()), *self._not_tried)
             return diagnosis.model_copy(update={"warnings": warnings, "remaining": fault.evidence})

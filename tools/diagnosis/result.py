@@ -37,8 +37,8 @@ class Explanation(Told):
     Attributes
     ----------
     kind : str
-        "effect", one or several of the catalogue; "rows", readings, rests or moves that are wrong; a "stretch" of rows;
-        a "break"; "sigma", a noise bound that is too small; "formula"; "function" of a quantity
+        "effect", one or several of the catalogue; "rows", wrong readings, rests or moves; a "stretch" of rows; a
+        "break"; "sigma", a noise bound that is too small; "formula"; "function" of a quantity
     numbers : int
         parameters that it adds to the model, and one for each number that is searched for
     where : tuple of str
@@ -325,8 +325,8 @@ class Diagnosis(Told):
     calibration : Calibration
         calibration of the model without effects
     explanations : tuple of Explanation
-        with which the record stands: what is named, or what remains. The one that needs the fewest numbers comes
-        first; of several, the one with the least radius
+        with which the record stands: the named effects, or the remaining ones. The explanation with the fewest numbers
+        comes first; of equal ones, that with the least radius
     causes, alternatives : tuple of Cause, tuple of such
         the effects of the explanation that is named, else none; of an ambiguous record the sets of the catalogue that
         remain, the best first
@@ -335,7 +335,7 @@ class Diagnosis(Told):
     proven : Proven or None
         the place, and the quantity, that alone suffice, where the model is falsified
     depends_on : tuple of str
-        of an unexplained record: quantities at the place that is proven, of each of which some function suffices
+        of an unexplained record: quantities at the proven place of which a function suffices
     suffices : tuple of Suffices
         the least complex functions of one quantity at one place with which the model stands, the least complex first
     noise_bound_needed : float
@@ -350,7 +350,7 @@ class Diagnosis(Told):
     bands : tuple of BandOfFunctions or None
         the band of each gyro, beside those of the others, where each has a function of its own
     laws : tuple of StatedLaw
-        laws that stand there: those of the catalogue, then short formulas, of the least size of which one stands
+        laws that stand there: those of the catalogue, then short formulas, all of the least size
     complete : bool
         whether these are all sets of that size that explain the record; false where the search was cut off
     cut_off_at : int
@@ -360,7 +360,7 @@ class Diagnosis(Told):
     power : tuple of Unlisted
         size from which an error outside the catalogue would have falsified the model, for any noise
     containing : tuple of tuple of NamedEffect
-        sets that would do, too, as they contain what is named, as a slow warm-up contains a drift: no rivals of it
+        sets that also suffice because they contain the named set, as a slow warm-up contains a drift: no rivals of it
     not_named : tuple of str
         why a set that would do is not named
     objections : tuple of str
@@ -623,7 +623,7 @@ def in_present_schema(content: Mapping[str, Any]) -> dict[str, Any]:
 def simplest_first(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
     """Return explanations by the numbers that they need, then by their radius; one without a radius comes last.
 
-    Of those that need as many a larger noise bound comes first: it claims least.
+    Among explanations with equal numbers of parameters a larger noise bound comes first: it claims least.
     """
 
     def rank(explanation: Explanation) -> tuple[int, bool, float]:

@@ -22,7 +22,7 @@ MOST_WORK = 8e6
 """The work of a search, after which it is cut off: some eight seconds of one processor; in a long record more."""
 MOST_COMPARED = 10
 MOST_TITLES = 3
-"""So many sets that were not tried are named."""
+"""Most untried sets that a message names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def search(
     """Find all sets of effects of the smallest size, up to `largest`, that make the model fit; least radius first.
 
     `among` are by default the effects that can be told apart. A set that does not mend the record is tried with other
-    members of its effects' classes, too: these differ in the second order of their sizes, for which noise at its bound
+    members of its effects' classes, too. These differ in the second order of their sizes, for which noise at its bound
     leaves no room.
     """
     work = Work(most_work * model.effort.cost)

@@ -15,7 +15,7 @@ from .result import Diagnosis
 READINGS = 3
 """Readings of a position."""
 SECOND_ORDER = 0.05
-"""What the linear model of all records may be wrong by, in bounds."""
+"""Largest error of the linear model of all records, in bounds."""
 ROW = 4
 """Numbers of a wrong row without a known change."""
 

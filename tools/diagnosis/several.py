@@ -37,7 +37,7 @@ from .search import MOST_WORK
 from .set_aside import ROW, SetAside
 
 MOST_TRIED = 4
-"""So many sets of one record that are not sought in several are tried beside the others."""
+"""Most sets of a single record, not sought in several, that are tried beside the others."""
 NOTHING_MENDS = (
     "no set of up to three effects, of all records or of one, and of parameters that differ in one, mends them: more "
     "of these are needed, or what is not sought"
@@ -95,8 +95,8 @@ def diagnosed_together(
 ) -> Diagnosis:
     """Diagnose several records together, each already diagnosed by itself, with its evidence.
 
-    `shared`, `own` are as for `join`; `left_out` has reasons why records are not judged with the others, by label;
-    `rerun`: simulate each record with the effects found in others; `most_work` is that of the search.
+    `shared` and `own` are as for `join`; `left_out` has reasons why records are not judged with the others, by label.
+    `rerun`: simulate each record with the effects of the others. `most_work` is that of the search.
     """
 
     def joined(judged: Mapping[str, Diagnosis]) -> tuple[dict[str, str | None], Evidence | None]:
@@ -306,8 +306,9 @@ class Together:
     def _with_unsought(self, size: int) -> tuple[list[tuple[Cause, ...]], dict[str, str]]:
         """Return sets, no larger, with effects that mend one record but are not sought in several.
 
-        What is not sought acts as it does there, beside what is. It was tried in a record in sets as large as mend that
-        by itself: where more is needed together, anything might do there, if the others stand with one effect less.
+        An effect that is not sought acts there as it does beside the sought ones. It was tried in a record in sets as
+        large as mend that record by itself. Where more is needed together, anything might act there, if the others
+        stand with one effect less.
         """
         joint, sets, untried = self.joint, [], {}
         members = dict(zip(joint.labels, joint.members, strict=True))
@@ -399,7 +400,8 @@ def repeated(
     """Return the parameters of model and shared effects from each record alone, with their changes.
 
     With the effects of `places` that act in it where it is judged with the others and stands with them, else with what
-    explains it by itself, or with none. `asked` are names of what is shared, and of what is each record's own.
+    explains it by itself, or with none. `asked` are names of shared parameters, and of parameters that each record has
+    for itself.
     """
     records = {}
     for label, diagnosis in alone.items():

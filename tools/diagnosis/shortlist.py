@@ -107,7 +107,7 @@ def _is_of_time(standing: Standing) -> bool:
 
 
 def next_step(fault: Simple) -> tuple[str, ...]:
-    """Return what a person does about a fault: correct or measure rows again, calibrate apart, give another bound."""
+    """Return the advice on a fault: correct or measure rows again, calibrate apart, give another bound."""
     if fault.kind == "sigma":
         bound = exactly(fault.change["noise_bound"])
         return (f"find why errors reach {bound} g; if that is the noise, give --noise-bound {bound}",)

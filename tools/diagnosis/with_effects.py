@@ -109,7 +109,7 @@ class WithEffects(Linearisation):
 
 @dataclass(frozen=True)
 class Named:
-    """What a diagnosis names: effects as the record numbers them, with their causes, and changes at breaks.
+    """Faults of a diagnosis: effects in the record's numbering, with their causes, and changes at breaks.
 
     `known`: whether the sizes of the effects are bounded by the diagnosis; else the record itself tells them. `changes`
     are the parts that change at each break, in the order of time.

@@ -122,9 +122,9 @@ class EffectWitness(Result):
 class Witness(Result):
     """Left-out errors for the effects of a set together.
 
-    None of it is evidence for them: almost any effect improves some readings that were left out. But effects that
-    improve none, or no more than their own signatures do where they do not belong, are not named; nor are those with
-    which a reading that was left out misses by more than noise within the bounds can make of it.
+    None of it is evidence for them: almost any effect improves some readings that were left out. Effects are not named
+    if they improve none, or no more than their own signatures do where they do not belong. Nor are effects named with
+    which a left-out reading misses by more than noise within the bounds can cause.
     """
 
     folds: Score | None

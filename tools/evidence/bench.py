@@ -64,7 +64,7 @@ from .rows import About, Channel, Rows
 PAIR = 2
 """Effects of a set that is no larger than two that each act at a time of their own."""
 FIT_TOLERANCE = 1e-8
-"""What the fit of an extended model adds to the tolerance of its radius."""
+"""Tolerance that the fit of an extended model adds to its radius."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class Bench:
     accelerometers 1, 2, 3 within each: M = 3 N.
 
     `names` are name and unit of each parameter; `places` effects that can be tried; `calibration` is that of the
-    nominal model; `numbers` (N,) are the record's own numbers of its rows; `bounds` are u^max and v^0max of (1.7).
+    nominal model. `numbers` (N,) are the row numbers of the record itself; `bounds` are u^max and v^0max of (1.7).
     """
 
     names: tuple[tuple[str, str], ...]
@@ -279,7 +279,7 @@ class BenchReader(Reader):
         return self.model.calibration.noise_bound
 
     def option_of_bounds(self, times: float) -> str:
-        """Return the noise bound that is so many times as large."""
+        """Return the option for a noise bound multiplied by `times`."""
         return noise_option(times * self.stated_bound)
 
     @cached_property

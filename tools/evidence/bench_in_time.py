@@ -50,11 +50,11 @@ MOST_ROWS = 120_000
 """A longer record is run at every second row, or third, and so on."""
 (SLIP,) = MOUNTING_SLIP.places
 FINEST, MOST_FINER = 0.02, 16
-"""Times of a slip are so near that what it turns between two counts so much of a bound; so many a row at most."""
+"""Spacing of the tried times of a slip, as the turn between two of them in bounds, and the most times in one row."""
 ROUNDS = 2
-"""So many times a slip is fitted again where it is linear about half of what it was."""
+"""Fits of a slip at finer times, each where the linear model holds over about half the range before."""
 SLACK = 0.5
-"""What the linear model of a search may be wrong by, in bounds."""
+"""Largest error of the linear model of a search, in bounds."""
 NOT_EXCLUDED = "beside what settles no sizes of other effects are excluded: each of its time constants asks for its own"
 
 

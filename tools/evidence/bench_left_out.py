@@ -17,7 +17,7 @@ FOLDS, BLOCKS, SHUFFLES = 5, 4, 60
 """Every fifth position is left out in turn, and every quarter of the time."""
 FEWEST_SCORED = 6
 SURE_NOISE = 5.0
-"""So many standard deviations of a prediction no noise within the bounds makes, in all readings of a record."""
+"""Standard deviations of a prediction that no noise within the bounds exceeds, in all readings of a record."""
 UNIFORM = 3.0**-0.5
 """Standard deviation of noise that is uniform within its bound, over it; noise at its very bound has one."""
 
@@ -102,8 +102,8 @@ class LeftOut:
     def worst(self, fit: Fit, numbers: NDArray) -> Worst:
         """Return the error with the effects that is farthest beyond the noise within the bounds.
 
-        `numbers` (N,) are the record's own numbers of its rows. A reading errs by its bound at most. Its prediction
-        errs by at most as many standard deviations of the others' noise as a sum of independent errors can reach. The
+        `numbers` (N,) are the record's own numbers of its rows. A reading errs by its bound at most. Its error is at
+        most the number of standard deviations of the others' noise that a sum of independent errors can reach. The
         residuals of the fit give these deviations, as uniform noise, up to the bound.
         """
         free = max(1, len(fit.left) - len(fit.at))

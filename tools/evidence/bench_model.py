@@ -51,7 +51,7 @@ ASTRAY = 10.0
 DIVERGED = 1e9
 """No model of a bench has a reading as large [g]: the sizes of its effects run away."""
 NEAR = 1e-4
-"""A step [1], [rad], [g] so small leads near enough to the fit to refuse what is far from standing."""
+"""A step below this size [1], [rad], [g] leads near enough to the fit to refuse sets that are far from standing."""
 SECOND_ORDER = 10.0
 """Factor of the square of a step's length that bounds the error of the linear model."""
 CONVERGED = 1e-12
@@ -159,9 +159,10 @@ class Relaxation:
 class Model:
     """Prediction and derivatives of a bench with effects at one point.
 
-    `reading`, `bound` (3 N,): predicted readings and bounds of their errors, fractions of g; `jacobian` (3 N, P + K):
-    by parameters of the bench and coefficients of the effects; by `rate` (3 N, P + K) the bounds grow per unit of a
-    coefficient's size; `variants`: the way in which each effect acts that is not linear; `rows`: with this prediction.
+    `reading`, `bound` (3 N,): predicted readings and bounds of their errors, fractions of g. `jacobian` (3 N, P + K):
+    derivatives by parameters of the bench and coefficients of the effects. `rate` (3 N, P + K): growth of the bounds
+    per unit of a coefficient's size. `variants`: action of each effect that is not linear; `rows`: rows with this
+    prediction.
     """
 
     reading: NDArray
@@ -343,8 +344,9 @@ def fitted(
 ) -> Fit | None:
     """Fit the bench together with effects: least squares, then the Chebyshev programme, both relinearised.
 
-    The fit begins at parameters (P,) of the bench. It returns None if it leaves the variant of an effect, if it
-    diverges, or if its radius is surely above the limit, so that the last steps need no work. The work is counted.
+    The fit begins at parameters (P,) of the bench. It returns None if it leaves the variant of an effect, or if it
+    diverges. It also does if its radius is surely above the limit, so that the last steps need no work. The work is
+    counted.
     """
     reading, count, work = readings.reading.ravel(), len(start), work or Work()
     begun = cast.variants(readings, readings.rows(start))

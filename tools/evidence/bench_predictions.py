@@ -37,11 +37,11 @@ from .fit import Fit, Gain, contains, gain_of, with_effects
 
 SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0
 MOST_CANDIDATES = 10
-"""So many candidates, the best ones first, are separated from each other."""
+"""Most candidates, the best ones first, that are separated from each other."""
 MOST_FOR_A_PAIR = 4
-"""So many new positions are proposed to decide between two candidates."""
+"""Most new positions that are proposed to decide between two candidates."""
 MOST_POSITIONS = 6
-"""So many positions are proposed in all; a pair that would need more waits for the next measurement."""
+"""Most positions that are proposed in all; a pair that would need more waits for the next measurement."""
 LATER = (0.25, 0.5, 0.75, 1.0)
 """Parts of a record's length after its end at which positions may be measured again."""
 HOUR_DIGITS = 5
@@ -80,8 +80,8 @@ class Rival:
     """Predictions of a candidate at positions that might be measured, over all parameters that the record allows.
 
     `centre` (N, 3): readings over g at the centre of the possible parameters; `slopes` (N, 3, rank): derivatives in the
-    coordinates of the set of possible parameters; `known` (N, 3): mask of the readings with a bounded prediction;
-    `bent`: true if some effects are not linear, so that their sizes are fixed there.
+    coordinates of their set. `known` (N, 3): mask of the readings with a bounded prediction. `bent`: true if some
+    effects are not linear, so that their sizes are fixed there.
     """
 
     fit: Fit
@@ -129,7 +129,7 @@ def separating_positions(
     """Return positions to measure next whose readings together decide between candidates, the best one first.
 
     If candidates depend on time, the list includes positions of the record, to be measured again at once or at times up
-    to twice the record's length; the order is then that of time.
+    to twice the record's length. The order is then that of time.
 
     For two candidates, the search finds the possible parameters with the nearest predictions at the positions chosen so
     far. It adds the position where the two then differ most, until they differ somewhere by more than 2 σ for any
@@ -140,9 +140,9 @@ def separating_positions(
 
     Each position has alpha_deg, beta_deg, and its mounting if there are several. Where time matters it has the hours
     since the first row and, in ``repeats``, the row that it repeats. Where the senses of the approach matter it has
-    these. It also has the candidates that it separates and ``apart_g``: the guaranteed difference, at one position at
-    least, of the predictions of the pair for which it was chosen, over all parameters; more than 2 σ decides. A
-    candidate that contains another one can never be separated from it.
+    these. It also has the candidates that it separates and ``apart_g``. That is the guaranteed difference of the
+    predictions of the pair for which it was chosen, at one position at least, over all parameters; more than 2 σ
+    decides. A candidate that contains another one can never be separated from it.
     """
     chosen = list(fits[:MOST_CANDIDATES])
     every: set[EffectPlace] = set()

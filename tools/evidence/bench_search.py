@@ -46,7 +46,8 @@ LOOSE = 10.0
 GROSS = 1e-3
 """Where most misfits are above this [g], a limit that many readings reach may have drawn the model."""
 AT_LIMIT, FEWEST_AT_LIMIT = 3.0, 3
-"""Readings nearer to the largest of their channel than so many bounds are at a limit, where so many are."""
+"""Readings within this number of bounds of the largest of their channel are at a limit, where at least the second
+number of them is."""
 STANDS_OUT = 0.5
 """An effect stands out that leaves at most this part of the usual misfit."""
 LEAST_SLACK = 0.05
@@ -56,9 +57,9 @@ TOO_MUCH = 0.3
 """With more slack than this, effects that stand out are fitted before others are sought."""
 MOST_ANCHORS = 3
 ALL_BUT_SAME = 1e-12
-"""Products of columns, each of size one, of which a part is so small are of columns that depend on each other."""
+"""Columns depend on each other where this part of the product of two columns of size one is left."""
 PROVEN_WANDER = 2
-"""A function of time, which contains so much, counts as so many effects, or one more where time is not proven."""
+"""Number of effects for which a function of time counts, since it contains many; one more where time is not proven."""
 
 
 MOST_BYTES, MOST_KEPT = 2**32, 2**28
@@ -218,7 +219,7 @@ class BenchSearch:
         cells: dict[EffectPlace, Sequence[Cell]] = {}
         for place in self.places:
             if place.definition.searched is not None and (of_place := CellsAtRest(place, rows)):
-                # Steps are as many as rows: together they would fill the memory.
+                # There is a step for each row: together they would fill the memory.
                 cells[place] = of_place if of_place.is_step else list(of_place)
         columns = sum(len(of_place) * len(of_place[0].numbers) for of_place in cells.values())
         if (size := 8 * columns * len(self.readings.bound)) > MOST_BYTES:

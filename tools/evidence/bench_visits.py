@@ -39,14 +39,14 @@ Sized = Sequence[tuple[EffectPlace, NDArray]]
 class Circumstances:
     """Circumstances of each of N rows: the quantities, beside the angles, that effects may depend on.
 
-    `hours` (N,) [h]: time since the first row of the record; `temperature` (N,) [degC] where it is known;
-    `sense_alpha`, `sense_beta` (N,): sense of the last move of each axis, +1, -1, or 0 where there was none;
-    `approached`: true if the senses are the record's own, false if they follow from the row before.
+    `hours` (N,) [h]: time since the first row of the record; `temperature` (N,) [degC] where it is known.
+    `sense_alpha`, `sense_beta` (N,): sense of the last move of each axis, +1, -1, or 0 where there was none.
+    `approached`: true if the record states the senses, false if they follow from the row before.
 
     `before` (N, 2): encoder readings [rad] of the row before each; NaN for the first row and after a change of
     mounting; None where the rows follow no order. `temperature_resolution`: half a last digit of the written
-    temperature [K]; `began`: time of the record's first row [s]; `axis_rates` (N, 2) of both axes [rad/s], None at
-    rest; `input_senses` (N, 3): senses of the last changes of the inputs, 0 where unknown, None without a series.
+    temperature [K]; `began`: time of the record's first row [s]. `axis_rates` (N, 2): rates of both axes [rad/s], None
+    at rest. `input_senses` (N, 3): senses of the last changes of the inputs, 0 where unknown, None without a series.
     """
 
     hours: NDArray

@@ -1,7 +1,7 @@
 """A bias that wanders with time: proven only where the errors vary least as a function of time.
 
 A function of time with enough knots explains any fault of one accelerometer. The variation shows that the errors depend
-on time: it is the least sum of changes, from row to row in the order of a quantity, that makes the model consistent.
+on time. It is the least sum of changes, from row to row in the order of a quantity, that makes the model consistent.
 Time is proven where its order gives far less variation than the order of any other quantity, and than random orders.
 The search decides whether other sets of effects do as well.
 """
@@ -24,7 +24,7 @@ ROWS_PER_KNOT = 2
 FAR_LESS = 0.7
 """By so much the variation in the order of time is less than in that of any other quantity."""
 SHUFFLES, AS_GOOD = 19, 1
-"""Of so many orders drawn at random so many at most may do as well as that of time."""
+"""Number of orders that are drawn at random, and the most of them that may vary as little as the order of time."""
 DIGITS = 6
 """Decimals of a knot [h]."""
 TURN = 2.0 * np.pi

@@ -51,7 +51,7 @@ LATENCY = EffectPlace("latency", "gyro-block")
 COMPONENTS = ("GyroBlock", "AttitudeComputer", "AccelerometerBlock")
 RUN = ("GyroCompensation", "AttitudeComputer")
 FOLDS, FOLDS_OF_LONG = 4, 2
-"""Blocks in time of which each is simulated with parameters from the others; of long records each is run by itself."""
+"""Blocks in time, each simulated with parameters from the others; a long record has one run for each."""
 SHOWN_BY = {
     "gyro-bias": "a rest of a minute and more before and after the motion",
     "gyro-bias-drift": "rests at the beginning and at the end of a longer record",
@@ -80,8 +80,8 @@ OF_ACCELEROMETERS = "rests with each axis up, down and between, some of them rep
 class RecordReader(Reader):
     """The reader of a record of a carried block, before the simulation is run.
 
-    `block` is "calibrated" if the gyros' scale factors and misalignments are parameters, else "nominal"; `rates` is the
-    assumed meaning of a rate, "instantaneous" or "averaged"; `lacks` is advice on data to add where nothing can be run.
+    `block` is "calibrated" if the gyros' scale factors and misalignments are parameters, else "nominal". `rates` is the
+    assumed meaning of a rate, "instantaneous" or "averaged". `lacks` is advice on data to add where nothing can be run.
     """
 
     found: Inspection
@@ -117,8 +117,8 @@ class RecordReader(Reader):
 class CarriedReader(RecordReader):
     """The reader of a run of a block that is carried.
 
-    `bounds_from` names the source of the bounds in words; `least_radius` is the radius with all effects together, where
-    that is above one bound; `limits` are those that the accelerometers show in rests.
+    `bounds_from` names the source of the bounds in words. `least_radius` is the radius with all effects together, where
+    that is above one bound. `limits` are those that the accelerometers show in rests.
     """
 
     model: Carried
@@ -226,7 +226,7 @@ class CarriedReader(RecordReader):
         return float(np.median(self.quoted_part.bound)) / ARCMIN
 
     def option_of_bounds(self, times: float) -> str:
-        """Return the error of the true attitude with which all bounds are so many times as large, or larger."""
+        """Return the option for an error of the true attitude that multiplies all bounds by `times`, or by more."""
         reference = self.model.reference
         if not isinstance(reference, Truth):
             return ""
@@ -387,8 +387,8 @@ class CarriedRerun:
     def gain(self, fit: Fit) -> Gain | None:
         """Errors of pieces that were not used, in arcminutes, the quoted kind first; None: values that no gyro has.
 
-        For each block in time the parameters are estimated on the others, without the effects and with them; the
-        exported FMUs are run with these; the errors of the block's own pieces count.
+        For each block in time the parameters are estimated on the others, without the effects and with them. The
+        exported FMUs are run with these, and the errors of pieces within the block count.
         """
         model = self.model.with_onsets(fit)
         rows, folds = model.rows, model.rows.folds(FOLDS if len(model.motion) <= LONG else FOLDS_OF_LONG)
@@ -452,7 +452,7 @@ class CarriedRerun:
     def extension(self, fit: Fit, effects: Sized) -> Extension:
         """Gyros, attitude computer and, where gravity is the reference, accelerometers as they are found, and a run.
 
-        The run carries the attitude through the record, from the true one where it is known at the first row; the
+        The run carries the attitude through the record, from the true one where it is known at the first row. The
         accelerometers' readings go through their inverse, unless they have effects, which it cannot take out.
         """
         point = fit.estimate[: len(self.model.rows.names)]

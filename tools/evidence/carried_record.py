@@ -326,7 +326,7 @@ def about_effects(run: Carried, places: Sequence[EffectPlace], solution: NDArray
 
     The errors are those of a run with the effects, plus the first order of the effects, as if they acted linearly. A
     solution (P + k,) is a step of the model's parameters and the effects' coefficients. Gyros that lag by several rows
-    have their attitude read the same number of rows later: a compensation knows only the past and extrapolates their
+    have their attitude read the same number of rows later. A compensation knows only the past and extrapolates their
     rates, with an error that grows with the lag.
     """
     count, gyros, lag = len(run.rows.names), run.gyros_with(places, solution), 0

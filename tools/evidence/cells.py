@@ -9,8 +9,8 @@ radius above the limit and the error of that model (`bounded.sets`). The exact m
 intervals hold the values that are possible in any consistent cell.
 
 The lag of a temperature at the first row depends on earlier temperatures, which no record has. It is assumed to lie
-within the range of the record's temperatures, widened by `BEFORE` of that range on both sides: its response is a mean,
-again with weights of one sign, of those from these two ends.
+within the range of the record's temperatures, widened by `BEFORE` of that range on both sides. Its response is a mean,
+again with weights of one sign, of the responses from these two ends.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ from ...models.effects.columns import ONSET, on_columns, ports, response
 from ...models.effects.last_stage import LAST_HOUR
 
 FEWEST_ROWS = 2
-"""So many rows on each side of a step; what only one row shows is an outlier."""
+"""Least number of rows on each side of a step; a step of one row is an outlier."""
 CELL = 0.15
 """Width of a cell of time constants, as a difference of their logarithms."""
 LONGEST = 10.0

@@ -5,8 +5,8 @@ time. For a range of times, pieces that begin or end within it are left out. Tho
 any size, the same for all of them; the others are the same for each time. A range refused in this way is therefore
 refused for each time. In the smallest ranges no piece begins or ends.
 
-Columns of a few time constants in and about a range represent, by polynomials of the logarithm, those of each time
-constant within it, except for an error that derivatives bound.
+Columns of a few time constants in and about a range represent those of each time constant within it, by polynomials of
+the logarithm. Derivatives bound the error of that.
 """
 
 import math
@@ -30,11 +30,13 @@ from .observation import Group, boundaries_of, errors_between
 ROUNDS = 6
 """Rounds of Lawson's algorithm before a range is handed to a linear programme."""
 RATIO, SHORTEST, LONGEST = 1.002, 0.05, 10.0
-"""Of neighbouring time constants; the shortest is a part of the first pieces, the longest so many times the record."""
+"""Ratio of neighbouring time constants; the shortest, as a part of the first pieces; the longest, in lengths of the
+record."""
 TIMES_AT_ONCE = 80
 """Time constants of the least ranges."""
 SPACING, DEGREE, AROUND = 40, 7, 3
-"""Of the time constants between which polynomials of this degree tell all others, so many of them beyond each end."""
+"""Time constants between two nodes, degree of the polynomials through the nodes that give all others, and the number of
+nodes beyond each end."""
 MOST_EIGHTH = 222.8
 """The largest eighth derivative of e^(−x) by the logarithm of x."""
 MISSED = MOST_EIGHTH * (0.5 * 1.5 * 2.5 * 3.5) ** 2 * (SPACING * math.log(RATIO)) ** 8 / math.factorial(8)
@@ -71,7 +73,7 @@ class InMotion:
     """Additions of an effect to groups of pieces from the first row on; the cells of its number follow from them.
 
     `hours` (N,) is the time of each row since the first; `resting` (N,) marks the rows of rests. `integral` (N, 3, K)
-    is the effect's turn up to each row, and `counted` (N, 3, K) each row's part of the mean over all rests; zeros where
+    is the effect's turn up to each row. `counted` (N, 3, K) is each row's part of the mean over all rests; zeros where
     no mean is removed. `over_bounds` maps columns (S, d, K) of each group to rows (M, K) over the bounds of their
     errors.
     """
@@ -270,8 +272,8 @@ class TimeConstants(InMotion):
     def swept(self, numbers: NDArray) -> tuple[NDArray, NDArray, NDArray[np.float64]]:
         """Return the additions of the effect for time constants with the given numbers (R,), evenly spaced.
 
-        Returns rows (M, t) that move; ways (R, t, K) to add them, polynomials of the logarithm; and the error (M, K) of
-        the straight line between two neighbours, for any time constant between them.
+        Returns rows (M, t) that move and the ways (R, t, K) to add them, polynomials of the logarithm. The error (M, K)
+        is that of the straight line between two neighbours, for any time constant between them.
         """
         nodes = self._nodes(numbers[0], numbers[-1])
         samples = np.stack(self._samples(nodes), axis=1)
@@ -313,7 +315,7 @@ class TimeConstants(InMotion):
 
 
 Cells = Onsets | TimeConstants
-"""The cells of an unknown number: ranges of it, and what the effect does with each."""
+"""Cells of an unknown number: ranges of it, and the responses of the effect in each."""
 
 
 def cells_of(

@@ -29,7 +29,7 @@ SEEN = 1e-3
 """An effect of its largest possible size that moves no error by so much of its bound cannot be seen."""
 SHUFFLES = 40
 LIMIT = 1.0 + 1e-7
-"""Radius up to which a model stands: one, and what the programmes may be wrong by."""
+"""Radius up to which a model stands: one, and the rounding of the programmes."""
 Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
@@ -66,10 +66,10 @@ class Trial:
     """Trial of some effects of a fit on left-out readings.
 
     `folds` and `blocks` are errors (R,) of left-out data, without and with the effects: parts of the evidence in turn,
-    and blocks in time; None where that is not possible. `rows` (R,) are those of the folds, where they are numbered.
-    `shuffled` are the errors of the folds with the effects' signatures moved to places where they do not belong.
-    `jointly` marks the trial of the whole set; `worst` is then the error of folds or blocks that is farthest beyond the
-    noise.
+    and blocks in time. They are None where that is not possible. `rows` (R,) are those of the folds, where they are
+    numbered. `shuffled` are the errors of the folds with the effects' signatures moved to places where they do not
+    belong. `jointly` marks the trial of the whole set; `worst` is then the error of folds or blocks that is farthest
+    beyond the noise.
     """
 
     places: tuple[EffectPlace, ...]
@@ -390,7 +390,7 @@ class Reader:
     stated_bound: ClassVar[float | None] = None
     """The noise bound as it is published; None where there is no single one."""
     read_off: ClassVar[Sequence[ReadOff]] = ()
-    """Effects that readings show by themselves; what they change is left out of the rows."""
+    """Effects that readings show by themselves; the readings that these change are left out of the rows."""
     pairs: ClassVar[Sequence[Pair]] = ()
     """Places, each with a quantity on which its error may depend by any law."""
     rerun: ClassVar[Rerun | None] = None
@@ -421,7 +421,7 @@ class Reader:
         raise NotImplementedError
 
     def option_of_bounds(self, times: float) -> str:
-        """Return the option that makes all bounds so many times as large, or larger; empty where there is none."""
+        """Return the option that multiplies all bounds by `times`, or by more; empty where there is none."""
         return ""
 
     def missing(self) -> Mapping[str, Any]:

@@ -49,10 +49,10 @@ RUN_OF_TABLE: dict[str, object] = {
 """Parameters of the table that belong to such a run."""
 TABLE_AND_BLOCK = {"table": "TurntableMotion", "block": "AccelerometerBlock"}
 FED = {"specific_force": "specific_force", "angle": "angle", "block_rate": "rate"}
-"""What the block hears of the table, effects' needs among it: outputs and the inputs that they feed."""
+"""Outputs of the table and the inputs of the block that they feed, the needs of effects among them."""
 READINGS = {f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)}
 ANGLES = {"alpha_deg": "table.angle_reading[1]", "beta_deg": "table.angle_reading[2]"}
-"""Columns of a record, and what is recorded as them."""
+"""Columns of a record, and the variables that are recorded as them."""
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ ROBUST_ROUNDS = 20
 FIRST_ROWS, MORE_ROWS = 300, 100
 """Rows that a linear programme begins with, and takes in at a time."""
 TOLERANCE = 1e-9
-"""How far, relatively, a row that was not taken in may be beyond the radius."""
+"""Relative distance beyond the radius that a row outside the selection may have."""
 
 
 FAINT = 0.01
@@ -58,12 +58,12 @@ class Fit:
     `at` (P + K,) are the parameters of the model and the coefficients of the effects, a block for each, at which it is
     linearised. `step` (P + K,) leads from there to a Chebyshev centre, the point of least radius. `residual` (M,) are
     the errors there, `bound` (M,) their largest possible sizes, `jacobian` (M, P + K) the derivatives by parameters and
-    coefficients. `growths`: the bound of a reading grows with the size of an effect whose action on it the record
-    leaves open; one branch for each combination of the coefficients' signs, the fit's own first.
+    coefficients. `growths`: growth of the bound of a reading with the size of an effect whose action on it the record
+    leaves open. There is one branch for each combination of the coefficients' signs, that of the fit first.
 
     `radius` is the least possible largest error over its bound, with coefficients of possible size. `estimate` (P + K,)
     are parameters and coefficients of least squares, `stated` (K,) the coefficients that are reported; both are those
-    of one possible point where the fit is `centred`. `variants` are the ways in which effects act that are not linear;
+    of one possible point where the fit is `centred`. `variants` are the ways in which effects act that are not linear.
     `also` are consistent fits of the same effects in their other variants: a value is possible if it is possible with
     any of them. Where an effect has a variant for each value of a number, `swept` are all of these.
     """

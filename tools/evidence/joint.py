@@ -30,9 +30,9 @@ from .rows import Rows, reading_at
 OPEN = 0.01
 """Relative part of an effect left open by a record above which several records do not seek it."""
 LEAST_SLACK, MOST_SLACK = 1e-3, 0.5
-"""What the linear model of a search may be wrong by, in bounds: at least, and at most."""
+"""Error of the linear model of a search, in bounds: least and largest."""
 LEAST_PART = 1e-3
-"""A parameter with so small a part in what is not determined is determined."""
+"""Part of a parameter in the undetermined directions below which it is determined."""
 
 
 def join(records: Mapping[str, Evidence], shared: Sequence[str] = (), own: Sequence[str] = ()) -> Evidence:
@@ -84,7 +84,7 @@ class Joint(Linear):
 
     `names` are those of all parameters, linear about `point`; `members` are the evidences of the records, `labels`
     their names. `shared` are the names of the parameters that have one value; `chosen` (P_k, P) picks those of each
-    record out of all P; `asked` names the parameters that are shared or own against the default.
+    record out of all P. `asked` names the parameters that are shared, or separate for each record, against the default.
     """
 
     names: tuple[tuple[str, str], ...]

@@ -4,8 +4,8 @@ Rests on a table, turns of a table and a carried block make one each. Different 
 of effects that set in or fade, and of unknown functions of a quantity.
 
 An effect on the table turns the frame of its inner axis by small ψ(t) at given encoder readings. Between two moments
-the block then turns by ψ₂ − ψ₁ + ∫ ω × ψ dt more, in axes of that frame: a frame that is turned by ψ itself turns with
-ω + dψ/dt + ω × ψ. Effects of the gyros add their signatures, integrated.
+the block then turns by ψ₂ − ψ₁ + ∫ ω × ψ dt more, in axes of that frame. The reason: a frame that is turned by ψ itself
+turns with ω + dψ/dt + ω × ψ. Effects of the gyros add their signatures, integrated.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,8 @@ IN_THE_MODEL = ("gyro-bias", "gyro-scale-misalignment", "gyro-g-sensitivity", "l
 CONTAINING = ("lag",)
 """Effects that these hold, to first order."""
 OF_GYROS = ("GyroBlock", "AttitudeComputer")
-"""What turns the block without moving the table: gyros, and the computer that adds up what they read."""
+"""Components that feel turns of the block without a move of the table: the gyros, and the computer that integrates
+them."""
 Weights = Sequence[tuple[NDArray[np.int_], NDArray[np.float64]]]
 """Columns (R,) to which rows add, and how much (R,) of each."""
 
@@ -256,9 +257,9 @@ class Travel:
     """A table on its way through a bench record, at rows (R,) between which it turns by little or not at all.
 
     `hours` (R,); `alpha`, `beta` (R,) [rad]; `turning` (R - 1, 3) [rad] turns of the inner frame between them, in its
-    axes; `step` (R - 1,) [s]; `up` (R, 3) the vertical in block axes; `senses` (R, 2) of each axis' last move;
-    `axis_rates` (R, 2) [rad/s]; `temperature` (R,) [degC]; `first`, `last` (S,) pieces by these rows; `coning` (S, 3)
-    as of `Turns`; `to_gyros` (3, 3) maps turns of the inner frame to the gyros' readings, `to_block` (3, 3) to block
+    axes; `step` (R - 1,) [s]. `up` (R, 3) is the vertical in block axes; `senses` (R, 2) those of each axis' last move;
+    `axis_rates` (R, 2) [rad/s]; `temperature` (R,) [degC]. `first`, `last` (S,) are pieces by these rows; `coning` (S,
+    3) as of `Turns`. `to_gyros` (3, 3) maps turns of the inner frame to the gyros' readings, `to_block` (3, 3) to block
     axes.
     """
 

@@ -31,7 +31,7 @@ AT_A_TABLE = {
     "accelerometer gamma_32": "X11+X13",
     **{f"accelerometer bias_{p}": f"X{15 + p}" for p in (1, 2, 3)},
 }
-"""Parameters of accelerometers that are carried -> what the same is called where a table turns them."""
+"""Parameters of carried accelerometers -> the names of the same parameters on a table."""
 
 
 @dataclass(frozen=True)

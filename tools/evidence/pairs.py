@@ -52,8 +52,8 @@ class Form:
     """A way to write functions of one quantity: `kind` with a number of pieces, powers, orders, or where it jumps.
 
     `kind` is "pieces", "powers", "around" (pieces of a circle, from `at` on), "harmonics" (all up to an order),
-    "harmonic" (one), "jump", "sawtooth" (of a circle, straight but for one jump), "wave" (one, `at` times over the
-    range), "while" (something other from `at` to `until`) or "values". `searched` numbers are found beside the
+    "harmonic" (one) or "jump". Others are "sawtooth" (of a circle, straight but for one jump), "wave" (one, `at` times
+    over the range), "while" (another value from `at` to `until`) and "values". `searched` numbers are found beside the
     coefficients.
     """
 
@@ -121,12 +121,12 @@ class Pair:
 
     `values` (n,) are those of the quantity where the function is taken; `spread` maps functions (n, K) of it to the
     rows (M, K) of the evidence. `freedom` names the way in which a place acts: all pairs of one freedom are special
-    cases of a place that acts freely every time. `circle`: the quantity is an angle. `told`: it has few values, of
-    which the function is a multiple. `waves`: it has enough values to search for a wave. `moves`: intervals in which
-    the block was moved once, each by itself. `anything`: a place that acted freely could do anything to the rows.
-    `members` are pairs of several places each of which has a function of its own; then the values and the spread are
-    those of the first. `missed`: knots (k,) -> the largest differences of rows (M,) for a function that is not straight
-    between them, and whose slope changes by one in all; None where only the values act.
+    cases of a place that acts freely every time. `circle`: the quantity is an angle. `told`: it has few values, and the
+    function is a multiple of these. `waves`: it has enough values to search for a wave. `moves`: intervals in which the
+    block was moved once, each by itself. `anything`: a place that acted freely could do anything to the rows. `members`
+    are pairs of several places with a function each; then the values and the spread are those of the first. `missed`:
+    knots (k,) -> the largest differences of rows (M,) for a function that is not straight between them, and whose slope
+    changes by one in all. It is None where only the values act.
     """
 
     where: str
@@ -228,7 +228,7 @@ FACTORS = {
     **{name: f"the {SINES[wave]} of {QUANTITIES[angle]}" for name, (wave, angle) in OF_ANGLES.items()},
     **dict.fromkeys((*WAYS, ""), ""),
 }
-"""What is no quantity, in words; a tilt or a turn is a way to act, no factor."""
+"""Names of places that are no quantities; a tilt or a turn is a way to act, no factor."""
 
 
 def in_words(name: str) -> str:

@@ -2,8 +2,8 @@
 
 A fault at a place is an unknown function of one quantity, perhaps times a known factor. The judged class holds all
 functions that are straight between knots, of `PIECES` equal pieces over the range of the quantity, of `SECTORS` round a
-circle. The model imitates some of them (a constant is a bias, a wave of α is a tilt); only the rest counts: the size of
-a function with values v at the knots is max |P v|, where P subtracts the least-squares fit to v of all functions that
+circle. The model imitates some of them (a constant is a bias, a wave of α is a tilt); only the rest counts. The size of
+a function with values v at the knots is max |P v|, where P subtracts from v its least-squares fit by all functions that
 the model imitates anywhere on the bench.
 
 Some noise and some parameters x hide a fault v as long as |J x + S v| nowhere exceeds the largest possible sum of
@@ -45,9 +45,9 @@ IMITATED = 2e-3
 OWN = 0.05
 """So much of a function is its own beside others."""
 SCATTERED = 300
-"""Positions, of each mounting, at which it is judged what the model imitates."""
+"""Positions of each mounting that judge which functions the model imitates."""
 LEAST = 1e-9
-"""What is smaller, relatively, is rounding."""
+"""Relative size below which a value is rounding."""
 Named = tuple[str, str, str]
 """Place, quantity and factor of a pair."""
 

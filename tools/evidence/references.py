@@ -1,8 +1,8 @@
 """References of a carried attitude: gravity at the rests, or the true attitude.
 
-A gyro whose reading is δω(t) too large turns the carried attitude, over a piece from t₀ to t₁, by C(t₀)ᵀ ∫ C (I + Γ)⁻¹
-δω dt, in axes of the piece's beginning and to first order. Errors are computed less true: a reading that is too large
-turns the carried attitude too far.
+A gyro whose reading is δω(t) too large turns the carried attitude. Over a piece from t₀ to t₁ the turn is C(t₀)ᵀ ∫ C (I
++ Γ)⁻¹ δω dt, in axes of the piece's beginning and to first order. Errors are computed less true: a reading that is too
+large turns the carried attitude too far.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,8 +36,8 @@ FEWEST_WINDOWS = 8
 TOGETHER = (1, 2, 3)
 """Moves between neighbouring rests, and over two and three rests."""
 EARTH_AT_REST, EARTH_IN_MOTION = 1.0, 2.0
-"""So many times Earth's rate widens the bounds: with the gyros' bias free only its change between poses counts; with
-the mean at rest taken out it counts once there and once in the motion."""
+"""Multiples of Earth's rate that widen the bounds. With the gyros' bias free only its change between poses counts; with
+the mean at rest removed it counts once there and once in the motion."""
 Sized = Mapping[EffectPlace, tuple[float, ...]]
 """Effects with the values of their parameters."""
 
@@ -74,9 +74,9 @@ def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float
 class Run:
     """A run of the simulation through a record, with the derivatives by each coefficient.
 
-    `attitude` (N, 4) as it was carried, scalar first; `rows` (B,): every row at which a piece begins or ends, in order;
+    `attitude` (N, 4) as it was carried, scalar first. `rows` (B,): every row at which a piece begins or ends, in order.
     `integral` (B, 3, P + K): ∫ C (I + Γ)⁻¹ δω dt up to these rows, by each of the P = `own` parameters of the gyros and
-    coefficient of their effects.
+    by each coefficient of their effects.
     """
 
     attitude: NDArray[np.float64]
@@ -198,8 +198,8 @@ class Reference:
 class Gravity(Reference):
     """Gravity is the reference: its direction at the rests, its size, and no turn of the block at rest.
 
-    Pieces that are scored are moves over one, two and three rests; `ends` (S, 2) are the numbers of the rests at the
-    ends of each; `still` are the rests without a gap; `reading` (K, 3) and `deviation` (K, 3) are the accelerometers'
+    Pieces that are scored are moves over one, two and three rests. `ends` (S, 2) are the numbers of the rests at the
+    ends of each; `still` are the rests without a gap. `reading` (K, 3) and `deviation` (K, 3) are the accelerometers'
     means and their standard deviation [g].
     """
 

@@ -22,8 +22,8 @@ class Pieces:
     """Pieces of a record of one kind, each from one of its rows `first` (S,) to another, `last` (S,).
 
     `kind`: "moves": between rests, the direction of gravity is known at both ends; "rests": the block does not turn;
-    "norms": the size of gravity at rest; "windows": the true attitude is known at both ends. `label` is in words: "0.5
-    s", "2 moves".
+    "norms": the size of gravity at rest. With "windows" the true attitude is known at both ends. `label` is in words:
+    "0.5 s", "2 moves".
     """
 
     kind: str
@@ -47,9 +47,9 @@ class Pieces:
 class Part:
     """Errors of S pieces of one kind, with d components each.
 
-    `error`, `bound` (S, d) are in the part's unit: [rad] of turns and directions, [g] of norms; `nominal` (S, d, P) are
-    by the parameters of the model, `columns` (S, d, K) by the coefficients of the effects. The `scored` errors judge
-    the model; the other parts hold further known errors.
+    `error`, `bound` (S, d) are in the part's unit: [rad] of turns and directions, [g] of norms. `nominal` (S, d, P) are
+    derivatives by the parameters of the model, `columns` (S, d, K) by the coefficients of the effects. The `scored`
+    errors judge the model; the other parts hold further known errors.
     """
 
     pieces: Pieces
@@ -131,7 +131,7 @@ class Rows:
     fold_numbers : array (M,), optional
         the part of the record with which each row is left out; by default blocks in time of the parts
     are_readings : bool
-        true if they begin with readings of three accelerometers each, any of which may be an outlier
+        true if they begin with readings of three accelerometers each, all of which can be outliers
     least_singular : float
         directions of the parameters with a smaller singular value, over the bounds, are not determined
     """

@@ -32,7 +32,8 @@ MOST_TRIED = 12
 """Number of rows of a range that fits, after which its least radius is not refined."""
 FINE, DECIDED, FINER, LEAST_FINER, MOST_TIMES = 0.02, 1e-6, 16.0, 1.2, 5000
 """Time constants are taken so near each other that bounds grow by this part of themselves; where none stands, though
-not all are refused, by the second. Then they are so many times nearer, at least so many, and so many at most."""
+not all are refused, by the second. They are then nearer by this factor, at least by the fourth number; the fifth is the
+most of them."""
 
 
 @dataclass(frozen=True, eq=False)

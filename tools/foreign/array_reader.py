@@ -30,7 +30,7 @@ def hdf5_arrays(file: Any) -> list[Entry]:
 
     def visit(name: str, item: Any) -> None:
         is_array = hasattr(item, "dtype") and item.shape is not None and not item.is_virtual and not item.external
-        # MATLAB keeps what is referred to in #refs#
+        # MATLAB keeps the targets of references in #refs#
         if not is_array or name.startswith("#") or item.size * item.dtype.itemsize > LARGEST:
             return
         unit = item.attrs.get("units", item.attrs.get("unit", ""))

@@ -195,7 +195,7 @@ def _field_named(table: UnderstoodTable, column: str, name: str) -> Field:
 
 
 def without_only_triad(table: UnderstoodTable, fields: dict[str, Field], left: list[Field]) -> list[Field]:
-    """Take the only three columns x, y, z for accelerometers where nothing else can be; return what is left.
+    """Take the only three columns x, y, z for accelerometers where nothing else can be; return the other fields.
 
     They are asked for, unless a certain unit makes their size gravity.
     """

@@ -158,7 +158,7 @@ def _first_data(sheet: Sheet, head: Sequence[Row], mapping: Mapping) -> int:
         raise InputError(f"{sheet.path}: has no rows of at least three numbers; a table of measured data is needed")
     first, second = head[at][1], head[at + 1][1] if at + 1 < len(head) else []
     names = [is_word(name) and is_value(below) for name, below in zip(first, second, strict=False)]
-    # names of which most are numbers
+    # names, most of them numbers
     if sum(names) > 1:
         return lines[at + 1]
     return lines[at]
@@ -172,7 +172,7 @@ def _names_row(above: Sequence[Row], units: int, width: int) -> int:
     words = names = 0
     for place, text in enumerate(lines.get(line, [])):
         words += is_word(text)
-        # names may take two lines, each of which is short
+        # names may take two short lines
         names += is_word(text) or not is_missing(cell(over, place))
     if words >= 3 and names >= width // 2:
         return line

@@ -28,12 +28,12 @@ from .sheet import HeaderFacts, Sheet, cell
 from .understanding import Field
 
 GUESSES = ("numbers", "gyros", "accelerometers", "gyros and accelerometers")
-"""What the names of a table's columns mean, by rank."""
+"""Meanings of a table's columns by their names, by rank."""
 
 
 @dataclass(frozen=True)
 class TableInFile:
-    """A table in a file: its name, its size, and what its columns mean by their names."""
+    """A table in a file: its name, its size, and the meaning of its columns by their names."""
 
     name: str
     rows: int

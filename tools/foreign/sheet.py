@@ -66,8 +66,8 @@ Row = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class HeaderFacts:
-    """Facts that a file states: decimal mark, line of names, units, period of time, a rate that may be its own, the
-    names of tables in the file that may be meant, too, and a remark of its library."""
+    """Facts that a file states: decimal mark, line of names, units, period of time, a likely rate. Further ones are the
+    names of other tables in the file that may be meant, and a remark of its library."""
 
     decimal: str = ""
     header_row: int = 0
@@ -100,7 +100,7 @@ class Sheet:
     frame : table, or None
         columns of numbers, of a file that holds such; its names are line 1 if they are stated
     whole : Path, bytes or None
-        content of a large text, of which `lines` are the first
+        content of a large text that begins with `lines`
     """
 
     path: Path

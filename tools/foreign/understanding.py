@@ -89,8 +89,8 @@ class UnderstoodTable:
     """A sheet, its layout, the user's mapping, and all further answers and questions.
 
     The keys of `origins` and `beside` are columns of the record; `beside` has the fields of further readings of a rest.
-    `given` is the user's mapping without a known layout; `proposed` has the likeliest fields of an open quantity,
-    `whole` the columns of a large text; `start` [s] is the time of the first row if times count from it.
+    `given` is the user's mapping without a known layout. `proposed` has the likeliest fields of an open quantity,
+    `whole` the columns of a large text. `start` [s] is the time of the first row if times count from it.
     """
 
     sheet: Sheet

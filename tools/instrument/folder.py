@@ -28,7 +28,7 @@ SAID = {
     "temperature": ("temperature", "temperature_degC"),
     "serial": ("serial", "serial number", "serial_number", "instrument"),
 }
-"""Keys of a record's comment lines that say what is known of a result."""
+"""Keys of a record's comment lines with facts about a result."""
 COLDEST, HOTTEST = -100.0, 200.0
 """[°C]"""
 
@@ -43,8 +43,8 @@ class OnDate(Result):
 class Entry(Told):
     """A calibration or diagnosis of an instrument, with date and temperature of the measurement.
 
-    `date` is ISO 8601; `sha256` is that of the result's file, `record_sha256` of the record's; `result` is the result
-    as it was published; `file` is the name of the entry's own file. Of several records together date and temperature
+    `date` is ISO 8601; `sha256` is that of the result's file, `record_sha256` of the record's. `result` is the result
+    as it was published; `file` is the name of the file of the entry. Of several records together date and temperature
     are those of the last, `dates` has those that are known, and the digests have spaces between them.
     """
 

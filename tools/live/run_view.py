@@ -15,7 +15,7 @@ from .loopback import LoopbackServer, ShownHandler, template_of
 ROWS_OUT = "-"
 """In place of a port: rows on standard output."""
 POINTS = 400
-"""Rows of a picture: at twice as many every second one is left out."""
+"""Rows of a picture: at twice this number every second one is left out."""
 WIDTH, HEIGHT = 300.0, 36.0
 """Size of a picture."""
 SIGNIFICANT = 6

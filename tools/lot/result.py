@@ -1,4 +1,4 @@
-"""Types of a lot: each record of it, and what its instruments have in common."""
+"""Types of a lot: its records, and the properties that its instruments share."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -65,7 +65,7 @@ class Member(Told):
 class Distribution(Result):
     """A parameter over the instruments of a lot.
 
-    `spread` is 1.4826 times the median distance from the median, a standard deviation under a normal law; `half_width`
+    `spread` is 1.4826 times the median distance from the median, a standard deviation under a normal law. `half_width`
     is the median half width of the guaranteed intervals, None where no record guarantees one.
     """
 
@@ -99,7 +99,7 @@ class SharedCause(Result):
     since, until : str or None
         serial numbers of the first and the last instrument of these; None: of the whole lot
     chance : float
-        upper bound of the probability of so many by chance
+        upper bound of the probability of this count by chance
     serials : tuple of str
         the instruments with the cause
     sentence : str
@@ -149,7 +149,7 @@ class Lot(Told):
     Attributes
     ----------
     do : str
-        what was done with each record
+        work on each record
     instruments, failed : int
         number of instruments, and of records without a result
     verdicts : dict of int

@@ -1,7 +1,7 @@
-"""What the instruments of a lot have in common, and which are unlike it.
+"""Properties that the instruments of a lot share, and the instruments that differ.
 
-Every search has one budget of chance, shared among all that it tries (Bonferroni): a lot without a hidden cause or an
-odd instrument shows one with a probability of at most `CHANCE`. Ranks and medians keep odd instruments from hiding each
+Every search has one budget of chance, shared among all its trials (Bonferroni). A lot without a hidden cause or an odd
+instrument shows one with a probability of at most `CHANCE`. Ranks and medians keep odd instruments from hiding each
 other. An instrument with several records counts once, with its last.
 """
 
@@ -78,11 +78,11 @@ def lot_of(
     members : sequence of Member
         the records with their results in short
     do : str
-        what was done with each
+        work on each record
     tolerance : Tolerance, optional
         table by which each record passes or fails
     warnings : sequence of str
-        what a reader must know of the batch
+        sentences on the batch for the reader
 
     Returns
     -------
@@ -177,7 +177,7 @@ def odd_values(columns: Sequence[Column]) -> list[Odd]:
     """Return the instruments whose whole interval lies outside the range of the lot.
 
     The range is that of a normal law with the lot's median and spread; as the spread itself is uncertain, the quantile
-    is Student's. Of a small lot, whose median and spread have no simple law, the value must also be outside the range
+    is Student's. Of a small lot the median and spread have no simple law. The value must then also be outside the range
     by the mean and standard deviation of the others, whose law is exact.
     """
     odd = []

@@ -222,15 +222,16 @@ def run_attitude(
     ----------
     algorithm, rates, gyro_bias, rate_divisor, bridge_gaps
         as of `trihedron.attitude_of_record`: rates are "instantaneous" (integrated by the trapezoid rule) or "averaged"
-        (means over the interval before each row); `rate_at_rest(record)`, say, is taken out of them [rad/s]
+        (means over the interval before each row). `gyro_bias` [rad/s] is subtracted from them, for instance
+        `rate_at_rest(record)`
     run
         out, progress of `orchestrator.simulate`
 
     Raises
     ------
     InputError
-        unknown algorithm or meaning of the rates; a record that is not uniform, has a gap, ends where its true
-        attitude begins, or turns by more than the algorithm takes in one sample
+        unknown algorithm or meaning of the rates; a record that is not uniform, has a gap or ends where its true
+        attitude begins; a turn in one sample outside the algorithm's range
     """
     chosen = algorithm_named(algorithm)
     source = gyro_input(record, rates, bridge_gaps=bridge_gaps, gyro_bias=gyro_bias)
@@ -410,10 +411,10 @@ class ErrorSplit:
 def split_error(time_s: np.ndarray, error: np.ndarray, period: float | None = None) -> ErrorSplit:
     """Split an error (N,) or (N, K) at growing times (N,) [s] as Chelnokov et al. 2016, section 3.1.1, describe theirs.
 
-    The slow part is the mean over one whole period around each moment, so that what repeats with the motion drops out
-    of it; half a period from the ends it goes on with the drift. Without a period [s] it is the longest strong one in
-    the error's spectrum. An InputError for fewer than eight errors, a number that is not finite, or a run of less than
-    two periods.
+    The slow part is the mean over one whole period around each moment, so that errors which repeat with the motion drop
+    out of it. Half a period from the ends it goes on with the drift. Without a period [s] it is the longest strong one
+    in the error's spectrum. An InputError for fewer than eight errors, a number that is not finite, or a run of less
+    than two periods.
     """
     time = np.asarray(time_s, dtype=np.float64)
     values = np.asarray(error, dtype=np.float64).reshape(len(time), -1)

@@ -36,13 +36,13 @@ FEWEST_MOVES = 3
 LEAST_TURN = 0.3
 """Moves that turn gravity by less tell no way of reading from another [rad]."""
 MOST_MOVES = 80
-"""So many moves are looked at, spread over the record."""
+"""Most moves that are compared, spread over the record."""
 SCALES = 2.0 ** np.arange(-3.0, 3.01, 0.25)
 """Sizes of the gyros' readings that are tried."""
 OF_ONE = np.concatenate([1.0 + (part - 1.0) * np.eye(3) for part in (0.25, 0.5, 2.0, 4.0)])
 """The same of one gyro beside the others."""
 CLEARER = 0.2
-"""Gyros are told from each other where that leaves so much of what is missed, squared."""
+"""Gyros are told from each other where that leaves at most this part of the squared error."""
 ALIKE = 0.1
 """Scales of gyros that differ by 1, as logarithms, count as so much missed [rad]: what tells nothing stays alike."""
 
@@ -51,8 +51,8 @@ ALIKE = 0.1
 class Moves:
     """Moves between two rests.
 
-    Gravity's directions (M, 3) at both, the turns between, what the gyros may have drifted (M,) [rad], and the times
-    (M, 2) at which moves begin and end [s].
+    Gravity's directions (M, 3) at both, the turns between, and the largest drift of the gyros (M,) [rad]. The times (M,
+    2) are those at which moves begin and end [s].
     """
 
     before: NDArray[np.float64]

@@ -183,8 +183,8 @@ def carried_attitude(
     """Attitudes (N, 4), scalar first, at the rows of a record, from the identity at the first; gravity in [m/s²].
 
     The record's increments go through the compensation of the gyro block to the attitude computer. The run's steps are
-    the record's intervals, each as long as the period: the increments hold the logged times. A component's FMU file may
-    be given in place of the one that is built here.
+    the record's intervals, each as long as the period: the increments hold the logged times. An FMU file may replace
+    the one of a component that is built here.
     """
     fmus = fmus or {}
     block = {"gravity": gravity, **model.parameters}

@@ -1,9 +1,9 @@
 """Predicted error of an accelerometer calibration in a pose that was not measured, and the poses that lessen it.
 
-The nine parameters are those of `norm`: Γ lower triangular, row by row, then the biases [g]. Rests at poses with
-slopes J (K, 9) of |n| and standard deviations s (K,) leave the covariance C = (Jᵀ diag(1/s²) J + P⁻¹)⁻¹, where P is
-what is known of any instrument. The error of |f| in a pose u has the variance j(u) C j(u)ᵀ. It judges a calibration of
-any number of poses by its use; a count of poses or a singular value does not.
+The nine parameters are those of `norm`: Γ lower triangular, row by row, then the biases [g]. Rests at poses with slopes
+J (K, 9) of |n| and standard deviations s (K,) leave the covariance C = (Jᵀ diag(1/s²) J + P⁻¹)⁻¹. P is the prior
+covariance of any instrument. The error of |f| in a pose u has the variance j(u) C j(u)ᵀ. It judges a calibration of any
+number of poses by its use; a count of poses or a singular value does not.
 """
 
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 ROWS, COLUMNS = np.tril_indices(3)
 """Indices of the six elements of Γ."""
 PRIOR_SD = np.array([0.05, 0.03, 0.05, 0.03, 0.03, 0.05, 0.1, 0.1, 0.1])
-"""Standard deviations of the parameters of an instrument of which nothing is known: scale factors 5 %, misalignments
-30 mrad, biases 0.1 g."""
+"""Standard deviations of the parameters of an unknown instrument: scale factors 5 %, misalignments 30 mrad, biases 0.1
+g."""
 LEAST_SD = 3e-4
 """A mean at rest errs by this [g] even where its noise is lower: the residuals of 13 real records are 1.1e-4 to
 4.1e-4 g."""
@@ -44,7 +44,7 @@ def _directions(count: int) -> NDArray[np.float64]:
 UNSEEN = _directions(400)
 """Poses over which the error is predicted: directions up (400, 3)."""
 TURN_PRIOR_SD = np.where(np.eye(3) > 0.0, 0.03, 0.01).ravel()
-"""Standard deviations of scale factors and misalignments M of gyros of which nothing is known, row by row."""
+"""Standard deviations of scale factors and misalignments M of unknown gyros, row by row."""
 TURN_AXES = np.vstack([np.eye(3), UNSEEN[::5]])
 """Axes over which the error of a turn is predicted."""
 
@@ -74,7 +74,7 @@ class Determinacy:
     Attributes
     ----------
     covariance : (9, 9) array
-        of the parameters, with what is known of any instrument
+        of the parameters, with the prior of any instrument
     prior_sd : (9,) array
         standard deviations before the rests
     x : (9,) array or None
@@ -189,7 +189,7 @@ def closing_poses(
     """Return the poses that bring the worst predicted error down to `wanted` [g], the most useful first.
 
     Each is the candidate that lessens the predicted errors most; after each they are predicted again. There are at most
-    `most`: their last `after` says what they reach.
+    `most`: `after` of the last one is the error that all of them reach.
     """
     poses: list[Pose] = []
     while determinacy.worst > wanted and len(poses) < most:

@@ -1,9 +1,9 @@
 """Input of the attitude computer from a record: uniform angle increments, bridged gaps, limits of trust.
 
-Lost rows are put in on a line, with a bound of the attitude error that may cause. Of motion whose second difference
-from row to row, the vector's size, is at most c near the gap, the n rows on the line miss by at most
-c j (n + 1 - j) / 2 each, j = 1 ... n. Attitudes turned by rates that miss by so much are apart by their sum at most,
-c n (n + 1)(n + 2) / 12, whatever the motion is else: the integral of the miss.
+Lost rows are put in on a line, with a bound of the attitude error that may cause. If the size of the motion's second
+difference from row to row is at most c near the gap, the n rows on the line miss by at most c j (n + 1 - j) / 2 each, j
+= 1 ... n. Attitudes turned by rates with these errors are apart by at most their sum, c n (n + 1)(n + 2) / 12, for any
+motion: the integral of the error.
 """
 
 from collections.abc import Sequence
@@ -28,14 +28,14 @@ MOST_JITTER = 0.5
 MOST_BRIDGED = 10
 """Most lost rows of a gap that is bridged."""
 AROUND = 10
-"""So many rows, and as many as are lost, are looked at on each side of a gap."""
+"""Rows that are compared on each side of a gap, beside as many as are lost."""
 FEWEST_AROUND = 4
-"""So many second differences tell what motion does near a gap."""
+"""Least number of second differences that show the motion near a gap."""
 ROOM = 2.0
-"""Motion in a gap may bend so many times as much as it does around it. Of motion without frequencies above a tenth of
-the sampling one the rows around show all but the least of what it does."""
+"""Factor by which motion in a gap may bend more than around it. The rows around show nearly all of a motion without
+frequencies above a tenth of the sampling one."""
 SURE = 3.0
-"""An increment that is so many bounds from what was to be expected, and not from what a whole gap adds up to, holds the
+"""An increment holds the gap if it is this number of bounds from its prediction, and not from the sum over a whole
 gap."""
 
 
@@ -51,7 +51,7 @@ def without_gaps(record: StrapdownRecord, most: int) -> tuple[StrapdownRecord, t
     """A record with gaps of up to `most` lost rows bridged: readings on lines, the true attitude not known there.
 
     A row that was put in has the number of the row behind the gap. InputError for a gap of more rows, by its row, and
-    where the rows around it do not tell what the motion does.
+    where the rows around it do not show the motion.
     """
     if not 0 <= most <= MOST_BRIDGED:
         raise InputError(f"--bridge-gaps {most}: give a whole number of rows from 0 to {MOST_BRIDGED}")
@@ -217,9 +217,8 @@ def increments_from(
 ) -> Increments:
     """Angle increments of the rows after row `first`, at which the attitude is known.
 
-    Increments are taken as they are, rates are integrated, less a bias [rad/s]; what the rates mean as of
-    `run_attitude`. An InputError for a record that is not uniform, is too short, or turns by more than half a
-    turn between two rows.
+    Increments are taken as they are. Rates are integrated, less a bias [rad/s], with the meanings of `run_attitude`. An
+    InputError for a record that is not uniform, is too short, or turns by more than half a turn between two rows.
     """
     period = sampling_period(record)
     count = len(record) - 1 - first

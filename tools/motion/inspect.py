@@ -52,7 +52,7 @@ class RestModel(Result):
     radius : float
         least possible largest residual over its bound; refused above 1
     by_chance : float or None
-        part of 200 shuffles of the rests in which the terms do as well; None of the constant and of what is refused
+        part of 200 shuffles of the rests in which the terms fit as well; None of the constant and of refused models
     stands : bool
         whether it is one of the smallest that are not refused, and not explained by chance
     coefficients : tuple of tuple of float
@@ -77,9 +77,9 @@ class GyrosAtRest(Result):
     Attributes
     ----------
     verdict : str
-        "constant", "named": one smallest model stands; "ambiguous": several of that size; "wandering": none does,
-        or only terms that do as well for shuffled rests, or the means differ by more than noise, whatever they depend
-        on; "insufficient": too few rests to refuse anything
+        "constant", "named": one smallest model stands; "ambiguous": several of that size; "insufficient": too few rests
+        to refuse anything. "wandering": none stands, or only terms that fit shuffled rests as well; or the means differ
+        by more than noise, for any terms
     tried : tuple of RestModel
         all, in the order of their size
     not_tried : tuple of str
@@ -108,7 +108,7 @@ class Move(Result):
 
 
 class PosesSeen(Result):
-    """What the poses of a record's rests are worth for the accelerometers.
+    """Predicted errors of the accelerometers by the poses of a record's rests.
 
     Attributes
     ----------
@@ -267,7 +267,7 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
 
 
 def poses_seen(rests: Rests, gravity: float) -> PosesSeen:
-    """Return what the poses of rests are worth, by the predicted error of a pose that was not measured."""
+    """Return the predicted error of a pose that was not measured, from the poses of the rests."""
     sd: NDArray | float = LEAST_SD
     if rests.force_scatter is not None:
         sd = standard_deviations(rests.force_scatter / gravity)

@@ -1,8 +1,8 @@
 """Accelerometers calibrated by the norm of gravity over rests: least squares and guaranteed bounds side by side.
 
-Reading/g = (I + Γ) n + b with |n| = 1 and Γ lower triangular: a turn of the block against its axes cannot be seen in
-the norm, so the first axis is the first accelerometer's and the second lies in the plane of the first two. With an
-error |ρ| ≤ σ of each reading the residual |n| − 1 is within the sum of σ |(I + Γ)⁻ᵀ u|, u = n/|n|.
+Reading/g = (I + Γ) n + b with |n| = 1 and Γ lower triangular. A turn of the block against its axes cannot be seen in
+the norm: the first axis is the first accelerometer's and the second lies in the plane of the first two. With an error
+|ρ| ≤ σ of each reading the residual |n| − 1 is within the sum of σ |(I + Γ)⁻ᵀ u|, u = n/|n|.
 """
 
 from collections.abc import Mapping, Sequence
@@ -99,9 +99,8 @@ def calibrate_by_norm(reading: NDArray, bound: NDArray) -> Calibration:
 
     Returns
     -------
-    Calibration
-        with the parameters of NAMES: least squares, standard errors from their residuals, and the guaranteed ends; what
-        is open is closed by poses, in words
+    Calibration with the parameters of NAMES: least squares, standard errors from their residuals, and the guaranteed
+    ends. Poses, in words, would close open parameters
     """
     x = np.zeros(9)
     determinacy = Determinacy.of(norm_equations(x, reading)[1], standard_deviations(bound))

@@ -18,7 +18,8 @@ LONGEST = 3
 UNLIKE = 10.0
 """Distance of a spike from its neighbours over their spread."""
 SHARPEST = 300.0
-"""No hand and no table changes a rate so fast from one row to the next and back [rad/s²]; knocks are told apart."""
+"""Change of a rate from one row to the next and back [rad/s²] that no hand and no table makes; knocks are excluded by
+other rules."""
 LEAST_TURN = 0.01
 """Rows that turn the attitude by less are not refused [rad]."""
 ALONE = 30.0
@@ -32,7 +33,7 @@ TOWARDS = 5.0
 LONGEST_LOSS = 0.5
 """Zeros for longer in a record without noise are no lost readings but a rest [s]."""
 STUCK, SELDOM = 6, 0.02
-"""So many rows in a row at one value are stuck where no larger part of the other rows repeats the one before."""
+"""Number of equal rows in succession that are stuck, where no larger part of the other rows repeats the one before."""
 OVERFLOW = "an overflow to the opposite end of the range and back; choose a larger range"
 LOST = "lost readings, exactly 0 between readings that are not"
 HELD = "stuck at one value, though the readings change from row to row elsewhere"

@@ -30,7 +30,7 @@ UNSTEADY = 1e-3
 SETTLING = 60
 """Time constants with which biases may settle, from the shortest rest to the record's length."""
 SPARE = 4
-"""So many rests more than terms are wanted."""
+"""Least number of rests beyond the number of terms."""
 OCTAVES, SHORTEST = 4, 0.1
 """Averaging times at which noise is looked for: from half the median rest down, each half the one before, but not below
 this [s], where filters hide it."""
@@ -42,13 +42,13 @@ LEAST_RATE = 1e-12
 class RestNoise:
     """Noise of three gyros, or accelerometers, at rest: white noise and flicker noise of each.
 
-    `white` (3,): mean square of a mean over one second [rad²/s²]; `flicker` (3,): square of the flat part of the Allan
-    deviation [rad²/s²]; `least` (3,): square of its least value, white noise included, and `count` (3,) its degrees of
-    freedom; `wander` (3,): mean square of what the means at rest differ by from one rest to the next beside white
-    noise [rad²/s²], NaN where it is not known or no noise; `span`: length of the record [s]; `unsteady`: of each gyro
-    whose means differ by more than noise makes, its number, by how much, and what noise makes, rms [rad/s]; `jumps`:
-    whether they differ by no more where the biases change once, between two rests, or settle as an exponential of time;
-    what wanders is beside that.
+    `white` (3,): mean square of a mean over one second [rad²/s²]. `flicker` (3,): square of the flat part of the Allan
+    deviation [rad²/s²]. `least` (3,): square of its least value, white noise included, and `count` (3,) its degrees of
+    freedom. `wander` (3,): mean square difference of the means at rest from one rest to the next, beside white noise
+    [rad²/s²]; NaN where it is not known or no noise. `span`: length of the record [s]. `unsteady`: for each gyro whose
+    means differ by more than noise its number, the difference, and that of noise, rms [rad/s]. `jumps`: whether noise
+    explains the differences once the biases change at one time between two rests, or settle as an exponential of time;
+    `wander` is beside that.
     """
 
     white: NDArray[np.float64]
@@ -129,7 +129,7 @@ def gyro_noise(
     """Return the noise of the gyros from the rests; None if these are too few or too short.
 
     Differences between the rests' means that no drift, gravity or temperature explains count as noise too, up to the
-    size that flicker noise causes; `up` (K, 3) are the directions of gravity at the rests, where known.
+    size that flicker noise causes. `up` (K, 3) are the directions of gravity at the rests, where known.
     """
     noise = rest_noise(rates_of(record), record.time_s, rests, period)
     scatter = None
@@ -221,8 +221,8 @@ def rest_scatter(
 ) -> tuple[NDArray[np.float64], int] | None:
     """Return the mean square (3,) of the means at rest [rad²/s²], and its degrees of freedom; None if undetermined.
 
-    Everything that an effect could do at rest is fitted and taken away: what grows with time, with temperature, with
-    gravity and, where there are enough rests, with its products; and a column `change` (K,), where given.
+    Everything that an effect could do at rest is fitted and subtracted. That is growth with time, with temperature,
+    with gravity and, with enough rests, with its products; and a column `change` (K,), where given.
     """
     columns = [np.ones(len(rests)), rests.time_s - rests.time_s[0]]
     if change is not None:

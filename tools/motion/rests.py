@@ -51,11 +51,11 @@ REWEIGHTED = 30
 LEAST_SHARE = 0.02
 """A rest in which an accelerometer is at its limit in more rows is left out."""
 FEW_VALUES = 3
-"""Where the readings of a rest take at most so many values, noise is no wider than a step, and the mean is off by up
-to half of one."""
+"""Where the readings of a rest take at most this number of values, noise is no wider than a step, and the mean is off
+by up to half of one."""
 WIDE_NOISE = 0.1
-"""Of noise as wide as k steps the mean is off by at most this part of one step, over k: the first harmonic of what is
-rounded away, of a flat distribution, 1/π² of it; of a Gaussian one it is less."""
+"""With noise as wide as k steps the mean is off by at most this part of one step, over k. It is the first harmonic of
+the rounding error: 1/π² of a step for a flat distribution, and less for a Gaussian one."""
 SAME_STEP = 1e-3
 """Multiples of a step are written with digits of their own: they may be off by so much of it."""
 TOO_FINE = 1e-6
@@ -245,15 +245,15 @@ class Rests(Result):
     time_s : (K,) array
         middle of each rest [s]
     length_s : (K,) array
-        of what is averaged of each rest [s]
+        length of the averaged part of each rest [s]
     force_bound, rate_bound : (K, 3) array or None
-        bound of each mean's error [m/s²], [rad/s]: the scatter below, widened by what a deviation of so few rests may
-        be too small; None where the rests are fewer than `FEWEST_FOR_NOISE` or too short to tell
+        bound of each mean's error [m/s²], [rad/s]: the scatter below, widened because the deviation of few rests may be
+        too small. None where the rests are fewer than `FEWEST_FOR_NOISE` or too short
     force_scatter, rate_scatter : (K, 3) array or None
         three times the Allan deviation at the length of the rests, and what steps of the readings leave
     rows, clipped_rows, walking_rows : tuple of slice
-        the rows that are averaged, of each rest; of each with an accelerometer at its limit; of each quiet stretch
-        whose readings walk as in a slow turn, or by a large drift
+        the averaged rows of each rest; the rows of each rest with an accelerometer at its limit; the rows of each quiet
+        stretch whose readings walk as in a slow turn, or by a large drift
     force, rate : (K, 3) array
         mean readings [m/s²], [rad/s]
     temperature : (K,) array or None
@@ -287,11 +287,11 @@ class Rests(Result):
 def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     """Find the rests of a record and average them.
 
-    A window is quiet when each channel scatters in it less than three times as much as its noise, which is taken from
-    differences over 0.05 s in the windows where they are least: a slow move has small differences and a large
-    scatter. In a record without noise a window is quiet when nothing changes in it. Rests are quiet stretches of a
-    second and more without a gap, whose readings do not walk; there are none at all where nothing is quiet. Rests that
-    a person decided replace these.
+    A window is quiet when each channel scatters in it less than three times as much as its noise. The noise comes from
+    differences over 0.05 s in the windows where they are least: a slow move has small differences and a large scatter.
+    In a record without noise a window is quiet when nothing changes in it. Rests are quiet stretches of a second and
+    more without a gap, whose readings do not walk; there are none at all where nothing is quiet. Rests that a person
+    decided replace these.
     """
     rate = rates_of(record)
     # A knock would be all that sums of squares hold.

@@ -34,9 +34,9 @@ from .turning import TurningCheck, check_turning
 LARGEST_SCALE = math.sqrt(2.0)
 """Gyros or accelerometers that are off by more are read wrongly: settings of a range step by two."""
 USUAL_SCALE = 0.05
-"""Scale factors that are off by more are said."""
+"""Larger scale-factor errors are reported."""
 UNUSUAL_FORCE = 1.5
-"""A median specific force of more gravities is said where no rest tells the unit."""
+"""A larger median specific force [g] is reported where no rest shows the unit."""
 WHOLE_POWER = 0.1
 """A factor is a power of two where its logarithm to base 2 is so near a whole number."""
 FEW = 0.01
@@ -44,7 +44,8 @@ FEW = 0.01
 LEAST_FORCE = 1e-3
 """Readings count as so much at least [g]."""
 FEWEST_RESTS, TOLD = 6, 0.1
-"""So many rests tell accelerometers from each other where the least singular value is this part of the largest."""
+"""Least number of rests, and least ratio of the smallest to the largest singular value, that tell accelerometers from
+each other."""
 Measured = TypeVar("Measured", bound=PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord)
 
 

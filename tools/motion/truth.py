@@ -26,7 +26,7 @@ SHORT_WINDOW = 0.5
 LENGTH_ROOM = 0.1
 """A window may be longer or shorter by this part, where the truth is not known at every row."""
 MOST_PIECES = 400
-"""Of more windows of one length, and moves over several rests, so many are taken, spread over the record."""
+"""Most windows of one length, and most moves over several rests, that are used, spread over the record."""
 SAME_AXIS = 0.95
 """Turns about an axis are compared in size where their correlation is so large."""
 LONGEST_TURN = 2.5
@@ -134,8 +134,8 @@ def turns_between(attitude: NDArray, ends: NDArray) -> "Rotation":
 def downward_warning(record: StrapdownRecord) -> tuple[str, ...]:
     """Warn where the specific force points along −z of the reference: z is down, or all accelerometers are reversed.
 
-    Nothing else in a record can show that all are reversed, and nothing in this one which of the two it is; no line
-    where a person has said how the channels are read.
+    Nothing else in a record can show that all are reversed, and nothing in this record which of the two it is. There is
+    no line where a person has stated how the channels are read.
     """
     rows = known_rows(record)
     if record.attitude is None or not len(rows) or record.channels is not None:

@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 WINDOW = 0.2
 """Length of the windows in which gyros and accelerometers are compared [s]."""
 MOVING = 10.0
-"""A window is a move where its turn is so many times what the noise of the gyros makes."""
+"""A window is a move where its turn exceeds the noise of the gyros by this factor."""
 LEAST_TURN = 0.01
 """Smaller turns in a window tell nothing [rad]; in degrees they are larger."""
 FEWEST_WINDOWS = 30
 """Fewer windows of moves tell nothing."""
 FEWEST_BEFORE, CLEARER = 10, 4.0
-"""Channels change during a record where, over so many windows and more on each side of a time, another way of reading
-than on the other side misses so many times less, squared, than that of the other side."""
+"""Channels change during a record where another way of reading misses less by the second factor, squared, than that of
+the other side. That must hold over at least the first number of windows on each side of a time."""
 LEAST_SHARE = 0.5
 """Part of the turns, squared, that gyros must show before anything is believed."""
 CLEAR = 0.2
-"""Where turns leave a smaller part of the changes of the specific force, squared, the gyros' size is told."""
+"""Where turns leave a smaller part of the changes of the specific force, squared, the gyros' size is known."""
 LEAST_MISS, BETTER = 0.1, 0.1
 """Gyros are read wrongly where they miss so much of the true turns, squared, and another way misses so much of that."""
 ALIKE = 0.05
@@ -44,8 +44,8 @@ class TurningCheck(Result):
     """Test of the gyros' turns against the accelerometers: units, signs and order of axes, from moves alone.
 
     A block that turns at ω sees gravity turn by df = −ω × f dt. The matrix K that fits df = −(K ω dt) × f best over
-    short windows of moves is the identity for rates in rad/s along the accelerometers' axes, (π/180)·I for degrees per
-    second; a swap or a flip of axes shows in it. The scale of the accelerometers does not matter.
+    short windows of moves is the identity for rates in rad/s along the accelerometers' axes. It is (π/180)·I for
+    degrees per second; a swap or a flip of axes shows in it. The scale of the accelerometers does not matter.
 
     Attributes
     ----------
@@ -76,8 +76,8 @@ def check_turning(
     """Compare gyros with accelerometers (N, 3), as the record has them, over moves; times (N,) in [s].
 
     The noise (3,) is the scatter of a sample of the gyros at rest, in the rates' unit; windows with rows (N,) that are
-    broken tell nothing. `before` is how the file was read; where a person has said that it stands as it is, nothing is
-    said.
+    broken tell nothing. `before` is the way in which the file was read; where a person has stated that way, the result
+    has no fault.
     """
     period = float(np.median(np.diff(time_s)))
     size = max(2, round(WINDOW / period))
@@ -151,7 +151,8 @@ def _fit(turn: NDArray, change: NDArray, level: NDArray) -> tuple[NDArray, NDArr
 def _change(missed: NDArray, none: NDArray, at: NDArray) -> tuple[str, float] | None:
     """When channels begin to be read otherwise, in words, and the part of the turns that is missed then; None if never.
 
-    Squares (W, S) of what each way of reading misses in each window, those (S,) of what is to be seen, times (S,) [s].
+    Squared misses (W, S) of each way of reading in each window, squared sizes (S,) of the changes in the windows, times
+    (S,) [s].
     """
     cuts = np.arange(FEWEST_BEFORE, len(none) - FEWEST_BEFORE + 1)
     if not len(cuts):
@@ -221,8 +222,8 @@ def beside_truth(
 ) -> tuple[tuple[str, ...], float]:
     """Return faults of the gyros by true turns (S) over windows, and the squared part that the best way misses.
 
-    Increments (N, 3) are up to each row [rad], at times (N,); windows (S, 2) are the rows at their ends. Of gyros of
-    which a person says that they stand as they are, `before` is `Channels()`, only that way is looked at.
+    Increments (N, 3) are up to each row [rad], at times (N,); windows (S, 2) are the rows at their ends. Where a person
+    has stated that the gyros stand as they are, `before` is `Channels()` and only that way is compared.
     """
     target = true.as_matrix()
     missed = []

@@ -21,7 +21,7 @@ CHANCE = 0.025
 
 
 def averaging_rows(longest: int) -> list[int]:
-    """Return the averaging times in rows, up to a quarter of the longest stretch of so many rows."""
+    """Return the averaging times in rows, up to a quarter of the longest stretch (`longest` rows)."""
     rows = []
     exponent = 0
     while 2.0 ** (exponent / AN_OCTAVE) <= longest / LONGEST:
@@ -92,7 +92,7 @@ def of_processes(likelihood: Likelihood, fit: Fit, rows: int, longest: int, piec
     share = np.gradient(number)
     power = likelihood.spectrum(fit, angle) * difference_gain(angle, rows) * share / longest
     variance = float(power.sum())
-    # each bin of `share` coefficients has so many degrees of freedom
+    # a bin of `share` coefficients has `share` degrees of freedom
     freedom = 2.0 * variance**2 / float(np.sum(2.0 * power**2 / share)) * pieces
     trend = 0.0
     if fit.trend is not None and fit.trend.letter == "R":

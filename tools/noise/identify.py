@@ -20,9 +20,9 @@ MINUTE = 60.0
 NOT_TOLD = 300.0
 """A stretch shorter than this tells little of bias instability and random walks [s]."""
 DRIFT_TIMES = (60.0, 600.0, 3600.0)
-"""Times for which the growth of errors is told [s]."""
+"""Times for which the growth of errors is computed [s]."""
 LONGER = 10.0
-"""A growth is told up to this many times the longest stretch."""
+"""A growth is computed up to this multiple of the longest stretch."""
 
 
 def identify(
@@ -162,7 +162,7 @@ def _drifts(channels: Sequence[ChannelNoise], longest: float) -> list[Drift]:
 
 
 def _too_short_for(still: AtRest) -> list[str]:
-    """Return what the stretches are too short to tell."""
+    """Return the quantities for which the stretches are too short."""
     if still.longest >= NOT_TOLD:
         return []
     return ["bias instability and random walks: record the block at rest for an hour"]

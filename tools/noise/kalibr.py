@@ -69,7 +69,7 @@ PROCESS_UNITS: dict[tuple[Sensor, Letter], str] = {
 
 
 def _worst(channels: list[ChannelNoise], letter: Letter) -> tuple[float, bool]:
-    """Return the largest coefficient of three channels, and whether it is detected: upper ends of what is not."""
+    """Return the largest coefficient of three channels, and whether it is detected; where it is not, its upper end."""
     detected, bounds = [], []
     for channel in channels:
         one = channel.coefficient(letter)

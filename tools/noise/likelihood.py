@@ -1,7 +1,7 @@
 """Fit of noise processes to a spectrum, by the likelihood of its cosine coefficients (Whittle).
 
-With the spectrum S_b = Σ θ_p s_p, θ ≥ 0, twice the negative logarithm of the likelihood is Σ ν_b (ln S_b + P_b / S_b):
-P_b the mean square of the ν_b coefficients of a bin.
+With the spectrum S_b = Σ θ_p s_p, θ ≥ 0, twice the negative logarithm of the likelihood is Σ ν_b (ln S_b + P_b / S_b).
+P_b is the mean square of the ν_b coefficients of a bin.
 """
 
 import math

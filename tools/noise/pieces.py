@@ -1,4 +1,4 @@
-"""Stretches of a record in which the block stands still: the readings whose noise is told."""
+"""Stretches of a record in which the block stands still: the readings whose noise is identified."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,9 +35,10 @@ SLOW_TURN = 0.01
 OUTSTANDING = 8.0
 """A change this many times the usual one stands out: a wandering bias has none."""
 WANDER = 0.05
-"""Usual change that no bias shows, and angle of turn within a record too short to tell what is usual [rad]."""
+"""Usual change of the angle beyond that of any bias, and angle of turn within a record that is too short to show the
+usual one [rad]."""
 FEWEST_WINDOWS = 16
-"""Times in a record that tell what is usual."""
+"""Number of times in a record from which a usual value is computed."""
 STILL_STRETCH = 60.0
 """Shortest stretch of a moved record that is a rest though its readings walk: no hand turns as slowly [s]."""
 NORMAL = 1.4826

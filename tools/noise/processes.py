@@ -156,8 +156,8 @@ def difference_gain(angle: NDArray[np.float64], rows: int) -> NDArray[np.float64
 def drift_variance(letter: Letter, time: NDArray[np.float64], constant: float = 1.0) -> NDArray[np.float64]:
     """Return the generalised variogram V(t) of the integral of a process of size one.
 
-    The variance of a contrast Σ w_i I(t_i) with Σ w_i = 0 is -½ ΣΣ w_i w_j V(t_i - t_j), if Σ w_i t_i = 0 too where the
-    process wanders.
+    The variance of a contrast Σ w_i I(t_i) with Σ w_i = 0 is -½ ΣΣ w_i w_j V(t_i - t_j). Where the process wanders, Σ
+    w_i t_i = 0 must hold too.
 
     Parameters
     ----------

@@ -176,7 +176,7 @@ class ChannelNoise(Result):
     def total(self, variance_of_size_one: Callable[[Letter, float], float], *, detected_alone: bool = False) -> float:
         """Return the variance that all processes give, by that of a process of size one and its time constant.
 
-        Detected processes count with their upper ends; of the others the one that adds most, or none.
+        Detected processes count with their upper ends; of the others only the one counts that adds most.
         """
         detected, missed = 0.0, 0.0
         for one in self.coefficients:
@@ -346,7 +346,7 @@ class Noise(Result):
     drifts : list of Drift
         growth of the errors of attitude and velocity
     too_short_for : list of str
-        what the records are too short to tell
+        quantities for which the records are too short
     averaged : Dwell or None
         bound of averaged readings, for the dwell and the positions that were asked for
     scenario, against : str, list of Against

@@ -16,7 +16,7 @@ the limits leave 1.4 for rarer ones."""
 LOW_BAND = 20
 """The band of the fit ends at the sampling rate over this: filters of sensors act above."""
 FEWEST = 400
-"""Coefficients that the band has at least, where the record has so many."""
+"""Least number of coefficients in the band, if the record has as many."""
 FITS = 4.2
 """Largest deviation of a bin that a right fit shows, in 99 of 100 records."""
 

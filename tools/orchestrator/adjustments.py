@@ -22,8 +22,8 @@ TIMES = ("time", "time_s", "t")
 class Adjustments:
     """Options of a run that act on FMUs, each with the name of a variable or of an FMU and its variable.
 
-    `values` are texts `NAME=VALUE`, `inputs` is a table as FMPy and fmusim read it, `record` are the variables to
-    record, `tolerance` is that of solvers, `interface` chooses between model exchange and co-simulation.
+    `values` are texts `NAME=VALUE`; `inputs` is a table as FMPy and fmusim read it; `record` are the variables to
+    record. `tolerance` is that of solvers; `interface` chooses between model exchange and co-simulation.
     """
 
     values: Sequence[str] = ()

@@ -440,8 +440,8 @@ class Host:
         """Load the library and make the instance.
 
         Keys of `settings`: the library's file, version (of FMI), name, token, resources, logger (FMPy's library, or
-        ""), progress (a file, or ""), `clocks`, `has_events` (this process handles the events), and `solver`: for model
-        exchange, the numbers of states and event indicators and a tolerance; otherwise empty.
+        ""), progress (a file, or ""), `clocks` and `has_events` (this process handles the events). `solver` has, for
+        model exchange, the numbers of states and event indicators and a tolerance; otherwise it is empty.
         """
         version, clocks, solver = settings["version"], settings["clocks"], settings["solver"]
         if solver:

@@ -310,7 +310,7 @@ def initialise_fmus(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
 
 
 def _set_late(slave: Slave, entry: Loaded) -> None:
-    """Set again in initialisation mode what the FMU has not taken before it."""
+    """Set the values again in initialisation mode that the FMU has not taken before it."""
     given = [(variable, value) for variable, value in entry.values.values() if variable.causality in SETTABLE]
     late = slave.not_held(given)
     if late:

@@ -46,8 +46,9 @@ SKIP, BLEND, SUM, SLOPE = range(14, 18)
 
 # Whole numbers that both loops keep.
 STEP, LAST_STEP, ROW, EVERY, ROWS, RECORDS, ITERATION, CHANGING, AT, NEXT, CURSORS = range(11)
-"""Indices: step to make, step to stop before, row to record, recording interval, rows of both tables, iteration, row of
-the value that changed most, row of the failed call (-1: none), row to begin a step with, first cursor of a feed."""
+"""Indices: step to make, step to stop before, row to record, recording interval, rows of both tables, iteration. Then
+row of the value that changed most, row of the failed call (-1: none), row to begin a step with, first cursor of a
+feed."""
 
 # Real numbers that both loops keep.
 START, CHANGE, STOP = range(3)
@@ -55,8 +56,8 @@ START, CHANGE, STOP = range(3)
 shortened last step ends [s]."""
 
 NOT_FINITE, NOT_SETTLED, ENDED, EARLY = 100, 101, 102, 103
-"""Statuses beyond FMI's: a value that is not finite, a loop that does not settle, an FMU that asks for the end of the
-simulation, an FMU that returned before the end of the step."""
+"""Statuses beyond FMI's: a value that is not finite; a loop that does not settle; an FMU that asks for the end of the
+simulation; an FMU that returned before the end of the step."""
 BELOW_ONE = 1.0 - 2.0**-52
 WARNING = 1
 """Worst status of FMI with which a run continues."""
@@ -69,16 +70,16 @@ def loop_of(on: Any) -> Callable[..., int]:
     ----------
     on : class
         the loop's access to memory and C functions, all by address: copy(target, source, bytes), load_byte, load_word,
-        load_real(address), store_word, store_real(address, value), real_of(type, address),
-        store_as(type, address, real number), and calls of functions: call2, call4, call5 of words, step2 and step3 with
-        the arguments of FMI's doStep
+        load_real(address), store_word, store_real(address, value), real_of(type, address) and store_as(type, address,
+        real number). Calls of functions are call2, call4, call5 of words, and step2 and step3 with the arguments of
+        FMI's doStep
 
     Returns
     -------
     callable
         takes the rows of a step, their real numbers, the recorded values ((target of row 0, source, bytes) each), and
-        the whole and real numbers of the state, laid out as above; makes the steps from state[STEP] to
-        state[LAST_STEP], or to the first call that fails; returns the status of that call, otherwise 0
+        the whole and real numbers of the state, laid out as above. It makes the steps from state[STEP] to
+        state[LAST_STEP], or to the first call that fails, and returns the status of that call, otherwise 0
     """
     copy, load_word, load_byte, load_real = on.copy, on.load_word, on.load_byte, on.load_real
     store_real, store_word, real_of, store_as = on.store_real, on.store_word, on.real_of, on.store_as

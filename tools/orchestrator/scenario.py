@@ -195,9 +195,9 @@ class FmuSetting(Section):
 class Connection(Section):
     """An output that feeds an input: whole arrays (`fmu.name`) or single elements (`fmu.name[2]`).
 
-    `between` applies if the two FMUs have different steps: "hold", the last value; "interpolate", linearly between the
-    values of a slower FMU; "sum", the sum of a faster FMU's values since the reader's previous step. The input is
-    factor * output + offset, in the output's unit, and is then converted to its own, unless `convert` is false.
+    `between` applies if the two FMUs have different steps. "hold" takes the last value; "interpolate" is linear between
+    the values of a slower FMU; "sum" adds a faster FMU's values since the reader's previous step. The input is factor *
+    output + offset, in the output's unit, and is then converted to its own, unless `convert` is false.
     """
 
     source: str = Field(alias="from")
@@ -212,7 +212,7 @@ class Stimulus(Section):
     """Source of an input: a constant, timed rows (`csv`, `table` with `columns`) or a position programme.
 
     With `interpolate` rows are read as FMPy and fmusim read a table of inputs: continuous inputs linearly at the
-    beginning of each step, in the inputs' own units; the first and the last row hold before and after.
+    beginning of each step, in the inputs' units. The first and the last row hold before and after.
     """
 
     to: str | None = None

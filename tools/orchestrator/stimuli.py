@@ -39,7 +39,7 @@ class StepGrid:
     stop: float = math.inf
     """End of a shortened last step [s]."""
     notes: tuple[str, ...] = ()
-    """What the user must know of the steps."""
+    """Remarks on the steps for the user."""
 
     def time(self, tick: int) -> float:
         """t_k [s]."""

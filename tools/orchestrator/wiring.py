@@ -1,7 +1,7 @@
 """Connections between FMUs, and the order and the pace of their steps.
 
 An FMU steps with each step of the run, or with every n-th. A slow FMU steps at the last step of the run within its own
-step: it gets the newest outputs of faster FMUs, and they use its old outputs until then. An FMU whose outputs are
+step. It gets the newest outputs of faster FMUs, and they use its old outputs until then. An FMU whose outputs are
 interpolated steps ahead, at the beginning.
 """
 

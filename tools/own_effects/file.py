@@ -58,9 +58,9 @@ COUNT = 7
 AT_REST, IN_MOTION = (0.1, 0.5), (1e-5, 2e-5)
 """Parts of the largest coefficients at which a kernel has to be linear; in motion to first order."""
 AGREE, FIRST_ORDER = 1e-6, 1e-3
-"""Relative differences from what is linear, at rest and in motion."""
+"""Largest relative differences from a linear response, at rest and in motion."""
 Refusal = Callable[[str, str], InputError]
-"""A field and what is wrong with it -> what is raised."""
+"""A field and its fault -> the error to raise."""
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 PARAMETER = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 LARGEST_FILE = 1 << 20
@@ -186,7 +186,7 @@ FORMER = (
     "an effect is its kernel, places, sizes and sentence: leave away the values of its parameters (third argument), "
     "signature, turns, from_coefficients, needs and in_motion"
 )
-"""What to do with a file that gives an effect what its kernel says."""
+"""Advice on a file that repeats facts of an effect's kernel."""
 FORMER_NAMES = ("own_input", "turned", "polar_coefficients", "all_coefficients")
 FORMER_FIELDS = ("signature", "turns", "from_coefficients", "needs", "in_motion")
 
@@ -201,7 +201,7 @@ def written_for_signatures(error: BaseException) -> bool:
 
 
 _LOADED: dict[OwnEffects, tuple[Effect, ...]] = {}
-"""Of each text that was read what it gives."""
+"""Effects by the text that defines them."""
 
 
 def line_in_file(error: BaseException, origin: str) -> str:

@@ -279,4 +279,4 @@ UNEXPLAINED: tuple[tuple[tuple[int, ...], str], ...] = (
     ),
     ((79, 84), f"ϑ comes out 6 % larger and 8 % smaller than in print, while ψ agrees; {ATTEMPTS}"),
 )
-"""Rows that do not come out, and what is known of them."""
+"""Rows that are not reproduced, and the known facts about them."""

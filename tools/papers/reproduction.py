@@ -54,9 +54,9 @@ SCORED = (
 """Tables that are counted together, and the fraction of the printed number within which one counts."""
 Task: TypeAlias = tuple[PublishedRow, Conditions]
 Stream: TypeAlias = tuple[bytes, float, int]
-"""Harmonics, sample period and intervals of the trapezoid rule: what the increments depend on."""
+"""Harmonics, sample period and intervals of the trapezoid rule: they determine the increments."""
 DOUBLE = "double"
-"""64-bit arithmetic on the same rounded increments: what is left is the increments' own error."""
+"""64-bit arithmetic on the same rounded increments: only the increments' error remains."""
 REPEATING, INCOMMENSURATE = "repeating", "incommensurate"
 FIGURES = {
     "published_{}_deg": "published_deg",
@@ -97,7 +97,7 @@ class ReproducedRow(PublishedRow):
     not_reproduced : tuple of str
         the angles that come out more than `TOLERANCE` away from print
     remark : str
-        what is known of these; empty where all come out
+        known facts about these; empty where all are reproduced
     """
 
     reproduced_deg: Angles

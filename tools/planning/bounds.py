@@ -1,8 +1,8 @@
 """Proven lower bounds of the worst ratio that a common set of a given number of positions can reach.
 
-Lower bounds come from an implicit hitting set on a pool of table positions. A set reaches the ratio r only if, for
-every target k and every y with a'y = c_k, one of its positions has |F'y| ≥ 1/r: at least one position of that region
-must be in the set. A linear programme over such cuts bounds the number of positions from below.
+Lower bounds come from an implicit hitting set on a pool of table positions. A set reaches the ratio r only if it meets
+a condition for every target k and every y with a'y = c_k: one of its positions has |F'y| ≥ 1/r. At least one position
+of that region must be in the set. A linear programme over such cuts bounds the number of positions from below.
 
 The search looks for cuts that the programme's present answer violates. It gathers positions, the heaviest first, while
 they cannot reach r together; the dual that proves this is the cut. The cut holds for all images under the symmetries of

@@ -1,8 +1,8 @@
 """Programme and proof of an optimal plan: columns of readings, a dual vector, a bound of |F'y| over all positions.
 
 A dual y with |F'y| ≤ 1 on all readings proves that every estimator costs at least a'y. The quietest of the suitable
-duals has the least mean square of |F'y|. A vertex of the dual programme touches ±1 at as many positions as possible and
-exceeds it beside them; the quietest dual touches only where it must.
+duals has the least mean square of |F'y|. A vertex of the dual programme touches ±1 at many positions and exceeds it
+beside them; the quietest dual touches only where it must.
 
 The bound is branch and bound over boxes in (α, β). On a box, let f = ±F'y and the set be {c ≥ 0}. Freezing the signs of
 the absolute values in c gives functions c_i ≥ c, so f ≤ h = f + λ₁c₁ + λ₂c₂ on the set for any λ ≥ 0. With λ that

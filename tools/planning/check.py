@@ -2,7 +2,7 @@
 
 Errors of setting (section 4 of Golovan, Matasov, Tarygin 2022), before the measurement. At the actual angles the plan's
 weights Φ estimate with the bias Σ b X, b = Σ Φ F − a. The bias is tolerable if Σ|b| X^max is small beside σ Σ|Φ|.
-Otherwise the weights are compensated by (4.2), l̃ = A L⁻¹ (Φ z) with L = Σ Φ Fᵀ at the actual angles; or the programme
+Otherwise the weights are compensated by (4.2), l̃ = A L⁻¹ (Φ z) with L = Σ Φ Fᵀ at the actual angles. Or the programme
 is solved again on the actual angles, which is optimal. At the actual angles a reading counts by (1.7) as printed. The
 plan's further margins, the bias rows or a reserve, may be used up.
 

@@ -1,12 +1,11 @@
 """Regressors and admissible sets as bilinear forms in (cos α, sin α, 1) and (cos β, sin β, 1).
 
 For one accelerometer p and one sign s of its input every regressor of (1.10) is a form hᵀ(α) C h(β), with `harmonics` h
-and C (3, 3), and so is F'y for any y: this is what makes pricing and bounding cheap. The set of (1.9) is
-{c ≥ 0} with c = (1 − v) s m_p − w − Σ weight |term|, its terms forms too (w is v for the rule "tables", else 0).
+and C (3, 3). So is F'y for any y, which makes pricing and bounding cheap. The set of (1.9) is {c ≥ 0} with c = (1 − v)
+s m_p − w − Σ weight |term|, its terms forms too (w is v for the rule "tables", else 0).
 
-At a fixed α everything is a sinusoid in β. The admissible β form arcs, and the greatest ±F'y over them is at the
-sinusoid's own top or at an end of an arc, exactly: fine grids are priced row by row with it, and all angles by a search
-along α.
+At a fixed α everything is a sinusoid in β. The admissible β form arcs. The greatest ±F'y over them is at the sinusoid's
+own top or at an end of an arc, exactly: fine grids are priced row by row with it, and all angles by a search along α.
 
 Source: Golovan, Matasov, Tarygin 2022, (1.7), (1.9), (1.10).
 """

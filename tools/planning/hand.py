@@ -48,7 +48,7 @@ USED = 1e-3
 
 @dataclass(frozen=True)
 class HandRequest:
-    """What is wanted of a calibration by hand.
+    """Request for a calibration by hand: accuracies and properties of the instrument.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class HandRequest:
 
     @property
     def rest_s(self) -> float:
-        """Return the length of a rest [s]: the noise of its mean is half of what a mean errs by anyway."""
+        """Return the length of a rest [s]: the noise of its mean is then half of its other errors."""
         needed = (2.0 * self.noise_density / STANDARD_GRAVITY / LEAST_SD) ** 2
         return float(np.ceil(np.clip(needed, SHORTEST_REST_S, LONGEST_REST_S)))
 
@@ -117,7 +117,7 @@ class HandRequest:
 
 
 def density_of(noise: Noise) -> float:
-    """Return the largest noise density of the accelerometers [m/s²/√Hz]; an InputError where none is told."""
+    """Return the largest noise density of the accelerometers [m/s²/√Hz]; an InputError where the file has none."""
     densities = []
     for channel in noise.of("accelerometer"):
         white = channel.coefficient("N")
@@ -289,14 +289,14 @@ class HandPlan(Result):
 
 @dataclass(frozen=True)
 class Progress:
-    """What is known at a point of a plan: accelerometers, gyros, and the pose (3,) of the instrument, if any."""
+    """Knowledge at a point of a plan: accelerometers, gyros, and the pose (3,) of the instrument, if any."""
 
     forces: Determinacy
     gyros: TurnDeterminacy
     up: NDArray[np.float64] | None = None
 
     def moved(self, turn: Turn | None, up: NDArray, sd: float) -> "Progress":
-        """Return what is known after a turn and a rest."""
+        """Return the knowledge after a turn and a rest."""
         gyros = self.gyros if turn is None else self.gyros.with_turn(turn, sd)
         return Progress(self.forces.with_pose(up, sd), gyros, up)
 
@@ -364,7 +364,7 @@ def plan_by_hand(request: HandRequest) -> HandPlan:
 
 
 def _trials(known: Progress, pose: str, up: NDArray, sd: float) -> list[tuple[Progress, str, str]]:
-    """Return what each way to a pose makes known, with the words of turn and pose."""
+    """Return the knowledge after each way to a pose, with the words of turn and pose."""
     if known.up is None:
         return [(known.moved(None, up, sd), "", pose)]
     trials = []
@@ -402,7 +402,7 @@ def _out_of_reach(request: HandRequest, known: Progress, count: int) -> str:
 
 
 def _measured(request: HandRequest) -> tuple[Progress, str, list[str]]:
-    """Return what the rests of a record make known, its name and warnings; of the moves the shortest turns."""
+    """Return the knowledge from the rests of a record, its name and warnings; of the moves the shortest turns."""
     known = Progress(Determinacy.before(), TurnDeterminacy())
     if request.measured is None:
         return known, "", []

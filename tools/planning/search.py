@@ -296,7 +296,7 @@ def _column_blocks(present: Costs, lasting: NDArray) -> list[NDArray]:
 def _error_rows(task: Task, present: Costs) -> tuple[NDArray, NDArray]:
     """Return sums (R, K) of the targets' costs, whose largest counts, and their reference values (R,) [σ].
 
-    A group of two gives the facets of its cone: √(a² + b²) is the largest of a cos φ + b sin φ, to half a percent with
+    A group of two gives the facets of its cone. √(a² + b²) is the largest of a cos φ + b sin φ, to half a percent with
     `FACETS` values of φ.
     """
     angle = np.linspace(0.0, 0.5 * np.pi, FACETS)

@@ -1,8 +1,8 @@
 """Which channel of a file is which axis, with its sign, sense and unit; and which way of reading one fits far better.
 
 Accelerometers and gyros may be exchanged and reversed in 48 ways, each angle of the table may turn the other way, and
-angles and rates may be in the other unit. A record is tried against all of them; what fits far better is said, with the
-option `--channels` that reads it so, and is never applied by itself.
+angles and rates may be in the other unit. A record is tried against all of them. A way that fits far better is
+reported, with the option `--channels` that reads it so, and is never applied by itself.
 """
 
 import re
@@ -19,15 +19,16 @@ from ..errors import InputError
 Axes: TypeAlias = tuple[int, int, int]
 
 FAR_BETTER = 200.0
-"""A way of reading fits far better than another where its misfit is less by so much: the squares of what is left over
-what is usual, and of parameters over `USUAL`. Right records came to 17 at most, and once to 160."""
+"""A way of reading fits far better than another where its misfit is less by this difference. The misfit adds the
+squares of the residuals over their usual size, and of parameters over `USUAL`. Right records came to 17 at most, and
+once to 160."""
 USUAL = 0.1
 """Scale factors, misalignments [1] and biases [g] of this size are usual; a channel that is reversed has one of 2."""
 LEAST_MISFIT, LARGEST_MISFIT = 0.01, 0.1
 """What effects and offsets of the table may leave [g] is not taken for less; where the best way of reading leaves more,
 none of them is right."""
 MOST_LISTED = 8
-"""So many ways of reading that a record cannot tell apart are said."""
+"""Most equivalent ways of reading a record that are listed."""
 RADIANS = np.pi / 180.0
 SIGNED = re.compile(r"[+-]?[123]")
 OPTIONS = "as 2,1,-3 (accelerometers), w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad or w=deg"
@@ -54,8 +55,8 @@ SENSES = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 class Channels:
     """Assignment and signs of the channels of a file.
 
-    `accelerometers`, `gyros`: of each axis the channel of the file, 1 to 3, with its sign; `alpha`, `beta`: -1 where an
-    encoder turns the other way; `radians`: the angles of the table are in radians; `degrees`: the gyros give degrees.
+    `accelerometers`, `gyros`: of each axis the channel of the file, 1 to 3, with its sign. `alpha`, `beta`: -1 where an
+    encoder turns the other way. `radians`: the angles of the table are in radians; `degrees`: the gyros give degrees.
     """
 
     accelerometers: Axes = (1, 2, 3)
@@ -183,7 +184,7 @@ def far_better(costs: NDArray[np.float64]) -> NDArray[np.int_]:
 
 
 def advice(ways: Sequence[tuple[Channels, str]], before: Channels | None) -> str:
-    """The options that read a file in one of these ways, the one that changes least, and all others.
+    """Options that read a file in one of these ways: those of the one that changes least, and those of all others.
 
     Each is how it is read, and what else says the same, a mounting; `before` is how the file was read, None where as it
     stands.

@@ -1,7 +1,7 @@
 """Columns of each kind of record, recognition of the kind by them, and conditions on their numbers.
 
-Comment lines of a record, `# key: value`, are read and written here and nowhere else. Some keys are the record's own:
-what its numbers cannot say, as once they are averaged or in other units.
+Comment lines of a record, `# key: value`, are read and written here and nowhere else. Some keys hold facts that the
+numbers cannot show, for instance after averages or conversions of units.
 """
 
 import math
@@ -42,24 +42,24 @@ LIMITS = {
     **dict.fromkeys(INCREMENT, (-1e3, 1e3, "radians per interval are needed")),
     **dict.fromkeys(VELOCITY, (-1e6, 1e6, "metres per second and interval are needed")),
 }
-"""Beyond these no instrument's number lies, and arithmetic with doubles would lose what is asked of it."""
+"""No instrument's number lies beyond these; arithmetic with doubles would be too coarse there."""
 
 SHORTEST = 1e-9
 """Time from row to row [s]: a shorter one is none of an instrument, and its square may be zero."""
 QUATERNION_NORM = 1e-3
-"""How far the norm of a true attitude may be from 1."""
+"""Largest difference of the norm of a true attitude from 1."""
 LARGEST_FORCE = 10.0 * STANDARD_GRAVITY
 """Readings beyond this are none of a block at rest or in a hand [m/s²]; in a series a single one is a knock."""
 CORRUPT_FORCE = 1e5
 """No accelerometer reads more [m/s²]."""
 RESOLUTION = {"resolution_mps2": "resolution", "resolution_deg": "angle", "resolution_degC": "temperature"}
-"""Half a last digit of what was written, where numbers come from another file: key -> field of `Comments`."""
+"""Half a last digit of the written numbers, where these come from another file: key -> field of `Comments`."""
 SCATTER = "scatter_mps2"
 """Standard error of a row's mean of each accelerometer, where several readings were averaged: three numbers."""
 CORRECTED_BY = "corrected_by"
-"""What was taken out of a record's readings, and by which diagnosis or calibration."""
+"""The effects that were subtracted from a record's readings, and the diagnosis or calibration that names them."""
 CORRECTED_WITHIN = "corrected_within_mps2"
-"""What the sizes that were taken out may be wrong by, in readings of each accelerometer: three numbers."""
+"""Largest error of the subtracted effects, in readings of each accelerometer: three numbers."""
 COARSEST = 1e-2 * STANDARD_GRAVITY
 """Half a last digit that is larger is believed only where no two readings are nearer than that digit [m/s²]."""
 AS_WRITTEN = 0.9
@@ -69,7 +69,7 @@ ROUNDING_STEP = 1e-9
 GRID = 0.02
 """The part of half a last digit that readings on a grid differ by at the least, as a rule, interpolated or not."""
 UP_NORM = 1e-2
-"""How far the norm of a known vertical may be from 1."""
+"""Largest difference of the norm of a known vertical from 1."""
 _AXES = str.maketrans("xyz", "123")
 _FACE = re.compile(r"([+-]?)\s*([123xyzXYZ])[ _]?([+\-pPaA]?)")
 _TURN = re.compile(r"([123xyzXYZ])(?:\s*:\s*([+-]?\d+(?:\.\d+)?)|[ _]rot|)")

@@ -25,7 +25,7 @@ HEAD = """# Decisions about {record}, made on its page (trihedron open). Every c
 """
 KEYS = {"schema", "record_sha256", "left_out", "rests", "turns"}
 LISTED = 8
-"""So many positions are named in a line."""
+"""Most positions that are named in a line."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Even stamps or stamps as logged: those under which gyros and gravity, or the true attitude, agree better.
 
-Over each move between two rests the gyros, with small errors of gyros and accelerometers fitted, must turn gravity's
-direction at the first into that at the second; over each stretch with a true attitude they must turn as that does.
+Over each move between two rests the gyros must turn gravity's direction at the first into that at the second, with
+small errors of gyros and accelerometers fitted. Over each stretch with a true attitude they must turn as that does.
 """
 
 import math
@@ -38,7 +38,7 @@ LARGEST = 0.3
 TURNED = 0.1
 """Moves that turn by less tell nothing of stamps [rad]."""
 NOISE = 2e-3
-"""What a move misses by without any error of stamps [rad]."""
+"""Error of a move without any error of stamps [rad]."""
 GYRO, RATE, ACCELEROMETER = 0.1, 0.02, 0.03
 """Sizes of the errors that are fitted: of a gyro's scale and axis, its bias [rad/s], and an accelerometer [g]."""
 FEWEST_BLOCKS = 4

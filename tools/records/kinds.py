@@ -112,7 +112,7 @@ class _Origin:
     aside : ndarray of bool, shape (N,), or None
         rows of a series that are not used
     decisions : Decisions or None
-        what a person decided about its rows or rests
+        a person's decisions about its rows or rests
     """
 
     path: Path = Path("record")
@@ -447,7 +447,7 @@ class StrapdownRecord(_Record):
     face, turn, part : tuple of str, or None
         axis of the case that points up in a row, as +1; known turn, as 1:360; or either by the name of a section
     path, row, warnings, sha256, about, channels
-        source of the record, and the way it was read
+        source of the record, and the way in which it was read
     """
 
     word = "strapdown record"

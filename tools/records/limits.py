@@ -1,8 +1,8 @@
 """Limits: readings that stay at a channel's largest or least value because the instrument does not go on.
 
 Equal extremes alone prove nothing: readings in steps, rests and a table at a constant rate have them too. They are a
-limit where noise would not repeat a value as often, or where a curve runs into its extreme with a corner, as motion
-that ends in a rest or in a constant rate does not.
+limit where noise would not repeat a value as often, or where a curve runs into its extreme with a corner. Motion that
+ends in a rest or in a constant rate has no corner.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,42 +15,44 @@ from ..rounding import digits
 from .kinds import RawRecord, StrapdownRecord
 
 FEWEST = 3
-"""So many rows in a row at an extreme may be a limit."""
+"""Least number of successive rows at an extreme that may be a limit."""
 DISTINCT = 20
 """A channel with fewer different values shows steps, not a limit."""
 SHORT = 2
-"""Noise repeats a value up to so many times by chance; where values repeat longer, steps are wider than the noise."""
+"""Most rows in succession at one value by chance; where values repeat longer, steps are wider than the noise."""
 BEYOND_CHANCE = 2
-"""By so many rows a run is longer than those that chance makes elsewhere."""
+"""Rows by which a run at a limit exceeds runs that chance makes elsewhere."""
 LONGER = 2.0
-"""A run so many times as long as any elsewhere is no matter of steps."""
+"""A run longer than any elsewhere by this factor is no matter of steps."""
 ROUGH, RESOLVED = 0.2, 2.5
-"""Noise: second differences of so many resolutions and more change their sign from row to row in so many cases. Those
-of a smooth motion do not, those of its rounding are smaller."""
+"""Noise: at least the first part of the second differences that exceed the second number of resolutions change their
+sign from row to row. Those of a smooth motion do not, those of its rounding are smaller."""
 VISITS, NEIGHBOURS, OFTENER = 6, 20, 4
-"""So many rows at an extreme are a limit where they are so many times those at any of so many values next to it."""
+"""Rows at an extreme are a limit from the first number on, where they outnumber those at each of the neighbouring
+values, of the second number, by the third factor."""
 STEEP = 16.0
-"""A corner is seen where readings change by so many resolutions."""
+"""A corner needs a change of the readings by this number of resolutions."""
 CORNER = 0.7
-"""Of the slope farther out, what is left of it at a corner: at a smooth extreme it is 0.6 and less."""
+"""Part of the slope farther out that a corner keeps: a smooth extreme keeps 0.6 and less."""
 BENT, STRAIGHT = 6.0, 1e-6
-"""A curve is bent where its slopes differ by more than so many resolutions, and by more than this part of them."""
+"""A curve is bent where its slopes differ by more than the first number of resolutions, and by more than the second
+part of themselves."""
 MOST_RUNS = 100
-"""So many of the longest runs are looked at."""
+"""Most runs, the longest first, that are judged."""
 STUCK, SELDOM, FAR = 5, 0.02, 3.0
-"""So many rows in a row at one value, so many median deviations out, are stuck where so few rows repeat the one
-before."""
+"""Rows in succession at one value are stuck from the first number on, at least the third number of median deviations
+out, where at most the second part of the rows repeats the row before."""
 PIECES, STILL = 6, 4.0
-"""A channel stands still where the means of so many pieces differ by less than so many resolutions, or times its
-noise."""
+"""A channel stands still where the means of this number of pieces differ by less than the second number, in resolutions
+or in units of its noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
     """The limits of a record's channels.
 
-    `channels`: channel ("w1", "f3", "dv2") -> its readings (N,) as they were measured, in [m/s²], of gyros in `unit`;
-    `rows`: channel -> mask (N,) of the rows at a limit of it, channels without one are left out; `time_s` (N,) [s].
+    `channels`: channel ("w1", "f3", "dv2") -> its readings (N,) as they were measured, in [m/s²], of gyros in `unit`.
+    `rows`: channel -> mask (N,) of the rows at a limit of it; channels without one are left out. `time_s` (N,) [s].
     """
 
     channels: Mapping[str, NDArray[np.float64]]

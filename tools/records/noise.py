@@ -55,7 +55,7 @@ def noise_bound_from(record: PositionRecord, fitted: Fitted | None = None) -> No
     scatter within rests does not show an error that holds over a rest: where there are no repeats the basis says so.
     None when the record has neither repeats nor a scatter (as one made from rests has), or shows no error at all.
 
-    `fitted` is what is fitted to the readings, by default the model of one mounting to this record.
+    `fitted` is the result of the fit to the readings, by default of the model of one mounting to this record.
     """
     fitted = fitted or Fitted(len(record))
     repeats = _from_repeats(record, fitted)
@@ -231,7 +231,7 @@ def allan_deviation_of_sums(sums: Sequence[np.ndarray], size: int) -> np.ndarray
 def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
     """Allan deviation of an average over a whole rest (the median one), shape (m,).
 
-    A rest shows it up to half its length; one octave more is taken by the slope of the last octave, white noise's at
+    A rest shows it up to half its length. One octave more follows from the slope of the last octave, white noise's at
     best and a random walk's at worst. None when the rests are too short to tell.
     """
     rows = 0
@@ -268,9 +268,9 @@ class LinearTrend:
 def settled_from(values: np.ndarray, floor: np.ndarray, *, drifts: bool = False) -> int:
     """First row of a rest from which its readings and angles have settled.
 
-    The rest is cut into blocks. A block of the first half that differs from the second half's mean by more than
-    the second half's scatter has not settled, nor has anything before it; nor has a block from which on the first
-    half as a whole differs. What is left is tested again, since an unsettled second half hides what is before it.
+    The rest is cut into blocks. A block of the first half that differs from the second half's mean by more than the
+    second half's scatter has not settled, nor has anything before it. Nor has a block from which on the first half as a
+    whole differs. The other blocks are tested again, since an unsettled second half hides errors before it.
 
     Parameters
     ----------
@@ -353,8 +353,8 @@ def mean_of(values: np.ndarray) -> np.ndarray:
 def scatter_of_mean(values: np.ndarray) -> np.ndarray:
     """Standard error of the mean over the rows, from their own scatter, shape (m,).
 
-    The largest of three: independent rows, independent eighths, and half the difference of the two halves,
-    which keeps what flicker leaves in a mean where the rows' deviation over √n loses it.
+    The largest of three: independent rows, independent eighths, and half the difference of the two halves. The last
+    keeps the flicker in a mean, where the rows' deviation over √n loses it.
     """
     count = len(values)
     white = np.std(values - values[0], axis=0, ddof=1) / math.sqrt(count)

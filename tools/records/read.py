@@ -60,7 +60,7 @@ from .rests import position_record_of
 from .steps import reading_step
 
 LARGE = 30_000_000
-"""From so many bytes on reading shows its progress."""
+"""Bytes of a file from which on reading shows its progress."""
 PART = 16384
 """Rows that are taken from text to numbers at once: bounds the memory that their texts need."""
 ROUNDED_ANGLE = 1e-5
@@ -68,14 +68,14 @@ ROUNDED_ANGLE = 1e-5
 MAY_BE_EMPTY = (*QUATERNION, *UP)
 """Columns of numbers whose fields may be empty, where a direction is not known."""
 PACKED = b"\x1f\x8b"
-"""What a file that gzip has packed begins with."""
+"""First bytes of a file that gzip has packed."""
 
 
 Record: TypeAlias = PositionRecord | RawRecord | StrapdownRecord | ForceRecord | PoseRecord
 TO_CALIBRATE = (PositionRecord, StrapdownRecord, ForceRecord, PoseRecord)
 """Kinds of records that can be calibrated; a series of a table is averaged."""
 Faults: TypeAlias = Generator[RecordError, None, FileColumns | None]
-"""Every fault of a file; what it returns are the columns of the rows without, None where there are none."""
+"""Every fault of a file; its result are the columns of the rows without a fault, None where there are none."""
 Wanted = TypeVar("Wanted", PositionRecord, StrapdownRecord)
 Other = TypeVar("Other", PositionRecord, StrapdownRecord, BenchRecord)
 
@@ -133,13 +133,13 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
     record : path, table in memory, record or Simulation
         the kind of record is recognised by its columns, the kind of file by its first bytes
     kinds : PositionRecord, StrapdownRecord
-        which kinds will do; without any, every kind does. Where a PositionRecord does, what has the angles of a table
-        is a record of the table, gyros or not, and a raw record, or that of a bench, is averaged over its rests
+        accepted kinds; without any, every kind. Where a PositionRecord is accepted, a file with the angles of a table
+        is a record of the table, with or without gyros; a raw record, or that of a bench, is averaged over its rests
     channels : sequence of str
-        order, signs, senses and units of its channels, as of `Channels.given`; as it stands where nothing is said
+        order, signs, senses and units of its channels, as of `Channels.given`; by default as they are in the file
     stamps : str or None
         "even", "logged" or a rate in hertz; None: of a file with gyros and uneven stamps, those under which gyros and
-        gravity agree better. A record is taken as it is where nothing is said
+        gravity agree better. By default other records are read with their stamps
 
     Returns
     -------
@@ -149,8 +149,8 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
     Raises
     ------
     InputError
-        when it cannot be used: the file, the row (as an editor counts lines) and the column are named; or when it is
-        of another kind, or no rest can be found in it
+        when it cannot be used: the message names the file, the row (as an editor counts lines) and the column; or when
+        it is of another kind, or has no rest
     """
     table = PositionRecord in kinds
     measured: Record
@@ -440,7 +440,7 @@ def _end_of_head(content: bytes) -> int:
 def _plain_numbers(content: bytes, start: int) -> pl.DataFrame | None:
     """Return the numbers of all lines from a byte on; None if any line is not a row of finite numbers alone.
 
-    Each row has as many fields as the header. The values are those of `float`.
+    Each row has the number of fields of the header. The values are those of `float`.
     """
     header = next(
         (line for line in content[:start].removeprefix(BOM).splitlines() if line.strip() and line[:1] != b"#"), b""
@@ -474,8 +474,8 @@ def significant_digits(text: str) -> int:
 def written_resolution(largest: float, digits: int) -> float:
     """Return half a last digit of the largest number in a column written with `digits` significant digits.
 
-    It is half a unit of the last decimal where the number of decimals is fixed, and the largest rounding
-    error where the number of significant digits is; nothing is said of a number that no double can hold.
+    It is half a unit of the last decimal where the number of decimals is fixed, and the largest rounding error where
+    the number of significant digits is. A number that no double can hold has none.
     """
     if largest == 0.0 or digits == 0 or math.isinf(largest):
         return 0.0

@@ -42,13 +42,13 @@ ROUNDING = 1e-12 * STANDARD_GRAVITY
 """Differences of readings that arithmetic alone may make [m/s²]."""
 
 UNSETTLED = 1.0 / 3.0
-"""A rest of which less than this part of what was dropped is left may still be settling."""
+"""A rest may still be settling where less than this multiple of the dropped part is left."""
 
 UNUSUAL = 8.0
-"""A drift so many times faster than the median rest's is that rest's own."""
+"""A drift that exceeds the median rest's by this factor belongs to its rest alone."""
 
 FEWEST_COMPARED = 4
-"""Fewer rests do not say what is usual."""
+"""Fewer rests do not show a usual drift."""
 
 UNSEEN_ANGLE = math.radians(0.1 / 3600)
 """Changes of an angle that make no difference to a reading [rad]."""
@@ -64,10 +64,10 @@ def find_rests(raw: RawRecord) -> list[Rest]:
     """Find the rests of the table and test each of them.
 
     Both encoder readings must keep their level within the record's own quiet scatter, for at least 8 rows and
-    a quarter of the median rest. The unsettled start is dropped by a test of the readings themselves. Linear
-    trends of angles and readings are tested: one of an angle beyond the quiet scatter refuses the rest, and so does
-    one of a reading that is beyond the rest's scatter and unlike the record's other rests; the others are stated.
-    The rests come in the order of time, refused ones included. Rests that a person decided are tested only.
+    a quarter of the median rest. The unsettled start is dropped by a test of the readings themselves. Linear trends of
+    angles and readings are tested. One of an angle beyond the quiet scatter refuses the rest; so does one of a reading
+    that is beyond the rest's scatter and unlike the record's other rests. The others are stated. The rests come in the
+    order of time, refused ones included. Rests that a person decided are tested only.
     """
     if len(raw) < WINDOW:
         return []
@@ -95,8 +95,8 @@ def find_rests(raw: RawRecord) -> list[Rest]:
 def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
     """Average the rows kept of each rest that is not refused; an InputError when no rest can be used.
 
-    `time_s` is the middle of the averaging interval, `row` the line of its first row; the approach columns are there
-    when every rest was preceded by a move of that axis; `scatter` is each mean's standard error.
+    `time_s` is the middle of the averaging interval, `row` the line of its first row. The approach columns are there
+    when every rest was preceded by a move of that axis. `scatter` is each mean's standard error.
     """
     averaged = []
     for rest in rests:
@@ -317,9 +317,9 @@ def smallest_step(angle: np.ndarray) -> float:
 def quiet_tolerance(angle: np.ndarray, step: float | None = None) -> float:
     """Spread of one encoder's readings over a rest, from the record's own quiet stretches [rad].
 
-    Some hundredths of the record at least are taken to be at rest on this axis: the lowest hundredth of the
-    spread over short windows is then a rest's, a tenth of the spread over a long rest at most. An encoder whose
-    last digit seldom changes shows it in its smallest step, which is given where more is known than these rows.
+    Some hundredths of the record at least are taken to be at rest on this axis. The lowest hundredth of the spread over
+    short windows is then a rest's, at most a tenth of the spread over a long rest. An encoder whose last digit seldom
+    changes shows it in its smallest step, which is given where more is known than these rows.
     """
     spread = np.quantile(_window_spread(angle), 0.01)
     if step is None:

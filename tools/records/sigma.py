@@ -1,6 +1,6 @@
 """σ from a standard deviation: the bound with which Gaussian errors leave a fitted model standing, but for one in 100.
 
-A fit follows some of the noise: the least largest residual of unit noise is near the quantile `usual` and seldom above
+A fit follows some of the noise. The least largest residual of unit noise is near the quantile `usual` and seldom above
 `largest`, by the number of readings and of the parameters that are fitted to them.
 """
 
@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 CHANNELS = 3
 """Accelerometers that are read at each position."""
 FEW = 24
-"""Below so many positions the largest residual scatters more."""
+"""Number of positions below which the largest residual scatters more."""
 ABSORBED = 0.4
 """The part of its parameters that a fit takes from the number of the largest readings."""
 MOST_ABSORBED = 0.4
-"""Of the readings no more than so many are taken."""
+"""Largest part of the readings that a fit takes from that number."""
 FALSE_ALARM = 0.01
 """Chance that σ falsifies a true model."""
 

@@ -15,13 +15,13 @@ SETTINGS_DEG = 0.5
 DECIMALS = 9
 """Decimals of a degree in which angles are written at most."""
 CLEAR = 8.0
-"""A grid is seen where its step is so many times as wide as a last digit."""
+"""A grid is seen where its step is at least this multiple of a last digit."""
 FEWEST = 6
 """Fewer readings show no grid."""
 SAME = 1e-3
 """A reading is on a grid if it is so near to it, in steps."""
 MOST_PARTS = 10
-"""The least difference of two readings is so many steps at most."""
+"""Most steps in the least difference of two readings."""
 
 
 def _grids() -> NDArray[np.float64]:
@@ -133,7 +133,7 @@ def _step_of_channel(distinct: NDArray) -> float:
     differences = distinct - distinct[0]
     least = float(np.diff(distinct).min())
     if differences[-1] > least / np.finfo(float).eps:
-        # No double tells so many steps.
+        # Doubles cannot count as many steps.
         return 0.0
     for parts in range(1, MOST_PARTS + 1):
         steps = parts * (differences / least)

@@ -15,7 +15,7 @@ MOST_CLOSED = 6
 
 
 def by_hand_page(result: Calibration, _: object = None) -> Page:
-    """Return the page of a calibration without a table: how well it predicts, what is open, parameters."""
+    """Return the page of a calibration without a table: predicted errors, open parameters, parameters."""
     assert result.by_hand is not None
     sections = [Section("Accuracy", prediction_lines(result, result.by_hand))]
     if result.open:
@@ -64,7 +64,7 @@ def verdict_sentence(result: Calibration) -> str:
 
 
 def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
-    """Return rests and moves, what they leave, and the gain at those that were left out, in lines."""
+    """Return lines on rests and moves, their residuals, and the gain on left-out ones."""
     with_truth = any(p.symbol == "L" for p in result.parameters)
     pieces = "windows with a true attitude" if with_truth else "moves"
     counts = [f"{basis.rests} rests"]
@@ -111,7 +111,7 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
 
 
 def record_sections(result: Calibration) -> list[Section]:
-    """Return what each of several records has of its own."""
+    """Return the parameters and figures of each of several records."""
     sections = []
     for label, record in result.of_record.items():
         assert record.by_hand is not None
@@ -127,7 +127,7 @@ def _arcmin(angle: float) -> str:
 
 
 def open_lines(result: Calibration) -> list[str]:
-    """Return the poses and turns that would close what is open, in lines."""
+    """Return lines with the poses and turns that would determine the open parameters."""
     lines = []
     for entry in result.open[:MOST_CLOSED]:
         lines.append(f"Add {entry.close_by} (open: {', '.join(entry.parameters)}).")

@@ -118,7 +118,7 @@ def rest_lines(inspection: Inspection) -> list[str]:
 
 
 def pose_lines(poses: PosesSeen | None) -> list[str]:
-    """Return what the poses of the rests are worth for the accelerometers, and which are missing, in lines."""
+    """Return lines on the predicted errors by the poses of the rests, and on missing poses."""
     if poses is None:
         return []
     line = f"poses: |f| in a pose that was not measured errs by {digits(1e3 * poses.worst_error_g, 2)} mg at worst"

@@ -54,7 +54,7 @@ def lines_page(title: str, sentence: str, table: pl.LazyFrame, units: Mapping[st
 def _drawn(
     table: pl.LazyFrame, units: Mapping[str, str], title: str = ""
 ) -> tuple[list[Section], list[list[Cell]], list[str]]:
-    """Return a section for each unit, a row of figures for each column, and the columns beyond what is drawn.
+    """Return a section for each unit, a row of figures for each column, and the columns that are not drawn.
 
     Constant and empty columns are in the table alone.
     """

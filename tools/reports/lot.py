@@ -62,7 +62,7 @@ def _verdict(result: Lot) -> str:
 
 
 def _findings(result: Lot) -> list[Section]:
-    """Return what the instruments share, which are odd, and what changes over the lot."""
+    """Return the shared causes, the odd instruments and the changes over the lot."""
     sections = []
     shared = [cause.sentence for cause in result.shared]
     if result.do == "diagnose":

@@ -117,8 +117,8 @@ def shown(result: Result, medium: str, *options: Any) -> Any:
     result : Result
         the result
     medium : str
-        "text" and "notebook" return a text; "page" writes a file, "figures" returns the pictures, and "sheet" writes
-        the sheet of a calibration
+        "text" and "notebook" return a text; "page" writes a file; "figures" returns the pictures; "sheet" writes the
+        sheet of a calibration
     options
         for a page its path and the record, for figures the record, for a sheet path, record and known facts
 
@@ -223,7 +223,7 @@ def exported_page(result: "Exported") -> Page:
 
 
 def exported_calibration_page(result: "ExportedCalibration") -> Page:
-    """Return the files of a calibration, the equation, and what the format does not hold or is not determined."""
+    """Return the files of a calibration, the equation, the losses of the format, and the undetermined parameters."""
     lines = [*result.equation, f"g = {exactly(result.gravity)} m/s2; verdict of the calibration: {result.verdict}"]
     lines += [f"lost: {part}" for part in result.lost]
     lines += [f"not determined: {direction}" for direction in result.open]

@@ -26,11 +26,11 @@ FEWEST_ROWS = 24
 MOST_PAIRS = 8
 """Where more pairs stand the record does not tell which it is."""
 MOST_TRIED = 3
-"""So many rows, those that misfit most, are tried beside effects that are not linear."""
+"""Most rows, those with the largest misfit, that are tried beside effects that are not linear."""
 MOST_WORK = 6e6
 """Work of the search for effects that are not linear, after which none is named."""
 CLEAR = 10.0
-"""A change of a row is looked for where the row misfits by so many times the effect beside it."""
+"""A change of a row is sought where the row misfits by this multiple of the effect beside it."""
 OUTLIER = "outlier"
 BREAKS = ("bias-step", "scale-step", "mounting-slip")
 """Effects that are breaks: the search for a break and a wrong row names them."""

@@ -28,13 +28,13 @@ NEAR = 1.3
 ROUNDS = 8
 """Rounds of least squares in which rows that misfit lose their weight."""
 MOST_SLACK = 200.0
-"""The linear model, about a fit to most of the rows, may be wrong by so many bounds at most."""
+"""Largest error of the linear model about a fit to most of the rows [bounds]."""
 MOST_SLACK_OF_TWO = 2.0
 """The same for two breaks."""
 MOST_EXACT = 6
-"""So many gaps in a row, the most promising first, are fitted without success."""
+"""Gaps that are fitted in succession without success, the most promising first, before the search ends."""
 MANY_ROWS, FEWEST_OF_FEW = 24, 4
-"""Of fewer rows in all a break needs so many on each side."""
+"""A record with fewer rows than the first number needs the second number of rows on each side of a break."""
 FROM_THE_FIRST = -1.0
 """A time [h] before every record."""
 ROW, SPARE = 4, 5

@@ -17,21 +17,21 @@ SCAN = np.radians(np.arange(-180.0, 180.0, 0.25))
 """Changes of an angle that are tried [rad]."""
 DIFFERENCE = 1e-6
 NEWTON, TRIED = 12, 3
-"""Steps from a scanned angle to the best one near it, and so many of the best that are tried."""
+"""Steps from a scanned angle to the best one near it, and the number of best ones that are tried."""
 DECIMALS = 4
 """Angles are stated to this many decimals of a degree."""
 ANGLES = ("alpha", "beta")
 GREEK = {"alpha": "α", "beta": "β"}
 READING, DISCRETE, ANGLE, BOTH, ROW = 2, 2, 2, 3, 4
-"""Numbers that a wrong reading needs, a discrete cause, an angle, both angles, and a row of which nothing is known."""
+"""Numbers that count for a wrong reading, a discrete cause, an angle, both angles, and a row with an unknown error."""
 
 
 @dataclass(frozen=True)
 class Change:
     """A change with which a row fits: the numbers that it needs, in words, and as the result has it.
 
-    `words` follow "Row 20 is wrong; all others fit." `reading`: the accelerometer, from 1, of which alone the reading
-    is wrong.
+    `words` follow "Row 20 is wrong; all others fit." `reading`: the accelerometer, from 1, if its reading alone is
+    wrong.
     """
 
     numbers: int

@@ -17,7 +17,7 @@ NEAR = 1e-3
 """Rows that fit with a change miss by less than this [g] before the parameters are fitted to them."""
 CHANNELS = ("f1_mps2", "f2_mps2", "f3_mps2")
 ORDERS = ((1, "f1, f2, f3 read as f2, f3, f1"), (2, "f1, f2, f3 read as f3, f1, f2"))
-"""Channels that are turned round by so many places."""
+"""Channels that are shifted cyclically by this number of places."""
 SIGNS = (
     ("the sign of α turned", {"alpha_deg": "sign"}, (-1.0, 1.0)),
     ("the sign of β turned", {"beta_deg": "sign"}, (1.0, -1.0)),

@@ -19,21 +19,21 @@ from .simple import Simple
 FEWEST_ROWS, MOST_ROWS = 24, 120
 """Records of fewer rows do not tell two things; of more the pairs are too many."""
 MOST_WORK = 8e6
-"""The work of a search, after which nothing is said."""
+"""The work of a search, after which the search has no answer."""
 MOST_CANDIDATES = 400
 """Where more pairs stand in the linear model the record does not tell which it is."""
 MOST_EXACT = 40
-"""So many pairs are fitted exactly, those of fewest numbers first."""
+"""Most pairs that are fitted exactly, those of fewest numbers first."""
 FARTHER = 2
-"""Pairs that need so many numbers more than the simplest are no rivals."""
+"""Pairs that need this number more than the simplest are no rivals."""
 LEAST_OF_TWO = 4
 """The least numbers that a pair needs."""
 MOST_NUMBERS = 3
-"""Of two breaks each changes so many numbers at most."""
+"""Most numbers that each of two breaks changes."""
 
 
 Kind = tuple[tuple[Group, ...], Beside]
-"""What changes at each break of a pair, and what is beside them."""
+"""The changes at each break of a pair, and the effects beside them."""
 
 
 def _is_part_of(smaller: Kind, larger: Kind) -> bool:

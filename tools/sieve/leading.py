@@ -19,14 +19,14 @@ from ..evidence.fit import coefficient_count
 from ..evidence.pairs import HARMONICS, Form, Pair
 
 BY_CHANCE = 1.3
-"""Noise alone explains up to so many times what is expected of it."""
+"""Factor by which noise alone may explain more than its expected part."""
 MOST_NUMBERS = 2
-"""Candidates have so many coefficients at most."""
+"""Most coefficients of a candidate."""
 HIGHEST_POWER = 5
 MOST_GAPS = 200
-"""Breaks are tried at so many gaps between rows at most."""
+"""Most gaps between rows at which breaks are tried."""
 WITHIN = 1e-6
-"""Of candidates of which a smaller part (squared) is beyond the model nothing is said."""
+"""A candidate with a smaller part (squared) beyond the model has no say."""
 
 
 @dataclass(frozen=True, eq=False)

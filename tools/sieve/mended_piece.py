@@ -23,7 +23,7 @@ from .change import DISCRETE, READING, ROW, Change, Mending
 from .table import Table
 
 WITHIN = 2.0
-"""A piece fits with a change if it then misses the fit of the others by so many bounds at most."""
+"""A piece fits with a change if it then misses the fit of the others by at most this number of bounds."""
 LEAST_CHANGE = 0.03
 """A change of the gyros' signs, order or range that turns the block by less [rad] fits by chance."""
 OFFSET = 1e-3

@@ -18,7 +18,7 @@ from .simple import Simple
 NEAREST = 3
 """Gaps around the time of a step at which other parts may have changed."""
 MOST_FITS = 3
-"""So many sets, the first ones, are compared."""
+"""Most sets, the first ones, that are compared."""
 FARTHER = 1
 """Numbers more than the set from which a break is not a rival."""
 SLACK = 0.5

@@ -28,8 +28,8 @@ class TooMany(Exception):
 class Removal:
     """A search among the parts of linear rows.
 
-    `matrix` (M, P) and `target` (M,) are over the bounds, `belongs` (M, K) marks the parts with which each row is
-    removed, `excess` (K,) is how much each part misses a robust fit by: the order in which parts are tried.
+    `matrix` (M, P) and `target` (M,) are over the bounds; `belongs` (M, K) marks the parts with which each row is
+    removed. `excess` (K,) is the misfit of each part in a robust fit: the order in which parts are tried.
     """
 
     matrix: NDArray[np.float64]

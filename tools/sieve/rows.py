@@ -18,7 +18,8 @@ from .table import Table
 
 MOST_ROWS = 3
 MOST_SETS = 6
-"""So many of the smallest sets of rows are shown; where more stand the record does not tell which rows are wrong."""
+"""Most sets of rows, the smallest first, that are shown; where more stand the record does not tell which rows are
+wrong."""
 FREED = 5
 """Readings that are left out are at most this part of those that the parameters leave over."""
 AGAIN = 2

@@ -33,7 +33,7 @@ MOST_TRIED = 4
 LEFT = 0.3
 """Errors of a few pieces fall below this part of the radius without them; the rest is of second order."""
 SLACK = 0.5
-"""The linear model about a robust fit may be wrong by so many bounds."""
+"""Largest error of the linear model about a robust fit [bounds]."""
 ROUNDS = 8
 """Rounds of least squares to a robust fit."""
 MOVE = 3

@@ -19,24 +19,24 @@ from .leading import Candidates, Residual
 from .simple import Simple
 
 MOST = 2.0
-"""So many times too small a noise bound is looked for."""
+"""Largest factor by which a noise bound is sought that is too small."""
 APPARENT = 1.3
 """A smaller radius proves no effect."""
 MOST_WITH_EFFECT = 1.5
 """The same beside an effect."""
 APART = 9.0
-"""Effects that explain so much less, in variances, are told apart from the best one."""
+"""Difference of the explained variances from which an effect is told apart from the best one."""
 MOST_WORK = 2e6
 """Work of the search for effects that are not linear."""
 MOST_RIVALS = 4
-"""Effects of which one is named beside a larger noise bound."""
+"""Most effects of which one is named beside a larger noise bound."""
 
 
 def too_small_bounds(evidence: Evidence) -> tuple[Simple, ...]:
     """Return the least noise bound that makes the model fit, if the misfit looks like noise.
 
     The misfit looks like noise if no function of one quantity, break or single reading explains more of its squares
-    than of noise; if one effect does, the same test applies to the rest.
+    than of noise. If one effect does, the same test applies to the rest.
     """
     if evidence.source is None or not isinstance(evidence.source.record, PositionRecord):
         return ()
@@ -110,7 +110,7 @@ def _with_bent_effect(evidence: Evidence, candidates: Candidates) -> tuple[Simpl
 
 
 def _beside_bent(evidence: Evidence, place: EffectPlace, times: float) -> Simple | None:
-    """Return a noise bound so many times as large with one effect; None where they do not do."""
+    """Return a larger noise bound with one effect beside it; None where no effect suffices."""
     sigma = _rounded_up(evidence, times)
     wider = _with_bound(evidence, sigma)
     fits = () if wider is None else wider.model.mended([place], Work())

@@ -14,7 +14,7 @@ LEAST = 1.8
 FILLED = 0.2
 """Rounding fills at least this part of its bound: where errors stay far below, the angles were only commanded so."""
 WIDE = 4.0
-"""Steps that move readings by so many σ are told from noise by the size of the misfit."""
+"""The size of the misfit tells steps from noise if they move readings by this number of σ."""
 
 
 def with_rounding(evidence: Evidence) -> Evidence:

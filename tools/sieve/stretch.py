@@ -16,7 +16,7 @@ PART = 5
 MENDED_PART = 3
 """A stretch that one change mends, up to this part."""
 MENDED = 4
-"""Numbers of a stretch that one change mends: where it begins and ends, what is changed, and which."""
+"""Numbers of a stretch that one change mends: its beginning and end, the kind of the change, and its value."""
 
 
 def wrong_stretches(evidence: Evidence) -> tuple[Simple, ...]:

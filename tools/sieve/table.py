@@ -22,7 +22,7 @@ SETTLED = 1e-9
 ASTRAY = 0.5
 """No bench has a larger parameter [1], [rad], [g]."""
 SECOND_ORDER = 0.05
-"""What a linear model about a robust fit may be wrong by, in bounds."""
+"""Largest error of a linear model about a robust fit, in bounds."""
 
 
 @dataclass(frozen=True, eq=False)

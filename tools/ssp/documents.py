@@ -140,7 +140,7 @@ KINDS = {
 class BoundValue:
     """A value that a binding gives, as it is written, under a name seen from the element that has the binding.
 
-    `scale` is what the documents define of the unit; the mapping has a linear transformation, or one value by value in
+    `scale` is the documents' definition of the unit. The mapping has a linear transformation, or one value by value in
     a table, and may suppress the conversion of units.
     """
 
@@ -159,7 +159,7 @@ class BoundValue:
 def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str, Unit]) -> list[BoundValue]:
     """The values of an element's bindings in their order: a later one wins over an earlier one.
 
-    An InputError for a source that is not a file of the archive, or what is not a parameter set of SSP.
+    An InputError for a source that is not a file of the archive, or is not a parameter set of SSP.
     """
     values: list[BoundValue] = []
     for binding in children(element, "ssd:ParameterBindings/ssd:ParameterBinding"):

@@ -38,16 +38,16 @@ from .documents import (
 STRUCTURE = "SystemStructure.ssd"
 """Name of the description in an .ssp."""
 RECORD = "extra/trihedron/record.json"
-"""What the scenario records, for `trihedron simulate`; other tools do not read it."""
+"""Names that the scenario records, for `trihedron simulate`; other tools do not read them."""
 COUPLING = "extra/trihedron/coupling.json"
 """How the scenario takes cycles and different steps, for `trihedron simulate`; there only where it says so."""
 COUPLING_SETTINGS = ("coupling", "tolerance", "iterations")
 """What `[run]` says of cycles."""
 RATES = ("steps", "between")
-"""FMU -> its own step [s]; connection, as "a.x -> b.u" -> what it is between different steps."""
+"""FMU -> its own step [s]; connection, as "a.x -> b.u" -> rule between different steps."""
 PROGRAMME = "PositionProgramme"
 LEADING = (PROGRAMME, TIMED_ROWS)
-"""Components that know beforehand what they will give."""
+"""Components whose outputs are known before the run."""
 """Name of the component that stands for a position programme."""
 NO_OPTIONS, NO_ADJUSTMENTS = RunOptions(), Adjustments()
 DICTIONARY = "SignalDictionaryReference"
@@ -129,9 +129,9 @@ def opened(
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """Return the scenario of a file (TOML, .ssp or .fmu) or of its content, as long as its files exist.
 
-    With it come the names of an .ssp's parameters that no variable of its system has: SSP has them ignored. A step of
-    an .ssp that is not asked for is that of OMSimulator's annotation, or the smallest that an FMU asks for; how its
-    cycles are taken is as the exported scenario says.
+    With it come the names of an .ssp's parameters that no variable of its system has: SSP has them ignored. By default
+    the step of an .ssp is that of OMSimulator's annotation, or the smallest that an FMU asks for. Its cycles are
+    coupled as the exported scenario states.
 
     Raises
     ------
@@ -167,7 +167,8 @@ def opened(
 def scenario_of_ssp(path: Path, options: RunOptions = NO_OPTIONS) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """Unpack an .ssp and read it as a scenario; see `opened`.
 
-    An InputError for an archive that is damaged or unsafe, or what is not supported, by its name.
+    An InputError, with the name of the part, for an archive that is damaged or unsafe, or has parts that are not
+    supported.
     """
     with own_folder() as folder:
         _unpack(path, folder)

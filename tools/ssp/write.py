@@ -79,8 +79,8 @@ def write_ssp(
     Raises
     ------
     InputError
-        what the scenario asks for and cannot be done, or what cannot stand in an .ssp: names that other tools do not
-        take, timed rows of enumerations
+        a scenario that cannot be carried out, or that an .ssp cannot hold: names that other tools do not take, timed
+        rows of enumerations
     """
     if out.suffix.lower() != ".ssp":
         raise InputError(f"{out}: must end in .ssp; other tools know it by that")
@@ -116,8 +116,8 @@ def write_ssp(
 def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -> Scenario:
     """The scenario with FMUs and parameters in place of its stimuli; it gives the same run.
 
-    `make` builds a component under a name and returns the file. An InputError for rows of what no component gives, or
-    a programme of too many positions.
+    `make` builds a component under a name and returns the file. An InputError for rows of a variable that no component
+    gives, or a programme of too many positions.
     """
     with own_folder() as folder:
         sources = Sources(scenario.base_folder)
@@ -299,7 +299,7 @@ def _structure(
 ) -> bytes:
     """SystemStructure.ssd, its elements in the order that OMSimulator wants.
 
-    The system has a name, a version of SSP and a title, which may be empty; an FMU its file in the archive, its
+    The system has a name, a version of SSP and a title, which may be empty. An FMU has its file in the archive, its
     interface, and whether it has a set of parameters. The sets are bound at the FMUs: not every tool looks at those of
     the system.
     """

@@ -70,7 +70,7 @@ class Options:
 
     mode: str = "single"
     """one of `MODES`: "clean"; "single", one effect at `ABOVE` times the size that excludes every rival, in a block one
-    of `BLOCK_SIZES`; for benches "between", one between that size and the size of sure detection; "pairs", two at
+    of `BLOCK_SIZES`; "between", for benches, one between that size and the size of sure detection; "pairs", two at
     these sizes; "faults", a wrong row or a break; "beside", one of these beside one effect"""
     effects: tuple[str, ...] = ()
     """names to draw from; empty: all that a record can hide"""

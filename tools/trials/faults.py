@@ -21,7 +21,7 @@ from .bench import NOISE_BOUND, TrialBench, true_elementary
 from .sizes import KnownBench
 
 VISIBLE = 20.0
-"""A wrong row errs by so many bounds at least."""
+"""Least error of a wrong row, in bounds."""
 TRIES = 20
 SHIFTS_DEG = (0.1, 0.4, 1.0, 3.0, 10.0, 60.0)
 """Errors of a written angle."""

@@ -296,7 +296,7 @@ def outcome_kind(
 ) -> str:
     """Return one of `KINDS`, for the places of the hidden effects and the verdict of a diagnosis.
 
-    `sets` are the named one, or the remaining ones, the best first; `equivalent_sets` are whole sets that cannot be
+    `sets` are the named one, or the remaining ones, the best first. `equivalent_sets` are whole sets that cannot be
     told from the named one; `containing` are sets that contain it and are therefore not excluded.
     """
     if verdict in ("consistent", "insufficient", "unexplained"):

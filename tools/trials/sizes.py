@@ -2,10 +2,10 @@
 
 Let d be the change of the readings by the unit effect, J the derivatives of the nominal model at its relinearised point
 and b the bounds. Noise within its bounds can hide an effect nearer to the model than the bounds, and the model may use
-up the bounds once more. An effect is therefore surely *detected* from the size 2 / min over x of max |d − J x| / b (2 σ
-over the Chebyshev distance; b is wider where a sign is open). No parameters of a rival with columns C can mend the
-record from 2 / min over x, y of max |d − J x − C y| / b. The greatest of these sizes over all rivals outside the
-effect's class surely *excludes* them.
+up the bounds once more. An effect is therefore surely *detected* from the size 2 / min over x of max |d − J x| / b.
+That is 2 σ over the Chebyshev distance; b is wider where a sign is open. No parameters of a rival with columns C can
+mend the record from 2 / min over x, y of max |d − J x − C y| / b. The greatest of these sizes over all rivals outside
+the effect's class surely *excludes* them.
 """
 
 import math

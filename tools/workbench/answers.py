@@ -1,6 +1,7 @@
-"""What the page of a record shows, as plain values: made in a process of its own, which keeps the records it has read.
+"""Contents of the page of a record, as plain values. A process of their own computes them and keeps the records that it
+has read.
 
-The answers are those of the functions of the library, of which the commands are a thin layer.
+The answers are those of the functions of the library, on which the commands are a thin layer.
 """
 
 import inspect
@@ -51,7 +52,7 @@ ENDINGS = {"kalibr": ".yaml", "imucal": ".json", "ros": ".yaml", "c": ".h", "mat
 ENDINGS |= {"csv": ".csv", "xlsx": ".xlsx"}
 """Target of an export -> ending of its file."""
 MOST_ROWS = 2000
-"""So many rows of a table are shown."""
+"""Most rows of a table that are shown."""
 MOST_MARKS = 200
 FIRST_ROWS, FIRST_BYTES, MOST_CHARACTERS = 6, 4096, 160
 """Rows and characters of an imported file that are shown."""
@@ -64,7 +65,7 @@ LAST: "list[Shown]" = []
 
 @dataclass(frozen=True)
 class Shown:
-    """A result with what it was made of.
+    """A result with its records and options.
 
     Attributes
     ----------
@@ -94,7 +95,7 @@ def last() -> Shown:
 
 
 def outcome(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
-    """Return what a function gives and an empty text; or nothing and the line why its input cannot be used."""
+    """Return the value of a function and an empty text; or None and the line with the reason of a refusal."""
     try:
         return function(*arguments), ""
     except (InputError, OSError) as error:
@@ -115,7 +116,7 @@ def record_at(path: str, stamps: str | None = None) -> records.Record:
 
 
 def described(path: str) -> dict[str, Any]:
-    """Return what a file holds: kind, rows, columns, decisions beside it.
+    """Return the contents of a file: kind, rows, columns, and the decisions in the file beside it.
 
     Raises
     ------
@@ -484,7 +485,7 @@ def saved(what: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        for what the result does not give
+        for an output that the result does not have
     """
     result, beside = last().result, last().path
     kind = type(result).__name__.lower()

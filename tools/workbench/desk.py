@@ -1,4 +1,4 @@
-"""The state of the page about records: files, decisions, the answer before and after, and what is being calculated."""
+"""The state of the page about records: files, decisions, the answer before and after, and the running calculation."""
 
 import threading
 import time
@@ -30,7 +30,7 @@ class OpenFile:
     ----------
     path : Path
     about : mapping or None
-        what it holds, as `answers.described` has it; None of a file that is not a record
+        its contents by `answers.described`; None of a file that is not a record
     problem : str
         why it is not a record; empty of one
     decisions : mapping
@@ -132,7 +132,7 @@ class Desk:
                 then()
 
     def _describe(self, file: OpenFile) -> None:
-        """Look at a file: its channels for a first picture, what it holds, and the decisions beside it."""
+        """Look at a file: its channels for a first picture, its contents, and the decisions in the file beside it."""
         file.preview = channels_of_file(file.path)
         self.number += 1
         try:
@@ -180,7 +180,7 @@ class Desk:
         return {}
 
     def look(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what a function of `answers` says of a record, beside a calculation."""
+        """Return the value of a function of `answers` for a record, beside a running calculation."""
         return _value(self._looking, function, *arguments)
 
     def lines(self, number: int, begin: float | None, end: float | None, points: int) -> dict[str, Any]:
@@ -342,7 +342,7 @@ class Desk:
         Raises
         ------
         InputError
-            without a result, or for what it does not give
+            without a result, or for an output that it does not have
         """
         if self.answer is None:
             raise InputError("calculate something first")
@@ -355,7 +355,7 @@ class Desk:
 
 
 def _value(process: OneProcess, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a process makes of a call.
+    """Return the answer of a process to a call.
 
     Raises
     ------

@@ -36,7 +36,7 @@ class DeskServer(LoopbackServer):
         super().__init__(port, _Handler)
 
     def close(self) -> None:
-        """Serve no more, and end what is calculated."""
+        """Stop the server and any running calculation."""
         super().close()
         self.desk.close()
 
@@ -199,7 +199,7 @@ def _number(text: str | None, most: int) -> int:
 
 
 def _done(desk: Desk, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Carry out what the page asks for."""
+    """Carry out a request of the page."""
     what = asked.get("do")
     if what == "run":
         files, options = asked.get("files"), asked.get("options", {})

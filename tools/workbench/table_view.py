@@ -1,4 +1,4 @@
-"""A measurement at the table, above the records on the page: the present rest, what is next, the promise."""
+"""A measurement at the table, above the records on the page: the present rest, the next position, the promise."""
 
 import queue
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ MOST_WORDS = 16
 """That wait to be heard."""
 ABOVE = 16.0
 LOWEST, HIGHEST = 0.8, 30.0
-"""Guaranteed error over what is promised, at the ends of the picture."""
+"""Guaranteed error over the promised one, at the ends of the picture."""
 PLOT = (720.0, 220.0, 44.0, 26.0)
 """Width, height, room on the left and below of the picture."""
 

@@ -58,8 +58,8 @@ def residuals(positions: Positions, before: NDArray, after: NDArray | None, proo
     """Draw residuals (N, 3) of the three accelerometers over the two angles of N positions; SVG, as in all functions
     here.
 
-    They are in units of σ, NaN for an unused reading; `after` are those of the extended model, and `proof` (N, 3) of
-    bool are the measurements that prove that no parameters fit the model.
+    They are in units of σ, NaN for an unused reading. `after` are those of the extended model; `proof` (N, 3) of bool
+    are the measurements that prove that no parameters fit the model.
     """
     angles = np.degrees([positions.alpha, positions.beta]) % 360.0
     figure, panels = sheet(5.4, 3, 2, sharex="col", sharey=True)
@@ -516,7 +516,7 @@ def drawable(alone: Calibration) -> list[ParameterChange]:
 
 @drawn
 def repeatability_picture(alone: Calibration, sigma: float | None, names: Mapping[str, str]) -> Drawn:
-    """Draw what each record leaves possible of each parameter, in units of σ about the middle of the records.
+    """Draw the possible values of each parameter for each record, in units of σ about the middle of the records.
 
     Parameters
     ----------
