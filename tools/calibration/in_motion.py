@@ -118,6 +118,43 @@ class InMotion:
         count = len(rate)
         return MotionRows(rate, rate - change, self.reading, np.zeros(count), np.ones(count), gravity=gravity)
 
+    def beyond_rest(
+        self, system: WithTurns, point: NDArray, gravity: float
+    ) -> tuple[Positions, NDArray, NDArray[np.float64], NDArray[np.float64]]:
+        """Return what lag and places of the accelerometers do at a point that ends with `FURTHER`; gravity [m/s²].
+
+        The result is the table's positions, the inputs' signs (W, 3), the places' additions (3 W,) [g] to readings,
+        and the derivatives (3 W, 10) of the readings by `FURTHER`.
+        """
+        x, lag, places = point[: system.own], float(point[-len(FURTHER)]), point[-9:]
+        at, sign, arms = self._off_centre(system, point, gravity, lag)
+        later, earlier = (self._off_centre(system, point, gravity, lag + change)[2] for change in (NEAR, -NEAR))
+        by_lag = self.by_lag(system.parametrisation, x, lag) + (later - earlier) @ places / (2.0 * NEAR)
+        return at, sign, arms @ places, np.column_stack([by_lag, arms])
+
+    def _off_centre(
+        self, system: WithTurns, point: NDArray, gravity: float, lag: float
+    ) -> tuple[Positions, NDArray, NDArray[np.float64]]:
+        """Return positions a lag [s] earlier, the inputs' signs (W, 3), and the change (3 W, 9) [g] by each place [m].
+
+        An accelerometer reads the addition of its own place along its axis and, misaligned, along the others'.
+        """
+        places, p = point[-9:].reshape(3, 3), system.parametrisation
+        targets, at = p.selection[0] @ point[: system.own], self.at(lag)
+        x = dict(zip(TARGETS, targets, strict=True))
+        rows = self.motion(system.turns.block_axes(targets), float(x["X3"]), gravity, lag)
+        effect = CATALOGUE["lever-arm"]
+        by_place = np.stack([effect.signature(place, rows)[:, k] for k, place in enumerate(effect.places)], axis=1)
+        n = predicted_input(p, point[: system.own], at) + np.einsum("wpk,pk->wp", by_place, places)
+        slopes = np.tile(np.eye(3), (len(n), 1, 1))
+        slopes[:, 1, 0], slopes[:, 2, 0], slopes[:, 2, 1] = x["X6+X8"], x["X7+X12"], x["X11+X13"]
+        for k, (plus, minus) in enumerate(SYMMETRIC_PAIRS):
+            slopes[:, k, k] += np.where(n[:, k] >= 0.0, x[plus], x[minus])
+        arms = np.zeros((len(n), 3, 3, 3))
+        for k in range(3):
+            arms[:, k, k] = np.einsum("wq,wqk->wk", slopes[:, k], by_place)
+        return at, np.where(n >= 0.0, 1, -1), arms.reshape(-1, 9)
+
 
 def _steady_rows(
     time: NDArray, angles: NDArray, reading: NDArray, record: PositionRecord, encoder_bound: float
@@ -209,43 +246,18 @@ class WithMotion(WithTurns):
 
     def residual_at(self, point: NDArray) -> NDArray:
         """Exact residuals of readings at rest [g], integrals [rad] and readings in motion [g] at another point."""
-        at, sign, arms = self._moved(point)
+        at, sign, added, _ = self.moving.beyond_rest(self, point, self.gravity)
         predicted = predicted_reading(self.parametrisation, point[: self.own], at, sign)
-        in_motion = (self.moving.reading - predicted).ravel() - arms @ point[-9:]
+        in_motion = (self.moving.reading - predicted).ravel() - added
         return np.append(super().residual_at(point[: -len(FURTHER)]), in_motion)
 
     def jacobian_at(self, point: NDArray) -> NDArray:
         """Return the derivatives at another point; exact, but with the places' additions constant in scale factors."""
-        x, lag = point[: self.own], float(point[-len(FURTHER)])
-        at, sign, arms = self._moved(point)
-        by_bench = reading_jacobian(self.parametrisation, x, at, sign).reshape(-1, self.own)
-        later, before = self._moved(point, NEAR)[2], self._moved(point, -NEAR)[2]
-        by_lag = self.moving.by_lag(self.parametrisation, x, lag) + (later - before) @ point[-9:] / (2.0 * NEAR)
-        none = np.zeros((len(by_bench), len(GYRO_PARAMETERS)))
-        rows = np.hstack([by_bench, none, by_lag[:, None], arms])
+        at, sign, _, further = self.moving.beyond_rest(self, point, self.gravity)
+        by_bench = reading_jacobian(self.parametrisation, point[: self.own], at, sign).reshape(-1, self.own)
+        by_gyros = np.zeros((len(by_bench), len(GYRO_PARAMETERS)))
         before = np.pad(super().jacobian_at(point[: -len(FURTHER)]), ((0, 0), (0, len(FURTHER))))
-        return np.vstack([before, rows])
-
-    def _moved(self, point: NDArray, later: float = 0.0) -> tuple[Positions, NDArray, NDArray[np.float64]]:
-        """Return the table's positions, the inputs' signs (W, 3), and the change (3 W, 9) [g] by a metre of each place.
-
-        An accelerometer reads the addition of its own place along its axis and, misaligned, along the others'.
-        """
-        lag, places = float(point[-len(FURTHER)]) + later, point[-9:].reshape(3, 3)
-        targets, at = self.parametrisation.selection[0] @ point[: self.own], self.moving.at(lag)
-        x = dict(zip(TARGETS, targets, strict=True))
-        rows = self.moving.motion(self.turns.block_axes(targets), float(x["X3"]), self.gravity, lag)
-        effect = CATALOGUE["lever-arm"]
-        by_place = np.stack([effect.signature(place, rows)[:, p] for p, place in enumerate(effect.places)], axis=1)
-        n = predicted_input(self.parametrisation, point[: self.own], at) + np.einsum("wpk,pk->wp", by_place, places)
-        slopes = np.tile(np.eye(3), (len(n), 1, 1))
-        slopes[:, 1, 0], slopes[:, 2, 0], slopes[:, 2, 1] = x["X6+X8"], x["X7+X12"], x["X11+X13"]
-        for p, (plus, minus) in enumerate(SYMMETRIC_PAIRS):
-            slopes[:, p, p] += np.where(n[:, p] >= 0.0, x[plus], x[minus])
-        arms = np.zeros((len(n), 3, 3, 3))
-        for p in range(3):
-            arms[:, p, p] = np.einsum("wq,wqk->wk", slopes[:, p], by_place)
-        return at, np.where(n >= 0.0, 1, -1), arms.reshape(-1, 9)
+        return np.vstack([before, np.hstack([by_bench, by_gyros, further])])
 
 
 def with_motion(system: WithTurns, moving: InMotion, gravity: float) -> WithMotion:

@@ -335,13 +335,10 @@ def with_turns(linearised: Linearisation, turns: Turns, where: str) -> WithTurns
 
     An InputError that begins with `where` for gyros that do not follow the table.
     """
-    selection, count = linearised.parametrisation.selection[0], len(linearised.point)
+    count = len(linearised.point)
     point = np.append(linearised.point, np.zeros(len(GYRO_PARAMETERS)))
-    values = {field.name: getattr(linearised, field.name) for field in fields(linearised)}
-    fitted = WithTurns(**values, turns=turns)
     for _ in range(ROUNDS):
-        bound = np.append(linearised.bound, turns.bound(selection @ point[:count], point[count:]))
-        fitted, step = fitted_step(fitted, point, bound, fitted.sizes)
+        fitted, step = beside_turns(linearised, turns, point)
         point = point + step
         matrix = point[count:][MATRIX]
         if np.abs(matrix).max() > LARGEST:
@@ -354,6 +351,15 @@ def with_turns(linearised: Linearisation, turns: Turns, where: str) -> WithTurns
         if np.abs(step / fitted.sizes).max() < STILL:
             break
     return fitted
+
+
+def beside_turns(linearised: Linearisation, turns: Turns, point: NDArray) -> tuple[WithTurns, NDArray]:
+    """Return readings and integrals linearised at a point (P,), and the step (P,) from there to the least squares."""
+    count = len(linearised.point)
+    values = {field.name: getattr(linearised, field.name) for field in fields(linearised)}
+    both = WithTurns(**values, turns=turns)
+    of_turns = turns.bound(linearised.parametrisation.selection[0] @ point[:count], point[count:])
+    return fitted_step(both, point, np.append(linearised.bound, of_turns), both.sizes)
 
 
 def fitted_step(model: Model, point: NDArray, bound: NDArray, sizes: NDArray) -> tuple[Model, NDArray]:

@@ -23,9 +23,9 @@ from ..calibrated import Calibration
 from ..calibration.calibration import Asked
 from ..calibration.gyros import Bench as Place
 from ..calibration.gyros import fit_whole, gyro_names, with_gyros
-from ..calibration.in_motion import InMotion
+from ..calibration.in_motion import FURTHER, InMotion, with_motion
 from ..calibration.model import Linearisation
-from ..calibration.turns import WithTurns, with_turns
+from ..calibration.turns import WithTurns, beside_turns
 from ..errors import InputError
 from ..records import BenchRecord, PositionRecord
 from .bench import (
@@ -63,7 +63,8 @@ class BenchInMotion(TurnsInTime):
 
     Rows are in units of their bounds: three readings of each position and of each moment in motion, then three
     integrals of each turn. `rests` is the model of the positions alone, `moving` has all readings, `whole` is the model
-    fitted to readings and turns, `travel` the path of the table. The last parameter is the accelerometers' lag.
+    fitted to readings and turns, `travel` the path of the table. The last parameters are the accelerometers' lag and
+    their places from where the axes cross.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -85,14 +86,10 @@ class BenchInMotion(TurnsInTime):
     @cached_property
     def rows(self) -> Rows:
         """Readings and integrals less prediction; every fifth position, and every fifth turn, is left out together."""
-        whole = self.whole
         if self.around is not None:
             residual, nominal = self.around.residual * self.says, self.around.jacobian * self.says[:, None]
         else:
-            lagging = np.zeros((len(whole.bound), 1))
-            lagging[: self.of_readings, 0] = self.moving.lagging(0.0)[1]
-            residual = whole.residual / whole.bound * self.says
-            nominal = np.hstack([whole.jacobian, lagging]) * (self.says / whole.bound)[:, None]
+            residual, nominal, _ = self.at((), self.point, np.zeros(0))
         turns = (len(residual) - self.of_readings) // 3
         return Rows(
             self.names,
@@ -209,7 +206,7 @@ class BenchInMotion(TurnsInTime):
                 at_rest.append(place)
                 numbers.append(np.arange(block.start, block.stop))
         columns = np.concatenate(numbers)
-        readings = self.moving.lagging(float(point[-1]))[0]
+        readings, _ = self.moving.readings_at(self.whole, point)
         rows = replace(self.moving.read, readings=readings).about(at_rest, point[:bench_count], coefficients[columns])
         residual, jacobian, bound, chosen = self._beside_turns(rows, columns, self.added(places), point, coefficients)
         rate = np.zeros_like(jacobian)
@@ -226,12 +223,12 @@ class BenchInMotion(TurnsInTime):
         others. The result is errors (M,), derivatives (M, P + K), bounds (M,), and the mask of the model's columns.
         """
         fitted, count = self.whole, self.of_readings
-        lagging = np.zeros((len(added), 1))
-        lagging[:count, 0] = self.moving.lagging(float(point[-1]))[1]
+        further = np.zeros((len(added), len(FURTHER)))
+        further[:count] = self.moving.readings_at(fitted, point)[1]
         chosen = np.append(np.arange(fitted.own), len(point) + columns)
-        residual = fitted.residual_at(point[:-1]) - added @ coefficients
+        residual = fitted.residual_at(point[: -len(FURTHER)]) - added @ coefficients
         residual[:count] = rows.residual - added[:count] @ coefficients
-        jacobian = np.hstack([fitted.jacobian_at(point[:-1]), lagging, added])
+        jacobian = np.hstack([fitted.jacobian_at(point[: -len(FURTHER)]), further, added])
         jacobian[:count, chosen] = rows.jacobian
         return residual, jacobian, np.append(rows.bound, fitted.bound[count:]), chosen
 
@@ -561,7 +558,7 @@ class WholeRerun:
             # The time of a slip is on the clock of the rests, other times are on that of the rows.
             began = (model.rests.readings.circumstances.began - float(model.raw.time_s[0])) / 3600.0
             set_in = {place: time + began * (place == SLIP) for place, time in with_times.set_in.items()}
-            point = (model.point + step)[:-1]
+            point = (model.point + step)[: -len(FURTHER)]
             try:
                 integrals = simulated_turns(model.raw, fitted, model.travel, point, effects, set_in)
             except InputError:
@@ -582,7 +579,7 @@ class WholeRerun:
         at_rest_extension = extension_of_bench(self.model.rests.readings, at_rest, ends[:count], effects, gravity)
 
         def said(values: NDArray) -> dict[str, Any]:
-            gyros = values[count:-1].tolist()
+            gyros = values[count : -len(FURTHER)].tolist()
             return {"gravity": gravity, "bias": gyros[BIAS], "scale_misalignment": gyros[MATRIX]}
 
         low, high = ends.T
@@ -591,8 +588,9 @@ class WholeRerun:
         point = fit.estimate[: len(fit.point)]
         # Sensitivities and lag of the gyros are effects on the gyros.
         further = dict(effects)
-        lowest, highest = effects_of_model(low[count:-1]), effects_of_model(high[count:-1])
-        for place, values in effects_of_model(point[count:-1]).items():
+        of_gyros = slice(count, -len(FURTHER))
+        lowest, highest = effects_of_model(low[of_gyros]), effects_of_model(high[of_gyros])
+        for place, values in effects_of_model(point[of_gyros]).items():
             further[place] = values, list(zip(lowest[place], highest[place], strict=True))
         starts = list(at_rest_extension.starts)
         for name in ("GyroBlock", "GyroCompensation"):
@@ -623,11 +621,11 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evid
     # The search for a slip includes its turns.
     without = replace(rests, places=tuple(place for place in rests.places if place != SLIP))
     moving = Moving.of(without, record, in_motion, travel.to_block, travel.lean, least)
-    with_readings = with_turns(moving.read.here, fitted.turns, str(record.path))
-    moving = moving.about(with_readings.point[: with_readings.own])
+    start = with_motion(fitted, in_motion, alone.gravity)
+    moving = moving.about(start)
+    whole, _ = beside_turns(moving.read.here, fitted.turns, start.point[: -len(FURTHER)])
     of_gyros = effects_of_gyros(with_temperature=raw.temperature is not None)
     places = without.places + IN_MOTION + of_gyros
-    names = rests.names + tuple(gyro_names()) + (("accelerometer-lag", "s"),)
-    point = np.append(with_readings.point, 0.0)
-    model = BenchInMotion(names, point, places, calibration, rests, moving, with_readings, travel, raw)
+    names = (*rests.names, *gyro_names(), ("accelerometer-lag", "s"), *((symbol, "m") for symbol in FURTHER[1:]))
+    model = BenchInMotion(names, start.point, places, calibration, rests, moving, whole, travel, raw)
     return Evidence.of(WholeReader(model), Source(record, whole_evidence, {"place": place, **options}))

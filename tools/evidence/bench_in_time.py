@@ -29,7 +29,7 @@ from ...models.effects import EffectPlace, MotionRows
 from ...models.effects.columns import TIME_CONSTANT, small_turns
 from ...models.effects.steps import MOUNTING_SLIP
 from ..bounded.sets import Work
-from ..calibration.in_motion import CERTAIN, InMotion, slopes_by_angles
+from ..calibration.in_motion import CERTAIN, FURTHER, InMotion, WithMotion, slopes_by_angles
 from ..calibration.model import Positions, linearise, predicted_input, slip_jacobian
 from ..calibration.turns import WithTurns
 from ..orchestrator import run_scenario
@@ -119,11 +119,14 @@ class Moving:
         """Which readings (N,) are the rests'."""
         return self.seen.rows < 0
 
-    def about(self, point: NDArray) -> "Moving":
-        """The readings linearised at other parameters (P,)."""
-        linear = self.read.here
+    def about(self, start: WithMotion) -> "Moving":
+        """The readings linearised at the parameters of a fit, with its signs of the inputs in motion."""
+        linear, point = self.read.here, start.point[: start.own]
+        sign = self.seen.beyond_rest(start, start.point, start.gravity)[1]
+        linear = replace(linear, point=point, sign=np.where(self.at_rest[:, None], linear.sign, sign))
         at = {"residual": linear.residual_at(point), "jacobian": linear.jacobian_at(point)}
-        return replace(self, read=replace(self.read, here=replace(linear, point=point, **at)))
+        readings = replace(self.read.readings, sign=linear.sign)
+        return replace(self, read=replace(self.read, here=replace(linear, **at), readings=readings))
 
     @cached_property
     def motion(self) -> MotionRows:
@@ -138,11 +141,14 @@ class Moving:
             return np.zeros((self.seen.reading.size, coefficient_count(place)))
         return effect.signature(place, self.motion).reshape(self.seen.reading.size, -1)
 
-    def lagging(self, lag: float) -> tuple[Readings, NDArray[np.float64]]:
-        """The readings as those of moments that lie a lag [s] earlier, and how they change with it (3 N,) [g/s]."""
-        linear = self.read.here
-        slope = self.seen.by_lag(linear.parametrisation, linear.point, lag)
-        return replace(self.read.readings, at=self.seen.at(lag)), slope
+    def readings_at(self, system: WithTurns, point: NDArray) -> tuple[Readings, NDArray[np.float64]]:
+        """Return the readings less what the accelerometers' places add, as at the moments that lie their lag earlier.
+
+        The second part is the derivatives (3 N, 10) of the readings by `FURTHER`, the last of the parameters (P,).
+        """
+        at, _, added, further = self.seen.beyond_rest(system, point, self.read.calibration.gravity)
+        readings = self.read.readings
+        return replace(readings, at=at, reading=readings.reading - added.reshape(-1, 3)), further
 
 
 def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> NDArray[np.float64]:
@@ -197,7 +203,7 @@ def _circumstances(rests: Bench, raw: BenchRecord, seen: InMotion, order: NDArra
 def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | None, over_bounds: OverBounds) -> Slips:
     """Return a slip, linear at half that of a fit and its parameters; by default at none, and the nominal model's."""
     turns, own_count, count = fitted.turns, fitted.own, len(fitted.point)
-    point, half = np.append(fitted.point, 0.0), np.zeros(3)
+    point, half = np.append(fitted.point, np.zeros(len(FURTHER))), np.zeros(3)
     if about is not None:
         point = about.point
         half = 0.5 * about.coefficients[about.blocks[about.places.index(SLIP)]]
@@ -210,7 +216,7 @@ def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | N
     fine = interpolated(late, raw.time_s, turned)
     # Complex steps give the derivatives of the frame by the slip.
     slopes = np.imag([small_turn(half + 1e-30j * axis) for axis in np.eye(3)]) / 1e-30
-    readings = moving.lagging(float(point[-1]))[0]
+    readings, _ = moving.readings_at(fitted, point)
     at = replace(readings.at, slips=np.tile(half, (len(readings), 1)))
     slopes_read = slip_jacobian(readings.parametrisation, point[:own_count], at, readings.sign)
     gain = np.eye(3) + point[own_count:count][MATRIX].reshape(3, 3)

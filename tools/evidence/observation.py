@@ -194,10 +194,10 @@ def observation_of_rests(rows: Rows, stage: str | None) -> Observation:
 
 
 def effects_in_motion() -> tuple[EffectPlace, ...]:
-    """Effects of accelerometers and table that only motion shows."""
+    """Effects of accelerometers and table that only motion shows; places of accelerometers belong to the model."""
     places: list[EffectPlace] = []
-    for effect in CATALOGUE.values():
-        if effect.in_motion and effect.component in ("AccelerometerBlock", "TurntableMotion"):
+    for name, effect in CATALOGUE.items():
+        if name != "lever-arm" and effect.in_motion and effect.component in ("AccelerometerBlock", "TurntableMotion"):
             places += effect.places
     return tuple(places)
 

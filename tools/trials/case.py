@@ -18,7 +18,7 @@ NOT_DRAWN = ("exchanged-readings",)
 """Effects that no suite of a table's positions hides: exchanged channels have no size near that of detection."""
 TAKEN_OUT = ("gyro-bias",)
 """Effects that never show: the mean over the rests is subtracted from every record before the judgement."""
-IN_MOTION = tuple(name for name, effect in CATALOGUE.items() if effect.in_motion)
+IN_MOTION = tuple(name for name, effect in CATALOGUE.items() if effect.in_motion and name != "lever-arm")
 """Effects that only a record in motion shows."""
 OF_SEVERAL, MOST_RECORDS = ("pairs", "clean"), 10
 """Modes of several records of one instrument, and the largest number of records."""
