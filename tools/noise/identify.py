@@ -3,20 +3,20 @@
 from collections.abc import Sequence
 
 from ...fmus.units import STANDARD_GRAVITY
-from ..errors import InvalidInput
+from ..errors import InputError, InvalidInput
 from ..orchestrator.scenario import Scenario
 from ..progress import tracked
 from .against import held_against
 from .allan import allan_curve
 from .likelihood import Fit
 from .pieces import AtRest, Channel, TimeSeries, at_rest
-from .processes import PROCESSES, Letter
-from .result import ChannelNoise, Coefficient, Drift, Noise, NoiseSource, SpectralLine
+from .processes import PROCESSES, Letter, Sensor
+from .result import Against, AllanCurve, ChannelNoise, Coefficient, Drift, Noise, NoiseSource, SpectralLine
 from .selection import Selection, select
 from .simulated import simulated_noise
 from .spectrum import Line, bins_of
 
-MINUTE = 60.0
+UNITS: dict[Sensor, str] = {"gyro": "rad/s", "accelerometer": "m/s²"}
 NOT_TOLD = 300.0
 """A stretch shorter than this tells little of bias instability and random walks [s]."""
 DRIFT_TIMES = (60.0, 600.0, 3600.0)
@@ -64,9 +64,15 @@ def identify(
         raise InvalidInput(f"--skip {skip!r}: a time in seconds is needed, 0 or more")
     still = at_rest(records, skip)
     simulated = {} if scenario is None else simulated_noise(scenario, gravity)
+    if all(channel.is_constant for channel in still.channels):
+        raise InputError(f"{records[0].path}: no channel changes at rest: its noise is unknown")
     channels, against = [], []
-    constant = [channel.name for channel in still.channels if channel.is_constant]
     for channel in tracked(still.channels, "noise", show=progress):
+        if channel.is_constant:
+            channels.append(_unchanging(channel))
+            if channel.name in simulated:
+                against.append(Against.unknown(channel.name, simulated[channel.name]))
+            continue
         bins, lines = bins_of(channel.pieces, still.step)
         selection = select(bins)
         channels.append(_of_channel(channel, still.step, selection, lines))
@@ -76,8 +82,8 @@ def identify(
     for record in records:
         sources.append(NoiseSource(record=record.path.name, sha256=record.sha256))
         warnings += [f"{record.path.name}: {line}" for line in record.warnings]
-    for name in constant:
-        warnings.append(f"{name}: reads one value in each rest: its noise is below its resolution, and stays unknown")
+    cautions = [channel.caution for channel in still.channels]
+    warnings += [line for line in cautions if line]
     return Noise(
         records=sources,
         rate_hz=1.0 / still.step,
@@ -94,12 +100,28 @@ def identify(
     )
 
 
+def _unchanging(channel: Channel) -> ChannelNoise:
+    """Return a channel without coefficients: it never changes, so nothing of its noise is known."""
+    return ChannelNoise(
+        channel=channel.name,
+        sensor=channel.sensor,
+        unit=UNITS[channel.sensor],
+        coefficients=[],
+        admissible=[],
+        band_hz=0.0,
+        filtered=False,
+        worst_bin=0.0,
+        lines=[],
+        allan=AllanCurve(tau_s=[], deviation=[], low=[], high=[], model=[], model_low=[], model_high=[]),
+    )
+
+
 def _of_channel(channel: Channel, step: float, selection: Selection, lines: Sequence[Line]) -> ChannelNoise:
     """Return the noise of one channel."""
     return ChannelNoise(
         channel=channel.name,
         sensor=channel.sensor,
-        unit="rad/s" if channel.sensor == "gyro" else "m/s²",
+        unit=UNITS[channel.sensor],
         coefficients=_coefficients(channel, selection),
         admissible=[" + ".join(fit.all_letters) for fit in selection.admissible],
         band_hz=selection.band_hz,
@@ -152,12 +174,12 @@ def _drifts(channels: Sequence[ChannelNoise], longest: float) -> list[Drift]:
     for time in DRIFT_TIMES:
         if time > LONGER * longest:
             break
-        turns = [one.drift(time) for one in channels if one.sensor == "gyro"]
-        speeds = [one.drift(time) for one in channels if one.sensor == "accelerometer"]
+        turns = [one.drift(time) for one in channels if one.sensor == "gyro" and one.coefficients]
+        speeds = [one.drift(time) for one in channels if one.sensor == "accelerometer" and one.coefficients]
         attitude = None
         if turns:
             attitude = max(turns) * PROCESSES["Q"].units["gyro"].factor / 3600.0
-        drifts.append(Drift(time_s=time, attitude_deg=attitude, velocity_mps=max(speeds)))
+        drifts.append(Drift(time_s=time, attitude_deg=attitude, velocity_mps=max(speeds, default=None)))
     return drifts
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from ..errors import InputError
-from .processes import Letter, Sensor
+from .processes import PROCESSES, Letter, Sensor
 from .result import ChannelNoise, Noise
 
 TOPIC = "/imu0"
@@ -81,5 +81,7 @@ def _worst(channels: list[ChannelNoise], letter: Letter) -> tuple[float, bool]:
     if detected:
         return max(detected), True
     if not bounds or max(bounds) == 0.0:
-        raise InputError("the record bounds no random walk; record the block at rest for an hour")
+        raise InputError(
+            f"the record bounds no {PROCESSES[letter].names[channels[0].sensor]}; record the block at rest for an hour"
+        )
     return max(bounds), False

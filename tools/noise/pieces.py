@@ -11,6 +11,7 @@ from ..by_hand.still import Series, still_rests
 from ..errors import InputError
 from ..motion.rests import quiet_rests, rates_of, sampling_of
 from ..records import RawRecord, StrapdownRecord, find_rests
+from ..records.cut_off import cut_off, steps_hide_noise
 from ..records.decisions import rows_of_rests
 from ..records.kinds import BenchRecord, ForceRecord
 from ..records.limits import rows_at_limit
@@ -60,6 +61,23 @@ class Channel:
     name: str
     sensor: Sensor
     pieces: tuple[NDArray[np.float64], ...]
+
+    @property
+    def caution(self) -> str:
+        """Return what the readings leave open of the noise; empty where that is nothing."""
+        if self.is_constant:
+            return f"{self.name}: never changes at rest; its noise is unknown, and no result below counts it"
+        if steps_hide_noise(self.pieces):
+            return (
+                f"{self.name}: its steps are wider than its noise; N is that of the readings, and a limit of the range "
+                "would not show"
+            )
+        if cut_off(self.pieces) is not None:
+            return (
+                f"{self.name}: its readings end as at a limit of the range, or as those of bounded noise or a "
+                "vibration do; at a limit its noise is larger"
+            )
+        return ""
 
     @property
     def is_constant(self) -> bool:
@@ -174,6 +192,9 @@ def _check_range(pieces: Sequence[NDArray[np.float64]], where: str) -> None:
     """Raise an InputError where readings are cut off at an end of the range: their noise looks smaller than it is."""
     cut = sum(int(rows_at_limit(piece).sum()) for piece in pieces)
     rows = sum(map(len, pieces))
+    end = cut_off(pieces)
+    if end is not None and end.certain:
+        cut = max(cut, end.rows)
     if cut > CUT_OFF * rows:
         raise InputError(
             f"{where}: {cut} of {rows} readings at rest are at an end of its range; record it within the range"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus import version
-from ..errors import InvalidInput
+from ..errors import InputError, InvalidInput
 from ..quantity import Quantity
 from ..result import Result
 from .processes import PROCESSES, SPECTRAL, Letter, Sensor, drift_variance
@@ -166,6 +166,11 @@ class ChannelNoise(Result):
     lines: list[SpectralLine]
     allan: AllanCurve
 
+    @property
+    def processes(self) -> str:
+        """Return the likeliest of the smallest sets; "unknown" of a channel that never changes."""
+        return self.admissible[0] if self.admissible else "unknown"
+
     def coefficient(self, letter: Letter) -> Coefficient | None:
         """Return the coefficient of a process; None where it was not fitted."""
         for coefficient in self.coefficients:
@@ -231,12 +236,12 @@ class Drift(Result):
     time_s : float
         time since the start
     attitude_deg, velocity_mps : float
-        standard deviation of the worst axis; None without gyros
+        standard deviation of the worst axis; None where no gyro, or no accelerometer, changes at rest
     """
 
     time_s: Annotated[float, Quantity("time", "s", "exact")]
     attitude_deg: Annotated[float | None, Quantity("attitude error", "deg", "up")]
-    velocity_mps: Annotated[float, Quantity("velocity error", "m/s", "up")]
+    velocity_mps: Annotated[float | None, Quantity("velocity error", "m/s", "up")]
 
 
 class Dwell(Result):
@@ -301,7 +306,8 @@ class Against(Result):
     ----------
     channel : str
     verdict : str
-        "consistent"; "falsified": no set of up to two changes explains it; "explained"; "ambiguous"
+        "consistent"; "falsified": no set of up to two changes explains it; "explained"; "ambiguous"; "unknown" of a
+        channel that never changes
     rise : float
         rise of twice the negative logarithm of the likelihood from the best processes to the simulation's
     simulated, changed : dict
@@ -313,12 +319,24 @@ class Against(Result):
     """
 
     channel: Annotated[str, Quantity("channel")]
-    verdict: Annotated[Literal["consistent", "explained", "ambiguous", "falsified"], Quantity("verdict")]
+    verdict: Annotated[Literal["consistent", "explained", "ambiguous", "falsified", "unknown"], Quantity("verdict")]
     rise: float
     simulated: dict[Letter, float]
     changed: dict[Letter, float]
     alternatives: list[str]
     held_out: list[HeldOut]
+
+    @staticmethod
+    def unknown(channel: str, simulated: dict[Letter, float]) -> "Against":
+        """Return the answer for a channel that never changes."""
+        return Against(
+            channel=channel, verdict="unknown", rise=0.0, simulated=simulated, changed={}, alternatives=[], held_out=[]
+        )
+
+    @property
+    def is_wrong(self) -> bool:
+        """Return true if the simulation's noise is not that of the channel."""
+        return self.verdict not in ("consistent", "unknown")
 
 
 class NoiseSource(Result):
@@ -378,11 +396,20 @@ class Noise(Result):
         return [channel for channel in self.channels if channel.sensor == sensor]
 
     def deviation(self, dwell_s: float, positions: int, gap_s: float = 0.0, *, detected_alone: bool = False) -> float:
-        """Return the standard deviation of a mean over a dwell [g], of the worst accelerometer."""
+        """Return the standard deviation of a mean over a dwell [g], of the worst accelerometer.
+
+        Raises
+        ------
+        InputError
+            where no accelerometer changes at rest
+        """
         deviations = [
             one.deviation_of_means(dwell_s, positions, gap_s, detected_alone=detected_alone)
             for one in self.of("accelerometer")
+            if one.coefficients
         ]
+        if not deviations:
+            raise InputError("no accelerometer changes at rest: σ of its means is unknown; give --noise-bound")
         return max(deviations) / self.gravity
 
     def average(self, dwell_s: float, positions: int, *, gap_s: float = 0.0, probability: float = PROBABILITY) -> Dwell:

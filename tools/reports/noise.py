@@ -19,7 +19,7 @@ def noise_text(result: Noise) -> str:
     """Return in a sentence which channels have other noise than the simulation, and with which processes."""
     wrong = []
     for one in result.against:
-        if one.verdict != "consistent":
+        if one.is_wrong:
             cause = " or ".join(one.alternatives) or "no set of two processes explains it"
             wrong.append(f"{one.channel} ({cause})")
     if not wrong:
@@ -60,7 +60,7 @@ GROWTH = "Standard deviations from noise alone, after a bias taken over one minu
 def _verdict(result: Noise) -> str:
     """Return the answer on the simulation's noise, where there is one; else the length and the processes."""
     if result.against:
-        wrong = [one.channel for one in result.against if one.verdict != "consistent"]
+        wrong = [one.channel for one in result.against if one.is_wrong]
         if not wrong:
             return f"Consistent: the record can have the noise that {result.scenario} simulates."
         return f"Falsified: {result.scenario} simulates other noise than the record has: {', '.join(wrong)}."
@@ -74,7 +74,7 @@ def _summary(result: Noise) -> str:
     for sensor in ("gyro", "accelerometer"):
         channels = result.of(sensor)
         if channels:
-            names = sorted({channel.admissible[0] for channel in channels}, key=len)
+            names = sorted({channel.processes for channel in channels}, key=len)
             parts.append(f"{sensor}s {', '.join(names)}")
     return f"Noise of {digits(result.duration_s, 4)} s at {digits(result.rate_hz, 4)} Hz, {kind}: {'; '.join(parts)}."
 

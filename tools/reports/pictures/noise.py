@@ -14,7 +14,7 @@ def allan_parts_picture(channels: Sequence[ChannelNoise], unit: str) -> Drawn:
     for axes, channel in zip(panels, channels, strict=True):
         curve = channel.allan
         axes.set(
-            xscale="log", yscale="log", title=f"{channel.channel}: {channel.admissible[0]}", xlabel="averaging time [s]"
+            xscale="log", yscale="log", title=f"{channel.channel}: {channel.processes}", xlabel="averaging time [s]"
         )
         axes.fill_between(
             curve.tau_s, curve.model_low, curve.model_high, color=BAND.light, linewidth=0, label="95 % of such records"

@@ -1,0 +1,249 @@
+"""Readings at rest that are cut off at an end of the range: their scatter is no more that of the sensor.
+
+Steps hide the spike that a limit makes of fine readings: the last step of a limited channel may hold fewer readings
+than the next one. It still holds more than normal noise in the same steps leaves for an end without a tail behind it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import log_ndtr
+
+End = Literal["upper", "lower"]
+WINDOW = 128
+"""Rows in which a bias is constant beside the noise."""
+GRID = 0.25
+"""Windows whose means differ by this part of the noise are of one group; bins are as wide at least."""
+FEWEST_ROWS = 64
+"""Rows of a group, at least."""
+SHARE = 0.02
+"""Part of the readings at an end, and beyond it, from which noise would be told too small."""
+CODES = 3
+"""Different values, at least: two are explained by noise of any size; three by some other distribution than normal."""
+RISE = 40.0
+"""Rise of twice the logarithm of the likelihood that shows a limit."""
+SECOND_END = 10.0
+"""Further rise by which two limits are likelier than one."""
+MISFIT = 0.2
+"""Misfit of normal noise with a limit, over that without one, that is explained at most."""
+MOST = 0.8
+"""Part of the readings at an end beyond which the others may be spikes."""
+HIDDEN = 0.55
+"""Scatter of readings over their step, below which the noise is hidden by the steps; that of two values is 0.5."""
+LINE = 0.1
+"""Part of the variance in one line of the spectrum from which readings are those of a vibration."""
+DRIFTS = 64
+"""Frequencies below this many cycles in the record are those of drifts."""
+
+
+@dataclass(frozen=True)
+class CutOff:
+    """Readings of a channel at an end of its range, or at both.
+
+    Attributes
+    ----------
+    ends : tuple of str
+        "upper", "lower"
+    rows : int
+        readings at these ends
+    beyond : float
+        part of the readings that would lie beyond them
+    certain : bool
+        false where noise of another distribution, or a vibration, explains them too
+    """
+
+    ends: tuple[End, ...]
+    rows: int
+    beyond: float
+    certain: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Readings about one mean, counted: `edges` (k + 1,) of the values in ascending order, `counts` (k,) of each.
+
+    `at` names the ends of the channel's range that the first and the last value are.
+    """
+
+    edges: NDArray[np.float64]
+    counts: NDArray[np.float64]
+    at: frozenset[End]
+
+    def fit(self, ends: Sequence[End]) -> tuple[float, float]:
+        """Return twice the negative logarithm of the likelihood of normal noise with limits, and the rows beyond."""
+        limited = [end for end in ends if end in self.at]
+        inner = self.edges.copy()
+        inner[0] = -np.inf if "lower" in limited or "lower" not in self.at else inner[0]
+        inner[-1] = np.inf if "upper" in limited or "upper" not in self.at else inner[-1]
+        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
+        rows = self.counts.sum()
+        mean = float(self.counts @ middle / rows)
+        spread = float(np.sqrt(self.counts @ (middle - mean) ** 2 / rows))
+
+        def cost(parameters: NDArray[np.float64]) -> float:
+            scaled = (inner - mean - spread * parameters[0]) / (spread * np.exp(parameters[1]))
+            return float(-2.0 * self.counts @ log_between(scaled))
+
+        best = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2})
+        scaled = (self.edges - mean - spread * best.x[0]) / (spread * np.exp(best.x[1]))
+        beyond = 0.0
+        if "lower" in limited:
+            beyond += float(np.exp(log_ndtr(scaled[0])))
+        if "upper" in limited:
+            beyond += float(np.exp(log_ndtr(-scaled[-1])))
+        return float(best.fun), beyond * rows
+
+    @property
+    def least(self) -> float:
+        """Return the cost of any distribution that gives the counts."""
+        return float(-2.0 * self.counts @ np.log(self.counts / self.counts.sum()))
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Normal noise with limits at some ends: twice the negative logarithm of its likelihood, the rows beyond them."""
+
+    ends: tuple[End, ...]
+    cost: float
+    beyond: float
+
+    @staticmethod
+    def of(groups: Sequence[Group], ends: tuple[End, ...]) -> "Explanation":
+        """Return the explanation of all groups, each with a mean and a noise of its own."""
+        fits = [group.fit(ends) for group in groups]
+        return Explanation(ends, sum(cost for cost, _ in fits), sum(beyond for _, beyond in fits))
+
+
+def log_between(edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the logarithm of the probability of normal values between edges (k + 1,), in ascending order."""
+    low, high = edges[:-1], edges[1:]
+    mirrored = low > 0.0
+    low, high = np.where(mirrored, -high, low), np.where(mirrored, -low, high)
+    above, below = log_ndtr(high), log_ndtr(low)
+    return above + np.log1p(-np.minimum(np.exp(below - above), 1.0 - 1e-15))
+
+
+def cut_off(pieces: Sequence[NDArray[np.float64]]) -> CutOff | None:
+    """Return the readings of a channel at rest that are cut off at an end of its range; None where none are.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray, shape (n,)
+        readings at rest, each piece of one pose
+    """
+    values = np.concatenate(pieces)
+    lowest, highest = values.min(), values.max()
+    candidates: list[End] = []
+    if np.mean(values == lowest) >= SHARE:
+        candidates.append("lower")
+    if np.mean(values == highest) >= SHARE:
+        candidates.append("upper")
+    if not candidates:
+        return None
+    windows = _windows(pieces)
+    groups = _groups(windows, float(lowest), float(highest))
+    if not groups:
+        return None
+    independent = _independent(windows)
+    best = whole = Explanation.of(groups, ())
+    sets: list[tuple[End, ...]] = [(end,) for end in candidates]
+    if len(candidates) == 2:
+        sets.append(("lower", "upper"))
+    for ends in sets:
+        one = Explanation.of(groups, ends)
+        if one.cost < best.cost - (SECOND_END / independent if len(ends) == 2 else 0.0):
+            best = one
+    least = sum(group.least for group in groups)
+    shown = independent * (whole.cost - best.cost) > RISE and best.cost - least < MISFIT * (whole.cost - least)
+    if not (shown and best.beyond > SHARE * len(values)):
+        return None
+    at_ends = [int(np.sum(values == (lowest if end == "lower" else highest))) for end in best.ends]
+    shaped = (len(best.ends) == 1 or _piles_up(groups)) and max(at_ends) < MOST * len(values)
+    shaped &= any(len(group.counts) > CODES for group in groups)
+    certain = shaped and not any(map(_has_line, pieces))
+    return CutOff(best.ends, sum(at_ends), best.beyond / len(values), certain)
+
+
+def steps_hide_noise(pieces: Sequence[NDArray[np.float64]]) -> bool:
+    """Return true if readings at rest scatter by less than their steps, so that a limit would not show."""
+    steps = np.diff(np.unique(np.concatenate(pieces)))
+    if not len(steps):
+        return False
+    spread = np.median([window.std() for window in _windows(pieces)])
+    return bool(spread < HIDDEN * np.median(steps))
+
+
+def _windows(pieces: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+    """Return the pieces in windows in which a bias is constant."""
+    windows = []
+    for piece in pieces:
+        windows += np.array_split(piece, max(1, len(piece) // WINDOW))
+    return windows
+
+
+def _groups(windows: Sequence[NDArray[np.float64]], lowest: float, highest: float) -> list[Group]:
+    """Return the windows with alike means that reach an end of the range, counted together."""
+    means = np.array([window.mean() for window in windows])
+    spread = float(np.median([window.std() for window in windows]))
+    if spread == 0.0:
+        return []
+    place = np.round(means / (GRID * spread))
+    groups = []
+    for one in np.unique(place):
+        values = np.concatenate([windows[k] for k in np.flatnonzero(place == one).tolist()])
+        codes, counts = np.unique(values, return_counts=True)
+        at: set[End] = set()
+        if codes[0] == lowest and counts[0] >= 0.5 * SHARE * len(values):
+            at.add("lower")
+        if codes[-1] == highest and counts[-1] >= 0.5 * SHARE * len(values):
+            at.add("upper")
+        if at and len(codes) >= CODES and len(values) >= FEWEST_ROWS:
+            groups.append(_group(codes, counts, GRID * spread, frozenset(at)))
+    return groups
+
+
+def _group(codes: NDArray[np.float64], counts: NDArray[np.int_], width: float, at: frozenset[End]) -> Group:
+    """Return counted readings in bins of a least width; the first and the last value have a bin of their own."""
+    middles = 0.5 * (codes[1:] + codes[:-1])
+    kept = [0]
+    for k in range(1, len(middles)):
+        if middles[k] - middles[kept[-1]] >= width:
+            kept.append(k)
+    if kept[-1] != len(middles) - 1:
+        kept.append(len(middles) - 1)
+    first, last = 2.0 * codes[0] - middles[0], 2.0 * codes[-1] - middles[-1]
+    edges = np.concatenate([[first], middles[kept], [last]])
+    starts = np.concatenate([[0], np.array(kept) + 1])
+    return Group(edges, np.add.reduceat(counts, starts).astype(np.float64), at)
+
+
+def _independent(windows: Sequence[NDArray[np.float64]]) -> float:
+    """Return the part of the rows that count as independent, by the correlation of each with the next."""
+    product, square = 0.0, 0.0
+    for window in windows:
+        deviation = window - window.mean()
+        product += float(deviation[1:] @ deviation[:-1])
+        square += float(deviation @ deviation)
+    correlation = max(0.0, product / square)
+    return (1.0 - correlation) / (1.0 + correlation)
+
+
+def _piles_up(groups: Sequence[Group]) -> bool:
+    """Return true if an end holds more readings than the value next to it."""
+    at_lower = sum(group.counts[0] - group.counts[1] for group in groups if "lower" in group.at)
+    at_upper = sum(group.counts[-1] - group.counts[-2] for group in groups if "upper" in group.at)
+    return max(at_lower, at_upper) > 0.0
+
+
+def _has_line(piece: NDArray[np.float64]) -> bool:
+    """Return true if one line holds much of the variance of readings above the frequencies of drifts."""
+    power = np.abs(np.fft.rfft(piece - piece.mean())) ** 2
+    above = power[DRIFTS:]
+    if len(above) < DRIFTS:
+        return False
+    pairs = above[1:] + above[:-1]
+    return bool(pairs.max() > LINE * above.sum())
