@@ -4,7 +4,7 @@ Gross readings, exchanged channels and a common limit do not draw the centre. Wh
 model inaccurate, the search first fits the effects that stand out, and looks for others beside them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -281,8 +281,15 @@ class BenchSearch:
                 # A set waits for all open cells of its effect: each counts for the possible values.
                 for places, open_cells in open_sets.items():
                     if open_cells:
-                        self._open_cells[frozenset(places)] = sorted(open_cells)
+                        self.leave_open(places, open_cells)
                         yield places
+
+    def leave_open(self, places: Sequence[EffectPlace], cells: Collection[int]) -> None:
+        """Fit the effect with an unknown number, in this set of effects, only in some of its cells."""
+        self._open_cells[self._class_set(places)] = sorted(cells)
+
+    def _class_set(self, places: Sequence[EffectPlace]) -> frozenset[EffectPlace]:
+        return frozenset(self.classes.whole_class(place)[0] for place in places)
 
     def two_in_time(self, work: Work) -> bool:
         """Return whether no bound refuses two effects with unknown numbers, each in one cell.
@@ -298,7 +305,7 @@ class BenchSearch:
 
     def acting(self, places: Sequence[EffectPlace]) -> dict[EffectPlace, Sequence[int]]:
         """Return the cells or variants of the nonlinear effects of a set that no bound refuses."""
-        classes = frozenset(self.classes.whole_class(place)[0] for place in places)
+        classes = self._class_set(places)
         bent: dict[EffectPlace, Sequence[int]] = {}
         for place in places:
             if place in self.cells:

@@ -46,11 +46,15 @@ def _is_part_of(smaller: Kind, larger: Kind) -> bool:
 
 @dataclass(frozen=True)
 class Option:
-    """One of two things: a break of a group at a gap, or a cause beside one."""
+    """One of two things: a break of a group at a gap, or a cause beside one.
+
+    `cells` has the cell of an effect with an unknown number.
+    """
 
     groups: tuple[Group, ...] = ()
     gaps: tuple[Gap, ...] = ()
     beside: Beside = ALONE
+    cells: frozenset[int] = frozenset()
 
 
 NOTHING = Option()
@@ -60,13 +64,22 @@ Options = tuple[list[Option], list[NDArray[np.float64]]]
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two things with which the linear model fits: breaks in the order of time, the cause beside them, the radius."""
+    """Two things with which the linear model fits: breaks in the order of time, the cause beside them, the radius.
+
+    `cells` are those of the cause's unknown number with which it fits.
+    """
 
     groups: tuple[Group, ...]
     gaps: tuple[Gap, ...]
     beside: Beside
     numbers: int
     radius: float
+    cells: frozenset[int] = frozenset()
+
+    def or_with(self, other: "Pair") -> "Pair":
+        """Return the pair of less radius with the cells of both; they are of the same causes and gaps."""
+        best = min(self, other, key=lambda pair: pair.radius)
+        return replace(best, cells=self.cells | other.cells)
 
 
 def tells_two_things(evidence: Evidence) -> bool:
@@ -114,10 +127,10 @@ class Joint:
             options.append(Option(beside=Beside(rows=(row + 1,))))
             columns.append(block)
         for place, cells in model.search.cells.items():
-            for cell in cells:
+            for number, cell in enumerate(cells):
                 # A step is a break.
                 if cell.one_sign:
-                    options.append(Option(beside=Beside(effects=(place,))))
+                    options.append(Option(beside=Beside(effects=(place,)), cells=frozenset((number,))))
                     columns.append(cell.columns.reshape(len(model.rows.bound), -1) / model.rows.bound[:, None])
         return options, columns
 
@@ -161,7 +174,7 @@ class Joint:
         numbers = beside.numbers + len(groups) - 1
         for group, gap in zip(groups, gaps, strict=True):
             numbers += self.search.numbers_of(group, gap)
-        return Pair(groups, gaps, beside, numbers, radius)
+        return Pair(groups, gaps, beside, numbers, radius, things[0].cells)
 
     @property
     def faults(self) -> tuple[Simple, ...]:
@@ -172,8 +185,7 @@ class Joint:
         pairs: dict[tuple[Kind, tuple[Gap, ...]], Pair] = {}
         for pair in self.standing(few):
             key = (pair.groups, pair.beside), pair.gaps
-            if key not in pairs or pair.radius < pairs[key].radius:
-                pairs[key] = pair
+            pairs[key] = pair.or_with(pairs.get(key, pair))
             if len(pairs) > MOST_CANDIDATES:
                 return ()
         return self._fitted(sorted(pairs.values(), key=lambda pair: (pair.numbers, pair.radius)))
@@ -186,18 +198,25 @@ class Joint:
             kind = pair.groups, pair.beside
             if pair.numbers > least + FARTHER or any(_is_part_of(smaller, kind) for smaller in by_kind):
                 continue
-            fit = self.search.fitted(self._places(pair))
+            places = self._places(pair)
+            if pair.cells:
+                self.search.model.search.leave_open(places, pair.cells)
+            fit = self.search.fitted(places)
             if fit is not None:
                 least = min(least, pair.numbers)
                 by_kind.setdefault(kind, []).append(Standing(pair.gaps, fit))
         faults = []
         for (groups, beside), standing in by_kind.items():
-            if beside.effects and groups[0].catalogued in self.search.listed:
-                # The catalogue's own search names both.
+            if self._is_of_catalogue(groups[0], beside):
                 continue
             standing.sort(key=lambda one: one.fit.radius)
             faults.append(self.search.simple(groups, standing, beside))
         return tuple(faults)
+
+    def _is_of_catalogue(self, group: Group, beside: Beside) -> bool:
+        """Return true if the catalogue's own search names both: it tries no two effects with unknown numbers."""
+        is_searched = any(place.definition.searched is not None for place in beside.effects)
+        return bool(beside.effects) and not is_searched and group.catalogued in self.search.listed
 
     def _places(self, pair: Pair) -> tuple[EffectPlace, ...]:
         places = [*jumping_at(pair.groups, pair.gaps), *pair.beside.effects]

@@ -12,6 +12,7 @@ QUADRATIC = EffectPlace("quadratic", "accelerometer-1")
 PRODUCT = EffectPlace("cross-product", "accelerometer-3", axes=(1, 2))
 STEPS = EffectPlace("quantisation", "accelerometer-2")
 HYSTERESIS = EffectPlace("hysteresis", "accelerometer-1")
+WARM_UP = EffectPlace("warm-up", "accelerometer-2")
 LONG = pytest.mark.acceptance
 
 
@@ -39,27 +40,32 @@ def test_two_breaks_are_named(seed, groups, count):
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(
-    ("seed", "group", "place", "size"),
+    ("seed", "group", "place", "sizes"),
     [
-        (1, "outer zero", QUADRATIC, 1.5e-4),
-        pytest.param(2, "biases", PRODUCT, -2e-4, marks=LONG),
-        pytest.param(3, "inner zero", PRODUCT, 2e-4, marks=LONG),
-        (4, "outer zero", STEPS, 4e-4),
-        pytest.param(5, "biases", STEPS, 4e-4, marks=LONG),
-        pytest.param(6, "biases", HYSTERESIS, 2e-4, marks=LONG),
-        pytest.param(7, "biases and mounting", QUADRATIC, 4e-4, marks=LONG),
+        (1, "outer zero", QUADRATIC, (1.5e-4,)),
+        pytest.param(2, "biases", PRODUCT, (-2e-4,), marks=LONG),
+        pytest.param(3, "inner zero", PRODUCT, (2e-4,), marks=LONG),
+        (4, "outer zero", STEPS, (4e-4,)),
+        pytest.param(5, "biases", STEPS, (4e-4,), marks=LONG),
+        pytest.param(6, "biases", HYSTERESIS, (2e-4,), marks=LONG),
+        pytest.param(7, "biases and mounting", QUADRATIC, (4e-4,), marks=LONG),
+        # Both set in: a size and a time constant [h].
+        (21, "outer zero", WARM_UP, (6e-4, 0.3)),
+        pytest.param(22, "biases", WARM_UP, (6e-4, 0.5), marks=LONG),
+        pytest.param(25, "bias", WARM_UP, (8e-4, 0.4), marks=LONG),
+        pytest.param(27, "mounting", WARM_UP, (8e-4, 0.4), marks=LONG),
     ],
 )
-def test_a_break_and_an_effect_are_named(seed, group, place, size):
-    two = two_things(seed, (group,), 48, ((place, (size,)),))
+def test_a_break_and_an_effect_are_named(seed, group, place, sizes):
+    two = two_things(seed, (group,), 48, ((place, sizes),))
     # The drawn senses of approach are not those in which the inputs change.
     record = replace(two.record, approach_alpha=None, approach_beta=None) if place == HYSTERESIS else two.record
     result = diagnosed(record)
     assert result.verdict == "explained", str(result)
     first, (cause,) = result.explanations[0], result.causes
     assert (first.kind, first.before_row, cause.place) == ("break", two.before_row, place)
-    (low, high) = cause.intervals[0]
-    assert low <= size <= high
+    for size, (low, high) in zip(sizes, cause.intervals, strict=True):
+        assert low <= size <= high
 
 
 @pytest.mark.parametrize(
