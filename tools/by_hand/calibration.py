@@ -26,11 +26,7 @@ from ..motion.determinacy import DETERMINED, LEAST_SD, PRIOR_SD, UNSEEN, USABLE,
 from ..motion.norm import NAMES, UNITS_OF, norm_equations
 from ..records import ForceRecord, PoseRecord
 from ..rounding import digits, upwards
-from .forces import (
-    Forces,
-    fitted_forces,
-    scatter_of,
-)
+from .forces import Forces, Norms, fitted_forces, scatter_of
 from .gyros import PRIOR as GYRO_PRIOR
 from .gyros import GyroFit, fitted_gyros, in_axes_of_forces
 from .moves import BIAS, MATRIX, Moves, Windows
@@ -76,28 +72,54 @@ MORE_RESTS = "more rests, of two seconds and more"
 
 @dataclass(frozen=True, eq=False)
 class HandFit:
-    """Fit of a run: accelerometers, gyros, and the ratio of the readings' scatter to its assumed value."""
+    """Fit of a run: norms, accelerometers, gyros, and the ratio of the readings' scatter to its assumed value."""
 
+    norms: Norms
     forces: Forces
     gyros: GyroFit | None
-    deviation: NDArray[np.float64]
     scatter: float
     chance: float
+
+    @property
+    def deviation(self) -> float:
+        """The median of the standard deviations of mean readings [g]."""
+        return float(np.median(self.norms.deviation)) if len(self.norms.deviation) else LEAST_SD
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """What bounds of the readings' errors leave: the least with which the model stands [g], and by σ what is possible.
+
+    `possible` is None where nothing tells σ.
+    """
+
+    least: float
+    possible: Possible | None
+
+    @classmethod
+    def of(cls, x: NDArray, norms: Norms, bound: float | None) -> "Bounds":
+        """Return the bounds by the norms at rest near an estimate (6 + 3 R,)."""
+        if not len(norms.reading):
+            return cls(0.0, None)
+        return cls(least_bound(x, norms), None if bound is None else possible_forces(x, norms, bound))
 
 
 def fit_of(run: Run) -> HandFit:
     """Fit accelerometers by the norm of gravity, and the gyros with these."""
-    deviation = run.deviation
-    forces = fitted_forces(run.rests.force, deviation, run.faces)
-    scatter, chance = scatter_of(forces, run.rests.force, deviation)
+    norms = Norms.of(run.rests.force, run.deviation)
+    forces = fitted_forces(norms, run.faces)
+    scatter, chance = scatter_of(forces, norms)
     if scatter > 1.0 and (not run.basis or chance < CHANCE):
-        deviation = deviation * scatter
-        forces = fitted_forces(run.rests.force, deviation, run.faces)
-    gyros = None
-    if run.moves is not None:
-        usual = float(np.median(deviation)) if len(deviation) else LEAST_SD
-        gyros = fitted_gyros(run.rests, usual, forces, run.moves, run.turns)
-    return HandFit(forces, gyros, deviation, scatter, chance)
+        norms = replace(norms, deviation=norms.deviation * scatter)
+        forces = fitted_forces(norms, run.faces)
+    return with_gyros(run, HandFit(norms, forces, None, scatter, chance))
+
+
+def with_gyros(run: Run, fit: HandFit) -> HandFit:
+    """Return the fit of a run with its gyros, by its accelerometers."""
+    if run.moves is None:
+        return fit
+    return replace(fit, gyros=fitted_gyros(run.rests, fit.deviation, fit.forces, run.moves, run.turns))
 
 
 def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
@@ -125,37 +147,32 @@ def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
     directions of gravity before and after each move. Guaranteed is what `possible_forces` proves.
     """
     run = run_of(record, request)
-    return calibration_of(run, fit_of(run), request.gravity)
+    fit = fit_of(run)
+    bounds = Bounds.of(fit.forces.x, fit.norms, run.bound)
+    return calibration_of(run, fit, bounds, request.gravity, gain_of(run))
 
 
-def calibration_of(run: Run, fit: HandFit, gravity: float, *, with_gain: bool = True) -> Calibration:
-    """Return the calibration by a fit of a run, with its gain at rests that are left out."""
-    force = run.rests.force
-    least, centre = least_bound(fit.forces.x, force) if len(force) else (0.0, fit.forces.x)
-    possible, values, estimator = None, fit.forces.x, "least squares"
-    if run.bound is not None and len(force):
-        possible = possible_forces(fit.forces.x, force, run.bound)
-        if possible.radius <= 1.0 and not _is_possible(values, force, run.bound) and least <= run.bound:
-            values, estimator = centre, "central programme"
+def calibration_of(run: Run, fit: HandFit, bounds: Bounds, gravity: float, gain: HandGain | None) -> Calibration:
+    """Return the calibration by a fit of a run, what its bound leaves, and the gain at rests that are left out."""
     pose = fit.forces.determinacy.pose_errors()
-    verdict = _verdict(run, fit, possible, float(pose.max()))
+    verdict = _verdict(run, fit, bounds.possible, float(pose.max()))
     gyros, axes = fit.gyros, "accelerometers"
     if isinstance(run.moves, Windows):
         axes = "true attitude"
         if gyros is not None and fit.forces.case is not None and pose.max() <= USABLE:
             gyros, axes = in_axes_of_forces(gyros, fit.forces), "accelerometers"
-    basis = _basis(run, fit, gain_of(run) if with_gain else None).model_copy(update={"axes": axes})
+    basis = _basis(run, fit, gain).model_copy(update={"axes": axes})
     return Calibration(
         verdict=verdict,
         sigma=_sigma(run, fit),
-        stands_with_sigma=least,
-        radius=None if run.bound is None else least / run.bound,
+        stands_with_sigma=bounds.least,
+        radius=None if run.bound is None else bounds.least / run.bound,
         gravity_mps2=float(gravity),
-        estimator=estimator,
+        estimator="least squares",
         no_estimate="",
-        parameters=[*_of_forces(fit.forces, values, possible), *_of_gyros(gyros)],
+        parameters=[*_of_forces(fit.forces, bounds.possible), *_of_gyros(gyros)],
         units=UNITS | {"by_hand": "as each key says"},
-        priors=_priors(possible),
+        priors=_priors(bounds.possible),
         by_hand=basis,
         open=[*open_of_forces(fit), *open_of_gyros(fit.gyros)],
         provenance=provenance_of(run.record),
@@ -163,21 +180,16 @@ def calibration_of(run: Run, fit: HandFit, gravity: float, *, with_gain: bool = 
     )
 
 
-def least_bound(x: NDArray, reading: NDArray) -> tuple[float, NDArray]:
-    """Return the least bound of all readings' errors with which some parameters stand [g], and these (9,)."""
-    radius = np.inf
+def least_bound(x: NDArray, norms: Norms) -> float:
+    """Return the least bound of all readings' errors with which some parameters stand [g]."""
+    radius, prior = np.inf, norms.prior
     for _ in range(CENTRINGS):
-        residual, slopes, back = norm_equations(x, reading)
-        radius, step, _ = chebyshev_radius(slopes, -residual, np.abs(back).sum(axis=1), low=-PRIOR_SD, high=PRIOR_SD)
+        residual, slopes, back = norms.equations(x)
+        radius, step, _ = chebyshev_radius(slopes, -residual, np.abs(back).sum(axis=1), low=-prior, high=prior)
         x = x + step
         if np.abs(step).max() < 1e-9:
             break
-    return float(radius), x
-
-
-def _is_possible(x: NDArray, reading: NDArray, bound: float) -> bool:
-    residual, _, back = norm_equations(x, reading)
-    return bool((np.abs(residual) <= bound * np.abs(back).sum(axis=1)).all())
+    return float(radius)
 
 
 def _verdict(run: Run, fit: HandFit, possible: Possible | None, worst: float) -> Verdict:
@@ -193,8 +205,7 @@ def _sigma(run: Run, fit: HandFit) -> Sigma:
     """Return σ as it was given, or three standard deviations of a mean reading, estimated."""
     if run.bound is not None:
         return Sigma.of(run.bound, run.basis)
-    usual = float(np.median(fit.deviation)) if len(fit.deviation) else LEAST_SD
-    value = min(3.0 * usual, 0.99)
+    value = min(3.0 * fit.deviation, 0.99)
     basis = f"3 sd of a mean at rest, {upwards(1e3 * value / 3.0, 2)} mg: {_why(run, fit)}"
     return Sigma.model_validate({"value": value, "kind": "estimated", "from": basis})
 
@@ -222,20 +233,22 @@ def name_of(symbol: str) -> str:
     return f"scale factor error of {sensor}" if row == axis else f"misalignment of {sensor} towards axis {axis}"
 
 
-def _of_forces(forces: Forces, values: NDArray, possible: Possible | None) -> list[Parameter]:
-    """Return the parameters of the accelerometers."""
+def _of_forces(forces: Forces, possible: Possible | None) -> list[Parameter]:
+    """Return the parameters of the accelerometers: the possible values nearest to those of least squares."""
     parameters = []
     for number, symbol in enumerate(NAMES):
         low = high = None
-        if possible is not None and possible.low is not None and possible.high is not None:
-            low, high = float(possible.low[number]), float(possible.high[number])
+        estimate = float(forces.x[number])
+        if possible is not None and possible.ends is not None and np.isfinite(possible.ends[0, number]):
+            low, high = possible.ends[:, number].tolist()
+            estimate = min(max(estimate, low), high)
         parameters.append(
             Parameter(
                 symbol=symbol,
                 name=name_of(symbol),
                 unit=UNITS_OF[symbol],
                 determined=bool(forces.determinacy.determined[number]),
-                estimate=float(values[number]),
+                estimate=estimate,
                 standard_error=float(forces.errors[number]),
                 low=low,
                 high=high,
@@ -274,7 +287,7 @@ UNIT_OF_GYROS = {"B": "rad/s", "M": "1", "S": "rad/s/g", "L": "s"}
 
 def _priors(possible: Possible | None) -> list[KnownBefore]:
     """Return the box about the estimate in which the possible parameters are looked for."""
-    if possible is None or possible.low is None:
+    if possible is None or possible.ends is None:
         return []
     return [KnownBefore(expression="any of the nine parameters of the accelerometers less its estimate", limit=BOX)]
 
@@ -373,10 +386,9 @@ def _sizes(errors: list[NDArray]) -> float | None:
 
 def open_of_forces(fit: HandFit) -> list[Open]:
     """Return the open directions of the accelerometers, each with a pose that closes it."""
-    deviation = float(np.median(fit.deviation)) if len(fit.deviation) else LEAST_SD
     before = fit.forces.determinacy
     directions = before.open
-    poses = closing_poses(before, max(WELL, 3.0 * deviation), deviation, MOST_POSES)
+    poses = closing_poses(before, max(WELL, 3.0 * fit.deviation), fit.deviation, MOST_POSES)
     entries = []
     for pose in poses:
         gain = (np.diag(before.covariance) - np.diag(pose.after.covariance)) / PRIOR_SD**2
@@ -447,7 +459,7 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
         )
     elif fit.scatter > MORE:
         remarks.append(
-            f"the norms scatter by {digits(1e3 * float(np.median(fit.deviation)), 2)} mg, {digits(fit.scatter, 2)} "
+            f"the norms scatter by {digits(1e3 * fit.deviation, 2)} mg, {digits(fit.scatter, 2)} "
             "times as much as the noise at rest: this model does not explain everything"
         )
     large = [

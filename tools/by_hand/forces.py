@@ -1,6 +1,6 @@
 """Accelerometers by the norm of gravity in any poses: weak prior, covariance, predicted error of an unseen pose.
 
-reading/g = (I + Γ) n + b with |n| = 1 and Γ lower triangular, as in `motion.norm`.
+reading/g = (I + Γ) n + b with |n| = 1 and Γ lower triangular, as in `motion.norm`. Runs of one instrument share Γ.
 """
 
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ ROUNDS = 30
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """Nine parameters of accelerometers with their covariance.
+    """Parameters of accelerometers with their covariance: nine, of several runs 6 + 3 R.
 
     Attributes
     ----------
-    x : (9,) array
+    x : (9,) or (6 + 3 R,) array
         as of `motion.norm.NAMES`
-    covariance : (9, 9) array
+    covariance : (9, 9) or (6 + 3 R, 6 + 3 R) array
         with the prior
     case : (3, 3) array or None
         turns inputs into the axes of the case; None where no faces are known
@@ -52,24 +52,69 @@ class Forces:
         return Determinacy(self.covariance, x=self.x)
 
 
-def fitted_forces(reading: NDArray, deviation: NDArray, faces: "Faces | None" = None) -> Forces:
-    """Fit the nine parameters by least squares with the weak prior.
+@dataclass(frozen=True, eq=False)
+class Norms:
+    """Mean readings at rest, whose norms are gravity's, of one run or of several with the same Γ.
+
+    Attributes
+    ----------
+    reading : (K, 3) array
+        [g]
+    deviation : (K,) array
+        standard deviations of their errors [g]
+    run : (K,) array of int
+        run of each, from 0: each run has biases of its own
+    """
+
+    reading: NDArray[np.float64]
+    deviation: NDArray[np.float64]
+    run: NDArray[np.int_]
+
+    @classmethod
+    def of(cls, reading: NDArray, deviation: NDArray) -> "Norms":
+        """Return the norms of one run."""
+        return cls(reading, deviation, np.zeros(len(reading), dtype=int))
+
+    @property
+    def prior(self) -> NDArray[np.float64]:
+        """Standard deviations (6 + 3 R,) of the six of Γ and each run's biases before the readings."""
+        return np.concatenate([PRIOR_SD[:6], np.tile(PRIOR_SD[6:], int(self.run.max(initial=0)) + 1)])
+
+    def equations(self, x: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Return |n| − 1, its slopes by the parameters, and its sensitivity to errors of the readings."""
+        return norm_equations(x, self.reading, self.run)
+
+    def weighted(self, x: NDArray) -> tuple[NDArray, NDArray]:
+        """Return |n| − 1 (K,) over its standard deviation, and its slopes (K, 6 + 3 R)."""
+        residual, slopes, back = self.equations(x)
+        weight = 1.0 / (self.deviation * np.linalg.norm(back, axis=1))
+        return residual * weight, slopes * weight[:, None]
+
+    def square(self, x: NDArray) -> float:
+        """Return the sum of the squares of |n| − 1 over its standard deviation."""
+        return float(np.square(self.weighted(x)[0]).sum())
+
+    def effective(self, forces: Forces) -> float:
+        """Return the number of parameters that the readings determine, rather than what was known before."""
+        return float(len(forces.x)) - float((np.diag(forces.covariance) / self.prior**2).sum())
+
+
+def fitted_forces(norms: Norms, faces: "Faces | None" = None) -> Forces:
+    """Fit the parameters of accelerometers by least squares with the weak prior.
 
     Parameters
     ----------
-    reading : (K, 3) array
-        mean readings [g]
-    deviation : (K,) array
-        standard deviations of their errors [g]
+    norms : Norms
     faces : Faces, optional
-        directions of the vertical in the axes of the case
+        directions of the vertical in the axes of the case, of one run
     """
-    x, case = np.zeros(9), None
+    prior, reading = norms.prior, norms.reading
+    count = len(prior)
+    x, case = np.zeros(count), None
     for _ in range(ROUNDS):
-        residual, slopes, back = norm_equations(x, reading)
-        weight = 1.0 / (deviation * np.linalg.norm(back, axis=1))
-        values = [residual * weight, x / PRIOR_SD]
-        rows = [slopes * weight[:, None], np.diag(1.0 / PRIOR_SD)]
+        residual, slopes = norms.weighted(x)
+        values = [residual, x / prior]
+        rows = [slopes, np.diag(1.0 / prior)]
         if faces is not None and case is None:
             case = faces.case_of(x, reading)
         if faces is not None and case is not None:
@@ -79,47 +124,46 @@ def fitted_forces(reading: NDArray, deviation: NDArray, faces: "Faces | None" = 
             rows.append(np.hstack([by_x, by_case]))
         matrix = np.vstack(rows)
         change = np.linalg.lstsq(matrix, -np.concatenate(values), rcond=None)[0]
-        x = x + change[:9]
+        x = x + change[:count]
         if case is not None:
-            case = rotations(change[9:]) @ case
+            case = rotations(change[count:]) @ case
         if np.abs(change).max() < 1e-12:
             break
     covariance = np.linalg.inv(matrix.T @ matrix)
-    covariance[:9, :9] += _curvature(x, covariance[:9, :9], reading, deviation)
+    covariance[:count, :count] += _curvature(x, covariance[:count, :count], norms)
     if case is None:
         return Forces(x, covariance)
-    return Forces(x, covariance[:9, :9], case, float(np.sqrt(np.linalg.eigvalsh(covariance[9:, 9:])[-1])))
+    case_error = float(np.sqrt(np.linalg.eigvalsh(covariance[count:, count:])[-1]))
+    return Forces(x, covariance[:count, :count], case, case_error)
 
 
-def _curvature(x: NDArray, covariance: NDArray, reading: NDArray, deviation: NDArray) -> NDArray[np.float64]:
-    """Return the addition (9, 9) to the covariance by the second order of the norms along open directions.
+def _curvature(x: NDArray, covariance: NDArray, norms: Norms) -> NDArray[np.float64]:
+    """Return the addition to the covariance by the second order of the norms along open directions.
 
     A shift by a z², z of a unit normal distribution, has a mean square of 3 a².
     """
-    added = np.zeros((9, 9))
-    residual, slopes, back = norm_equations(x, reading)
-    weight = 1.0 / np.square(deviation * np.linalg.norm(back, axis=1))
-    values, vectors = np.linalg.eigh(covariance / np.outer(PRIOR_SD, PRIOR_SD))
+    added, prior = np.zeros_like(covariance), norms.prior
+    residual, slopes, back = norms.equations(x)
+    weight = 1.0 / np.square(norms.deviation * np.linalg.norm(back, axis=1))
+    values, vectors = np.linalg.eigh(covariance / np.outer(prior, prior))
     for value, vector in zip(values, vectors.T, strict=True):
         if value > OPEN:
-            step = np.sqrt(value) * PRIOR_SD * vector
-            ends = norm_equations(x + step, reading)[0] + norm_equations(x - step, reading)[0]
+            step = np.sqrt(value) * prior * vector
+            ends = norms.equations(x + step)[0] + norms.equations(x - step)[0]
             shift = covariance @ (slopes.T @ (weight * (0.5 * ends - residual)))
             added += 3.0 * np.outer(shift, shift)
     return added
 
 
-def scatter_of(forces: Forces, reading: NDArray, deviation: NDArray) -> tuple[float, float]:
+def scatter_of(forces: Forces, norms: Norms) -> tuple[float, float]:
     """Return the scatter of the norms over that by the readings' deviations, and the probability of a larger one.
 
     The scatter is NaN where too few readings are beside the parameters.
     """
-    residual, _, back = norm_equations(forces.x, reading)
-    ratio = residual / (deviation * np.linalg.norm(back, axis=1))
-    freedom = len(reading) - 9.0 + float((np.diag(forces.covariance) / PRIOR_SD**2).sum())
+    freedom = len(norms.reading) - norms.effective(forces)
     if freedom < SPARE:
         return float("nan"), 1.0
-    square = float(ratio @ ratio)
+    square = norms.square(forces.x)
     return float(np.sqrt(square / freedom)), float(chdtrc(freedom, square))
 
 

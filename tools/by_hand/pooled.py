@@ -1,6 +1,7 @@
 """Several runs of one instrument together: shared scale factors and misalignments, biases of each run.
 
-Before runs are pooled, an F test asks whether they are one instrument: pooled they must not leave more than alone.
+Runs are pooled where they are one instrument. With a bound of their readings' errors, some parameters must keep every
+reading of all runs within it; else an F test asks whether they leave more together than each alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
-from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, Parameter, PooledTest
+from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, PooledTest, Verdict
 from ..errors import InputError
-from ..motion.determinacy import PRIOR_SD
-from ..motion.norm import norm_equations
-from .calibration import HandFit, calibration_of, fit_of
-from .forces import ROUNDS, SPARE, Forces
+from ..records.noise import noise_bound_of
+from .calibration import Bounds, HandFit, calibration_of, fit_of, with_gyros
+from .forces import SPARE, Forces, Norms, fitted_forces
 from .gyros import PRIOR as GYRO_PRIOR
-from .gyros import GyroFit, fitted_gyros
+from .gyros import GyroFit
 from .moves import BIAS, MATRIX, SENSITIVITY
 from .run import HandRecord, HandRequest, Run, run_of
 
@@ -28,16 +28,33 @@ less than 1.2 times as large as alone."""
 FEW = 30
 """Fewer rests beside the parameters grow by 1.2 by chance."""
 SMALL = 1e-9
-SHARED = slice(0, 6)
-"""Parameters of the accelerometers that are the instrument's; the biases are each run's."""
 
 
 @dataclass(frozen=True, eq=False)
 class PooledFit:
-    """Fit of several runs: of each run with the shared parameters, and the test of one instrument."""
+    """Fit of several runs.
+
+    Attributes
+    ----------
+    fits : tuple of HandFit
+        of each run with the shared parameters
+    test : PooledTest
+        whether they are one instrument
+    bounds : Bounds
+        of all runs together
+    columns : tuple of (9,) arrays
+        parameters of each run among all
+    """
 
     fits: tuple[HandFit, ...]
     test: PooledTest
+    bounds: Bounds
+    columns: tuple[NDArray[np.int_], ...]
+
+    def bounds_of(self, number: int) -> Bounds:
+        """Return the bounds of all runs together, with the parameters of one run."""
+        possible = self.bounds.possible
+        return replace(self.bounds, possible=None if possible is None else possible.those(self.columns[number]))
 
 
 def calibrate_runs_by_hand(
@@ -64,24 +81,26 @@ def calibrate_runs_by_hand(
     if request.faces or request.turns or request.rests is not None:
         raise InputError("--faces, --turns, --rests: are of one record; say them in the columns face, turn and part")
     runs = {label: run_of(record, request) for label, record in records.items()}
+    if request.noise_sd is not None:
+        # The largest error of all their rests counts for runs that are solved together.
+        noise = noise_bound_of(request.noise_sd, sum(len(run.rests) for run in runs.values()))
+        runs = {label: replace(run, bound=noise.value, basis=noise.basis) for label, run in runs.items()}
     alone = [fit_of(run) for run in runs.values()]
     pooled = pooled_fit(list(runs.values()), alone, share_bias=share_bias)
-    fits = pooled.fits if pooled.test.one_instrument else tuple(alone)
+    one_instrument = pooled.test.one_instrument
     of_record, calibrations = {}, []
-    for (label, run), fit in zip(runs.items(), fits, strict=True):
-        calibration = calibration_of(run, fit, request.gravity, with_gain=False)
+    for number, (label, run) in enumerate(runs.items()):
+        if one_instrument:
+            fit, bounds = pooled.fits[number], pooled.bounds_of(number)
+        else:
+            fit, bounds = alone[number], _bounds_alone(run, alone[number])
+        calibration = calibration_of(run, fit, bounds, request.gravity, None)
         calibrations.append(calibration)
-        of_record[label] = _of_record(calibration, run, everything=not pooled.test.one_instrument)
+        of_record[label] = _of_record(calibration, run, everything=not one_instrument)
     worst = max(calibrations, key=lambda calibration: _pose_error(calibration))
     assert worst.by_hand is not None
-    verdict = worst.verdict
-    shared_parameters: list[Parameter] = []
-    if pooled.test.one_instrument:
-        shared_parameters = [p for p in worst.parameters if is_shared(p.symbol)]
-        for calibration in calibrations:
-            if calibration.verdict == "falsified":
-                verdict = "falsified"
-    else:
+    verdict: Verdict = worst.verdict
+    if not one_instrument or any(calibration.verdict == "falsified" for calibration in calibrations):
         verdict = "falsified"
     basis = worst.by_hand.model_copy(
         update={
@@ -91,18 +110,21 @@ def calibrate_runs_by_hand(
             "pooled": pooled.test,
         }
     )
+    bound = next(iter(runs.values())).bound
     warnings = []
     for label, calibration in zip(runs, calibrations, strict=True):
         warnings += [f"{label}: {line}" for line in calibration.warnings]
     return Calibration(
         verdict=verdict,
-        sigma=EACH_ITS_OWN if request.noise_bound is None else worst.sigma,
-        radius=None,
+        sigma=EACH_ITS_OWN if bound is None else worst.sigma,
+        stands_with_sigma=pooled.bounds.least,
+        radius=None if bound is None else pooled.bounds.least / bound,
         gravity_mps2=float(request.gravity),
         estimator=worst.estimator,
-        parameters=shared_parameters,
+        parameters=[p for p in worst.parameters if is_shared(p.symbol)] if one_instrument else [],
+        priors=worst.priors,
         by_hand=basis,
-        open=worst.open if pooled.test.one_instrument else [],
+        open=worst.open if one_instrument else [],
         of_record=of_record,
         warnings=warnings,
     )
@@ -149,73 +171,66 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
     share_bias : bool
         whether the biases of the accelerometers are shared, too
     """
-    deviations = [fit.deviation for fit in alone]
-    x, covariance, columns = _pooled_forces(runs, deviations, share_bias)
-    square, effective = 0.0, float(len(x)) - float((np.diag(covariance) / _prior(len(x)) ** 2).sum())
-    square += float(np.square(x / _prior(len(x))).sum())
-    square_alone = effective_alone = 0.0
-    count = 0
+    own = np.zeros(len(runs), dtype=int) if share_bias else np.arange(len(runs))
+    norms = _joined([fit.norms for fit in alone], own)
+    forces = fitted_forces(norms)
+    columns = [np.append(np.arange(6), 6 + 3 * number + np.arange(3)) for number in own]
     fits = []
-    for run, fit, deviation, own in zip(runs, alone, deviations, columns, strict=True):
-        forces = Forces(x[own], covariance[np.ix_(own, own)], fit.forces.case, fit.forces.case_error)
-        square += _square(forces.x, run, deviation)
-        square_alone += _square(fit.forces.x, run, deviation) + float(np.square(fit.forces.x / PRIOR_SD).sum())
-        effective_alone += 9.0 - float((np.diag(fit.forces.covariance) / PRIOR_SD**2).sum())
-        count += len(run.rests)
-        gyros = None
-        if run.moves is not None:
-            gyros = fitted_gyros(run.rests, float(np.median(deviation)), forces, run.moves, run.turns)
-        fits.append(replace(fit, forces=forces, gyros=gyros))
-    between, freedom = max(effective_alone - effective, SMALL), count - effective_alone
+    for run, fit, of_run in zip(runs, alone, columns, strict=True):
+        covariance = forces.covariance[np.ix_(of_run, of_run)]
+        pooled = Forces(forces.x[of_run], covariance, fit.forces.case, fit.forces.case_error)
+        fits.append(with_gyros(run, replace(fit, forces=pooled)))
+    bounds = Bounds.of(forces.x, norms, runs[0].bound)
+    test = _test_of(forces, norms, alone)
+    if bounds.possible is not None and runs[0].basis == "given":
+        most = 1.0
+        if bounds.possible.radius > 1.0:
+            most = _most_alone(runs, alone)
+        test = test.model_copy(update={"one_instrument": bounds.possible.radius <= most})
+    return PooledFit(tuple(_with_pooled_gyros(fits)), test, bounds, tuple(columns))
+
+
+def _bounds_alone(run: Run, fit: HandFit) -> Bounds:
+    return Bounds.of(fit.forces.x, fit.norms, run.bound)
+
+
+def _most_alone(runs: Sequence[Run], alone: Sequence[HandFit]) -> float:
+    """Return the largest radius of runs together that are one instrument: 1, or more where a run alone breaks σ."""
+    most = 1.0
+    for run, fit in zip(runs, alone, strict=True):
+        possible = _bounds_alone(run, fit).possible
+        if possible is not None and possible.radius > 1.0:
+            most = max(most, GROWTH * possible.radius)
+    return most
+
+
+def _joined(norms: Sequence[Norms], own: NDArray[np.int_]) -> Norms:
+    """Return the norms of runs with the numbers of their sets of biases."""
+    reading = np.vstack([of_run.reading for of_run in norms])
+    deviation = np.concatenate([of_run.deviation for of_run in norms])
+    return Norms(reading, deviation, np.repeat(own, [len(of_run.reading) for of_run in norms]))
+
+
+def _test_of(forces: Forces, norms: Norms, alone: Sequence[HandFit]) -> PooledTest:
+    """Return the F test whether pooled runs leave no more than each alone."""
+    square, effective = _square(forces, norms), norms.effective(forces)
+    square_alone = sum(_square(fit.forces, fit.norms) for fit in alone)
+    effective_alone = sum(fit.norms.effective(fit.forces) for fit in alone)
+    between, freedom = max(effective_alone - effective, SMALL), len(norms.reading) - effective_alone
     # With little freedom alone the readings' own errors are the measure.
     scale, rows = 1.0, np.inf
     if freedom >= SPARE:
         scale, rows = max(square_alone / freedom, SMALL), freedom
     f = max(square - square_alone, 0.0) / between / scale
     p = float(fdtrc(between, rows, f)) if np.isfinite(rows) else float(chdtrc(between, between * f))
-    left = max(count - effective, 1.0)
+    left = max(len(norms.reading) - effective, 1.0)
     growth = float(np.sqrt((square / left) / max(scale, 1.0)))
-    one_instrument = p > CHANCE and (growth < GROWTH or left < FEW)
-    test = PooledTest(f=float(f), p=p, growth=growth, one_instrument=one_instrument)
-    return PooledFit(tuple(_with_pooled_gyros(fits)), test)
+    return PooledTest(f=float(f), p=p, growth=growth, one_instrument=p > CHANCE and (growth < GROWTH or left < FEW))
 
 
-def _prior(width: int) -> NDArray[np.float64]:
-    """Return the prior of the shared parameters and each run's biases."""
-    return np.concatenate([PRIOR_SD[SHARED], np.full(width - 6, PRIOR_SD[8])])
-
-
-def _square(x: NDArray, run: Run, deviation: NDArray) -> float:
-    residual, _, back = norm_equations(x, run.rests.force)
-    return float(np.square(residual / (deviation * np.linalg.norm(back, axis=1))).sum())
-
-
-def _pooled_forces(
-    runs: Sequence[Run], deviations: Sequence[NDArray], share_bias: bool
-) -> tuple[NDArray, NDArray, list[NDArray[np.int_]]]:
-    """Return the shared and own parameters of accelerometers, their covariance, and each run's nine among them."""
-    columns = []
-    for number in range(len(runs)):
-        first = 6 if share_bias else 6 + 3 * number
-        columns.append(np.concatenate([np.arange(6), first + np.arange(3)]))
-    width = int(columns[-1][-1]) + 1
-    x, prior = np.zeros(width), _prior(width)
-    matrix = np.zeros((0, width))
-    for _ in range(ROUNDS):
-        values, rows = [x / prior], [np.diag(1.0 / prior)]
-        for run, deviation, own in zip(runs, deviations, columns, strict=True):
-            residual, slopes, back = norm_equations(x[own], run.rests.force)
-            weight = 1.0 / (deviation * np.linalg.norm(back, axis=1))
-            block = np.zeros((len(residual), width))
-            block[:, own] = slopes * weight[:, None]
-            values.append(residual * weight)
-            rows.append(block)
-        matrix = np.vstack(rows)
-        change = np.linalg.lstsq(matrix, -np.concatenate(values), rcond=None)[0]
-        x = x + change
-        if np.abs(change).max() < 1e-12:
-            break
-    return x, np.linalg.inv(matrix.T @ matrix), columns
+def _square(forces: Forces, norms: Norms) -> float:
+    """Return the sum of squares of norms and parameters over their standard deviations."""
+    return norms.square(forces.x) + float(np.square(forces.x / norms.prior).sum())
 
 
 def _with_pooled_gyros(fits: Sequence[HandFit]) -> list[HandFit]:

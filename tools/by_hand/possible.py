@@ -2,23 +2,26 @@
 
 With L the inverse of I + Γ, Q = LᵀL, q = Q b and c = bᵀQb a reading r [g] without error has r Q r − 2 r q + c = 1.
 An error of each reading within σ changes that by a bounded amount. Only c = qᵀQ⁻¹q is not free:
-0 ≤ c ≤ |q|²/(1 − ‖Q − 1‖). All numbers are about an estimate: Q is near one and q near zero.
+0 ≤ c ≤ |q|²/(1 − ‖Q − 1‖). All numbers are about an estimate: Q is near one and q near zero. Runs of one instrument
+share Q, and each has q and c of its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bounded.programmes import Polytope, SolverError, chebyshev_radius
 from ..motion.norm import COLUMNS, LARGEST, ROWS, norm_block
+from .forces import Norms
 
 PAIRS = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))
 """The six entries of Q − 1, in the order of Γ's."""
 BOX = 0.1
 """Scale factors, misalignments and biases [g] are looked for so near to the estimate."""
-START = np.array([2.0 if row == column else 1.0 for row, column in PAIRS] + [1.0, 1.0, 1.0, 0.5]) * BOX
-"""Limits (10,) of Q − 1, q and c before the readings count."""
+START = np.array([2.0 if row == column else 1.0 for row, column in PAIRS]) * BOX
+START_OF_RUN = np.array([1.0, 1.0, 1.0, 0.5]) * BOX
+"""Limits of Q − 1, and of q and c of a run, before the readings count."""
 ROUNDS = 12
 ROUNDING = 1e-12
 """Largest error of the evaluation of a row by rounding."""
@@ -32,77 +35,99 @@ class Possible:
     ----------
     radius : float
         least largest error of a reading that some parameters make, over its bound; above 1 none are possible
-    low, high : (9,) array or None
-        ends of each parameter; None where nothing is possible or the readings leave the set open
+    ends : (2, 6 + 3 R) array or None
+        least and largest value of each parameter, NaN of the biases of a run that its readings leave open; None where
+        nothing is possible or the readings leave Γ open
     """
 
     radius: float
-    low: NDArray[np.float64] | None
-    high: NDArray[np.float64] | None
+    ends: NDArray[np.float64] | None = None
+
+    def those(self, columns: NDArray[np.int_]) -> "Possible":
+        """Return some of the parameters."""
+        return self if self.ends is None else replace(self, ends=self.ends[:, columns])
 
 
-def possible_forces(x: NDArray, reading: NDArray, bound: float) -> Possible:
+def possible_forces(x: NDArray, norms: Norms, bound: float) -> Possible:
     """Return the possible parameters near an estimate.
 
     Parameters
     ----------
-    x : (9,) array
+    x : (6 + 3 R,) array
         estimate
-    reading : (K, 3) array
-        mean readings [g]
+    norms : Norms
+        mean readings
     bound : float
         σ: no reading errs by more [g]
     """
-    matrix, bias = norm_block(x)
+    matrix = norm_block(x)[0]
     inverse = np.linalg.inv(matrix)
     # Readings about the estimate; an error of a reading is the inverse times as large there.
-    about = (reading - bias) @ inverse.T
-    equations = _Equations(about, inverse, bound)
-    limit, radius, ends = START, np.inf, None
+    about = (norms.reading - x[6:].reshape(-1, 3)[norms.run]) @ inverse.T
+    equations = _Equations(about, norms.run, inverse, bound)
+    start = equations.start
+    limit, radius, ends = start, np.inf, None
     for _ in range(ROUNDS):
         radius = equations.radius(limit)
-        ends = equations.ends(limit, np.eye(10)) if radius <= 1.0 else None
+        ends = equations.ends(limit, np.eye(len(limit))) if radius <= 1.0 else None
         if ends is None:
-            return Possible(radius, None, None)
+            return Possible(radius)
         tighter = np.minimum(limit, np.abs(ends).max(axis=0) + ROUNDING)
-        tighter[9] = min(tighter[9], _largest_c(tighter))
+        for square in range(9, len(limit), 4):
+            tighter[square] = min(tighter[square], _largest_c(tighter[:6], tighter[square - 3 : square]))
         if (tighter > 0.99 * limit).all():
             break
         limit = tighter
-    if ends is None or (np.abs(ends[:, :9]).max(axis=0) > 0.999 * START[:9]).any():
-        return Possible(radius, None, None)
-    return _of_parameters(x, matrix, equations, limit, radius)
+    if ends is None:
+        return Possible(radius)
+    is_open = np.abs(ends).max(axis=0) > 0.999 * start
+    if is_open[:6].any():
+        return Possible(radius)
+    ends = _ends_of_parameters(x, matrix, equations, limit)
+    if ends is not None:
+        of_run = is_open[6:].reshape(-1, 4)[:, :3].any(axis=1)
+        ends[:, 6:][:, np.repeat(of_run, 3)] = np.nan
+    return Possible(radius, ends)
 
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """Equations about an estimate: readings (K, 3) there, L (3, 3) of the estimate, and σ [g]."""
+    """Equations about an estimate: readings (K, 3) there, the run (K,) of each, L (3, 3) of the estimate, and σ [g].
+
+    The numbers are six of Q − 1, then three of q and one of c of each run.
+    """
 
     about: NDArray[np.float64]
+    run: NDArray[np.int_]
     inverse: NDArray[np.float64]
     bound: float
 
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """Limits (6 + 4 R,) of the numbers before the readings count."""
+        return np.concatenate([START, np.tile(START_OF_RUN, int(self.run.max(initial=0)) + 1)])
+
     def radius(self, limit: NDArray) -> float:
-        """Return the least largest error over its bound, within limits (10,) of the ten numbers."""
-        rows, middle = _rows(self.about)
-        low = np.append(-limit[:9], 0.0)
+        """Return the least largest error over its bound, within limits (6 + 4 R,) of the numbers."""
+        rows, middle = self._rows(len(limit))
+        low = _least(limit)
         size, slopes = self._sizes(limit)
         largest = 2.0 * self.bound * (size + np.abs(slopes) @ limit) + self._square(limit) + ROUNDING
         return float(chebyshev_radius(rows, middle, largest, low=low, high=limit)[0])
 
     def ends(self, limit: NDArray, weights: NDArray) -> NDArray[np.float64] | None:
-        """Return the least and the largest value (2, T) of weights (T, 10) times the ten numbers within limits (10,).
+        """Return the least and the largest value (2, T) of weights (T, 6 + 4 R) times the numbers within limits.
 
         None where a programme was not solved. A row is F = 1 + 2 (Q r − q)ρ − ρQρ, and |Q r − q| is below a linear
-        function of the ten numbers.
+        function of the numbers.
         """
-        rows, middle = _rows(self.about)
+        rows, middle = self._rows(len(limit))
         size, slopes = self._sizes(limit)
         least = middle - 2.0 * self.bound * size - self._square(limit) - ROUNDING
         most = middle + 2.0 * self.bound * size + ROUNDING
-        matrix = np.vstack([np.eye(10), rows - 2.0 * self.bound * slopes, rows + 2.0 * self.bound * slopes])
+        matrix = np.vstack([np.eye(len(limit)), rows - 2.0 * self.bound * slopes, rows + 2.0 * self.bound * slopes])
         free = np.full(len(rows), np.inf)
-        low, high = np.append(-limit[:9], 0.0), limit
+        low, high = _least(limit), limit
         scale = np.concatenate([np.maximum(limit, ROUNDING), np.full(2 * len(rows), self.bound)])
         polytope = Polytope(matrix, scale, begin=np.arange(len(matrix)))
         polytope.confine(np.concatenate([low, -free, least]), np.concatenate([high, most, free]))
@@ -116,14 +141,15 @@ class _Equations:
         return ends
 
     def _sizes(self, limit: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return a linear function above |Lᵀ(Q r − q)|₁ of each row: its value (K,) at zero and its slopes (K, 10)."""
+        """Return a linear function above |Lᵀ(Q r − q)|₁ of each row: its value (K,) at zero and its slopes."""
         at_zero = self.about @ self.inverse
-        slopes = np.zeros((len(self.about), 3, 10))
+        slopes = np.zeros((len(self.about), 3, len(limit)))
         for number, (row, column) in enumerate(PAIRS):
             slopes[:, :, number] += self.inverse[row] * self.about[:, column, None]
             if row != column:
                 slopes[:, :, number] += self.inverse[column] * self.about[:, row, None]
-        slopes[:, :, 6:9] = -self.inverse.T
+        of_run = 6 + 4 * self.run[:, None, None] + np.arange(3)
+        np.put_along_axis(slopes, of_run, -self.inverse.T[None], axis=2)
         reach = np.abs(slopes) @ limit
         least, most = at_zero - reach, at_zero + reach
         # The chord of the absolute value between the ends; the value itself where its sign is certain.
@@ -138,15 +164,21 @@ class _Equations:
         size = 1.0 + float(np.linalg.norm(_matrix_of(limit), 2))
         return size * float(np.square(np.abs(self.inverse) @ np.full(3, self.bound)).sum())
 
+    def _rows(self, width: int) -> tuple[NDArray, NDArray]:
+        """Return rows (K, 6 + 4 R) of the equations, and their right-hand sides (K,)."""
+        rows = np.zeros((len(self.about), width))
+        for number, (row, column) in enumerate(PAIRS):
+            rows[:, number] = self.about[:, row] * self.about[:, column] * (1.0 if row == column else 2.0)
+        of_run = 6 + 4 * self.run[:, None] + np.arange(4)
+        np.put_along_axis(rows, of_run, np.insert(-2.0 * self.about, 3, 1.0, axis=1), axis=1)
+        return rows, 1.0 - np.square(self.about).sum(axis=1)
 
-def _rows(about: NDArray) -> tuple[NDArray, NDArray]:
-    """Return rows (K, 10) of the equations, and their right-hand sides (K,)."""
-    rows = np.zeros((len(about), 10))
-    for number, (row, column) in enumerate(PAIRS):
-        rows[:, number] = about[:, row] * about[:, column] * (1.0 if row == column else 2.0)
-    rows[:, 6:9] = -2.0 * about
-    rows[:, 9] = 1.0
-    return rows, 1.0 - np.square(about).sum(axis=1)
+
+def _least(limit: NDArray) -> NDArray[np.float64]:
+    """Return the least values of the numbers within limits (6 + 4 R,): no c is below zero."""
+    low = -limit
+    low[9::4] = 0.0
+    return low
 
 
 def _matrix_of(limit: NDArray) -> NDArray[np.float64]:
@@ -157,10 +189,10 @@ def _matrix_of(limit: NDArray) -> NDArray[np.float64]:
     return full
 
 
-def _largest_c(limit: NDArray) -> float:
-    """Return the largest c = qᵀQ⁻¹q within limits (10,) of the others."""
+def _largest_c(limit: NDArray, bias: NDArray) -> float:
+    """Return the largest c = qᵀQ⁻¹q within limits (6,) of Q − 1 and (3,) of q."""
     size = float(np.linalg.norm(_matrix_of(limit), 2))
-    return float(limit[6:9] @ limit[6:9]) / (1.0 - size) if size < 0.9 else float(START[9])
+    return float(bias @ bias) / (1.0 - size) if size < 0.9 else float(START_OF_RUN[3])
 
 
 def _triangle(limit: NDArray) -> tuple[NDArray, NDArray]:
@@ -175,26 +207,29 @@ def _triangle(limit: NDArray) -> tuple[NDArray, NDArray]:
     return largest, beyond
 
 
-def _of_parameters(x: NDArray, matrix: NDArray, equations: _Equations, limit: NDArray, radius: float) -> Possible:
+def _ends_of_parameters(
+    x: NDArray, matrix: NDArray, equations: _Equations, limit: NDArray
+) -> NDArray[np.float64] | None:
     """Return the ends of Γ and b: to first order exactly, and the rest by interval arithmetic."""
     largest, beyond = _triangle(limit)
-    bias, square = limit[6:9], _matrix_of(limit)
+    square = _matrix_of(limit)
     if np.linalg.norm(largest, 2) >= 0.9 or np.linalg.norm(square, 2) >= 0.9:
-        return Possible(radius, None, None)
+        return None
     # (I + Λ)⁻¹ = I − Λ + Λ²(I + Λ)⁻¹ and Q⁻¹q = q + (Q⁻¹ − 1) q
     rest = np.abs(matrix) @ (beyond + largest @ largest @ np.linalg.inv(np.eye(3) - largest))
-    rest_of_bias = np.abs(matrix) @ (square @ np.linalg.inv(np.eye(3) - square)) @ bias
-    weights = np.zeros((9, 10))
+    of_bias = np.abs(matrix) @ (square @ np.linalg.inv(np.eye(3) - square))
+    weights, room = np.zeros((len(x), len(limit))), np.zeros(len(x))
+    room[:6] = rest[ROWS, COLUMNS]
     for number, (row, column) in enumerate(PAIRS):
         part = np.zeros((3, 3))
         part[row, column] = 0.5 if row == column else 1.0
         weights[:6, number] = -(matrix @ part)[ROWS, COLUMNS]
-    weights[6:, 6:9] = matrix
+    for run in range((len(x) - 6) // 3):
+        bias, q = 6 + 3 * run + np.arange(3), 6 + 4 * run + np.arange(3)
+        weights[np.ix_(bias, q)] = matrix
+        room[bias] = of_bias @ limit[q]
     ends = equations.ends(limit, weights)
     if ends is None:
-        return Possible(radius, None, None)
-    room = np.concatenate([rest[ROWS, COLUMNS], rest_of_bias])
-    low, high = x + ends[0] - room, x + ends[1] + room
-    if (np.maximum(np.abs(low), np.abs(high)) > LARGEST).any():
-        return Possible(radius, None, None)
-    return Possible(radius, low, high)
+        return None
+    ends = x + ends + np.array([-room, room])
+    return None if (np.abs(ends) > LARGEST).any() else ends

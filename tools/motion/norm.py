@@ -74,12 +74,21 @@ def inputs_of(x: NDArray, reading: NDArray) -> NDArray:
     return np.linalg.solve(matrix, (reading - bias).T).T
 
 
-def norm_equations(x: NDArray, reading: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return |n| − 1 (K,), its slopes (K, 9) by the parameters, and its sensitivity to reading errors (K, 3)."""
-    n = inputs_of(x, reading)
+def norm_equations(x: NDArray, reading: NDArray, run: NDArray | None = None) -> tuple[NDArray, NDArray, NDArray]:
+    """Return |n| − 1 (K,), its slopes (K, 6 + 3 R) by the parameters, and its sensitivity to reading errors (K, 3).
+
+    x holds the six of Γ and the biases of R runs; `run` (K,) is the number of each reading's run, 0 if not given.
+    """
+    run = np.zeros(len(reading), dtype=int) if run is None else run
+    matrix = norm_block(x)[0]
+    n = np.linalg.solve(matrix, (reading - x[6:].reshape(-1, 3)[run]).T).T
     norm = np.linalg.norm(n, axis=1)
-    back = np.linalg.solve(norm_block(x)[0].T, (n / norm[:, None]).T).T
-    return norm - 1.0, -np.hstack([back[:, ROWS] * n[:, COLUMNS], back]), back
+    back = np.linalg.solve(matrix.T, (n / norm[:, None]).T).T
+    slopes = np.zeros((len(reading), len(x)))
+    slopes[:, :6] = -back[:, ROWS] * n[:, COLUMNS]
+    of_run = 6 + 3 * run[:, None] + np.arange(3)
+    np.put_along_axis(slopes, of_run, -back, axis=1)
+    return norm - 1.0, slopes, back
 
 
 def standard_deviations(bound: NDArray) -> NDArray[np.float64]:

@@ -39,6 +39,11 @@ def verdict_sentence(result: Calibration) -> str:
     assert basis is not None
     worst = f"{digits(1e3 * basis.pose_error.worst, 2)} mg"
     if basis.pooled is not None and not basis.pooled.one_instrument:
+        if result.sigma.kind == "bound":
+            return (
+                f"Not one instrument: no shared parameters keep every reading within σ = {exactly(result.noise_bound)} "
+                f"g; {result.option_to_stand} would. Each record is calibrated separately."
+            )
         return (
             f"Not one instrument: residuals of the pooled records are {digits(basis.pooled.growth, 2)} times those of "
             f"each record (F = {digits(basis.pooled.f, 3)}). Each record is calibrated separately."

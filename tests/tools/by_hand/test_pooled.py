@@ -1,5 +1,7 @@
 """Several runs without a table: pooled where they are one instrument, apart where they are not."""
 
+from collections.abc import Callable
+
 import numpy as np
 import polars as pl
 import pytest
@@ -9,9 +11,24 @@ from by_hand import GRAVITY, NAMES, Instrument, present
 from hand_sessions import directions, poses, truth
 
 SD = 4e-4
+BOUND = 1e-3
+FEW = (7, 7, 8)
+Errors = Callable[[np.random.Generator, tuple[int, int]], np.ndarray]
 
 
-def runs(seed: int, counts: tuple[int, ...], *, strange: bool = False) -> tuple[list[Instrument], list[pl.DataFrame]]:
+def gaussian(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Return errors of readings [g] with the standard deviation SD."""
+    return rng.normal(0.0, SD, shape)
+
+
+def at_the_bound(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Return errors of readings [g] as large as the bound allows."""
+    return rng.choice([-BOUND, BOUND], shape)
+
+
+def runs(
+    seed: int, counts: tuple[int, ...], errors: Errors = gaussian, *, strange: bool = False
+) -> tuple[list[Instrument], list[pl.DataFrame]]:
     """Return runs of an instrument, each with its own biases; the last of another instrument where it is strange."""
     rng = np.random.default_rng(seed)
     instruments, tables = [], []
@@ -19,14 +36,69 @@ def runs(seed: int, counts: tuple[int, ...], *, strange: bool = False) -> tuple[
         instrument = Instrument(seed + (1000 if strange and number == len(counts) - 1 else 0))
         instrument.bias = instrument.bias + rng.normal(0.0, 2e-3, 3)
         instruments.append(instrument)
-        tables.append(poses(instrument, directions(rng, count), rng.normal(0.0, SD, (count, 3))))
+        tables.append(poses(instrument, directions(rng, count), errors(rng, (count, 3))))
     return instruments, tables
+
+
+@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 100), marks=pytest.mark.acceptance)])
+def test_runs_of_few_poses_with_errors_at_their_bound_are_one_instrument(seeds: range) -> None:
+    ratios = []
+    for seed in seeds:
+        instruments, tables = runs(seed, FEW, at_the_bound)
+        result = th.calibrate_together(*tables, noise_bound=BOUND, gravity=GRAVITY)
+        assert result.verdict == "consistent"
+        assert present(present(result.by_hand).pooled).one_instrument
+        assert present(result.radius) <= 1.0
+        for instrument, record in zip(instruments, result.of_record.values(), strict=True):
+            known = truth(instrument)
+            for p in [*result.parameters, *record.parameters]:
+                assert p.bounded
+                assert p.possible(known[p.symbol])
+                ratios.append((present(p.estimate) - known[p.symbol]) / present(p.standard_error))
+    # A standard error is of errors spread evenly over the bound; these are √3 times as large.
+    assert np.sqrt(np.mean(np.square(ratios))) < 1.2 * np.sqrt(3.0)
+
+
+@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 40), marks=pytest.mark.acceptance)])
+def test_a_run_of_another_instrument_breaks_the_bound_of_all(seeds: range) -> None:
+    for seed in seeds:
+        instruments, tables = runs(seed, (12, 12, 12), at_the_bound, strange=True)
+        result = th.calibrate_together(*tables, noise_bound=BOUND, gravity=GRAVITY)
+        assert result.verdict == "falsified"
+        assert not present(present(result.by_hand).pooled).one_instrument
+        assert "Not one instrument: no shared parameters keep every reading within" in str(result)
+        assert result.option_to_stand in str(result)
+        enough = float(result.option_to_stand.split()[1])
+        together = th.calibrate_together(*tables, noise_bound=enough, gravity=GRAVITY)
+        assert present(present(together.by_hand).pooled).one_instrument
+        for instrument, record in zip(instruments, result.of_record.values(), strict=True):
+            assert all(p.possible(truth(instrument)[p.symbol]) for p in record.parameters)
+
+
+def test_a_shared_interval_is_within_those_of_each_run_alone() -> None:
+    _, tables = runs(3, (14, 16), at_the_bound)
+    result = th.calibrate_together(*tables, noise_bound=BOUND, gravity=GRAVITY)
+    for table in tables:
+        alone = th.calibrate(table, noise_bound=BOUND, gravity=GRAVITY)
+        for p in result.parameters:
+            low, high = alone[p.symbol].ends
+            width = high - low
+            assert p.ends[0] >= low - 0.05 * width
+            assert p.ends[1] <= high + 0.05 * width
+
+
+def test_a_run_of_too_few_poses_leaves_its_own_biases_open() -> None:
+    instruments, tables = runs(3, (24, 2), at_the_bound)
+    result = th.calibrate_together(*tables, noise_bound=BOUND, gravity=GRAVITY)
+    assert all(p.possible(truth(instruments[0])[p.symbol]) and p.bounded for p in result.parameters)
+    of_last = list(result.of_record.values())[-1]
+    assert not any(p.bounded for p in of_last.parameters)
 
 
 def test_three_runs_that_are_too_little_alone_are_enough_together() -> None:
     ratios = []
     for seed in range(20):
-        instruments, tables = runs(seed, (7, 7, 8))
+        instruments, tables = runs(seed, FEW)
         result = th.calibrate_together(*tables, noise_sd=SD, gravity=GRAVITY)
         assert present(present(result.by_hand).pooled).one_instrument
         alone = [
