@@ -250,14 +250,18 @@ class Procedure:
     def caution(self) -> tuple[str, ...]:
         """Return sentences on explanations that the record cannot tell from the sets that fit."""
         caution = (*self.functions.get("caution", ()), *self.unlisted.caution)
-        holding, fits = self.unlisted.held, self.found.fits
+        # Other laws do as well as sets that one function holds, though no quantity is proven.
+        return caution if self._beyond_held is None else caution + self._beyond_held.caution
+
+    @cached_property
+    def _beyond_held(self) -> Beyond | None:
+        """Functions of the quantity on which the first set depends, where neither that is proven nor the set simple."""
+        held, fits = self.unlisted.held, self.found.fits
         several = len(fits[0].places) > self.evidence.model.effort.most_known_alone
-        if holding is not None and not self.proves_quantity and several:
-            # Other laws do as well as sets that one function holds, though no quantity is proven.
-            beyond = Beyond(self.evidence, holding.pair, holding.form, tuple(fits))
-            if beyond.bands:
-                caution += beyond.caution
-        return caution
+        if held is None or self.proves_quantity or not several:
+            return None
+        beyond = Beyond(self.evidence, held.pair, held.form, tuple(fits))
+        return beyond if beyond.bands else None
 
     # Bound the possible sizes
 
@@ -431,17 +435,20 @@ class Procedure:
     def _explained(self, best: Finding, judgement: Judgement) -> Diagnosis:
         """One set of effects explains the record, and no other does."""
         excluded = excluded_sizes(self.evidence, best.fit)
-        explanations = self._explanations([best], self.functions)
+        functions = self.functions
+        if not functions and self._beyond_held is not None:
+            functions = keys_of(self._beyond_held, extend=self.extend, rerun=self.rerun)
+        explanations = self._explanations([best], functions)
         calibration = explanations[0].calibration
         assert calibration is not None
         return self._result(
             "explained",
             self.evidence.reader.of_model(best.fit, calibration, excluded),
-            functions=_without_caution(self.functions),
+            functions=_without_caution(functions),
             explanations=explanations,
             # Other laws of a quantity change nothing that a person does: `level`, `laws` and `band` have them.
             caution=self.unlisted.caution,
-            level=self._level(best),
+            level=self._level(best, functions.get("beyond")),
             findings=[best],
             judgement=judgement,
             containing=tuple(named(finding.fit.places) for finding in self.candidates.containing),
@@ -450,17 +457,16 @@ class Procedure:
             excluded=excluded,
         )
 
-    def _level(self, best: Finding) -> str | None:
+    def _level(self, best: Finding, beyond: Beyond | None) -> str | None:
         """Return the level to which the record proves the only set: law or quantity; None where not compared."""
         if not self.unlisted.compared or self.dependence is None:
             return None
-        beyond = self.functions.get("beyond")
         other_laws = self.unlisted.same is not None or (beyond is not None and bool(beyond.caution))
         if self.proves_quantity:
             # Without a comparison with other laws of the quantity, no law is unique.
             return "quantity" if other_laws or beyond is None else "law"
         if len(best.fit.places) > self.evidence.model.effort.most_known_alone:
-            return None
+            return "quantity" if beyond is not None and beyond.caution else None
         return "quantity" if other_laws else "law"
 
     def _ambiguous(self, findings: Sequence[Finding], fits: Sequence[Fit], **keys: Any) -> Diagnosis:

@@ -235,7 +235,7 @@ def test_of_three_gyros_each_has_a_band_that_holds_its_function_and_together_the
     assert result.extension is not None
     assert len(result.extension.causes) == 3
     assert len(sections(result)) == 3
-    assert "of each gyro" in flowing(result)
+    assert "for each gyro, functions of time" in flowing(result)
 
 
 @pytest.mark.acceptance
@@ -245,24 +245,31 @@ def test_a_law_of_three_gyros_that_is_named_is_told_beside_those_that_do_as_well
     result = diagnose(filmed(lambda time, rate: sizes * rate**5), rerun=False)
     assert isinstance(result, Diagnosis)
     assert [cause.effect for cause in result.causes] == ["gyro-rate-cubed"]
-    assert any("c w1⁵ with c w2⁵ with c w3⁵" in text for text in result.caution)
+    assert (result.verdict, result.level) == ("explained", "quantity")
+    assert result.bands is not None
+    assert [(band.where, band.quantity) for band in result.bands] == [(f"gyro-{p}", f"w{p}") for p in (1, 2, 3)]
+    assert "c w1⁵ with c w2⁵ with c w3⁵" in [law.words for law in result.laws or ()]
+    assert "the exact law: any curve within the band" in flowing(result)
 
 
 @pytest.mark.acceptance
 def test_what_is_proven_is_no_rival_of_itself():
-    """For a cube of the input at one gyro, effects of the catalogue do as well, with two and more numbers."""
+    """For a cube of the input at one gyro the formulas come first; effects of the catalogue need more numbers."""
     rng = np.random.default_rng(4)
     time, rate, n, attitude = drawn_motion(rng, moves=8, rest=2.0, period=PERIOD)
     rate[:, 0] += 6e-3 * n[:, 0] ** 3
     record = strapdown_record((time, rate, n), seed=4, rate_noise=7e-4)
     result = diagnose(replace(record, attitude=camera_attitude(rng, attitude, 1e-4)), rerun=False)
     assert isinstance(result, Diagnosis)
-    assert result.best is not None
-    assert (result.verdict, len(result.best.causes)) == ("ambiguous", 2)
+    first, *others, last = result.explanations
+    assert (result.verdict, first.kind, first.numbers) == ("ambiguous", "formula", 2)
+    assert "c * n1 ** 3" in first.sentence
+    assert {other.kind for other in others} == {"formula"}
+    assert (last.kind, len(last.causes)) == ("effect", 2)
+    assert last.numbers > first.numbers + 1
     assert result.proven is not None
     assert (result.proven.place, result.proven.quantity) == ("gyro-1", "n1")
     assert not any("in no catalogue" in text for text in result.caution)
-    assert sum("no more complex than these effects" in text for text in result.caution) == 1
     assert "c n1³" in [law.words for law in result.laws or ()]
 
 
