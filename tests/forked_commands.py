@@ -1,7 +1,7 @@
 """Commands in copies of one process with everything imported: each is watched, and may be struck.
 
-As a program (python forked_commands.py) it is that process: a line of JSON for each command on its standard input, a
-line for its result on its standard output.
+As a program (python forked_commands.py) it is that process. It reads a line of JSON for each command on its standard
+input, and writes a line for the result on its standard output.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Records whose noise hides processes that their simulation lacks, and what the diagnosis of the noise says of them."""
+"""Records whose noise hides processes that their simulation lacks, and the diagnoses of the noise."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class HiddenNoise:
 
 
 def drawn(seed: int, count: int) -> HiddenNoise:
-    """Return a secret with so many processes for each sensor, of sizes from the detectable one on: to three times it.
+    """Return a secret with `count` processes for each sensor, of one to three times the detectable size.
 
     Of several processes the sizes go to twice it; a process that the others would hide is larger, so that each shows.
     """

@@ -39,7 +39,7 @@ EXTRAS = {
 }
 """Packages that each extra installs."""
 POSITIONS, DWELL_S = 12, 2.0
-"""Of the run that is tried."""
+"""Positions and dwell of the trial run."""
 
 
 class InstallationFinding(Result):

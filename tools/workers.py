@@ -30,7 +30,7 @@ AHEAD = 2
 IDLE_SECONDS = 300.0
 """A process of this machine that has nothing to do ends."""
 PARENT_SECONDS = 0.2
-"""So often a process looks whether the main one is still there."""
+"""Time between two checks by a process that the main one is still there [s]."""
 Argument = TypeVar("Argument")
 Returned = TypeVar("Returned")
 

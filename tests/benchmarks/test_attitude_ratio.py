@@ -152,7 +152,7 @@ def host_in_c(folder: Path) -> Callable[..., int]:
 
 
 def least_fmu(folder: Path) -> Run:
-    """Run (22) behind the three calls of FMI without a check: what the calls themselves cost."""
+    """Run (22) behind the three calls of FMI without a check: it measures the cost of the calls themselves."""
     library, drive = compiled("least_fmu.c", folder), host_in_c(folder)
     assert library is not None
     functions = addresses(library.set_real, library.do_step, library.get_real)

@@ -25,7 +25,7 @@ It is not met: 19 to 20 times were measured."""
 LEAST_OF_A_BATCH = 15.0
 """Least time of 500 commands over that of a batch of 500 records."""
 LEAST_OF_ATTITUDES = 10.0
-"""Least time of attitude runs, each in a campaign of its own, over that of as many in one."""
+"""Least time of attitude runs, each in a campaign by itself, over that of the same number in one campaign."""
 CAMPAIGN = """
 schema = "trihedron.campaign/1"
 repeats = {runs}
@@ -108,7 +108,7 @@ def test_attitudes_of_one_campaign_against_a_campaign_for_each(tmp_path: Path, c
 
 
 def test_positions_of_no_effect_grow_no_faster(capsys):
-    """A consistent record: a calibration, and what is excluded of each effect."""
+    """A consistent record: a calibration, and the excluded size of each effect."""
     seconds = []
     for count in (100, 1000):
         record = drawn_record(8, (), count)

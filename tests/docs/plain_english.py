@@ -22,7 +22,7 @@ ODD_TURNS = (
     r"\b(by how much|how far|of which|such as are|the one that|nothing else that)\b",
     r"\bwhat (is|was|are|has|have|it|its|the|they|one|a|no|does|each|people)\b",
 )
-"""Inverted or anonymous phrases, in place of which a noun or an actor reads better."""
+"""Inverted or anonymous phrases; a noun or an actor in their place reads better."""
 ODD = re.compile("|".join(ODD_TURNS), re.IGNORECASE)
 END = re.compile(r"(?<=[.!?])[)*”]*\s+(?=[^a-z])|\n\s*\n")
 """Between sentences; an item of a list is a sentence."""

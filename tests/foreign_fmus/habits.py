@@ -25,7 +25,7 @@ VARIABLES = {
 
 @dataclass(frozen=True)
 class Habit:
-    """A habit: macros of the C source, attributes of the interface, what the description or the archive has otherwise.
+    """A habit: macros of the C source, attributes of the interface, deviations of the description or the archive.
 
     `without_outputs` makes every output local; the library may have another `library` name than the description says.
     `changes` replace texts of the description, which is written in an `encoding`; `files` are further members.

@@ -16,8 +16,8 @@ from generator.turns import up_in_body
 class Fresh:
     """A record in a file, and its secret.
 
-    `kind` is the hidden fault, `hidden` the names (effect, place) under which it is known, none if no name is correct;
-    `values` the sizes of the effect by parameter, as far as they are its own; `targets` the true values of the
+    `kind` is the hidden fault. `hidden` are the names (effect, place) under which it is known, none if no name is
+    correct. `values` are the sizes of the effect by parameter, where it has them; `targets` the true values of the
     calibration's targets, if the record is one of positions.
     """
 

@@ -19,9 +19,8 @@ LATITUDE, AZIMUTH = math.radians(55.75), math.radians(20.0)
 
 @dataclass(frozen=True)
 class Truth:
-    """True parameters of a bench and a block: bench and mounting [rad], Γ and biases of the accelerometers [1], [g],
-    the gyros' bias [rad/s], matrix [1], sensitivity [rad/s per g] and lag [s]; the accelerometers' lag [s] and
-    places (3, 3) [m]."""
+    """True parameters of a bench and a block: bench and mounting [rad]; Γ and biases of the accelerometers [1], [g],
+    their lag [s] and places (3, 3) [m]; the gyros' bias [rad/s], matrix [1], sensitivity [rad/s per g] and lag [s]."""
 
     kappa: float
     epsilon: float

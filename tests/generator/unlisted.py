@@ -1,11 +1,11 @@
 """Records with a fault outside the catalogue: an unknown function of one quantity at one place.
 
 The function has a known factor or none. The unit of its size is detection: 2 σ over the Chebyshev distance of the unit
-fault from the range of bench and block at these positions, by a programme of this module.
+fault from the range of bench and block at these positions. A programme of this module computes it.
 
-An alternative that a record cannot separate from the truth counts as the truth. It is another place and quantity, of
-which some function, with no more pieces than the true one needs, changes the readings like the fault to within a
-quarter of σ; or α for n3, which is its cosine.
+An alternative that a record cannot separate from the truth counts as the truth. It is another place and quantity. Some
+function of it, with no more pieces than the true one needs, changes the readings like the fault to within a quarter of
+σ. Or it is α for n3, which is its cosine.
 """
 
 from collections.abc import Callable, Iterator

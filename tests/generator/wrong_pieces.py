@@ -15,7 +15,8 @@ Stretch = tuple[int, int]
 
 @dataclass(frozen=True)
 class WrongPiece:
-    """A record of which a rest or a move is wrong: its kind, its number from 1, and the fault as a key of results."""
+    """A record with a wrong rest or move: the kind of the fault, its number from 1, and the fault as a key of
+    results."""
 
     record: Any
     kind: str

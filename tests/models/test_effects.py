@@ -130,8 +130,8 @@ def test_small_turns_are_exact_for_large_effects(place):
 
 
 def test_what_the_bench_cannot_tell_apart_has_the_same_signature():
-    """Wobble of the outer axis of order 1 is in the nominal model; sag about it is the first harmonic of its encoder;
-    the tilt of the inner axis, once a turn, is its lean a quarter of a turn later, except for the part in the model."""
+    """Wobble of the outer axis of order 1 is in the nominal model. Sag about it is the first harmonic of its encoder.
+    The tilt of the inner axis, once a turn, is its lean a quarter of a turn later, except for the part in the model."""
     rng = np.random.default_rng(8)
     p = parametrise({"identity": np.eye(3)})
     at = Positions(rng.uniform(-3.0, 3.0, 60), rng.uniform(-3.0, 3.0, 60), np.zeros(60, dtype=int))

@@ -136,7 +136,7 @@ def test_late_gyros_read_the_rate_of_a_while_ago(steps):
 
 @pytest.mark.parametrize("steps", [0.3, 0.7, 1.0])
 def test_lagging_gyros_follow_the_rate_through_a_low_pass(steps):
-    """Compare with the mean, over each step, of the solution of T y' = ω - y at many points of it; rates older than
+    """Compare with the mean, over each step, of the solution of T y' = ω - y at many points of it. Rates older than
     eight steps, where the rate continues in a straight line, hardly count."""
     rows = lively_motion(even=True)
     time = steps * rows.step[0]

@@ -23,7 +23,7 @@ REST = 0.12
 
 
 def misses_at_rest(force: np.ndarray, rows: int) -> np.ndarray:
-    """Return by how much |f| of each quiet block of some rows misses gravity [g], without the program's rests."""
+    """Return the error of |f| against gravity [g] in each quiet block of some rows, without the program's rests."""
     blocks = force[: len(force) // rows * rows].reshape(-1, rows, 3)
     quiet = blocks.std(axis=1).max(axis=1) < REST
     return np.linalg.norm(blocks[quiet].mean(axis=1), axis=1) / G - 1.0

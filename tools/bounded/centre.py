@@ -131,7 +131,7 @@ def _chebyshev_start(bounded: Bounded) -> NDArray[np.float64] | None:
     weights, ends = bounded.one_sided
     if len(ends):
         reach = Possible(jacobian, residual, np.ones(len(residual)))
-        # From the limit to the farthest point that the rows allow: if that is nothing, nothing is inside.
+        # From the limit to the farthest point that the rows allow: if the distance is zero, nothing is inside.
         half = np.array([0.5 * (end + reach.reach(-row)) for row, end in zip(weights, ends, strict=True)])
         if not (half > 0.0).all():
             return None

@@ -64,9 +64,9 @@ class Possible(Steps):
     """The steps x from a fit that keep every error within its bound: |left - jacobian x| ≤ bound.
 
     The jacobian (M, n) may have any rank; the units of its columns do not matter. `left` (M,) are the errors at the
-    fit; an error beyond its bound is allowed its size. Of more rows than `most_rows`, that number is used, spread over
-    all: fewer rows leave a larger set, so its bounds remain valid. With `growths` of the bounds about the fit the set
-    is the union of their branches; the fit lies in the first. `proofs` of similar sets are used, and added to.
+    fit; an error beyond its bound is allowed its size. At most `most_rows` rows are used, spread over all: fewer rows
+    leave a larger set, so its bounds remain valid. With `growths` of the bounds about the fit the set is the union of
+    their branches; the fit lies in the first. `proofs` of similar sets are used, and added to.
 
     `matrix`, `lower`, `upper`: the same set, or its first branch, as lower ≤ matrix y ≤ upper. `span` (n, rank):
     orthonormal basis of the determined space of the columns times their `scale` (n,), with x = span y / scale.

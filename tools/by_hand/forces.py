@@ -14,7 +14,7 @@ from ..motion.norm import inputs_of, norm_block, norm_equations
 from .small_turns import across, cross_matrices, rotations
 
 FACE_ERROR = np.radians(2.0)
-"""A face on a table is tilted by so much [rad]."""
+"""Tilt of a face on a table [rad]."""
 SPARE = 6
 """Fewer readings beside the parameters tell no scatter."""
 ROUNDS = 30

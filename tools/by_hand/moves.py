@@ -22,7 +22,7 @@ GYROS = 22
 """Parameters: three biases, nine of M, nine of S, the lag."""
 BIAS, MATRIX, SENSITIVITY, LAG = slice(0, 3), slice(3, 12), slice(12, 21), 21
 TURN_ERROR = np.radians(2.0)
-"""A hand's turn of a known angle is good to so much [rad]."""
+"""Error of a hand's turn of a known angle [rad]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,11 +30,11 @@ HandRecord: TypeAlias = StrapdownRecord | ForceRecord | PoseRecord
 NOISE = (1e-9, 5e-2)
 """Noise bounds that can be used, fractions of g."""
 CUT = 0.2
-"""A move over which gravity turns by so much more than the gyros is a cut [rad]."""
+"""A move is a cut if gravity turns over it by this much more than the gyros [rad]."""
 GAP, MOST_CUT = 10.0, 5.0
 """Length of the gap at a cut, and of the longest move that is a cut [s]."""
 FEWEST_TOLD = 4
-"""Of fewer rests no accelerometer that reads the same at all is dead."""
+"""Least number of rests that prove that an accelerometer with equal readings is dead."""
 FEWEST_ROWS = 16
 """Fewer rows have no rests."""
 LEAST = 0.6
@@ -44,7 +44,7 @@ HALF, STEADY = 0.5, 0.8
 WINDOW, FEWEST_WINDOWS = 2.0, 12
 """Length of a window with a true attitude [s], and the fewest."""
 TRUTH_ERROR = np.radians(0.5)
-"""A vertical by a true attitude is wrong by so much [rad]."""
+"""Error of a vertical by a true attitude [rad]."""
 
 
 @dataclass(frozen=True)

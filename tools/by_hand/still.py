@@ -21,7 +21,7 @@ WIDER = 5.0
 """The limit of a second pass, where the first leaves fewer than `FEWEST` rests."""
 FEWEST = 9
 SAME_RATE = np.radians(2.0)
-"""A still window turns by at most so much more than the stillest ones [rad/s]."""
+"""Largest excess turn of a still window over the stillest ones [rad/s]."""
 STILLEST = 0.1
 """Part of the still windows, those of least scatter, that shows what gyros read at rest."""
 LAST_DIGITS = 1e-7

@@ -80,7 +80,7 @@ ROUNDING = 2e-15
 WIDE = 2.0
 """Change of readings [σ] from which steps of the encoders may falsify a model."""
 MOST_ALONG = 0.3
-"""Of the misfit by errors of angles so small a part is along gravity: what other parameters make of it."""
+"""Largest part of a misfit by errors of angles that is along gravity, where other parameters cause that."""
 LEAST_OF_ROUNDING, MOST_OF_ROUNDING = 0.5, 1.6
 """The least and the largest misfit over that of rounding, rms."""
 MOST_OF_HALF_STEP = 1.5

@@ -68,7 +68,7 @@ SAME = 1e-6
 
 
 GROSS = 0.2
-"""An aligned bench reads no input wrong by so much [g]."""
+"""No input of an aligned bench is read with an error of this size [g]."""
 MOST_GROSS = 0.7
 """Where a larger part of the readings is so wrong, angles or the mounting are."""
 

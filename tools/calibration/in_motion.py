@@ -35,7 +35,7 @@ APART = 0.8
 """So far [rad] the table turns from one reading in motion to the next, but where its acceleration is another one."""
 MOST = 90
 CERTAIN = 5e-3
-"""By less [g] a radian of turning changes an input in a sense that is not sure."""
+"""Error of an input [g] up to which the sense of its change by a radian of turning is uncertain."""
 SURE = 6e-3
 """An input nearer to zero [g] may change its sign during a reading, by errors of the bench or by turning."""
 UNTOLD = 1.0

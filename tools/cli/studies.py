@@ -36,7 +36,7 @@ from .answer import (
 ADVICE: "list[workbench.Advise]" = []
 """Gives the command that follows a result; `tools.cli` puts it here, which knows all commands."""
 LONGEST_S = 1e6
-"""Of a page that ends by itself."""
+"""Longest run of a page that ends by itself [s]."""
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
 Optional = Annotated[int | None, Parameter(allow_leading_hyphen=True)]

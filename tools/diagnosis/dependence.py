@@ -41,13 +41,13 @@ further coefficients mends it."""
 OWN = 1e-7
 """Part of a column beyond the model below which the model imitates it."""
 AGREED = 1e-7
-"""A radius that changes by so little as the model is linearised anew is that of the exact model."""
+"""Least change of the radius in a new linearisation; below it the radius is that of the exact model."""
 MOST_ROUNDS = 4
-"""The model is linearised anew at most so often."""
+"""Most new linearisations of the model."""
 LARGEST_PART = 0.5
 """Most coefficients of a function, as a part of the number of values of its quantity."""
 DEPENDENT = 1e-12
-"""Of so small a part (squared) columns depend on the others."""
+"""Part (squared) of a column below which it depends on the others."""
 SHARPENED = 6
 """Rounds that sharpen the weights of the model without functions."""
 ALIKE = 0.1
@@ -62,7 +62,7 @@ KERNEL_LENGTHS = (0.15, 0.35, 0.8, 2.0)
 NOISE_PARTS = (0.03, 0.3)
 """Parts of the residual's variance that are put down to noise in the fit of such a function."""
 MOST_ROWS = 400
-"""Of a longer record rows spread over it are taken."""
+"""Most rows that are used of a longer record, spread over it."""
 NONE = np.full(5, -1)
 
 

@@ -17,7 +17,7 @@ from .search import search
 
 MOST_STEPS, MOST_TRIED = 4, 12
 HELPS = 0.02
-"""An effect stands in the order when it takes so much off the errors that were left out."""
+"""Least part of the errors on left-out data that an effect of the order removes."""
 SHOWN = 1.5
 """Errors of an effect that a length shows, with everything else refitted [bounds]."""
 

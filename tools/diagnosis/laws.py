@@ -38,7 +38,7 @@ HIGHEST = 7
 """The highest power of an input."""
 ORDERS = range(1, 13)
 FINEST = 1.0 / 256.0
-"""An interval of shapes that is so small a part of all is one shape."""
+"""Part of all shapes below which an interval of shapes is one shape."""
 SHARPEST = 0.05
 """An input saturates from this part of its range on, or later."""
 LARGEST = 0.5
@@ -48,13 +48,13 @@ TURNS = 1.2
 MOST_LISTED = 3
 """Most sets of effects of the catalogue that are laws of a pair."""
 LIKE = 0.05
-"""An effect is a function of the quantity where so little of it, relatively, is none."""
+"""An effect is a function of the quantity where at most this part of it is none."""
 MOST_PROOFS = 6
 """Most recent proofs that are tried on the next shapes."""
 SAME_LAW = 1e-5
 """Laws whose columns, each at its own fit, differ by less are one law in other words."""
 SURELY = 1.0 + 1e-6
-"""Beyond such a radius a moved proof refuses."""
+"""Radius beyond which a moved proof refuses."""
 MOST_WORK = 3e6
 """The work of all laws of a pair, after which no more are tried."""
 TEMPERATURE = "(temperature-20)"

@@ -21,7 +21,7 @@ from ..rounding import digits
 from .dependence import LARGEST_PART, Dependence, Standing, most_of_rivals
 
 LIKE = 0.05
-"""An effect is a function of a quantity where so little of it, relatively, is none."""
+"""An effect is a function of a quantity where at most this part of it is none."""
 SURE_SECOND_ORDER = 0.3
 """Largest error of the linear model with which a set that fits is a rival [bounds]."""
 NOT_COMPARED = "functions outside the catalogue were not compared: the misfit is too large for the linear model"

@@ -39,9 +39,9 @@ LARGEST_OF_BENCH = 0.5
 are no bench with an effect."""
 MAX_ITERATIONS, MAX_MOVES = 12, 8
 DIFFERENCE = 1e-6
-"""Parameters [1], [rad], [g] differ by so much for exact derivatives."""
+"""Difference of parameters [1], [rad], [g] for exact derivatives."""
 EDGE = 1e-6
-"""By so much approximate derivatives may misjudge the radius of a set at the very edge."""
+"""Error of a radius by approximate derivatives, for a set at the very edge."""
 LEAST_PART = 0.01
 """Steps to a fit at the very edge are no shorter than this part of the whole one."""
 ATTAINED = 1e-10
@@ -57,7 +57,7 @@ SECOND_ORDER = 10.0
 CONVERGED = 1e-12
 """Parameters [1], [rad] that move by less than this do not move."""
 DETERMINED = 1e-8
-"""Directions of so small a part of the largest singular value are not determined by readings that are kept."""
+"""Part of the largest singular value below which readings that are kept do not determine a direction."""
 MAX_LEVERAGE = 1.0
 """Largest uncertainty (rms) of a scored prediction over that of a reading."""
 

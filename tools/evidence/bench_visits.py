@@ -29,7 +29,7 @@ INPUT_CHANGE = 1e-4
 MOVED = 1e-4
 """An axis whose reading changes by less [rad] from row to row has not moved."""
 CHANGED_ONCE = 1.2
-"""What changes its sign while a reading in motion is taken adds up to so much in the parabola through its rows."""
+"""Factor for an input that changes its sign during a reading in motion, by the parabola through its rows."""
 COMPLEX_STEP = 1e-30
 Sized = Sequence[tuple[EffectPlace, NDArray]]
 """Effects, each with its linear coefficients."""

@@ -22,7 +22,7 @@ from .fit import Fit
 ROWS_PER_KNOT = 2
 """A function of more knots than rows over this says nothing."""
 FAR_LESS = 0.7
-"""By so much the variation in the order of time is less than in that of any other quantity."""
+"""Ratio of the variation in the order of time to that of any other quantity."""
 SHUFFLES, AS_GOOD = 19, 1
 """Number of orders that are drawn at random, and the most of them that may vary as little as the order of time."""
 DIGITS = 6

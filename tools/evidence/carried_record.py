@@ -53,11 +53,11 @@ LEAST_FORCE = 1e-9
 MANY = 4.0
 """Rms error, over that of noise at its bound, from which second order may matter."""
 SETTLED = 0.9
-"""A run about the fit to the one before that leaves so much of its errors was the last that is needed."""
+"""A run about the fit before was the last one needed if it leaves this part of its errors."""
 MOST_ONSETS = 24
 """Times that are tried first, of an effect that sets in."""
 MOST_OF_IT = 3.0
-"""By so much an effect must lower the errors to be the main one."""
+"""Factor by which the main effect must lower the errors."""
 JUMP, ROUNDS_OF_JUMPS = 12.0, 6
 """Error of a window that counts as a jump, over the median error that all effects leave."""
 RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"

@@ -34,7 +34,7 @@ LONGEST = 10.0
 SHORTEST_ROW = 2
 """What settles before this row is an outlier of the first."""
 SHORTER = 0.05
-"""A lag of so small a part of the time of that row is still sought; a shorter one is none."""
+"""Shortest lag that is sought, as a part of the time of that row."""
 BEFORE = 0.5
 """Distance of earlier temperatures beyond the record's, on both sides, over its range."""
 MOST_THIRD = 0.43

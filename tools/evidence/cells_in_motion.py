@@ -40,13 +40,13 @@ nodes beyond each end."""
 MOST_EIGHTH = 222.8
 """The largest eighth derivative of e^(−x) by the logarithm of x."""
 MISSED = MOST_EIGHTH * (0.5 * 1.5 * 2.5 * 3.5) ** 2 * (SPACING * math.log(RATIO)) ** 8 / math.factorial(8)
-"""By so much, of its size at the first row, such a polynomial misses an exponential at most."""
+"""Largest error of this polynomial of an exponential, relative to its size at the first row."""
 WEIGHED = 2.0
-"""The values at its nodes count so much together, at most."""
+"""Largest sum of the weights of the values at its nodes."""
 HELD = 1e-9
 """What polynomials add less, relatively, is left away, and counts as an error."""
 LEFT_AWAY = 1e-3
-"""A few columns hold those of a range of time constants where the largest size does so much of a bound otherwise."""
+"""Largest action, in bounds, that is neglected where a few columns hold those of a range of time constants."""
 FEWEST = 2
 """Least number of moves, or windows of the least length, before an onset and after it."""
 Columns = list[NDArray[np.float64]]
@@ -183,7 +183,7 @@ class Slips(Onsets):
 
     `hours` are those of one or several moments a row, since the record's first rest. `whole` (S, 3, 3) of each group is
     the slip's addition to a piece that holds it, or to a later reading; a reading on both sides of it is undetermined.
-    `missed` is the error of taking so few moments, in bounds.
+    `missed` is the error by the small number of moments, in bounds.
     """
 
     whole: tuple[NDArray[np.float64], ...]

@@ -30,7 +30,7 @@ NODES, NODES_OF_TIME = 64, 192
 AROUND = 144
 """Nodes of a function of an angle of the whole bench: knots of all pieces round a circle are among them."""
 BLUR = 2e-3
-"""Of functions on nodes, and of turns between rows that are looked at, about so much is not exact."""
+"""Error of functions on nodes, and of turns between the compared rows."""
 COMMON: Mapping[str, str] = {"w1": "rate", "dw1": "acceleration", "n1": "force"}
 """A quantity of gyro 1 alone, and the same where each gyro has its own."""
 

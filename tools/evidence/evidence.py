@@ -26,7 +26,7 @@ from .rows import About, Channel, Rows
 ROUNDS_OF_OWN = 3
 """Rounds of least squares that bring a record's own parameters to rest beside effects of given sizes."""
 SEEN = 1e-3
-"""An effect of its largest possible size that moves no error by so much of its bound cannot be seen."""
+"""Part of its bound that an effect of its largest possible size must move an error by to be seen."""
 SHUFFLES = 40
 LIMIT = 1.0 + 1e-7
 """Radius up to which a model stands: one, and the rounding of the programmes."""

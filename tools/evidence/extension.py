@@ -31,7 +31,7 @@ Sized = Mapping[EffectPlace, tuple[Sequence[float], Sequence[Interval]]]
 FAST = 1e6
 """Rate [rad/s] and acceleration [rad/s²] of a simulated table whose moves take no time to speak of."""
 APPROACH = 0.02
-"""From so far [rad] the simulated table comes to a position in the sense of the record."""
+"""Angle from which the simulated table comes to a position in the sense of the record [rad]."""
 STEPS_PER_GAP = 64
 """Steps in the shortest time between two rows."""
 HALF_REST = 12

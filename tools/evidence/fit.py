@@ -35,7 +35,7 @@ from ..result import Told
 from .cells import Cell
 
 DETERMINED = 1e-10
-"""Directions with so small a part of the largest singular value are not determined by least squares."""
+"""Part of the largest singular value below which least squares do not determine a direction."""
 ROBUST_ROUNDS = 20
 """Rounds of least squares in which rows that misfit lose their weight."""
 FIRST_ROWS, MORE_ROWS = 300, 100
@@ -45,7 +45,7 @@ TOLERANCE = 1e-9
 
 
 FAINT = 0.01
-"""An effect that moves no reading by so much of its bound is not shown."""
+"""Least part of a bound by which a shown effect moves a reading."""
 
 Way = Variant | Cell
 """How an effect acts that is not linear, or a cell of its unknown number."""

@@ -24,7 +24,7 @@ from .power import powers_of_record
 from .rows import Rows
 
 UNIT = 1e-6
-"""A direction is a unit vector, but for so much."""
+"""Largest difference of the norm of a direction from 1."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,15 +35,16 @@ PIECES, SECTORS = 6, 8
 """Pieces of a function over the range of a quantity, and round a circle."""
 INPUTS = ("n1", "n2", "n3")
 LARGEST = 1.0
-"""Of a fault: one g, one radian, one rad/s, or its factor itself. What larger ones alone would show says nothing."""
+"""Largest size of a fault: one g, one radian, one rad/s, or its factor itself. What larger ones alone would show says
+nothing."""
 LARGEST_INPUT = 1.01
-"""Of an accelerometer on a bench with errors [g]: the range of inputs has it at both ends."""
+"""Largest input of an accelerometer on a bench with errors [g]: the range of inputs has it at both ends."""
 FINER = 4
 """Factor of the number of pieces for functions that the model imitates."""
 IMITATED = 2e-3
-"""Of one that the model imitates so much of the sum of squares is left, at most: what such pieces cannot follow."""
+"""Largest part of the sum of squares of a function that the model imitates and these pieces do not follow."""
 OWN = 0.05
-"""So much of a function is its own beside others."""
+"""Least part of a function that others do not contain."""
 SCATTERED = 300
 """Positions of each mounting that judge which functions the model imitates."""
 LEAST = 1e-9

@@ -30,7 +30,7 @@ from .rows import Part, Pieces
 CHUNK = 30_000
 """Rows at a time: the memory does not grow with the record."""
 LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Of the windows [s]."""
+"""Lengths of the windows [s]."""
 FEWEST_WINDOWS = 8
 """A length with fewer windows is not used: they cannot be left out in blocks."""
 TOGETHER = (1, 2, 3)

@@ -14,7 +14,7 @@ from .fit import blocks_of, estimated
 FOLDS = 8
 """Blocks in time that are left out in turn."""
 RANK = 1e-12
-"""Directions of so small a part of the sum of squares are not determined."""
+"""Part of the sum of squares below which a direction is not determined."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,7 +63,7 @@ SLOW = 2.0
 SHOWN = 4
 """Largest number of answers to a question about a unit."""
 LARGEST = 1e100
-"""Numbers are so large at most where they are compared: their squares are finite."""
+"""Largest numbers that are compared: their squares are finite."""
 FEWEST_VALUES = 3
 """Fewest different values of a column that may be a channel."""
 SPREADS = (0.02, 0.1, 0.25)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
 ALLOWED, ALLOWED_PART = 0.15, 0.1
-"""The carried attitude may miss gravity by so much [rad], and by so much of the way that the block turned."""
+"""Largest error of gravity by the carried attitude [rad], and its part of the turns of the block."""
 TELLING = 1.0
 """A move that may miss by more tells nothing [rad]."""
 LONGEST_S = 60.0
@@ -32,7 +32,7 @@ STANDING = 0.2
 SAME_FORCE = 0.1
 """Specific forces at two rests that differ by more than this part are not gravity alone."""
 FEWEST_MOVES = 3
-"""Of fewer moves no way of reading is named."""
+"""Fewer moves name no way of reading."""
 LEAST_TURN = 0.3
 """Moves that turn gravity by less tell no way of reading from another [rad]."""
 MOST_MOVES = 80
@@ -44,7 +44,8 @@ OF_ONE = np.concatenate([1.0 + (part - 1.0) * np.eye(3) for part in (0.25, 0.5, 
 CLEARER = 0.2
 """Gyros are told from each other where that leaves at most this part of the squared error."""
 ALIKE = 0.1
-"""Scales of gyros that differ by 1, as logarithms, count as so much missed [rad]: what tells nothing stays alike."""
+"""Error [rad] for which a difference of 1 in the logarithms of the gyros' scales counts: without evidence they stay
+alike."""
 
 
 @dataclass(frozen=True, eq=False)

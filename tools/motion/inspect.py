@@ -33,7 +33,7 @@ SPARE = 3
 DISTINCT = 1e-3
 """Least singular value, over the largest, of columns of size one that can be told apart."""
 SHUFFLES, CHANCE = 200, 0.01
-"""Of shuffled rests not more than this part may be explained as well by a term that is named."""
+"""Largest part of shuffled rests that a named term may explain as well."""
 WORDS = {
     "drift": "drifting with time",
     "gravity": "dependent on the direction of gravity",

@@ -19,7 +19,7 @@ NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33",
 """The nine parameters; Γ [1] row by row, then the biases [g]."""
 UNITS_OF = dict.fromkeys(NAMES[:6], "1") | dict.fromkeys(NAMES[6:], "g")
 LARGEST = 0.3
-"""Beyond this a parameter is not one of an instrument, and the linearisation says nothing."""
+"""Beyond this a parameter is none of an instrument, and the linearisation fails."""
 ITERATIONS = 30
 
 

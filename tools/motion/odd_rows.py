@@ -25,9 +25,9 @@ LEAST_TURN = 0.01
 ALONE = 30.0
 """Ratio of an accelerometer's jump to that of each other that excludes a knock."""
 RANGE_PART = 0.75
-"""A reading that overflows jumps by so much of the range between the channel's extremes."""
+"""Least jump of a reading that overflows, as a part of the range between the channel's extremes."""
 STEADY = 0.25
-"""Before and behind such a jump readings change by at most so much of it."""
+"""Largest change of the readings before and behind this jump, as a part of it."""
 TOWARDS = 5.0
 """Least jump over the usual change, towards the end of the range."""
 LONGEST_LOSS = 0.5

@@ -45,7 +45,7 @@ SLOW = 3.0
 FAR = 10.0
 """Distance of a rest's mean rate from its expectation that counts as a steady turn, over the noise of a sample."""
 FEWEST_POSES = 10
-"""Of fewer rests no dependence on gravity and time is taken away before."""
+"""Fewest rests from which dependences on gravity and time are subtracted."""
 REWEIGHTED = 30
 """Rounds of reweighted least squares."""
 LEAST_SHARE = 0.02
@@ -57,11 +57,11 @@ WIDE_NOISE = 0.1
 """With noise as wide as k steps the mean is off by at most this part of one step, over k. It is the first harmonic of
 the rounding error: 1/π² of a step for a flat distribution, and less for a Gaussian one."""
 SAME_STEP = 1e-3
-"""Multiples of a step are written with digits of their own: they may be off by so much of it."""
+"""Rounding of the multiples of a step, as a part of it: they are written with their own digits."""
 TOO_FINE = 1e-6
-"""A step of so small a part of the range of the readings is a last digit: a record without noise has no other."""
+"""Part of the range of the readings below which a step is a last digit: a record without noise has no other."""
 LAST_DIGITS = 1e-12
-"""By so small a part of its largest value a channel without noise changes by rounding alone."""
+"""Part of its largest value by which a channel without noise changes by rounding alone."""
 MOST_DIVISIONS = 60
 
 

@@ -38,11 +38,11 @@ USUAL_SCALE = 0.05
 UNUSUAL_FORCE = 1.5
 """A larger median specific force [g] is reported where no rest shows the unit."""
 WHOLE_POWER = 0.1
-"""A factor is a power of two where its logarithm to base 2 is so near a whole number."""
+"""A factor is a power of two where its logarithm to base 2 is within this distance of a whole number."""
 FEW = 0.01
 """Part of the rows."""
 LEAST_FORCE = 1e-3
-"""Readings count as so much at least [g]."""
+"""Least size for which readings count [g]."""
 FEWEST_RESTS, TOLD = 6, 0.1
 """Least number of rests, and least ratio of the smallest to the largest singular value, that tell accelerometers from
 each other."""

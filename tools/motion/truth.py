@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 LEAST_DOWN = 0.9
-"""So much of the specific force stands along −z of the true attitude's reference where that points down."""
+"""Least part of the specific force along −z of the true attitude's reference where that points down."""
 LARGEST_TURN, FASTEST = 0.5, 0.99
-"""Gyros and true attitude are compared over windows in which the block turns hardly more [rad], but for so few rows."""
+"""Largest turn of the block in windows that compare gyros and true attitude [rad], and the part of the rows that keep
+it."""
 SHORT_WINDOW = 0.5
 """Shortest windows of other checks [s]."""
 LENGTH_ROOM = 0.1
@@ -28,11 +29,11 @@ LENGTH_ROOM = 0.1
 MOST_PIECES = 400
 """Most windows of one length, and most moves over several rests, that are used, spread over the record."""
 SAME_AXIS = 0.95
-"""Turns about an axis are compared in size where their correlation is so large."""
+"""Least correlation with which turns about an axis are compared in size."""
 LONGEST_TURN = 2.5
 """Longer turns have no certain axis [rad]."""
 LARGEST_SCALE = 6.0
-"""Beyond that gyros are in another unit."""
+"""Factor beyond which gyros are in another unit."""
 Usable: TypeAlias = Callable[[NDArray, NDArray], NDArray[np.bool_]]
 """Rows at which stretches (S,) begin and end -> whether every interval of theirs can be used."""
 

@@ -35,9 +35,10 @@ LEAST_SHARE = 0.5
 CLEAR = 0.2
 """Where turns leave a smaller part of the changes of the specific force, squared, the gyros' size is known."""
 LEAST_MISS, BETTER = 0.1, 0.1
-"""Gyros are read wrongly where they miss so much of the true turns, squared, and another way misses so much of that."""
+"""Gyros are read wrongly where they miss at least the first part of the true turns, squared, and another way misses at
+most the second part of that."""
 ALIKE = 0.05
-"""Ways that miss as much of the true turns as the best, but for so much of them, cannot be told apart."""
+"""Ways cannot be told apart whose misses differ by at most this part of the true turns."""
 
 
 class TurningCheck(Result):

@@ -22,7 +22,7 @@ from .processes import Sensor
 
 TimeSeries = StrapdownRecord | RawRecord | ForceRecord
 ROUNDING = 1e-14
-"""Readings that differ by so small a part are one value."""
+"""Relative difference below which readings are one value."""
 FEWEST_ROWS = 64
 """Rows of a stretch, at least."""
 SAME_POSE = 0.03

@@ -16,7 +16,7 @@ from .run import PreparedScenario
 from .shared_process import dtype_of
 
 FLUSH_SECONDS = 0.5
-"""So often recorded rows are sent on [s]."""
+"""Time after which recorded rows are sent [s]."""
 
 
 def serve(most_memory: int) -> None:

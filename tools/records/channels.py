@@ -48,7 +48,7 @@ PERMUTATIONS = tuple(
 )
 """The 48 signed permutations (3, 3); the first changes nothing."""
 SENSES = ((1, 1), (-1, 1), (1, -1), (-1, -1))
-"""Of the angles of the outer and the inner axis; the first changes nothing."""
+"""Senses of the angles of the outer and the inner axis; the first changes nothing."""
 
 
 @dataclass(frozen=True)

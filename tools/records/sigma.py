@@ -1,4 +1,4 @@
-"""σ from a standard deviation: the bound with which Gaussian errors leave a fitted model standing, but for one in 100.
+"""σ from a standard deviation: the bound with which Gaussian errors leave 99 of 100 fitted models standing.
 
 A fit follows some of the noise. The least largest residual of unit noise is near the quantile `usual` and seldom above
 `largest`, by the number of readings and of the parameters that are fitted to them.

@@ -19,7 +19,7 @@ CLEAR = 8.0
 FEWEST = 6
 """Fewer readings show no grid."""
 SAME = 1e-3
-"""A reading is on a grid if it is so near to it, in steps."""
+"""Largest distance of a reading from its grid, in steps."""
 MOST_PARTS = 10
 """Most steps in the least difference of two readings."""
 

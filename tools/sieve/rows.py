@@ -23,7 +23,7 @@ wrong."""
 FREED = 5
 """Readings that are left out are at most this part of those that the parameters leave over."""
 AGAIN = 2
-"""The search begins anew about the rows that were found so often."""
+"""Most searches; the second begins about a fit without the rows that miss most."""
 
 
 def wrong_rows(evidence: Evidence) -> tuple[Simple, ...]:

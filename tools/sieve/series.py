@@ -27,7 +27,7 @@ from .simple import Simple
 CERTAIN = 2.0
 """Below this radius a weak effect may show in a few pieces alone: none of them is called wrong."""
 MOST_PIECES, MOST_SETS, FREED = 3, 3, 5
-"""Most pieces that may be wrong, most sets that are stated; so small a part of the errors may be left out."""
+"""Most wrong pieces, most sets that are stated, and the inverse part of the errors that may be left out."""
 MOST_TRIED = 4
 """Most pieces that are tried where errors are too large for the linear model."""
 LEFT = 0.3

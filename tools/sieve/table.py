@@ -18,7 +18,7 @@ from .removal import Removal, held_by
 ROUNDS = 30
 """Steps to a point that few rows cannot draw."""
 SETTLED = 1e-9
-"""A step [1], [rad], [g] so small changes nothing."""
+"""Size of a step [1], [rad], [g] that changes nothing."""
 ASTRAY = 0.5
 """No bench has a larger parameter [1], [rad], [g]."""
 SECOND_ORDER = 0.05

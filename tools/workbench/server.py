@@ -15,12 +15,12 @@ from .desk import COMMANDS, Desk, Request
 from .table_view import TableView
 
 MOST_BYTES = 1 << 20
-"""Of a request with decisions."""
+"""Most bytes of a request with decisions."""
 MOST_WORD_BYTES = 4096
-"""Of a word of the operator's."""
+"""Most bytes of a word from the operator."""
 MOST_EXPLANATIONS = 1000
 MOST_DROPPED = 1 << 30
-"""Of a file that is dropped on the page."""
+"""Most bytes of a file that is dropped on the page."""
 SMALL, FIRST_LOOK_S = 5_000_000, 30.0
 """Files up to this size are read before the page opens [bytes], for so long at most [s]."""
 JSON = "application/json"

@@ -1,4 +1,5 @@
-"""Batches of records: rows with reasons, folders of instruments, resume, and what a lot of instruments shares."""
+"""Batches of records: rows with reasons, folders of instruments, resume, and properties that the instruments of a lot
+share."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""`calibrate` without a table: accelerometers alone, moves from rest to rest, faces; what is open, what is refused."""
+"""`calibrate` without a table: accelerometers alone, moves from rest to rest, faces; open parameters and refusals."""
 
 from pathlib import Path
 
@@ -140,7 +140,7 @@ def test_the_covariance_of_the_json_predicts_the_error_of_a_pose() -> None:
     covariance = np.array(result.to_json()["by_hand"]["covariance"])
     errors = [float(present(result[symbol].standard_error)) for symbol in NAMES]
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)), errors, rtol=1e-12)
-    # A pose along u reads A u + b; the norm of what is corrected changes by each parameter as finite steps show.
+    # A pose along u reads A u + b. The norm of the corrected reading changes by each parameter as finite steps show.
     x = np.array([result[symbol].estimate for symbol in NAMES])
     up = np.array(present(present(result.by_hand).pose_error).direction)
     reading = affine(x)[0] @ up + affine(x)[1]

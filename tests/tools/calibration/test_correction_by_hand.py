@@ -1,4 +1,4 @@
-"""Corrections by calibrations without a table: any number of rows, with standard errors, whatever the verdict."""
+"""Corrections by calibrations without a table: any number of rows, with standard errors, for any verdict."""
 
 import json
 from typing import Any
@@ -138,7 +138,7 @@ def test_parameters_of_components_are_those_of_the_instrument():
 
 @pytest.mark.parametrize("sensitivity", [False, True])
 def test_fmus_of_a_calibration_correct_its_readings(tmp_path, sensitivity):
-    """The exported compensations start with the calibrated values, and give what the correction gives."""
+    """The exported compensations start with the calibrated values, and their output equals the correction."""
     instrument = Instrument(14)
     content = calibration(instrument, sensitivity=sensitivity)
     files = export_calibrated(Calibration.model_validate(content), tmp_path / "out")

@@ -59,7 +59,7 @@ def test_the_extension_predicts_what_was_left_out_and_is_exported(tmp_path):
     export_extended(result, tmp_path, "native")
     assert worst_carried(result.evidence, run_of_file(tmp_path / "scenario.toml").table) <= 1.05
     assert extension.knots is not None
-    # What is stated is the hump, but for the biases that the model has.
+    # The stated function is the hump, but for the biases that the model has.
     at, stated = (np.array([knot[name] for knot in extension.knots]) for name in ("at", "estimate"))
     true = np.interp(at, case.values, case.fault)
     assert np.ptp((stated - true) - np.mean(stated - true)) < 0.5 * np.ptp(true)

@@ -81,7 +81,7 @@ def test_the_proposed_mapping_is_filled_in_and_used_again(bench: Bench, tmp_path
     written(tmp_path, file_of(bench, "g or m/s²?").content)
     assert cli.main(["import", "lab.csv", "--out", "record.csv"]) == 2
     out, err = capsys.readouterr()
-    # what is open, the question, the mapping to fill in
+    # the open facts, the question, the mapping to fill in
     assert (out, err.count("\n")) == ("", 3)
     assert "--mapping record.import.toml" in err
     assert not Path("record.csv").exists()

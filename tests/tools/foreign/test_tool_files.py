@@ -1,4 +1,4 @@
-"""Files as thirty other tools write them: imported to the last digit, or asked for what is missing in one round."""
+"""Files of thirty other tools: imported to the last digit, or with one question for all missing facts."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Lots of few instruments: nothing is named by chance more often than stated, and what is odd is named.
+"""Lots of few instruments: chance names none more often than stated, and odd ones are named.
 
 A cause of a stretch of serial numbers is named with both its ends.
 """
@@ -14,7 +14,7 @@ PARAMETERS = 18
 
 
 def drawn_lot(rng: np.random.Generator, count: int, moved: float = 0.0) -> Lot:
-    """Return a lot of normal parameters; one of the fourth instrument is moved by so many standard deviations."""
+    """Return a lot of normal parameters; one of the fourth instrument is moved by a number of standard deviations."""
     estimates = rng.normal(size=(count, PARAMETERS))
     estimates[3, 5] += moved
     members = []

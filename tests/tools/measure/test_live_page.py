@@ -101,7 +101,7 @@ def test_the_page_shows_what_is_and_says_when_it_is_alone(server: DeskServer, ta
         assert window.complaints == []
         window.open(server.address, width, dark=dark)
         window.page.wait_for_selector("#settings")
-        # What the page before was loading is given up.
+        # Requests of the page before are cancelled.
         window.complaints.clear()
         widths = window.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
         assert widths == [width, width]

@@ -1,4 +1,4 @@
-"""Predicted errors of unseen poses: they are what a fit's errors turn out to be, and asked poses close what is open."""
+"""Predicted errors of unseen poses equal the errors of fits, and proposed poses determine open parameters."""
 
 import numpy as np
 import pytest

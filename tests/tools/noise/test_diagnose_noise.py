@@ -67,7 +67,7 @@ def test_a_diagnosis_names_the_noise_that_the_simulation_lacks(scenario, tmp_pat
     assert sum("K" in one["alternatives"] for one in gyros) >= 2
     assert [one["verdict"] for one in noise["against"][3:]].count("consistent") >= 2
     assert gyros[0]["held_out"]
-    # the FMU starts with what the simulation lacked, beside what it has
+    # the FMU starts with the processes that the simulation lacked, beside its own
     starts = {}
     for variable in read_model_description(folder / "GyroBlock.fmu").modelVariables:
         starts[variable.name] = variable.start

@@ -71,7 +71,7 @@ def turned(time, axis: int, start: float, length: float, degrees: float):
     [(WHITE, 3.0, 90.0), (WHITE, 60.0, 10.0), (WHITE, 100.0, 45.0), (WALKING, 3.0, 90.0), (WALKING, 60.0, 30.0)],
 )
 def test_a_slow_turn_about_the_vertical_is_no_rest(sizes, length, degrees):
-    """What is left beside the turn has the noise of the sensor."""
+    """The readings without the turn have the noise of the sensor."""
     record = static_record(60_000, 0.01, *sizes, seed=1)
     result = th.noise(with_motion(record, turned(record.time_s, 2, 300.0, length, degrees)))
     assert not result.static

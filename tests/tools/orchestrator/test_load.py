@@ -17,6 +17,7 @@ from scenario_runs import FAILING, GAIN, refusal, run
 from trihedron.fmus import BuildError, host_compiler
 from trihedron.fmus.cache import cache_folder, others_can_write
 from trihedron.models.bench import TARGETS
+from trihedron.tools.compiled import COMPILES
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import archive as archives
 from trihedron.tools.orchestrator import load, loops
@@ -242,6 +243,7 @@ def is_whole(stored: bytes) -> bool:
     return hashlib.sha256(stored[32:]).digest() == stored[:32]
 
 
+@pytest.mark.skipif(not COMPILES, reason="needs numba")
 def test_damaged_machine_code_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     loops.compiled_march.cache_clear()
     loops.compiled_march()

@@ -24,7 +24,7 @@ def always(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def chain(folder: Path, *macros: str, **run: object) -> Simulation:
-    """Run two FMUs of which one drives the other; the second has the macros."""
+    """Run two FMUs, where one drives the other; the second has the macros."""
     first = build_habit(Habit("first"), 2, "CoSimulation", folder)
     second = build_habit(Habit("second", macros), 3, "CoSimulation", folder)
     fmus = {

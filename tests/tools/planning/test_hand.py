@@ -1,4 +1,4 @@
-"""Plans by hand: predicted errors are those of calibrations, wanted errors are reached, what is measured counts."""
+"""Plans by hand: predicted errors are those of calibrations, wanted errors are reached, measured poses count."""
 
 from itertools import pairwise
 

@@ -19,7 +19,7 @@ SD = 4e-4
 
 
 def written(folder: Path) -> Path:
-    """Return a file of 20 poses, one of which is wrong by 0.1 m/s²."""
+    """Return a file of 20 poses with one that is wrong by 0.1 m/s²."""
     rng = np.random.default_rng(5)
     table = poses(Instrument(5), directions(rng, 20), rng.normal(0.0, SD, (20, 3)))
     first = table["f1_mps2"].to_list()

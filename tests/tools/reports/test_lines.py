@@ -44,7 +44,7 @@ def test_a_panel_for_each_unit_and_every_extreme() -> None:
     assert page.sections[-1].paragraphs[0].startswith("said: texts")
     pictures = [section.picture.svg() for section in page.sections[:-2] if section.picture is not None]
     assert {ElementTree.fromstring(picture).get("role") for picture in pictures} == {"img"}
-    # A panel has only as many lines as can be distinguished, and no constant; one point is not lost among thousands.
+    # A panel has only lines that can be distinguished, and no constant; one point is not lost among thousands.
     assert pictures[5].count(">f") == 7 > MOST_LINES
     assert rows["f0_mps2"] == ["0", "0", "0", "0"]
     assert len(pictures[1]) < 60_000

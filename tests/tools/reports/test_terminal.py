@@ -1,4 +1,4 @@
-"""The answer of a diagnosis fits a screen of 25 lines of 80 columns with the next command, whatever the verdict."""
+"""The answer of a diagnosis and its next command fit a screen of 25 lines of 80 columns, for any verdict."""
 
 import pytest
 

@@ -160,7 +160,7 @@ def test_fmpy_gives_the_numbers_of_a_run_that_is_delayed(stimuli, tmp_path):
     for name in rows.dtype.names or ():
         columns = [c for c in expected.columns if c == name or c.startswith(f"{name}_")]
         if columns and name.partition(".")[0] in ("table", "block", "computer"):
-            # Row k of FMPy's is after k + 1 steps; in its first one all inputs are 0, and an increment of velocity is
+            # Row k of FMPy's is after k + 1 steps. In its first one all inputs are 0, and an increment of velocity is
             # the mean of the readings at both ends of a step.
             first = 2 if name.startswith("block.increment_reading") else 1
             theirs, ours = rows[name][first:], expected[columns[0]][first + 1 :]

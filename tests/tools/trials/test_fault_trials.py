@@ -1,4 +1,4 @@
-"""Wrong rows and breaks as secrets: drawn, done to a record, and compared with what the diagnosis says."""
+"""Wrong rows and breaks as secrets: drawn, added to a record, and compared with the diagnosis."""
 
 from dataclasses import replace
 from typing import Any

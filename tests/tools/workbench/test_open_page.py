@@ -265,7 +265,7 @@ def asked(server: DeskServer, method: str, path: str, body: bytes | None = None,
 
 
 def told(server: DeskServer, **content: Any) -> dict[str, Any]:
-    """Return what the page is told when it asks for something."""
+    """Return the answer of the page to a request."""
     headers = {"Origin": f"http://127.0.0.1:{server.port}", "Content_Type": "application/json"}
     status, body = asked(server, "POST", f"/{server.token}/do", json.dumps(content).encode(), **headers)
     assert status == 200
