@@ -6,6 +6,7 @@ import numpy as np
 
 NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33", "bias_1", "bias_2", "bias_3")
 OF_GYROS = ("B1", "B2", "B3", *(f"M{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)))
+UNITS = {"B": "rad/s", "S": "rad/s/g", "L": "s"}
 SENSITIVITY = tuple(f"S{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
 GRAVITY = 9.81
 Value = TypeVar("Value")
@@ -57,8 +58,9 @@ def calibration(
             values |= dict(zip(SENSITIVITY, instrument.sensitivity.ravel(), strict=True))
     parameters = []
     for symbol, value in values.items():
+        unit = "g" if symbol.startswith("bias") else UNITS.get(symbol[0], "1")
         ends = (None, None) if half_width is None else (float(value) - half_width, float(value) + half_width)
-        entry = {"symbol": symbol, "name": symbol, "unit": "1", "determined": True, "estimate": float(value)}
+        entry = {"symbol": symbol, "name": symbol, "unit": unit, "determined": True, "estimate": float(value)}
         parameters.append(entry | {"standard_error": 1e-4, "low": ends[0], "high": ends[1]})
     pose_error = {"worst_g": 0.00042, "rms_g": 0.0002, "direction": [0.1, -0.7, 0.7], "words": "determined"}
     of_hand = {"rests": 22, "moves": 21, "turns": 0, "pose_error": pose_error, "turn_error": None, "residual_g": 3e-4}

@@ -14,9 +14,10 @@ from pydantic import ConfigDict, Field, model_validator
 from typing_extensions import TypedDict
 
 from ..fmus import version
-from ..fmus.parameters import GRAVITIES, calibration_of, gives_parameters
-from ..models.bench import GYRO_PARAMETERS
+from ..fmus.parameters import BY_GRAVITY, GRAVITIES, calibration_of, gives_parameters
+from ..models.bench import GYRO_PARAMETERS, TARGETS
 from .errors import InvalidInput, nearest
+from .fields import Axis, Count, Covariance, Direction, Number, Probability, Range, Rotation, Size
 from .quantity import Quantity
 from .result import ABSENT, Result, finite_or_none
 from .rounding import upwards
@@ -24,15 +25,13 @@ from .rounding import upwards
 if TYPE_CHECKING:
     from polars import DataFrame
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Size = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=0)]
-Axis = Annotated[int, Field(ge=1, le=3)]
 Verdict = Literal["consistent", "falsified", "insufficient", "noise-unknown", "usable"]
 Estimator = Literal["analytic centre", "central programme", "a priori", "least squares"]
 LATENCIES = ("A", "L-A")
 """Lag of the accelerometers behind the encoders, and of the gyros behind the accelerometers."""
 OF_GYROS = frozenset((*GYRO_PARAMETERS, *LATENCIES))
+GYRO_UNITS = {"B": ("rad/s",), "M": ("1", "rad"), "S": ("rad/s/g",), "L": ("s",), "A": ("s",)}
+"""Units of the gyros' parameters and of the lags, by the first letter of the symbol."""
 NUMBERS = ("estimate", "standard_error", "low", "high", "a_priori", "guaranteed_error", "least_squares")
 UNITS = {
     "sigma": "g",
@@ -41,6 +40,17 @@ UNITS = {
     "parameters": "of all numbers of a parameter: as its unit says",
     "reading_errors": "g",
 }
+
+
+def units_of(symbol: str) -> tuple[str, ...]:
+    """Return the units that a parameter's numbers can have; none for a symbol of another kind."""
+    if symbol in OF_GYROS:
+        return GYRO_UNITS[symbol[0]]
+    if symbol in TARGETS[-3:] or symbol.startswith("bias_"):
+        return ("g",)
+    if symbol in TARGETS or symbol in BY_GRAVITY:
+        return ("1", "rad")
+    return ()
 
 
 class Part(Result):
@@ -124,9 +134,10 @@ class Parameter(Part):
     least_squares: Annotated[Number | None, Quantity("least squares", "", "to the estimate's place")] = None
 
     @model_validator(mode="after")
-    def _ordered(self) -> "Parameter":
-        if self.low is not None and self.high is not None and self.low > self.high:
-            raise ValueError(f"low = {self.low!r} is above high = {self.high!r}")
+    def _in_its_unit(self) -> "Parameter":
+        units = units_of(self.symbol)
+        if units and self.unit not in units:
+            raise ValueError(f"the unit of {self.symbol} is {self.unit!r}, and must be {' or '.join(units)}")
         return self
 
     @property
@@ -170,7 +181,7 @@ class ReadingError(Part):
     """
 
     accelerometer: Axis
-    input: list[int]
+    input: Annotated[list[Annotated[int, Field(ge=-1, le=1)]], Field(min_length=3, max_length=3)]
     low: Number | None
     high: Number | None
 
@@ -241,7 +252,7 @@ class Gyros(Part):
     pieces: Count
     noise_basis: str
     encoder_bound: Size = Field(alias="encoder_bound_rad")
-    latitude_deg: Number
+    latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
     azimuth_deg: Number
     gains: list[GainOfTurns]
     witness: list[Turn]
@@ -251,7 +262,7 @@ class KnownBefore(Part):
     """A limit known before the calibration: |expression| ≤ limit."""
 
     expression: str
-    limit: Number
+    limit: Size
 
 
 class Provenance(Part):
@@ -265,10 +276,10 @@ class Provenance(Part):
     trihedron: str = Field(default_factory=version)
     record: str
     sha256: str = Field(default="", alias="record_sha256")
-    bounds: list[Number] = Field(default=[])
+    bounds: Annotated[list[Size], Field(max_length=2)] = Field(default=[])
     kind: str = ""
-    temperature: list[Number] | None = Field(default=None, alias="temperature_degC")
-    angle_steps_deg: list[Number] | None = None
+    temperature: Range | None = Field(default=None, alias="temperature_degC")
+    angle_steps_deg: Annotated[list[Size], Field(min_length=2, max_length=2)] | None = None
     comments: dict[str, str] = Field(default={})
 
 
@@ -280,7 +291,7 @@ class PoseError(Part):
 
     worst: Size = Field(alias="worst_g")
     rms: Size = Field(alias="rms_g")
-    direction: list[Number]
+    direction: Direction
     words: str
 
 
@@ -288,21 +299,21 @@ class TurnError(Part):
     """Predicted error of a turn of 90° about the worst axis [rad], one standard deviation."""
 
     worst: Size = Field(alias="worst_rad")
-    axis: list[Number]
+    axis: Direction
 
 
 class TakenSensitivity(Part):
     """F test of the gyros' sensitivity to gravity: `f`, its probability `p`, and whether it is taken."""
 
     f: Number
-    p: Size
+    p: Probability
     taken: bool
 
 
 class Case(Part):
     """Rotation of inputs into the axes of the case, known by faces, and its standard error [rad]."""
 
-    rotation: list[list[Number]]
+    rotation: Rotation
     standard_error: Size = Field(alias="standard_error_rad")
 
 
@@ -323,7 +334,7 @@ class PooledTest(Part):
     and the answer. `growth` is that of the residuals' rms when the runs are pooled."""
 
     f: Number
-    p: Size
+    p: Probability
     growth: Size
     one_instrument: bool
 
@@ -377,8 +388,8 @@ class ByHand(Part):
     gain: HandGain | None = None
     pooled: PooledTest | None = None
     scatter_limit: Size | None = None
-    covariance: list[list[Number]] | None = None
-    turn_covariance: list[list[Number]] | None = None
+    covariance: Covariance | None = None
+    turn_covariance: Covariance | None = None
 
 
 def noise_option(bound: float | None) -> str:
@@ -424,7 +435,7 @@ class OfRecord(Part):
     omitted: ClassVar[frozenset[str]] = frozenset({"by_hand"})
 
     sigma: Sigma
-    mountings: dict[str, list[list[Number]]] = Field(default={})
+    mountings: dict[str, Rotation] = Field(default={})
     parameters: list[Parameter] = Field(default=[])
     reading_errors: list[ReadingError] = Field(default=[])
     by_hand: ByHand | None = None
@@ -533,7 +544,7 @@ class Calibration(Part):
     gravity: Annotated[float, Field(ge=GRAVITIES[0], le=GRAVITIES[1])] = Field(default=ABSENT, alias="gravity_mps2")
     convention: Literal["A1", "A2"] | None = None
     baseline: Literal["asymmetric", "symmetric"] | None = None
-    mountings: dict[str, list[list[Number]]] = Field(default={})
+    mountings: dict[str, Rotation] = Field(default={})
     positions: Count | None = None
     measurements: Count | None = None
     estimator: Estimator | None

@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias, TypeVar, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeAlias, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,14 @@ from pydantic import (
     ValidationError,
     WithJsonSchema,
     model_serializer,
+    model_validator,
 )
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from .. import tools
 from .errors import InputError, nearest
+from .fields import check_ends
 from .files import advice_on, json_text
 
 if TYPE_CHECKING:
@@ -94,6 +96,11 @@ class Result(BaseModel):
             if field.exclude:
                 published.get("properties", {}).pop(field.alias or name, None)
         return published
+
+    @model_validator(mode="after")
+    def _ends_in_order(self) -> Self:
+        check_ends(getattr(self, "low", None), getattr(self, "high", None))
+        return self
 
     @model_serializer(mode="wrap")
     def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...fmus.parameters import (
     BY_GRAVITY,
     BY_HAND,
+    CALIBRATIONS,
     calibrated_block,
     calibrated_elements,
     calibrated_intervals,
@@ -24,9 +25,11 @@ from ...fmus.parameters import (
     of_one_record,
 )
 from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
-from ..calibrated import LATENCIES, CalibratedEffect, Open, Provenance, Sigma
+from ..calibrated import LATENCIES, CalibratedEffect, Calibration, Open, Provenance, Sigma
 from ..errors import InputError, one_line
+from ..fields import checked_covariance
 from ..files import LARGEST_RESULT, advice_on, bytes_of
+from ..result import parsed_result
 from .model import checked_mounting
 from .targets import corners
 
@@ -237,6 +240,8 @@ def read_correction(path: Path, sha256: str = "") -> Correction:
         raise InputError(f"{path}: is not JSON text{needed}") from error
     if advice:
         raise InputError(f"{path}: is not a calibration{advice}")
+    if isinstance(content, Mapping):
+        parsed_result(content, dict.fromkeys(CALIBRATIONS, Calibration), str(path))
     return correction_of(content, str(path), sha256)
 
 
@@ -284,12 +289,9 @@ def _covariance(calibration: Mapping[str, Any]) -> NDArray[np.float64]:
     of_hand = calibration.get(BY_HAND)
     if isinstance(of_hand, Mapping) and of_hand.get("covariance") is not None:
         try:
-            covariance = np.array(of_hand["covariance"], dtype=float)
-        except (TypeError, ValueError) as error:
-            raise ValueError("its covariance is not as the schema says; calibrate again") from error
-        if covariance.shape != (9, 9) or not np.isfinite(covariance).all() or np.diag(covariance).min() < 0.0:
-            raise ValueError("its covariance is not a matrix of 9 rows and columns; calibrate again")
-        return covariance
+            return checked_covariance(of_hand["covariance"])
+        except ValueError as error:
+            raise ValueError(f"by_hand.covariance: {error}; calibrate again") from error
     elements = calibrated_elements(calibration, "standard_error")
     sd = {name: math.nan if value is None else value for name, value in elements.items()}
     deviations = []

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,8 @@ from ..bounded.functions import Band, Functions, Unknown
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..evidence.pairs import Pair
+from ..fields import Number, Ordered
 from ..result import Told
-from .cause import Number
 
 NEAREST = 1.0 / 4000.0
 """Values of a quantity nearer to each other than this part of their range are one knot."""
@@ -56,7 +57,7 @@ class BandOfFunctions(Told):
     steps: bool
     imitated: tuple[tuple[Number, ...], ...]
     bending: Number
-    knots: tuple[Knot, ...]
+    knots: tuple[Annotated[Knot, Ordered], ...]
 
     @staticmethod
     def of(possible: "Possible") -> "BandOfFunctions":

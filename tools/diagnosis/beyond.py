@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, Gain
 from ..evidence.pairs import GYROS, LEAST_AROUND, PIECES, Form, Pair, in_words
+from ..fields import Number, Ordered
 from ..rounding import digits
 from .band import BandOfFunctions, Possible
-from .cause import Cause, Number, SizedParameter
+from .cause import Cause, SizedParameter
 from .dependence import LARGEST_PART, NEAR
 from .laws import MOST_WORK, Law, Laws, words_of
 
@@ -104,7 +105,7 @@ class BeyondCatalogue(StatedLaw):
     kind: Literal["formula", "lookup"]
     quantity: str
     factor: str | None = None
-    knots: tuple[FoundKnot, ...] | None = None
+    knots: tuple[Annotated[FoundKnot, Ordered], ...] | None = None
     noise_bound_needed: Number | None = None
     gain: Gain | None = None
     fit: Any = Field(default=None, exclude=True)

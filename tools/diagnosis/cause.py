@@ -3,12 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import model_validator
 
-from ...models.effects import EffectPlace
+from ...models.effects import CATALOGUE, EffectPlace
 from ...models.effects.columns import ONSET
 from ..bounded.possible import Proofs, Steps, largest_length
 from ..bounded.programmes import Interval
@@ -16,10 +16,10 @@ from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import FAINT, Fit, contains
 from ..evidence.of_record import differs, in_record, record_of
+from ..fields import Number
 from ..result import Result, Told, finite_or_none
 from ..rounding import Stated
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
 NO_SIZES = ("phase", "start", "time_constant")
 """Ends of names of parameters that say when or where, and not how much."""
 
@@ -108,6 +108,16 @@ class Cause(NamedEffect):
 
     equivalents: tuple[NamedEffect, ...]
     parameters: tuple[SizedParameter, ...]
+
+    @model_validator(mode="after")
+    def _in_units_of_the_effect(self) -> "Cause":
+        known = CATALOGUE.get(self.effect)
+        units = {} if known is None else {parameter.name: parameter.unit for parameter in known.parameters}
+        for parameter in self.parameters:
+            unit = units.get(parameter.name, parameter.unit)
+            if unit not in ("", parameter.unit):
+                raise ValueError(f"the unit of {parameter.name} is {parameter.unit!r}, and must be {unit}")
+        return self
 
     @staticmethod
     def found(

@@ -25,8 +25,8 @@ from ..evidence.evidence import Evidence, Reader
 from ..evidence.fit import FAINT
 from ..evidence.pairs import WAVES, Form, Pair, function_in_words, named
 from ..evidence.rows import Channel
+from ..fields import Count, Number
 from ..result import Result
-from .cause import Number
 
 RIVAL = 1.5
 """A pair whose complexity is at most this factor times the least, or one coefficient more, is a rival of the
@@ -170,7 +170,7 @@ class Suffices(Result):
     quantity: str
     factor: str | None
     form: str
-    complexity: int
+    complexity: Count
     radius: Number
 
     @staticmethod
@@ -216,7 +216,7 @@ class Proven(Result):
     place: str
     quantity: str | None = None
     factor: str | None = None
-    complexity: int | None = None
+    complexity: Count | None = None
     same: tuple[str, ...] = ()
     not_excluded: tuple[str, ...] = ()
 

@@ -12,8 +12,9 @@ from ..bounded.sets import Work
 from ..errors import InputError, one_line
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Gain
+from ..fields import Number
 from ..result import Told
-from .cause import Finding, NamedEffect, Number, SizedParameter, finding_of
+from .cause import Finding, NamedEffect, SizedParameter, finding_of
 from .witness import judgement_of, objections_of
 
 Answer = Literal["stands", "refuted", "not needed", "cannot be told"]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, NotRequired
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 from typing_extensions import TypedDict
@@ -10,12 +10,13 @@ from typing_extensions import TypedDict
 from ...models.effects import EffectPlace
 from ..calibrated import Calibration, OpenTarget
 from ..evidence.fit import Gain
+from ..fields import Count, Number, Ordered, OrderedPair
 from ..noise.result import Noise
 from ..result import Result, Told
 from ..sieve.simple import Simple, calibration_of
 from .band import BandOfFunctions
 from .beyond import BeyondCatalogue, StatedLaw
-from .cause import Cause, Finding, NamedEffect, Number, causes_of, centred
+from .cause import Cause, Finding, NamedEffect, causes_of, centred
 from .dependence import Proven, Suffices
 from .former import DIAGNOSIS, FORMER, of_former_schemas
 from .hypothesis import Hypothesis
@@ -65,19 +66,19 @@ class Explanation(Told):
     """
 
     kind: KindOfExplanation
-    numbers: int
+    numbers: Count
     where: tuple[str, ...]
     causes: tuple[Cause, ...]
     radius: Number | None
     sentence: str
     calibration: Calibration | None = None
     extension: BeyondCatalogue | None = None
-    rows: tuple[int, ...] | None = None
+    rows: tuple[Count, ...] | None = None
     change: Mapping[str, Any] | None = None
-    within: Mapping[str, tuple[Number, Number]] | None = None
-    before_row: int | None = None
+    within: Mapping[str, Annotated[tuple[Number, Number], OrderedPair]] | None = None
+    before_row: Count | None = None
     time_s: Number | None = None
-    between_rows: tuple[int, int] | None = None
+    between_rows: Annotated[tuple[Count, Count], OrderedPair] | None = None
 
     @staticmethod
     def of(finding: Finding, calibration: Calibration | None = None) -> "Explanation":
@@ -228,7 +229,7 @@ class Dependence(TypedDict):
 class RecordUsed(Result):
     """The record: its rows, and the SHA-256 of its file."""
 
-    rows: int
+    rows: Count
     sha256: str
 
 
@@ -256,7 +257,7 @@ class Length(Result):
     """Result of the moves or windows of one length by themselves."""
 
     over: str
-    pieces: int
+    pieces: Count
     noise_bound_arcmin: Number
     rms_arcmin: Number
     max_arcmin: Number
@@ -423,7 +424,7 @@ class Diagnosis(Told):
     bias_at_rest: BiasAtRest | None = None
     next_positions: tuple[NextPosition, ...] | None = None
     complete: bool | None = None
-    cut_off_at: int | None = None
+    cut_off_at: Count | None = None
     next: tuple[str, ...] | None = None
     equivalent_sets: tuple[tuple[NamedEffect, ...], ...] | None = None
     containing: tuple[tuple[NamedEffect, ...], ...] | None = None
@@ -431,7 +432,7 @@ class Diagnosis(Told):
     not_named: tuple[str, ...] | None = None
     objections: tuple[str, ...] | None = None
     second_mounting: SecondMounting | None = None
-    targets: tuple[Target, ...] | None = None
+    targets: tuple[Annotated[Target, Ordered], ...] | None = None
     excluded: tuple[Excluded, ...] | None = None
     cannot_be_seen: tuple[NamedEffect, ...] | None = None
     power: tuple[Unlisted, ...] | None = None

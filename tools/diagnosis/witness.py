@@ -9,9 +9,9 @@ from pydantic import Field
 from ...models.effects import EffectPlace
 from ..evidence.evidence import Evidence, Trial
 from ..evidence.fit import Fit
+from ..fields import Axis, Count, Number
 from ..result import Result
 from ..rounding import downwards, upwards
-from .cause import Number
 
 CHANCE = 0.05
 """More than this part of the shuffles being as good as an effect speaks against it."""
@@ -20,7 +20,7 @@ CHANCE = 0.05
 class Score(Result):
     """Errors of the left-out readings, without and with effects, in the unit of the evidence."""
 
-    scored: int
+    scored: Count
     rms_before: Number
     rms_after: Number
     max_before: Number
@@ -46,8 +46,8 @@ class Score(Result):
 class Shuffles(Result):
     """Shuffles of effects, and the number of them that predicted the left-out readings as well."""
 
-    tried: int
-    as_good: int
+    tried: Count
+    as_good: Count
 
     @staticmethod
     def of(trial: Trial, reached: float) -> "Shuffles":
@@ -67,8 +67,8 @@ class Shuffles(Result):
 class LargestError(Result):
     """Largest error of a left-out reading, over its bound, and the largest error that noise can cause."""
 
-    position: int
-    accelerometer: int
+    position: Count
+    accelerometer: Axis
     error: Number
     allowed: Number
 

@@ -30,6 +30,7 @@ from ..bounded.programmes import (
     same_space,
 )
 from ..bounded.sweep import Swept
+from ..fields import Count
 from ..orchestrator.scenario import Scenario
 from ..result import Told
 from .cells import Cell
@@ -449,7 +450,7 @@ class Gain(Told):
     """
 
     over: str | None = None
-    pieces: int | None = None
+    pieces: Count | None = None
     held_out_rms_before: float
     held_out_rms_after: float
     held_out_max_before: float

@@ -11,10 +11,10 @@ from pydantic import Field
 from ...fmus.parameters import CALIBRATIONS
 from ..calibrated import Calibration, OfRecord, Parameter, Provenance, each_by_itself
 from ..calibration.targets import words_of
-from ..diagnosis.cause import Number
 from ..diagnosis.result import DIAGNOSES, Diagnosis, in_present_schema
 from ..errors import InputError
 from ..evidence.of_record import is_of_instrument, plain
+from ..fields import Number
 from ..files import LARGEST_RESULT, bytes_of, write_text
 from ..records import Record, read_record
 from ..result import Result, Told, object_of, parsed_result

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 import polars as pl
 from pydantic import Field
 
-from ..diagnosis.cause import NamedEffect, Number
+from ..diagnosis.cause import NamedEffect
+from ..fields import Number
 from ..quantity import Quantity
 from ..result import Result, Told
 

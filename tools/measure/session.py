@@ -13,11 +13,11 @@ import numpy as np
 from pydantic import Field
 
 from ...fmus.parameters import GRAVITIES
-from ..calibrated import Number, Size
 from ..calibration import calibrate
 from ..calibration.calibration import checked_noise_bound
 from ..diagnosis import Diagnosis
 from ..errors import InputError
+from ..fields import Number, Size
 from ..planning import DWELL_S, checked_dwell
 from ..records import PositionRecord
 from ..records.channels import Channels

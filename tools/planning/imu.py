@@ -24,7 +24,6 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base, integrated_readings, moments_of, nominal_input
 from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..bounded.programmes import Polytope
-from ..calibrated import Number
 from ..calibration import Bench
 from ..calibration.calibration import Asked, checked_noise_bound, fit_record, wanted_targets
 from ..calibration.estimates import a_priori_values
@@ -33,6 +32,7 @@ from ..calibration.model import mountings_of, parametrise
 from ..calibration.targets import Target
 from ..calibration.turns import PLAUSIBLE, WithTurns
 from ..errors import InputError
+from ..fields import Number
 from ..progress import progress_bar
 from ..records import BenchRecord
 from ..records.rests import position_record_of

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..calibrated import Number
 from ..errors import InputError
+from ..fields import Number
 from ..progress import shown_status
 from ..quantity import Quantity
 from ..result import Result

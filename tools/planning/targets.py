@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 
-from ..calibrated import Axis, Number, Size
 from ..calibration.model import Parametrisation, mountings_of, parametrise
 from ..calibration.targets import Target, asked_targets, convention_targets
 from ..errors import InputError
+from ..fields import Axis, Number, Size
 from ..progress import tracked
 from ..result import Result
 from .certificate import ColumnProgramme, Optimum, UndeterminedError, scaled_optimum, settled_optimum

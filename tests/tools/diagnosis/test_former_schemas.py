@@ -23,7 +23,7 @@ REPEATED = {
     "at_most": 2e-3,
 }
 CAUSE = {**QUADRATIC, "equivalents": [], "parameters": [SIZE]}
-OTHER = {**CUBIC, "equivalents": [], "parameters": [SIZE]}
+OTHER = {**CUBIC, "equivalents": [], "parameters": [{**SIZE, "unit": "1/g2"}]}
 
 
 def of_one(**changed: Any) -> dict[str, Any]:
