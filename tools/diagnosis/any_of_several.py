@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...models.effects import EffectPlace
-from ..calibrated import CalibratedEffect, Calibration, Parameter, SetOfEffects, noise_option
+from ..calibrated import CalibratedEffect, Calibration, Open, Parameter, SetOfEffects, noise_option
 from .cause import NO_SIZES, Cause
 from .result import Diagnosis, Explanation
 from .with_effects import either_effects, either_parameters, ends_of_either
@@ -78,20 +78,23 @@ def with_any_of(ways: Sequence[Way], diagnosis: Diagnosis, refusals: Sequence[st
     standing = [way for way in ways if way.calibration.verdict != "falsified"] or list(ways[:1])
     first = standing[0].calibration
     parameters, reading_errors = first.parameters, first.reading_errors
-    verdict = first.verdict
+    least = first
     for way in standing[1:]:
         other = way.calibration
         parameters = either_parameters(parameters, other.parameters)
         pairs = zip(reading_errors, other.reading_errors, strict=False)
         reading_errors = [one.model_copy(update=ends_of_either(one, another)) for one, another in pairs]
-        verdict = "insufficient" if other.verdict == "insufficient" else verdict
+        if other.verdict == "insufficient" and least.verdict != "insufficient":
+            least = other
     # Weights that are best with one explanation promise nothing with another.
     parameters = [p.model_copy(update={"a_priori": None, "guaranteed_error": None}) for p in parameters]
     left_out = [*refusals, *(one.sentence.rstrip(".") for one in diagnosis.explanations if is_without_law(one))]
     if left_out:
         parameters, reading_errors = [p.model_copy(update={"low": None, "high": None}) for p in parameters], []
     changed: dict[str, Any] = {
-        "verdict": verdict,
+        "verdict": least.verdict,
+        "no_estimate": least.no_estimate,
+        "open": _open_of(standing),
         "parameters": parameters,
         "reading_errors": reading_errors,
         "effects": _effects(standing),
@@ -99,6 +102,14 @@ def with_any_of(ways: Sequence[Way], diagnosis: Diagnosis, refusals: Sequence[st
         "warnings": [_remark(diagnosis, standing, left_out), *first.warnings],
     }
     return first.model_copy(update=changed)
+
+
+def _open_of(standing: Sequence[Way]) -> list[Open]:
+    """Return the directions that the record leaves open with any of the explanations, each once."""
+    entries: list[Open] = []
+    for way in standing:
+        entries += [entry for entry in way.calibration.open if entry not in entries]
+    return entries
 
 
 def _remark(diagnosis: Diagnosis, standing: Sequence[Way], left_out: Sequence[str]) -> str:

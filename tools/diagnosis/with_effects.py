@@ -13,7 +13,7 @@ from ...models.bench import SYMMETRIC_PAIRS
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval
 from ..bounded.sets import Work
-from ..calibrated import CalibratedEffect, Calibration, Parameter, Reading, Sigma
+from ..calibrated import CalibratedEffect, Calibration, Open, Parameter, Reading, Sigma
 from ..calibration.calibration import Asked, reading_uncertainty, wanted_targets, without_guarantee
 from ..calibration.estimates import Solution, open_directions, solve_system
 from ..calibration.gyros import widened
@@ -434,13 +434,21 @@ def solve_with(programme: Programme, sigma: Sigma) -> Calibration:
         "witness": witness,
         "parameters": parameters,
         "reading_errors": [] if contradicted else reading_errors,
-        "open": open_directions(best.system, best.targets, MORE_POSITIONS),
+        "open": _open_of(best, missing),
         "next_positions": [],
         "linearised": best.system,
         "feasible": None,
         "effects": programme.titled(effects, standing or ranked[:1]),
     }
     return nominal.model_copy(update=changed)
+
+
+def _open_of(best: Solved, missing: Sequence[str]) -> list[Open]:
+    """Return the open directions of the best way, and one of the targets that only other ways leave open."""
+    entries = open_directions(best.system, best.targets, MORE_POSITIONS)
+    listed = {symbol for entry in entries for symbol in entry.parameters}
+    others = [symbol for symbol in missing if symbol not in listed]
+    return [*entries, Open(parameters=others, close_by=MORE_POSITIONS)] if others else entries
 
 
 def _witness(record: PositionRecord, solved: Solved) -> list[Reading]:
