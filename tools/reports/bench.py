@@ -56,7 +56,7 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
         f"Errors of averaged readings are taken to be within σ = {upwards(result.noise_bound, 3)} g ({basis(result)})."
     )
     return Section(
-        "What was measured",
+        "Measurements",
         paragraphs,
         next_directions(record.alpha, record.beta, np.zeros(0), np.zeros(0)),
         "Direction of the vertical in the inner frame at each measured position.",

@@ -143,7 +143,7 @@ def _sensitivity(name: str, entry: Mapping[str, Any], results: Results | None) -
         else:
             rows.append([parameter, digits(numbers["correlation"]), digits(numbers["p"], 2)])
     table = Table(["parameter", "first order", "total"] if sobol else ["parameter", "correlation", "p"], rows)
-    title = f"What {name} depends on"
+    title = f"Dependence of {name}"
     if results is None:
         return Section(title, table=table)
     runs = int(np.isfinite(results.numbers(name)).sum())
@@ -295,7 +295,7 @@ def _about(campaign: Campaign) -> Section:
         values = ", ".join(exactly(v) if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
         rows.append([name, form.replace("_", " "), minus(values) + (", ..." if len(value) > MOST_VALUES else "")])
     table = Table(["parameter", "distribution", "of"], rows)
-    return Section("What was run", [" ".join(paragraphs)], table=table)
+    return Section("Runs", [" ".join(paragraphs)], table=table)
 
 
 OF_TARGETS = {
@@ -395,7 +395,7 @@ def _counts_section(suite: Suite) -> Section:
             figures.insert(0, f"mean error {digits(100.0 * errors['mean'])} %")
         inside = f"{errors['inside_intervals']} of {errors['cases_with_intervals']}"
         lines.append(f"estimated sizes: {', '.join(figures)}; inside their intervals {inside}")
-    return Section("What was made of the records", lines)
+    return Section("Verdicts on the records", lines)
 
 
 def _confusion_sections(suite: Suite) -> list[Section]:
@@ -410,7 +410,7 @@ def _confusion_sections(suite: Suite) -> list[Section]:
             words.append(f"{'right' if outcome == name else outcome} {count}")
         rows.append([name, sum(row.values()), ", ".join(words)])
     table = Table(["hidden", "cases", "what was made of it"], rows)
-    return [Section("What was made of each effect", [], suites.confusion_picture(counts), CAPTION, table)]
+    return [Section("Verdicts by effect", [], suites.confusion_picture(counts), CAPTION, table)]
 
 
 def _size_sections(suite: Suite) -> list[Section]:

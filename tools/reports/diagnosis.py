@@ -79,7 +79,7 @@ def explanation_page(result: Diagnosis, number: int) -> Page:
     changed = {"explanations": (explanation,), "causes": explanation.causes, "findings": tuple(matching[:1])}
     alone = result.model_copy(update={"verdict": "explained", "alternatives": None, **changed})
     sections = answer_of(alone) if matching or not places else []
-    following = [section for section in remarks_of(result) if section.title.startswith("What to measure")]
+    following = [section for section in remarks_of(result) if section.title.startswith("Next measurements")]
     return Page(explanation.sentence, f"It needs {explanation.numbers} numbers.", [*sections, *following])
 
 
@@ -97,7 +97,7 @@ def _page_of_file(result: Diagnosis) -> Page:
                 rows.append([number, cause.place.title, p.name, estimate, low, high, unit_text(p.unit)])
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit"]
     table = Table(header, rows)
-    answer = [Section("What explains the record", texts, table=table)]
+    answer = [Section("Explanations", texts, table=table)]
     return Page(
         "A diagnosis from its file",
         f"{result.verdict.capitalize()}.",
@@ -157,7 +157,7 @@ def remarks_of(result: Diagnosis) -> list[Section]:
     if result.next_positions:
         sections += next_sections(result.calibration.linearised, result.next_positions)
     if result.next:
-        sections.append(Section("What to measure next", [sentence(text) for text in result.next]))
+        sections.append(Section("Next measurements", [sentence(text) for text in result.next]))
     return sections
 
 
@@ -397,7 +397,7 @@ def _remarks(result: Diagnosis) -> list[str]:
         if gain is not None and gain.over is None and not gain.improves:
             remarks.append("The extension does not improve the held-out positions.")
         return remarks
-    remarks = [sentence(f"to add: {text}") for text in result.missing or ()]
+    remarks = [sentence(f"add {text}") for text in result.missing or ()]
     if result.verdict != "consistent":
         return remarks
     remarks.append(
@@ -537,7 +537,7 @@ def missing_words(result: Diagnosis) -> str:
     """Return the missing data, or the undetermined targets."""
     texts = [gap for gap in result.missing or () if isinstance(gap, str)]
     if texts:
-        return f"to add: {'; '.join(texts)}"
+        return f"add {'; '.join(texts)}"
     return f"the readings do not determine {bench.open_targets(result.calibration)}"
 
 

@@ -210,7 +210,7 @@ def parameter_section(result: Diagnosis) -> Section | None:
         row.append(unit_text(p.unit))
         rows.append(row)
     text = "They belong to any block of this kind and are no effects."
-    caption = "What the record leaves possible, drawn about the estimate: one scale for all of one unit."
+    caption = "Possible values, drawn about the estimate: one scale for all of one unit."
     if not bounded:
         text += " The estimates are those of a block that the record contradicts: no interval is given."
         caption = ""
@@ -329,7 +329,7 @@ def length_section(result: Diagnosis) -> Section | None:
     if result.order_stable is not None and len(orders) > 1:
         order = "the same at every length" if result.order_stable else "not stable: it differs between the lengths"
         paragraphs.append(f"The order is {order}.")
-    caption = "What is left of the errors that were left out, effect after effect."
+    caption = "Errors on left-out data, effect after effect."
     return Section("Length by length", paragraphs, pictures.order_picture(orders), caption, table)
 
 
@@ -349,7 +349,7 @@ def structure_section(result: Diagnosis) -> Section | None:
     entries = sorted(result.residual_structure, key=lambda entry: -float(entry["explained"]))[:MOST_BARS]
     of = "accelerometer" if "accelerometer" in entries[0] else "axis"
     return Section(
-        "What the residual depends on",
+        "Dependence of the residual",
         f"This is how much of the residual of each {of} a smooth function of one quantity, or of several together, "
         "predicts where it was left out; the band is what is more than noise within its bound.",
         pictures.shares(entries, of),
@@ -392,7 +392,7 @@ def excluded_sections(result: Diagnosis) -> list[Section]:
     if result.cannot_be_seen:
         names = ", ".join(dict.fromkeys([place.effect for place in result.cannot_be_seen]))
         text = f"No possible size of these effects would show in this record, and they were not searched: {names}."
-        sections.append(Section("What the record cannot show", [text]))
+        sections.append(Section("Limits of the record", [text]))
     return sections
 
 

@@ -204,7 +204,7 @@ def record_sections(
         lines.append("true attitude: in the record")
     lines += [f"warning: {warning}" for warning in warnings if warning not in lines]
     first = Section(
-        "What was measured",
+        "Measurements",
         list(map(sentence, dict.fromkeys(lines))),
         allan_picture(inspection),
         "Allan deviation of the readings over the rests: what noise leaves of a mean of that length.",

@@ -148,7 +148,7 @@ def word_length_page(result: WordLength) -> Page:
         f"carrying 1 - λ0* instead of λ0* alone buys {digits(_gain(errors, 'carried'), 2)} times, "
         f"keeping the low part of the attitude {digits(_gain(errors, 'compensated'), 2)} times",
     ]
-    answer.append(Section("What it shows", lines))
+    answer.append(Section("Result", lines))
     verdict = "update (22), variant 1 of Table 1: largest attitude error against 64-bit words [deg]"
     return Page("Word length", verdict, answer)
 

@@ -131,7 +131,7 @@ def several_page(result: Diagnosis) -> Page:
     alone = Table(["record", "verdict", "causes", "not judged with the others"], rows)
     shared = [f"One value for all: {', '.join(result.shared or ()) or 'no parameter'}."]
     if result.own:
-        shared.append(f"Each record's own: {', '.join(result.own)}.")
+        shared.append(f"Separate in each record: {', '.join(result.own)}.")
     if result.radius is not None and result.not_searched:
         shared.append(f"Not sought in several records together: {', '.join(result.not_searched)}.")
     sigma = _sigma(result)
@@ -141,7 +141,7 @@ def several_page(result: Diagnosis) -> Page:
         Section("Each by itself", table=alone),
     ]
     answer += _gains(result)
-    answer.append(Section("What is shared", shared))
+    answer.append(Section("Shared parameters", shared))
     return Page(
         "Several records of one instrument",
         sentence(verdict_line(result)),
@@ -183,7 +183,7 @@ def _sigma(result: Diagnosis) -> float | None:
 def _changes(alone: Calibration | None, sigma: float | None = None) -> Section:
     """Return the parameters of each record, and those that surely change; an empty section without several."""
     if alone is None or not drawable(alone):
-        return Section("What changed")
+        return Section("Changes")
     rows: list[list[Cell]] = []
     for change in alone.changes:
         if change.of == "instrument" and change.at_least > 0.0:
@@ -199,7 +199,7 @@ def _changes(alone: Calibration | None, sigma: float | None = None) -> Section:
             names[change.symbol] = names[change.symbol].replace(phrase, shorter)
     table = Table(["parameter of the instrument", "changes at least", "at most", "unit"], rows)
     caption = "Exact intervals of each record by itself, with the effects that are named, on one scale."
-    return Section("What changed", [text], repeatability_picture(alone, sigma, names), caption, table)
+    return Section("Changes", [text], repeatability_picture(alone, sigma, names), caption, table)
 
 
 def _titles(explanation: Explanation | None) -> str | None:

@@ -61,7 +61,7 @@ def sheet_page(result: Calibration, record: PositionRecord | None, about: Mappin
     rests: list[list[Cell]] = [["evidence", f"{result.positions} positions, {result.measurements} readings"]]
     for name, value in bench.provenance(result).items():
         rests.append([name, str(value)])
-    sections.append(Section("What it rests on", table=Table(["", ""], rests)))
+    sections.append(Section("Basis", table=Table(["", ""], rests)))
     if result.gyros is not None:
         sections.append(_numbers("Gyros, in the accelerometers' axes", result, result.of_gyros))
     fields = ["calibrated by: name, signature", "checked by: name, signature", "date"]

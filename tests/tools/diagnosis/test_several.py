@@ -296,7 +296,7 @@ def test_the_command_takes_several_files_and_its_json_comes_back(tmp_path, capsy
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
     assert check(out).summary == ("2 records, consistent",)
     shown_page = page.read_text(encoding="utf-8")
-    assert "What changed" in shown_page
+    assert "Changes" in shown_page
     assert "Each parameter in each record" in shown_page
     assert "<svg " in shown_page
     for wrong, why in (

@@ -36,7 +36,7 @@ def test_every_kind_of_result_has_the_function_that_makes_its_page():
 LONG = {"bench, explained, with its gain", "bench, ambiguous", "bench, unexplained", "block, ambiguous"}
 """Documents of diagnoses that take seconds."""
 DOCUMENTS = [pytest.param(name, marks=pytest.mark.acceptance if name in LONG else []) for name in MAKERS]
-MEASURED = ["What was measured"]
+MEASURED = ["Measurements"]
 RANKED = ["Evidence: residual with each effect", "Evidence: similar effects"]
 SECTIONS = {
     "calibration, consistent": ["Targets", "Levelling", "Residuals before and after", *MEASURED],
@@ -47,12 +47,12 @@ SECTIONS = {
                          "Targets, and what the effects do to them", *RANKED, "Left-out readings and permutation test"],
     "bench, explained, with its gain": ["The cause", "Gain on held-out data", *MEASURED, *RANKED],
     "bench, ambiguous": ["Causes that remain", *RANKED],
-    "bench, unexplained": ["Targets", RANKED[0], "What the residual depends on"],
+    "bench, unexplained": ["Targets", RANKED[0], "Dependence of the residual"],
     "bench, insufficient": ["Where to measure next", *MEASURED],
     "block, explained": ["The cause", "Gain on held-out data", "Errors before and after", *MEASURED,
                          "The block's own parameters", *RANKED, "Left-out readings and permutation test",
                          "Excluded: effects of the gyros"],
-    "block, ambiguous": ["Causes that remain", "What to measure next", *MEASURED, "The block's own parameters"],
+    "block, ambiguous": ["Causes that remain", "Next measurements", *MEASURED, "The block's own parameters"],
     "block, insufficient": MEASURED,
     "plan": ["Guaranteed errors"],
     "plans": ["Guaranteed errors"],

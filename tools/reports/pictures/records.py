@@ -377,6 +377,8 @@ def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
         for line, (colour, dash) in zip(lines, LOOKS, strict=False):
             axis.plot(line.time, line.value, color=colour.light, linestyle=dash, label=line.name)
         axis.set_ylabel(unit if unit != TRUTH else "")
+        # The power of ten stands beside the legend, not below it.
+        axis.yaxis.get_offset_text().set_horizontalalignment("right")
         if unit == TRUTH:
             axis.set(ylim=(-0.1, 1.1), yticks=(0, 1), yticklabels=("false", "true"))
         axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderpad=0.0, borderaxespad=0.35)

@@ -555,4 +555,4 @@ def repeatability_picture(alone: Calibration, sigma: float | None, names: Mappin
     axes.set_xlabel(f"value less the middle of the records [{'half widths' if sigma is None else 'σ'}]")
     named_rows(axes, [short(names[change.symbol], 44) for change in rows])
     legend(figure)
-    return figure, f"What each record leaves possible of {len(rows)} parameters"
+    return figure, f"Possible values of {len(rows)} parameters by each record"
