@@ -46,7 +46,20 @@ def too_small_bounds(evidence: Evidence) -> tuple[Simple, ...]:
         return _alone(evidence)
     if evidence.model.radius < APPARENT:
         return ()
-    return _with_effect(evidence, candidates, residual) or _with_bent_effect(evidence, candidates)
+    wider = _with_effect(evidence, candidates, residual)
+    if wider or _one_effect_fits(evidence, candidates, residual):
+        return wider
+    return _with_bent_effect(evidence, candidates)
+
+
+def _one_effect_fits(evidence: Evidence, candidates: Candidates, residual: Residual) -> bool:
+    """Return whether the effect that explains most makes the model fit with the noise bound as it is."""
+    places = list(candidates.effects)
+    if not places:
+        return False
+    explained = residual.of_blocks(list(candidates.effects.values()))
+    fit = _fit_of(evidence, places[int(np.argmax(explained))])
+    return fit is not None and fit.radius <= evidence.model.limit
 
 
 def _alone(evidence: Evidence) -> tuple[Simple, ...]:
