@@ -37,6 +37,8 @@ from .fit import Fit, Way, blocks_of, coefficient_limits, estimated
 LARGEST_OF_BENCH = 0.5
 """No parameter of a bench [1], [rad], [g] is larger, as none of `--bounds`: accelerometers that are swapped or reversed
 are no bench with an effect."""
+HARD = 1e-3
+"""By this part of half its range a sum of coefficients is held more loosely per unit of the radius."""
 MAX_ITERATIONS, MAX_MOVES = 12, 8
 DIFFERENCE = 1e-6
 """Difference of parameters [1], [rad], [g] for exact derivatives."""
@@ -515,9 +517,35 @@ def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit 
     coefficients, free = fit.coefficients, np.full(len(fit.point), np.inf)
     low, high = (np.append(sign * free, end - coefficients) for sign, end in zip((-1.0, 1.0), fit.limits, strict=True))
     growth = fit.growths[0] if fit.growths else None
-    radius, step, _ = chebyshev_radius(fit.jacobian, fit.residual, fit.bound, low=low, high=high, growth=growth)
+    rows = (fit.jacobian, fit.residual, fit.bound)
+    sums, middle, half = _limited_sums(fit)
+    if len(sums):
+        # A row with a bound that hardly grows with the radius holds a sum within its ends.
+        hard = half * HARD
+        anything = np.full(len(low), np.inf)
+        growth = growth or Growth(np.zeros(len(fit.bound)), np.zeros_like(fit.jacobian), -anything, anything)
+        now = np.append(growth.now, half - limit * hard)
+        growth = Growth(now, np.vstack((growth.rows, np.zeros_like(sums))), growth.low, growth.high)
+        rows = (np.vstack((fit.jacobian, sums)), np.append(fit.residual, middle), np.append(fit.bound, hard))
+    radius, step, _ = chebyshev_radius(*rows, low=low, high=high, growth=growth)
     moved = replace(fit, radius=radius, step=step, stated=coefficients + step[len(fit.point) :])
     return moved if radius <= limit and moved.is_possible else None
+
+
+def _limited_sums(fit: Fit) -> tuple[NDArray, NDArray, NDArray]:
+    """Return sums (S, P + K) of coefficients that are sizes, with middle and half (S,) of their ranges from the fit."""
+    count = len(fit.point)
+    sums, middle, half = [np.zeros((0, len(fit.at)))], [np.zeros(0)], [np.zeros(0)]
+    for _, block, way in fit.ways:
+        if way is None or len(way.directions) == len(way.low):
+            continue
+        directions = np.zeros((len(way.directions), len(fit.at)))
+        directions[:, count + block.start : count + block.stop] = way.directions
+        low, high = np.array(way.limits[: len(directions)]).T
+        sums.append(directions)
+        middle.append(0.5 * (low + high) - directions @ fit.at)
+        half.append(0.5 * (high - low))
+    return np.vstack(sums), np.concatenate(middle), np.concatenate(half)
 
 
 # Left-out readings

@@ -229,3 +229,25 @@ def test_a_wander_is_straight_between_its_times_and_zero_at_the_first():
     for law in ("n1 at 0 1", "hours jumps at 0.3", "n1 times hours at 0 1"):
         with pytest.raises(ValueError, match="wanders by 'hours at knots'"):
             wander_at(EffectPlace("bias-wander", "accelerometer-1", law=law))
+
+
+@pytest.mark.parametrize(
+    ("name", "sizes"),
+    [
+        ("thermal-lag", (-9.3e-4, -3.2e-3, 0.09)),
+        ("thermal-lag", (9.0e-4, 1e-3, 0.06)),
+        ("warm-up", (0.095, 0.3)),
+        ("warm-up", (-0.09, 0.15)),
+    ],
+)
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.acceptance) for seed in range(1, 8))])
+def test_a_truth_near_the_largest_size_is_within_the_intervals(name, sizes, seed):
+    """The best size of a cell is beyond the largest, and a possible one explains the record, too."""
+    place = EffectPlace(name, "accelerometer-2")
+    record = drawn_record(seed, [(place, sizes)], 22, temperature=True)
+    model = bench_evidence(record, noise_bound=SIGMA).model
+    covered = []
+    for fit in model.mended([place], Work()):
+        (intervals,) = fit.intervals(model.room)
+        covered.append(all(low <= size <= high for size, (low, high) in zip(sizes, intervals, strict=True)))
+    assert any(covered)
