@@ -19,6 +19,7 @@ from ..motion.rests import mean_rates, rates_of, sampling_of
 from ..motion.truth import known_rows, usable_in, windows_between
 from ..records import ForceRecord, PoseRecord, StrapdownRecord
 from ..records.columns import face_of, part_of, turn_of
+from ..records.cut_off import limited_rests
 from ..records.decisions import Decisions, rows_of_rests
 from ..records.noise import noise_bound_of
 from ..rounding import digits, exactly
@@ -179,7 +180,21 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
             warnings.append(f"{cuts} times gravity turns and the gyros do not: the record is cut there")
     elif request.turns:
         raise InputError(f"--turns: {record.path} has no gyros")
-    return _with_noise(record, request, rests, words, moves, turns, warnings)
+    run = _with_noise(record, request, rests, words, moves, turns, warnings)
+    return _without_limited(run, series)
+
+
+def _without_limited(run: Run, series: Series) -> Run:
+    """Return a run without the rests in which an accelerometer is at an end of its range."""
+    limited = limited_rests(series.force, run.rests.rows)
+    usable = np.flatnonzero(~limited.any(axis=1))
+    if len(usable) == len(limited):
+        return run
+    names = " and ".join(f"f{axis + 1}" for axis in np.flatnonzero(limited.any(axis=0)))
+    if not len(usable):
+        raise InputError(f"{run.record.path}: {names} is at an end of its range in every rest")
+    line = f"rests with {names} at an end of the range: {len(limited) - len(usable)}, left out"
+    return replace(run.those(usable), warnings=(*run.warnings, line))
 
 
 def series_of(record: StrapdownRecord | ForceRecord, request: HandRequest) -> Series:

@@ -14,6 +14,7 @@ from ...models.attitude_algorithms import MAX_INCREMENT
 from ..errors import InputError, nearest
 from ..records import StrapdownRecord
 from ..records.columns import LARGEST_FORCE
+from ..records.cut_off import limited_rests
 from ..records.decisions import rows_of_rests
 from ..records.limits import Limits, channel_limits, runs_of
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
@@ -48,8 +49,6 @@ FEWEST_POSES = 10
 """Fewest rests from which dependences on gravity and time are subtracted."""
 REWEIGHTED = 30
 """Rounds of reweighted least squares."""
-LEAST_SHARE = 0.02
-"""A rest in which an accelerometer is at its limit in more rows is left out."""
 FEW_VALUES = 3
 """Where the readings of a rest take at most this number of values, noise is no wider than a step, and the mean is off
 by up to half of one."""
@@ -314,10 +313,10 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
         still, turning, walking = rows_of_rests(record.time_s, record.decisions.rests, str(record.path)), 0, []
     else:
         still, turning, walking = _still_stretches(record, sampling, channels, quiet, noise)
-    limited = sampling.limits.of("f")
+    limited = limited_rests(record.specific_force, still)
     usable, clipped = [], []
-    for rows in still:
-        if np.mean(limited[rows]) > LEAST_SHARE:
+    for rows, axes in zip(still, limited, strict=True):
+        if axes.any():
             clipped.append(rows)
         else:
             usable.append(rows)

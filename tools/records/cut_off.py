@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import log_ndtr
 
+from .limits import rows_at_limit
+
 End = Literal["upper", "lower"]
 WINDOW = 128
 """Rows in which a bias is constant beside the noise."""
@@ -21,7 +23,9 @@ GRID = 0.25
 FEWEST_ROWS = 64
 """Rows of a group, at least."""
 SHARE = 0.02
-"""Part of the readings at an end, and beyond it, from which noise would be told too small."""
+"""Part of the readings of a pose at an end, and beyond it, from which noise would be told too small."""
+FEWEST_AT_END = 20
+"""Fewer readings at an end are no limit."""
 CODES = 3
 """Different values, at least: two are explained by noise of any size; three by some other distribution than normal."""
 RISE = 40.0
@@ -32,6 +36,10 @@ MISFIT = 0.2
 """Misfit of normal noise with a limit, over that without one, that is explained at most."""
 MOST = 0.8
 """Part of the readings at an end beyond which the others may be spikes."""
+ROUNDING = 1e-12
+"""Scatter over the readings that rounding makes."""
+FLAT = 0.5
+"""Scatter of a rest over that of the others below which it stays at an end, with this part of its readings."""
 HIDDEN = 0.55
 """Scatter of readings over their step, below which the noise is hidden by the steps; that of two values is 0.5."""
 LINE = 0.1
@@ -138,9 +146,9 @@ def cut_off(pieces: Sequence[NDArray[np.float64]]) -> CutOff | None:
     values = np.concatenate(pieces)
     lowest, highest = values.min(), values.max()
     candidates: list[End] = []
-    if np.mean(values == lowest) >= SHARE:
+    if np.sum(values == lowest) >= FEWEST_AT_END:
         candidates.append("lower")
-    if np.mean(values == highest) >= SHARE:
+    if np.sum(values == highest) >= FEWEST_AT_END:
         candidates.append("upper")
     if not candidates:
         return None
@@ -159,13 +167,47 @@ def cut_off(pieces: Sequence[NDArray[np.float64]]) -> CutOff | None:
             best = one
     least = sum(group.least for group in groups)
     shown = independent * (whole.cost - best.cost) > RISE and best.cost - least < MISFIT * (whole.cost - least)
-    if not (shown and best.beyond > SHARE * len(values)):
+    if not (shown and best.beyond > SHARE * sum(group.counts.sum() for group in groups)):
         return None
     at_ends = [int(np.sum(values == (lowest if end == "lower" else highest))) for end in best.ends]
     shaped = (len(best.ends) == 1 or _piles_up(groups)) and max(at_ends) < MOST * len(values)
     shaped &= any(len(group.counts) > CODES for group in groups)
-    certain = shaped and not any(map(_has_line, pieces))
+    certain = shaped and not steps_hide_noise(pieces) and not any(map(_has_line, pieces))
     return CutOff(best.ends, sum(at_ends), best.beyond / len(values), certain)
+
+
+def limited_rests(
+    values: NDArray[np.float64], rests: Sequence[slice], moved: Sequence[NDArray[np.float64]] = ()
+) -> NDArray[np.bool_]:
+    """Return the rests (K, C) in which channels (N, C) are at an end of their range, so that their means are wrong.
+
+    Such a rest holds readings that are cut off for certain, or scatters less than the others at an end of the range.
+    Further channels (N,) that change in each move show that equal readings are those of a rest.
+    """
+    limited = np.zeros((len(rests), values.shape[1]), dtype=bool)
+    if not len(rests):
+        return limited
+    for axis, channel in enumerate(values.T):
+        pieces = [channel[rows] for rows in rests]
+        at_rest = np.concatenate(pieces)
+        at_end = rows_at_limit(channel, [*np.delete(values, axis, axis=1).T, *moved])
+        end = cut_off(pieces)
+        if end is not None and end.certain:
+            for side in end.ends:
+                at_end |= channel == (at_rest.max() if side == "upper" else at_rest.min())
+        limited[:, axis] = [np.mean(at_end[rows]) > SHARE for rows in rests]
+        limited[:, axis] |= _flat(pieces, at_rest)
+    return limited
+
+
+def _flat(pieces: Sequence[NDArray[np.float64]], at_rest: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return the pieces that stay at an end of the range, though the others scatter by more than their steps."""
+    spread = np.array([piece.std() for piece in pieces])
+    usual = float(np.median(spread))
+    if usual <= ROUNDING * float(np.abs(at_rest).max()) or steps_hide_noise(pieces):
+        return np.zeros(len(pieces), dtype=bool)
+    stays = [max(np.mean(piece == at_rest.max()), np.mean(piece == at_rest.min())) for piece in pieces]
+    return (spread < FLAT * usual) & (np.array(stays) > 1.0 - FLAT)
 
 
 def steps_hide_noise(pieces: Sequence[NDArray[np.float64]]) -> bool:

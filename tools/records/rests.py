@@ -9,6 +9,7 @@ import numpy as np
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
 from ..rounding import digits
+from .cut_off import limited_rests
 from .decisions import rows_of_rests
 from .kinds import PositionRecord, RawRecord, Rest
 from .noise import (
@@ -89,7 +90,7 @@ def find_rests(raw: RawRecord) -> list[Rest]:
         else:
             why = f"lasts {digits(lasts)} s, no more than a quarter of the median rest of {digits(median)} s"
             rests.append(Rest(first, last, first, last, refused=why))
-    return _without_unusual_drifts(raw, rests)
+    return _without_limited(raw, _without_unusual_drifts(raw, rests))
 
 
 def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
@@ -219,6 +220,16 @@ def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
                     often = f", {digits(rate[axis] / usual[axis], 2)} times the median"
                 rests[k] = replace(rests[k], refused=f"{why}{often}: a trend, which other rests do not have")
                 break
+    return rests
+
+
+def _without_limited(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
+    """Refuse rests in which an accelerometer is at an end of its range: the mean of what it still reads is wrong."""
+    usable = [k for k, rest in enumerate(rests) if rest.refused is None]
+    limited = limited_rests(raw.specific_force, [rests[k].kept for k in usable], [raw.alpha, raw.beta])
+    for k, axes in zip(usable, limited, strict=True):
+        if axes.any():
+            rests[k] = replace(rests[k], refused=f"f{np.argmax(axes) + 1} is at an end of its range")
     return rests
 
 
