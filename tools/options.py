@@ -213,6 +213,8 @@ Extend = Annotated[
         "catalogue also fits."
     ),
 ]
+PLACES = "give a port, 0 for any free one, or - for rows on standard output"
+"""What `--live` takes."""
 ExportTarget = Literal["kalibr", "imucal", "ros", "c", "matlab", "csv", "xlsx", "imu_tk", "px4"]
 """Programs and formats for which a calibration is exported."""
 Progress = Annotated[bool, Option("Show a bar on standard error, where that is a terminal.")]

@@ -10,6 +10,7 @@ from typing import Any
 
 from cyclopts import App, Group, Parameter
 
+from ..options import PLACES
 from . import commands, studies
 from .answer import Answer, exit_status, no_working_folder, refuse, say, too_little_memory
 from .completion import add_completion
@@ -67,7 +68,7 @@ Example: trihedron calibrate record.csv --json calibration.json
 Example: trihedron apply calibration.json record.csv --out corrected.csv
 """
 EPILOGUE = """`trihedron help COMMAND` shows the help of a command.
-Every command takes --quiet (-q): it prints errors and `--json -` only.
+Every command takes --quiet (-q): it prints errors, `--json -` and `--live -` only.
 Exit status: 0 done, 1 fault of the program, 2 unusable input, 130 interrupted."""
 
 app = App(
@@ -140,10 +141,11 @@ def main(arguments: list[str] | None = None) -> int:
     if words and words[0] == "help":
         words = [*words[1:], "--help"]
     words = with_factor(words)
+    options = words[: words.index("--")] if "--" in words else words
     if words and words[0] in GONE_COMMANDS:
         return refuse(f'Unknown command "{words[0]}". {GONE_COMMANDS[words[0]]}')
-    advice = gone_option(words[:end])
-    if not advice and not WITHOUT_FILES.intersection(words[:end]):
+    advice = gone_option(options) or place_missing(options)
+    if not advice and not WITHOUT_FILES.intersection(options):
         advice = no_working_folder() or too_little_memory()
     if advice:
         return refuse(advice)
@@ -186,6 +188,14 @@ def advice(command: str, paths: Sequence[str], options: Mapping[str, Any], resul
 
 
 studies.ADVICE.append(advice)
+
+
+def place_missing(words: list[str]) -> str:
+    """Return what `--live` needs where another option, or nothing, follows it; else an empty text."""
+    for word, following in zip(words, [*words[1:], "--"], strict=True):
+        if word == "--live" and following.startswith("--"):
+            return f"--live: {PLACES}"
+    return ""
 
 
 def gone_option(words: list[str]) -> str:

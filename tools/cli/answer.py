@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from io import StringIO, TextIOWrapper
 from pathlib import Path
 from time import monotonic
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, TextIO, TypeVar, get_args, get_origin
 
 from cyclopts import CycloptsError, Parameter
 
@@ -94,6 +94,14 @@ def answer(
     return replace(shown, result=result, tone=page.tone, head=head)
 
 
+class Silenced(StringIO):
+    """Swallows the words of a command; `beneath` is the output for what was asked for by name."""
+
+    def __init__(self, beneath: TextIO) -> None:
+        super().__init__()
+        self.beneath = beneath
+
+
 def say(command: Callable[[], object], *, quiet: bool) -> int:
     """Run a command, print its answer unless it has printed itself, and return its exit status.
 
@@ -104,7 +112,7 @@ def say(command: Callable[[], object], *, quiet: bool) -> int:
     began = monotonic()
     with ExitStack() as silent:
         if quiet:
-            silent.enter_context(redirect_stdout(StringIO()))
+            silent.enter_context(redirect_stdout(Silenced(sys.stdout)))
             silent.enter_context(redirect_stderr(StringIO()))
         with inputs_kept(), together():
             outcome = command()

@@ -306,16 +306,23 @@ def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *,
                 text = mapping_text(table.whole_mapping, table.questions, _first_rows_as_written(table))
                 write_text(mapping_file, text)
         advice = f"; or fill in {mapping_file} and give --mapping {shell_word(str(mapping_file))}"
-    return OpenQuestions(what, table.questions, advice)
+    questions = OpenQuestions(what, table.questions, advice)
+    questions.header, questions.rows = _first_rows(table)
+    return questions
 
 
 def _first_rows_as_written(table: UnderstoodTable) -> list[str]:
     """Return the names and the first rows of the file, for the end of a mapping."""
-    names = [head.text for head in table.layout.headings]
-    lines = [f"{table.sheet.path.name}, {table.sheet.about}; its first rows:", " | ".join(names)]
-    for _, texts in table.rows[:SHOWN]:
+    header, rows = _first_rows(table)
+    lines = [f"{table.sheet.path.name}, {table.sheet.about}; its first rows:"]
+    for texts in (header, *rows):
         lines.append(" | ".join(texts))
     return [printable(line)[:200] for line in lines]
+
+
+def _first_rows(table: UnderstoodTable) -> tuple[list[str], list[list[str]]]:
+    """Return the names and the first rows of the file."""
+    return [head.text for head in table.layout.headings], [list(texts) for _, texts in table.rows[:SHOWN]]
 
 
 def _about(table: UnderstoodTable, conversion: Conversion, file: Path) -> dict[str, str]:

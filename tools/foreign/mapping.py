@@ -168,7 +168,13 @@ class Question:
 
 
 class OpenQuestions(InputError):
-    """Questions about a file; the message is one line, `lines` shows a question on each."""
+    """Questions about a file; the message is one line, `lines` shows a question on each.
+
+    `header` and `rows` are the names and the first rows of the file as read.
+    """
+
+    header: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
 
     def __init__(self, what: str, questions: Sequence[Question], advice: str = ""):
         super().__init__(printable(f"{what}: {'; '.join(map(str, questions))}{advice}"))

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 
 from ..errors import InputError
+from ..options import PLACES
 from ..rounding import digits
 from .loopback import LoopbackServer, ShownHandler, template_of
 
@@ -79,7 +80,7 @@ class _PrintedRows:
     """Rows as CSV on standard output, with one header."""
 
     def __init__(self) -> None:
-        self._out = sys.stdout
+        self._out = getattr(sys.stdout, "beneath", sys.stdout)
         self._is_first = True
 
     def show(self, rows: pl.DataFrame) -> None:
@@ -108,7 +109,7 @@ def shown_run(place: int | str | None) -> Iterator[Show | None]:
         return
     text = str(place)
     if not text.isdecimal():
-        raise InputError(f"--live {text}: give a port, 0 for any free one, or - for rows on standard output")
+        raise InputError(f"--live {text}: {PLACES}")
     with closing(RunPage(int(text))) as page:
         print(f"the page of this run, for this machine alone: {page.address}", file=sys.stderr, flush=True)
         yield page.show

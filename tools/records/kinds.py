@@ -136,9 +136,11 @@ class _Record(_Origin):
 
     def __post_init__(self) -> None:
         count = len(self)
-        for name in ("row", "numbers"):
-            if np.size(getattr(self, name, 1)) == 0:
-                object.__setattr__(self, name, np.arange(1, count + 1))
+        if self.row.size == 0:
+            object.__setattr__(self, "row", np.arange(1, count + 1))
+        if np.size(getattr(self, "numbers", self.row)) != count:
+            # Rows put together from several records count anew.
+            object.__setattr__(self, "numbers", np.arange(1, count + 1))
         for name, columns in {**self.groups, "scatter": FORCE, "row": ("row",), "numbers": ("numbers",)}.items():
             value = getattr(self, name, None)
             if value is None:

@@ -80,7 +80,8 @@ def explanation_page(result: Diagnosis, number: int) -> Page:
     alone = result.model_copy(update={"verdict": "explained", "alternatives": None, **changed})
     sections = answer_of(alone) if matching or not places else []
     following = [section for section in remarks_of(result) if section.title.startswith("Next measurements")]
-    return Page(explanation.sentence, f"It needs {explanation.numbers} numbers.", [*sections, *following])
+    noun = "number" if explanation.numbers == 1 else "numbers"
+    return Page(explanation.sentence, f"It needs {explanation.numbers} {noun}.", [*sections, *following])
 
 
 def _page_of_file(result: Diagnosis) -> Page:

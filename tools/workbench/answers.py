@@ -5,6 +5,7 @@ The answers are those of the functions of the library, on which the commands are
 """
 
 import inspect
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -54,8 +55,8 @@ ENDINGS |= {"csv": ".csv", "xlsx": ".xlsx"}
 MOST_ROWS = 2000
 """Most rows of a table that are shown."""
 MOST_MARKS = 200
-FIRST_ROWS, FIRST_BYTES, MOST_CHARACTERS = 6, 4096, 160
-"""Rows and characters of an imported file that are shown."""
+FIRST_ROWS, DIGITS, MOST_CHARACTERS = 6, 8, 40
+"""Rows of an imported file that are shown, digits of their numbers, characters of a cell."""
 KEPT: dict[tuple[Any, ...], records.Record] = {}
 """Records that were read, by file and the way of reading."""
 MOST_KEPT = 8
@@ -99,9 +100,14 @@ def outcome(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
     try:
         return function(*arguments), ""
     except (InputError, OSError) as error:
-        return None, one_line(str(error))
+        return None, _named_here(one_line(str(error)))
     except Exception as error:
         return None, one_line(f"a fault of the program: {type(error).__name__}: {error}")
+
+
+def _named_here(text: str) -> str:
+    """Return a text with the files of the working folder by their names."""
+    return text.replace(f"{Path.cwd()}{os.sep}", "")
 
 
 def record_at(path: str, stamps: str | None = None) -> records.Record:
@@ -125,12 +131,12 @@ def described(path: str) -> dict[str, Any]:
     """
     record = record_at(path)
     is_table = isinstance(record, records.PositionRecord | records.PoseRecord)
-    warnings = list(record.warnings)
+    warnings = [_named_here(line) for line in record.warnings]
     decisions = None
     try:
         decisions = records.read_decisions(Path(path), record.sha256)
     except InputError as error:
-        warnings.append(f"{error}; your first decision here replaces it")
+        warnings.append(f"{_named_here(str(error))}; your first decision here replaces it")
     about: dict[str, Any] = {
         "word": record.word,
         "rows": len(record),
@@ -168,24 +174,22 @@ def understood(path: str, given: Mapping[str, str], out: str = "") -> dict[str, 
         questions = []
         for question in error.questions:
             questions.append({"key": question.key, "answers": list(question.answers), "why": question.why})
-        return {"questions": questions, "text": _first_lines(path)}
+        rows = [[text[:MOST_CHARACTERS] for text in row] for row in error.rows[:FIRST_ROWS]]
+        return {"questions": questions, "columns": [], "header": list(error.header), "rows": rows, "file": ""}
     columns = []
     for column in imported.columns:
         unit = f" [{column.unit}]" if column.unit else ""
         columns.append(f"{column.column} from {column.source}{unit}{' reversed' if column.sign < 0 else ''}")
     first = imported.record.to_polars().head(FIRST_ROWS)
-    rows = [["" if value is None else str(value) for value in row] for row in first.iter_rows()]
-    return {"questions": [], "text": "", "columns": columns, "header": first.columns, "rows": rows, "file": out}
+    rows = [[_cell(value) for value in row] for row in first.iter_rows()]
+    return {"questions": [], "columns": columns, "header": first.columns, "rows": rows, "file": out}
 
 
-def _first_lines(path: str) -> str:
-    """Return the first lines of a text; of another file an empty text."""
-    with Path(path).open("rb") as file:
-        beginning = file.read(FIRST_BYTES)
-    if b"\0" in beginning:
-        return ""
-    lines = beginning.decode(errors="replace").splitlines()[:FIRST_ROWS]
-    return "\n".join(line[:MOST_CHARACTERS] for line in lines)
+def _cell(value: object) -> str:
+    """Return a value of a table as text; a missing one is empty."""
+    if isinstance(value, float):
+        return f"{value:.{DIGITS}g}"
+    return "" if value is None else str(value)
 
 
 def values_of(decisions: records.Decisions | None) -> dict[str, Any]:
@@ -359,8 +363,9 @@ def answer(asked: Asked, advise: Advise | None = None) -> dict[str, Any]:
         "key": {plain_text(name): plain_text(value) for name, value in page.key.items()},
         "sentences": _sentences(page),
         "text": str(result),
-        "warnings": list(page.warnings),
+        "warnings": [_named_here(line) for line in page.warnings],
         "parameters": _parameters(result),
+        "gives": _gives(result),
         "wrong": _wrong_positions(result, runs[0]),
         "explanations": _explanations(result),
         "next": following,
@@ -416,8 +421,27 @@ def _parameters(result: Any) -> list[dict[str, Any]]:
         row["name"] = str(getattr(parameter, "name", ""))
         numbers = [row[name] for name in ("estimate", "low", "high")]
         row["estimate"], row["low"], row["high"] = plain(np.array([_or_nan(number) for number in numbers]), 7)
+        row["text"] = _interval_text(numbers)
         parameters.append(row)
     return parameters
+
+
+def _interval_text(numbers: Sequence[float | None]) -> str:
+    """Return an estimate with its ends, all rounded by the width; of one that is not determined "open"."""
+    if numbers[0] is None:
+        return "open"
+    estimate, low, high = interval(*numbers)
+    return str(estimate) if numbers[1] is None else f"{estimate} ({low} to {high})"
+
+
+def _gives(result: Any) -> list[str]:
+    """Return the files that a result can give: words of `saved`, and "export" for those of other programs."""
+    files = ["json", "report"]
+    if isinstance(result, diagnosis.Diagnosis) and result.explanations:
+        files += ["corrected", "fmu"]
+    if isinstance(result, calibrations.Calibration):
+        files += ["corrected", "fmu", "export"]
+    return files
 
 
 def _or_nan(number: float | None) -> float:
@@ -506,10 +530,19 @@ def saved(what: str) -> dict[str, Any]:
         _export(result, out)
     elif what in ENDINGS:
         out = free_name(beside.with_name(f"{beside.stem}.{what}{ENDINGS[what]}"))
-        corrections.export_calibration(result, cast("ExportTarget", what), out)
+        noise = _noise_for(beside) if what == "kalibr" else None
+        corrections.export_calibration(result, cast("ExportTarget", what), out, noise=noise)
     else:
         raise InputError(f"{what}: is not a format for a result")
     return {"file": str(out)}
+
+
+def _noise_for(beside: Path) -> Path:
+    """Return the saved noise of a record, whose densities kalibr needs."""
+    noise = beside.with_name(f"{beside.stem}.noise.json")
+    if not noise.is_file():
+        raise InputError(f"kalibr needs noise densities: run Noise and save it as {noise.name}; then calibrate")
+    return noise
 
 
 def _export(result: Any, folder: Path) -> None:

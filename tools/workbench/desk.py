@@ -19,6 +19,8 @@ from .lines import Channels, channels_of_file, lines_of
 WAIT_S = 600.0
 """So long a look at a record may take."""
 READING = "is being read"
+NEEDS_IMPORT = "trihedron import"
+"""Word of a refusal of a file that the import reads."""
 COMMANDS = tuple(answers.FUNCTIONS)
 
 
@@ -139,8 +141,12 @@ class Desk:
             about = self.look(answers.described, str(file.path))
         except (InputError, OSError) as error:
             problem = one_line(str(error))
-            with suppress(InputError, OSError):
+            try:
                 file.imported = self.look(answers.understood, str(file.path), {})
+            except (InputError, OSError) as reason:
+                # The reader of records leaves all workbooks to the import, which knows what is wrong with one.
+                if NEEDS_IMPORT in problem:
+                    problem = one_line(str(reason))
             file.problem = problem
         else:
             file.decisions, file.about, file.problem = about["decisions"], about, ""

@@ -7,7 +7,7 @@ const HEIGHT = 176, LEFT = 64, BELOW = 18;
 let WIDTH = 1000;
 let state = { number: -1, files: [] }, current = 0, chosen = new Set([0]), span = null, rests = [], marks = [];
 let lostSince = null, ended = false;
-let lines = null, shownRecord = "", shownAnswer = -1, selected = null;
+let lines = null, shownRecord = "", shownAnswer = -1, selected = null, lastCommand = "";
 
 // Requests
 
@@ -21,7 +21,7 @@ async function send(content) {
   $("refusal").textContent = $("note").textContent = "";
   const answer = await fetch("do", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) });
   const result = await answer.json();
-  if (result.refusal) $("refusal").textContent = result.refusal;
+  if (result.refusal) refuse(result.refusal);
   await look();
   return result;
 }
@@ -57,10 +57,34 @@ function options() {
   return values;
 }
 
-function run(command) {
-  const files = [...chosen].filter(number => state.files[number]).sort((a, b) => a - b);
-  return send({ do: "run", command, files: files.length ? files : [current], options: options() });
+function chosenFiles() {
+  const files = [...chosen].filter(number => state.files[number] && state.files[number].about);
+  return files.sort((a, b) => a - b);
 }
+
+function run(command) {
+  lastCommand = command;
+  return send({ do: "run", command, files: chosenFiles(), options: options() });
+}
+
+// A line why something cannot be done; where a person may insist, with the button for it.
+function refuse(text) {
+  $("refusal").textContent = text;
+  if (text.includes("--trust") && lastCommand) $("refusal").append(" ", button("Use it all the same", () => { $("trust").checked = true; run(lastCommand); }));
+}
+
+// New content of a part; the keyboard stays where it was, or at what took its place.
+function renew(part, content) {
+  const focused = document.activeElement, label = part.contains(focused) && focused.getAttribute("aria-label");
+  const place = label ? labelled(part).indexOf(focused) : -1;
+  part.replaceChildren(...content);
+  if (place < 0) return;
+  const fresh = labelled(part);
+  const next = fresh.find(one => one.getAttribute("aria-label") === label) || fresh[Math.min(place, fresh.length - 1)];
+  if (next) next.focus({ preventScroll: true });
+}
+
+const labelled = part => [...part.querySelectorAll("[aria-label]")].filter(one => one.matches("button, input, select"));
 
 function decide(change, file = current) {
   const decisions = { ...state.files[file].decisions, ...change };
@@ -95,13 +119,12 @@ function button(text, act, title) {
 function show() {
   showFiles();
   const running = state.running;
-  $("running").replaceChildren();
-  if (running) {
-    $("running").append(element("span", `Running for ${running.seconds} s: ${running.command}`), button("Stop", () => send({ do: "stop" })));
-  }
-  if (state.refusal) $("refusal").textContent = state.refusal;
-  for (const one of document.querySelectorAll("#commands button")) one.disabled = !state.files.length || state.files.some(file => file.problem === READING);
+  $("running").hidden = !running;
+  if (running) $("running").firstElementChild.textContent = `Running for ${running.seconds} s: ${running.command}`;
+  if (state.refusal && $("refusal").textContent !== state.refusal) refuse(state.refusal);
   const file = state.files[current];
+  for (const one of document.querySelectorAll("#commands button")) one.disabled = !chosenFiles().length || state.files.some(file => file.problem === READING);
+  if (!state.answer) $("verdict").textContent = !file ? "Open a record, then choose what to do." : file.about ? "Choose what to do." : file.imported ? "First make a record of the file: see below." : file.problem === READING ? "The file is being read." : "This file cannot be used: see below.";
   $("record-part").hidden = !file;
   if (file) {
     const key = JSON.stringify([current, file.preview, file.about && file.about.sha256, file.decisions, file.problem, wrongIn(current), file.imported]);
@@ -144,6 +167,7 @@ function showAnswer() {
   }));
   $("sentences").replaceChildren(...answer.sentences.map(text => element("p", text)));
   const act = [];
+  for (const one of document.querySelectorAll("#saves [data-gives]")) one.hidden = !answer.gives.includes(one.dataset.gives);
   if (answer.wrong.length) {
     const names = answer.wrong.join(", ");
     act.push(button(`Leave out position ${names}`, () => {
@@ -183,7 +207,9 @@ function showExplanation(explanation, number) {
       row.append(cell(name), cell(size, "number"));
       table.append(row);
     }
-    details.append(table);
+    const wide = element("div", null, { class: "wide" });
+    wide.append(table);
+    details.append(wide);
   }
   const frame = element("iframe", null, { title: explanation.sentence, sandbox: "allow-same-origin" });
   details.addEventListener("toggle", () => {
@@ -202,19 +228,13 @@ function showBefore(before, after) {
   const names = new Set([...Object.keys(before.key), ...Object.keys(after.key)]);
   for (const name of names) rows.push([name, String(before.key[name] ?? "–"), String(after.key[name] ?? "–")]);
   const earlier = new Map(before.parameters.map(one => [one.symbol, one]));
-  for (const one of after.parameters) rows.push([`${one.symbol} ${one.name}`, interval(earlier.get(one.symbol)), interval(one)]);
+  for (const one of after.parameters) rows.push([`${one.symbol} ${one.name}`, (earlier.get(one.symbol) || { text: "–" }).text, one.text]);
   $("before-part").hidden = rows.every(([, first, second]) => first === second);
   $("before").tBodies[0].replaceChildren(...rows.map(([name, first, second]) => {
     const row = element("tr", null, first === second ? {} : { class: "changed" });
     row.append(cell(name), cell(first, "number"), cell(second, "number"));
     return row;
   }));
-}
-
-function interval(one) {
-  if (!one || one.estimate === null) return "open";
-  if (one.low === null || one.high === null) return String(one.estimate);
-  return `${one.estimate} (${one.low} to ${one.high})`;
 }
 
 // The record
@@ -227,6 +247,7 @@ async function showRecord(file) {
   $("table").hidden = !about || !about.table;
   const saved = Object.keys(file.decisions).length ? `Decisions are kept in ${file.decisions_file}.` : "";
   $("kept").textContent = saved;
+  $("decided").hidden = !about;
   if (!about) {
     $("record-about").textContent = file.problem === READING ? `${file.name} ${file.problem} ...` : file.problem;
     if (file.preview) { rests = []; marks = []; $("rests").tBodies[0].replaceChildren(); await draw(); return; }
@@ -245,22 +266,24 @@ async function showRecord(file) {
 // A file that is not a record: its questions, then its first rows as understood
 
 function showImport(file) {
-  const { questions, text, columns, header, rows } = file.imported;
+  const { questions, columns, header, rows } = file.imported;
   const tell = (given, write) => send({ do: "import", file: current, given, write });
-  $("record-about").textContent = questions.length ? `${file.name} is not a record yet. Answer ${questions.length === 1 ? "one question" : questions.length + " questions"}:` : `${file.name} becomes this record:`;
+  const damage = / row \d+/.test(file.problem) ? `${file.problem}. Mend the file and open it again, or import it. ` : "";
+  $("record-about").textContent = damage + (questions.length ? `${file.name} is not a record yet. Answer ${questions.length === 1 ? "one question" : questions.length + " questions"}:` : `${file.name} becomes this record:`);
   const parts = questions.map(question => {
-    const label = element("label", `${question.key}: ${question.why}`), select = element("select", null, { "aria-label": question.key });
+    const label = element("label", question.why[0].toUpperCase() + question.why.slice(1)), select = element("select", null, { "aria-label": question.key });
     const other = element("input", null, { "aria-label": `Other answer to ${question.key}`, placeholder: "another answer" });
     for (const word of ["", ...question.answers]) select.append(element("option", word));
     const answered = value => { if (value) tell({ ...file.given, [question.key]: value }, false); };
     select.addEventListener("change", () => answered(select.value));
     other.addEventListener("change", () => answered(other.value.trim()));
-    const row = element("div", null, { class: "row" });
-    label.append(select);
-    row.append(label, other);
-    return row;
+    const part = element("div", null, { class: "question" }), row = element("div", null, { class: "row" });
+    label.append(" ", element("code", question.key));
+    row.append(select, other);
+    part.append(label, row);
+    return part;
   });
-  if (text) parts.push(element("pre", text));
+  if (questions.length && rows.length) parts.push(element("p", "The first rows, as the file has them:"), tableOf(header, rows));
   if (!questions.length) {
     const make = element("button", "Make the record", { type: "button", id: "make" });
     make.addEventListener("click", async () => {
@@ -273,7 +296,7 @@ function showImport(file) {
     const words = Object.entries(file.given).map(([key, value]) => `${key}=${value}`).join(", ");
     parts.push(element("p", `Answered: ${words}`), button("Answer again", () => tell({}, false)));
   }
-  $("import").replaceChildren(...parts);
+  renew($("import"), parts);
 }
 
 function tableOf(header, rows) {
@@ -294,7 +317,7 @@ function showTable(file) {
   const head = element("tr", null);
   head.append(element("th", "used"), ...header.map(name => element("th", name, { class: "number" })));
   $("positions").tHead.replaceChildren(head);
-  $("positions").tBodies[0].replaceChildren(...rows.map(cells => {
+  renew($("positions").tBodies[0], rows.map(cells => {
     const number = Number(cells[0]);
     const row = element("tr", null, { class: out.has(number) ? "left-out" : wrong.has(number) ? "wrong" : "" });
     const tick = element("input", null, { type: "checkbox", "aria-label": `Use position ${number}` });
@@ -306,6 +329,8 @@ function showTable(file) {
     row.append(cell(tick), ...cells.map(text => cell(text, "number")));
     return row;
   }));
+  const first = $("positions").querySelector("tr.wrong"), scroll = $("table").firstElementChild;
+  if (first) scroll.scrollTop = first.offsetTop - scroll.clientHeight / 2;
 }
 
 async function draw() {
@@ -332,7 +357,7 @@ async function showRests() {
 function listRests() {
   const numbers = rests.map((_, number) => number);
   const shown = numbers.filter(number => rests[number].to_s >= span[0] && rests[number].from_s <= span[1]);
-  $("rests").tBodies[0].replaceChildren(...shown.slice(0, MOST_ROWS).map(number => showRest(rests[number], number)));
+  renew($("rests").tBodies[0], shown.slice(0, MOST_ROWS).map(number => showRest(rests[number], number)));
   $("rests-count").textContent = shown.length > MOST_ROWS ? `${rests.length} rests; the first ${MOST_ROWS} are listed. Look closer for the others.` : `${rests.length} rests`;
 }
 
@@ -403,6 +428,14 @@ function drawPanels() {
   listRests();
 }
 
+// Round numbers between two, about as many as asked.
+function ticks(low, high, count) {
+  const rough = (high - low) / Math.max(count, 1), power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find(factor => factor * power >= rough), values = [];
+  for (let k = Math.ceil(low / step); k * step <= high; k++) values.push(Number((k * step).toPrecision(12)));
+  return values;
+}
+
 function panelOf(panel) {
   const svg = drawn("svg", { class: "panel", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": `${panel.title} over time` });
   const values = panel.lines.flatMap(line => [...line.low, ...line.high]).filter(value => value !== null);
@@ -411,15 +444,15 @@ function panelOf(panel) {
   if (low === high) { low -= 1; high += 1; }
   const at = value => (HEIGHT - BELOW - 4) * (high - value) / (high - low) + 4;
   svg.append(drawn("g", { class: "bands" }));
-  for (const value of [low, (low + high) / 2, high]) {
+  for (const value of ticks(low, high, 4)) {
     svg.append(drawn("line", { class: "grid", x1: LEFT, x2: WIDTH, y1: at(value), y2: at(value) }));
     const text = drawn("text", { x: LEFT - 4, y: at(value) + 4, "text-anchor": "end" });
-    text.textContent = Math.abs(value) < 0.001 * (high - low) ? 0 : Number(value.toPrecision(3));
+    text.textContent = value;
     svg.append(text);
   }
-  for (let k = 0; k <= 5; k++) {
-    const time = span[0] + k / 5 * (span[1] - span[0]), text = drawn("text", { x: place(time), y: HEIGHT - 4, "text-anchor": k === 5 ? "end" : k ? "middle" : "start" });
-    text.textContent = Number(time.toPrecision(5));
+  for (const time of ticks(span[0], span[1], WIDTH / 120)) {
+    const text = drawn("text", { x: Math.min(place(time), WIDTH - 16), y: HEIGHT - 4, "text-anchor": "middle" });
+    text.textContent = time;
     svg.append(text);
   }
   panel.lines.forEach((line, axis) => {
@@ -582,6 +615,12 @@ $("export").addEventListener("click", () => save($("target").value));
 $("page-details").addEventListener("toggle", showPage);
 $("page").addEventListener("load", () => { $("drawing").hidden = true; });
 $("undo").addEventListener("click", () => send({ do: "undo", file: current }));
+$("running").lastElementChild.addEventListener("click", () => send({ do: "stop" }));
+$("add-rest").addEventListener("click", () => {
+  const [from, to] = [$("new-from"), $("new-to")].map(input => Number(input.value));
+  if (from < to) decide({ rests: [...used(), [from, to, ""]] });
+  else refuse("A rest needs two times, the later one last.");
+});
 $("set-turns").addEventListener("click", () => decide({ turns: $("turns").value.trim() }));
 $("choose").addEventListener("change", event => drop(event.target.files));
 document.querySelector("#options [name=rest_scatter]").addEventListener("change", () => showRests());

@@ -44,6 +44,11 @@ def test_rows_on_standard_output_are_those_of_the_record(
     assert str(Path("run", "run.csv")) in printed.err
     assert cli.main([*words, "--json", "-"]) == 2
     assert "--json - writes to standard output, too" in capsys.readouterr().err
+    assert cli.main([*words, "--quiet"]) == 0
+    assert capsys.readouterr() == (printed.out, "")
+    for missing in (["--live", "--out", "run"], ["--out", "run", "--live"]):
+        assert cli.main(["simulate", fmu.name, *missing]) == 2
+        assert "--live: give a port, 0 for any free one, or -" in capsys.readouterr().err
     with pytest.raises(InputError, match="--live web: give a port"):
         library.simulate(fmu, live="web")
 
