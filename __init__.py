@@ -4,6 +4,7 @@
 see ``dir(th)``. Nothing is imported before it is used. Frames and symbols stand in `trihedron.models`.
 """
 
+import sys
 from functools import cache
 from typing import Any
 
@@ -76,16 +77,16 @@ def __getattr__(name: str) -> Any:
 
         module, member = _COMMANDS.get(name) or (_HOME[name], name)
         defined = getattr(import_module(f"trihedron.tools.{module}"), member)
-        return defined if name in _TYPES else _in_python(defined)
-    raise AttributeError(f"module 'trihedron' has no attribute '{name}'")
+        return defined if name in _TYPES else _in_python(defined, name)
+    raise AttributeError(f"module 'trihedron' has no attribute '{name}'", name=name, obj=sys.modules[__name__])
 
 
 @cache
-def _in_python(function: Any) -> Any:
-    """A function that looks at its arguments."""
+def _in_python(function: Any, name: str) -> Any:
+    """Return a function that checks its arguments."""
     from .tools.arguments import in_python
 
-    return in_python(function)
+    return in_python(function, name)
 
 
 def __dir__() -> list[str]:

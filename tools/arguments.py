@@ -30,25 +30,26 @@ UNIONS = (Union, type(int | str))
 NUMBERS = (int, float)
 
 
-def in_python(function: Callable[P, R]) -> Callable[P, R]:
-    """A public function as one calls it from Python.
+def in_python(function: Callable[P, R], name: str = "") -> Callable[P, R]:
+    """Return a public function as Python calls it; `name` is its public name, where that is another one.
 
     Arguments of plain types (numbers, words, paths, sequences and mappings of them) are of these types; what an
     InputError says of an option it says of the argument. Arrays of NumPy stand for sequences. Linear algebra has one
     thread meanwhile. A refusal is a ValueError, or a FileNotFoundError. The docstring has the words of shared options.
     """
     signature = inspect.signature(function)
+    name = name or function.__name__
 
     @wraps(function)
     def called(*positional: P.args, **keywords: P.kwargs) -> R:
         if _THREADS_LOST.is_set():
             raise InputError(FORKED)
-        bound = _bound(f"{function.__name__}()", signature, positional, keywords)
+        bound = _bound(f"{name}()", signature, positional, keywords)
         try:
-            for name, value in bound.arguments.items():
-                adapter = _adapters(function).get(name)
+            for argument, value in bound.arguments.items():
+                adapter = _adapters(function).get(argument)
                 if adapter is not None:
-                    bound.arguments[name] = _checked(function.__name__, name, value, adapter)
+                    bound.arguments[argument] = _checked(name, argument, value, adapter)
             with one_thread(), inputs_kept():
                 return function(*bound.args, **bound.kwargs)
         except InputError as error:
@@ -82,7 +83,8 @@ def _bound(
         if not unknown:
             raise TypeError(f"{name}: {error}") from None
         known = [word for word in signature.parameters if word != "progress"]
-        raise TypeError(f"{name}: unexpected argument {unknown[0]}; {nearest(unknown[0], known)}") from None
+        meant = options_of(signature).get(unknown[0].replace("_", "-"), unknown[0])
+        raise TypeError(f"{name}: unexpected argument {unknown[0]}; {nearest(meant, known)}") from None
 
 
 class _Names(dict[str, Any]):

@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +104,31 @@ def test_a_function_keeps_its_own_name_and_words():
         wrapped(2, keep_out=1)
     with pytest.raises(TypeError, match=r"^doubled\(\): unexpected argument other"):
         wrapped(2, other=1)
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: LOOSE.demo(foo=1), r"^demo\(\): unexpected argument foo; known: out, seed, show$"),
+        (lambda: LOOSE.calibrate("a", noise="n"), r"^calibrate\(\): unexpected argument noise; did you mean 'noise_r"),
+        (lambda: LOOSE.attitude(), r"^attitude\(\): missing a required argument: 'record'$"),
+    ],
+)
+def test_refusals_name_the_public_function_and_the_argument_of_an_option(call: Callable[[], Any], text: str) -> None:
+    with pytest.raises(TypeError, match=text):
+        call()
+
+
+def test_an_unknown_function_leads_python_to_the_nearest() -> None:
+    with pytest.raises(AttributeError, match=r"no attribute 'calibrat'$") as caught:
+        LOOSE.calibrat("positions.csv")
+    assert (caught.value.name, caught.value.obj) == ("calibrat", th)
+    assert "calibrate" in dir(th)
+
+
+def test_a_table_record_is_answered_with_the_functions_that_take_it(record) -> None:
+    with pytest.raises(InputError, match=r"is a table record; a strapdown record .* `th.calibrate` and "):
+        th.attitude(record)
 
 
 def test_results_are_equal_where_all_that_is_published_is(record, calibration):

@@ -175,8 +175,11 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
     if table:
         what = f"is {with_article(measured.word)}; a position record or a raw record (alpha_deg, beta_deg) is needed"
         raise RecordError(measured.path, None, None, what)
-    word = "table record" if isinstance(measured, RawRecord | PositionRecord) else measured.word
-    raise InputError(f"{measured.path}: is {with_article(word)}; a strapdown record (w1_radps, ...) is needed")
+    needed = "a strapdown record (w1_radps, ...) is needed"
+    if isinstance(measured, RawRecord | PositionRecord):
+        takers = "`trihedron calibrate` and `trihedron diagnose` take a table record"
+        raise InputError(f"{measured.path}: is a table record; {needed}; {takers}")
+    raise InputError(f"{measured.path}: is {with_article(measured.word)}; {needed}")
 
 
 def with_article(word: str) -> str:
