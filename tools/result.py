@@ -370,6 +370,8 @@ def _problem(
         if close:
             return where, f"{name}: is missing (is '{close[0]}' meant?)"
         return where, f"{name}: is missing"
+    if problem["type"] == "dict_type" and isinstance(problem["input"], list):
+        return where, f"{name}: is a list; write [{name}.NAME] in place of [[{name}]]"
     message = problem["msg"].removeprefix("Value error, ")
     value = repr(problem["input"])
     if problem["type"] != "value_error" and len(value) < 60:

@@ -64,7 +64,8 @@ class BandOfFunctions(Told):
         """The band of possible functions."""
         pair, band = possible.pair, possible.band
         rows = possible.every.imitated[: len(possible.knots)][np.searchsorted(possible.knots, band.knots)]
-        ends = zip(band.knots, band.low, band.high, strict=True)
+        # Where the function is zero, rounding may exchange the ends.
+        ends = zip(band.knots, np.minimum(band.low, band.high), np.maximum(band.low, band.high), strict=True)
         knots = tuple(Knot(at=float(at), low=float(low), high=float(high)) for at, low, high in ends)
         factor_key = {"factor": pair.factor} if pair.factor else {}
         content = {

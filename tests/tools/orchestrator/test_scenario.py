@@ -78,6 +78,12 @@ def test_a_scenario_as_run_can_be_read_again(tmp_path: Path) -> None:
     assert again == first
 
 
+def test_a_list_of_fmus_is_answered_with_the_form_of_a_table(tmp_path) -> None:
+    text = 'schema = "trihedron.scenario/1"\n[run]\nstep_s = 0.1\nstop_s = 1\n[[fmus]]\ncomponent = "TurntableMotion"\n'
+    with pytest.raises(InputError, match=r"fmus: is a list; write \[fmus\.NAME\] in place of \[\[fmus\]\]$"):
+        read_scenario(written(tmp_path, text))
+
+
 REFUSED = [
     ("stop_s = 600\n", "stop_s = 600\nstep = 1\n", r"run\.step: unknown key; did you mean 'step_s'\?"),
     ('title = "a', 'tittle = "a', r"tittle: unknown key; did you mean 'title'\?"),
