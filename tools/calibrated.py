@@ -247,7 +247,11 @@ class Gyros(Part):
         parameters of the bench that the turns make known better
     witness : list of Turn
         the pieces that prove a falsification
+    radius_of_rests : float or None
+        least largest residual of the accelerometers at rest by themselves, over its bound
     """
+
+    omitted: ClassVar[frozenset[str]] = frozenset({"radius_of_rests"})
 
     pieces: Count
     noise_basis: str
@@ -256,6 +260,7 @@ class Gyros(Part):
     azimuth_deg: Number
     gains: list[GainOfTurns]
     witness: list[Turn]
+    radius_of_rests: Size | None = None
 
 
 class KnownBefore(Part):

@@ -223,6 +223,7 @@ def with_gyros(
             azimuth_deg=float(bench.azimuth_deg),
             gains=gains,
             witness=witness,
+            radius_of_rests=calibration.radius,
         ),
         "parameters": parameters,
         "open": calibration.open + open_directions(system, of_whole[count:], MORE_TURNS),

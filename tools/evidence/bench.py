@@ -71,7 +71,9 @@ FIT_TOLERANCE = 1e-8
 class TurnErrors:
     """Errors (S, 3) of turns over their bounds, `before` and `after`; from and to (S,) [s], angles (S, 2) [rad].
 
-    `alone` holds the radius of the readings alone and of the turns alone, each without effects and with them.
+    They are those of a robust fit: that of the least radius spreads one error over many turns. `alone` holds the radius
+    of the readings alone and of the turns alone, each without effects and with them; `readings` counts the moments at
+    which accelerometers were read.
     """
 
     first: NDArray[np.float64]
@@ -80,6 +82,7 @@ class TurnErrors:
     before: NDArray[np.float64]
     after: NDArray[np.float64]
     alone: tuple[tuple[float, float], tuple[float, float]]
+    readings: int
 
 
 @dataclass(frozen=True, eq=False)

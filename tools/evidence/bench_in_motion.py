@@ -48,7 +48,7 @@ from .cells_in_motion import SEARCHED
 from .dependences import pairs_of_whole
 from .evidence import Effort, Evidence, Source, Trial, linear_fit
 from .extension import Extension, Sized, Start, extension_of_bench
-from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, not_in_all, width_of
+from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, not_in_all, robust_estimate, width_of
 from .observation import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
 from .pairs import Pair
 from .rows import About, Channel, Rows, reading_at
@@ -465,7 +465,7 @@ class WholeReader(BenchReader):
         fit = fit or nominal
         rows, turns, travel = self.model.of_readings, self.model.whole.turns, self.model.travel
         first, last = 3600.0 * travel.hours[travel.first], 3600.0 * travel.hours[travel.last]
-        before, after = nominal.left[rows:].reshape(-1, 3), (fit.left / fit.allowed)[rows:].reshape(-1, 3)
+        before, after = (_robust_errors(one)[rows:].reshape(-1, 3) for one in (nominal, fit))
 
         def alone(rows_alone: slice) -> tuple[float, float]:
             """Return the radius of some of the rows alone, without effects and with them."""
@@ -475,7 +475,7 @@ class WholeReader(BenchReader):
             return without, chebyshev_radius(columns[rows_alone], errors[rows_alone], ones)[0]
 
         radii = alone(slice(rows)), alone(slice(rows, None))
-        return TurnErrors(first, last, turns.moments[:, 2:4], before, after, radii)
+        return TurnErrors(first, last, turns.moments[:, 2:4], before, after, radii, rows // 3)
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
         """Return the change of the targets by an extension, and a warning where other effects cannot be excluded."""
@@ -492,6 +492,12 @@ class WholeReader(BenchReader):
             return self.rests.probe(alone)
         sentences = dict.fromkeys(SHOWN_BY[place.effect] for place in apart if place.effect in SHOWN_BY)
         return {"next": list(sentences)}
+
+
+def _robust_errors(fit: Fit) -> NDArray[np.float64]:
+    """Return errors (M,) over their bounds near a fit; those of a fit that stands are its own."""
+    left, columns = fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None]
+    return left if fit.radius <= 1.0 else left - columns @ robust_estimate(columns, left)
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,7 +97,8 @@ def key_figures(result: Calibration) -> dict[str, object]:
         figures["bounds from"] = result.sigma.basis
     else:
         figures["noise bound σ"] = f"{upwards(result.noise_bound, 3)} g ({basis(result)})"
-    figures["least largest residual"] = f"{residual(result.radius)} σ"
+    over = "σ" if result.gyros is None else "times its bound"
+    figures["least largest residual"] = f"{residual(result.radius)} {over}"
     return figures
 
 

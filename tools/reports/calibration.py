@@ -114,6 +114,12 @@ def verdict_sentence(result: Calibration) -> str:
         model = f"the model with any of {len(result.sets)} explanations"
     elif result.effects:
         model = f"the model with {' and '.join(effect.effect for effect in result.effects)}"
+    if result.verdict == "falsified" and result.gyros is not None and result.gyros.witness:
+        return (
+            f"Falsified by the gyros: the best parameters leave a turn {residual(result.radius)} times its bound, while "
+            f"the accelerometers at rest alone stand, within {residual(result.gyros.radius_of_rests)} σ. "
+            "`trihedron diagnose` finds the cause."
+        )
     if result.verdict == "falsified":
         proof = f", and {len(result.witness)} readings alone prove it" if result.witness else ""
         return (

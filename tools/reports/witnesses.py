@@ -94,10 +94,10 @@ def two_witnesses(result: Diagnosis) -> list[str]:
     for alone in turns.alone:
         texts = [residual(radius) for radius in alone]
         radii.append(" -> ".join(texts if result.findings else texts[:1]))
-    rests = result.calibration.positions
+    rests, moments = result.calibration.positions or 0, turns.readings
     return [
-        f"Two witnesses, each by itself: accelerometers, over {rests} rests, radius {radii[0]}; gyros, over "
-        f"{len(turns.first)} rests and turns, radius {radii[1]}."
+        f"Two witnesses, each by itself: accelerometers, over {rests} rests and {moments - rests} moments in motion, "
+        f"radius {radii[0]}; gyros, over {len(turns.first)} rests and turns, radius {radii[1]}."
     ]
 
 
@@ -107,7 +107,10 @@ def turn_sections(result: Diagnosis) -> list[Section]:
     if turns is None:
         return []
     before, after = np.abs(turns.before).max(axis=1), np.abs(turns.after).max(axis=1)
-    text = f"The gyros' integrals, less the turns by the encoders. {two_witnesses(result)[0]}"
+    text = (
+        "The gyros' integrals, less the turns by the encoders, by a fit in which readings and turns that misfit have "
+        f"little weight. {two_witnesses(result)[0]}"
+    )
     rows: list[list[Cell]] = []
     for k in np.argsort(-before, kind="stable")[:MOST_TURNS].tolist():
         outer, inner = np.degrees(turns.turned[k])

@@ -40,6 +40,7 @@ from trihedron.tools.records import (
     write_record,
 )
 from trihedron.tools.reports import gyro_sections
+from trihedron.tools.reports.calibration import verdict_sentence
 from trihedron.tools.trials import Hidden, draw_whole
 
 SIGMA = 1.2e-5
@@ -224,6 +225,9 @@ def test_scale_factors_that_differ_by_sense_falsify_and_the_turns_are_named(reco
     assert gyros_of(calibration).gains == []
     assert all(e.central is None for e in calibration.of_gyros)
     assert {t.gyro for t in gyros_of(calibration).witness} <= {1, 2, 3}
+    sentence = verdict_sentence(calibration)
+    assert sentence.startswith("Falsified by the gyros: the best parameters leave a turn ")
+    assert "the accelerometers at rest alone stand, within 0.7" in sentence
 
 
 def test_without_turns_about_the_inner_axis_what_they_would_tell_is_missing(truth):

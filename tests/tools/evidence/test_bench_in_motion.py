@@ -223,6 +223,9 @@ def test_the_radius_of_the_verdict_is_that_of_the_witness_that_errs_most(late, s
     assert turns is not None
     alone = [before for before, _ in turns.alone]
     assert [radius > 1.0 for radius in alone] == [late > 1e-5, squared > 0.0]
+    assert turns.readings > len(reader.numbers)
+    # An error of accelerometers is none of turns.
+    assert (np.abs(turns.before).max() > 2.0) == (squared > 0.0)
     calibration = reader.calibration_of(None)
     assert calibration.verdict == "falsified"
     assert calibration.radius is not None
