@@ -47,6 +47,7 @@ def in_python(function: Callable[P, R], name: str = "") -> Callable[P, R]:
         bound = _bound(f"{name}()", signature, positional, keywords)
         try:
             for argument, value in bound.arguments.items():
+                _refuse_nul(argument, value)
                 adapter = _adapters(function).get(argument)
                 if adapter is not None:
                     bound.arguments[argument] = _checked(name, argument, value, adapter)
@@ -60,6 +61,13 @@ def in_python(function: Callable[P, R], name: str = "") -> Callable[P, R]:
 
     called.__doc__ = completed(function)
     return called
+
+
+def _refuse_nul(name: str, value: Any) -> None:
+    """Refuse the character NUL in a path or word, or in a sequence of these: no system has such a path."""
+    for word in value if isinstance(value, tuple | list) else (value,):
+        if isinstance(word, str | os.PathLike) and "\0" in os.fspath(word):
+            raise InputError(f"{name}: {os.fspath(word)!r} holds the character NUL, which no path or word has")
 
 
 def options_of(signature: inspect.Signature) -> dict[str, str]:

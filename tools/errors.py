@@ -32,9 +32,10 @@ def as_in_python(error: InputError) -> InputError:
     """Return the same refusal as one of Python's own kinds."""
     if isinstance(error, InvalidInput | MissingFile):
         return error
+    arguments = [one_line(text, LONGEST_IN_PYTHON) if isinstance(text, str) else text for text in error.args]
     if isinstance(error, NoSuchFileError):
-        return MissingFile(*error.args)
-    refusal = InvalidInput(*error.args)
+        return MissingFile(*arguments)
+    refusal = InvalidInput(*arguments)
     refusal.lines = error.lines
     return refusal
 
@@ -48,7 +49,8 @@ def said_of(where: str) -> Iterator[None]:
         raise type(error)(f"{where}: {error}") from error
 
 
-LONGEST_MESSAGE = 800
+LONGEST_MESSAGE, LONGEST_IN_PYTHON = 800, 8000
+"""Characters of a line at a terminal, and of an error's message in Python, which holds all questions."""
 
 
 def printable(text: str) -> str:
@@ -57,11 +59,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line)
 
 
-def one_line(text: str) -> str:
-    """Return a message as one line of limited length, for any names and values."""
+def one_line(text: str, most: int = LONGEST_MESSAGE) -> str:
+    """Return a message as one line of at most so many characters, for any names and values."""
     line = printable(text)
-    if len(line) > LONGEST_MESSAGE:
-        line = f"{line[: LONGEST_MESSAGE - 200]} ... {line[-190:]}"
+    if len(line) > most:
+        line = f"{line[: most - 200]} ... {line[-190:]}"
     return line
 
 

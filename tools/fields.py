@@ -20,12 +20,18 @@ Axis = Annotated[int, Field(ge=1, le=3)]
 Direction = Annotated[list[Number], Field(min_length=3, max_length=3)]
 NEGATIVE = 1e-9
 """An eigenvalue of a covariance, scaled to a unit diagonal, is below zero by no more than this from rounding."""
+ROUNDING, LEAST_END = 1e-9, 1e-15
+"""A low end is above a high one only by more than this part of both, and this."""
 Interval = TypeVar("Interval", bound=Mapping[str, Any])
 
 
 def check_ends(low: Any, high: Any) -> None:
     """Raise a ValueError for a low end above its high end; of numbers, of arrays of them, and of None for no end."""
-    if low is not None and high is not None and np.greater(low, high).any():
+    if low is None or high is None:
+        return
+    apart, size = np.subtract(low, high), np.abs(low) + np.abs(high)
+    # Of a function that is zero at a knot rounding decides which end is lower.
+    if (apart > LEAST_END + ROUNDING * size).any():
         raise ValueError(f"low = {low!r} is above high = {high!r}")
 
 

@@ -203,6 +203,8 @@ def make_folders(folder: Path) -> None:
 @contextmanager
 def said_writable(path: object, also: type[Exception] = OSError) -> Iterator[None]:
     """Report that a file or folder cannot be written when the block raises an OSError (or `also` another)."""
+    if "\0" in str(path):
+        raise InputError(f"{str(path)!r}: cannot be written (it holds the character NUL)")
     try:
         yield
     except OSError as error:

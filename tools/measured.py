@@ -149,7 +149,8 @@ def inspect(
     """
     run = records.read_record(record, records.StrapdownRecord, records.BenchRecord, channels=channels, stamps=stamps)
     if isinstance(run, records.StrapdownRecord):
-        return motion.inspect_record(run, gravity=gravity, trust=trust)
+        parted = by_hand.parted_at_cuts(run, gravity) if 1.0 <= gravity <= 100.0 else run
+        return motion.inspect_record(run, gravity=gravity, trust=trust, parted=parted)
     inspection = motion.inspect_record(run.gyros, gravity=gravity, trust=trust)
     at_table = calibrations.judged_at_table(run, gravity)
     return inspection.model_copy(update={"accelerometers": None, "at_table": at_table})

@@ -352,3 +352,39 @@ def test_a_result_lists_its_own_names_and_not_those_of_its_library(calibration):
     assert {"verdict", "parameters", "figure", "report", "to_json", "to_polars"} <= set(names)
     assert [name for name in names if name.startswith("model_") or name in ("copy", "dict", "json", "schema")] == []
     assert all(hasattr(calibration, name) for name in names)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: th.calibrate("a\0b.csv"),
+        lambda: th.check("a\0b.csv"),
+        lambda: th.run_campaign("a\0b.toml"),
+        lambda: th.calibrate_together(["a.csv", "b\0.csv"]),
+    ],
+)
+def test_a_path_with_the_character_nul_is_refused(call, record, calibration):
+    with pytest.raises(InputError, match="character NUL"):
+        call()
+    with pytest.raises(InputError, match="character NUL"):
+        calibration.report("a\0b.html")
+    assert cli.main(["calibrate", "a\0b.csv"]) == 2
+
+
+def test_a_message_about_a_name_without_end_is_limited(tmp_path, capsys):
+    """At a terminal each line, in Python the whole; a command that would be cut short is left out."""
+    long = "x" * 40_000
+    (tmp_path / "a.csv").write_text(f"{long},{long}y,{long}z\n" + "1,2,3\n2,2,3\n" * 40, encoding="utf-8")
+    with pytest.raises(InputError) as refusal:
+        th.import_record(tmp_path / "a.csv", out=tmp_path / "o.csv")
+    assert len(str(refusal.value)) <= 8000
+    assert cli.main(["import", str(tmp_path / "a.csv"), "--out", str(tmp_path / "o.csv")]) == 2
+    assert max(map(len, capsys.readouterr().err.splitlines())) < 900
+
+
+def test_two_files_without_gyros_are_refused_and_no_time_is_proposed_for_a_gyro(tmp_path):
+    for name in ("a.csv", "b.csv"):
+        rows = "".join(f"{0.01 * k:.2f},0.01,0.02,{9.81 + 0.001 * (k % 3):.3f},{k // 20}\n" for k in range(200))
+        (tmp_path / name).write_text("Time,AccX,AccY,AccZ,position\n" + rows, encoding="utf-8")
+    with pytest.raises(InputError, match="none of its columns can be gyros"):
+        th.import_record(tmp_path / "a.csv", tmp_path / "b.csv", out=tmp_path / "o.csv")

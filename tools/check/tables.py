@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from polars import read_parquet_schema
 
 from ...fmus.units import STANDARD_GRAVITY
-from .. import calibration, motion, orchestrator, planning
+from .. import by_hand, calibration, motion, orchestrator, planning
 from ..errors import InputError
 from ..files import MAGIC
 from ..records.columns import ANGLES, FORCE, VELOCITY, FileColumns, extra_warning, warnings
 from ..records.even import times_unused
-from ..records.kinds import PositionRecord, RawRecord
+from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import channel_limits
 from ..records.read import all_faults, read_record
 from ..records.rests import position_record_of
@@ -73,7 +73,10 @@ def check_table(
             findings.warnings += (line,)
     if not isinstance(record, PositionRecord):
         findings.warnings += tuple(channel_limits(record).lines)
-    told = motion.trust_of(record).known(trust)
+    judged = record
+    if isinstance(record, StrapdownRecord):
+        judged = by_hand.parted_at_cuts(record, STANDARD_GRAVITY)
+    told = motion.trust_of(judged).known(trust)
     findings.warnings += told.warnings
     for line in told.faults:
         findings.add(line)

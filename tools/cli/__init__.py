@@ -141,6 +141,9 @@ def main(arguments: list[str] | None = None) -> int:
     if words and words[0] == "help":
         words = [*words[1:], "--help"]
     words = with_factor(words)
+    for word in words:
+        if "\0" in word:
+            return refuse(f"{word!r}: holds the character NUL, which no path or word has")
     options = words[: words.index("--")] if "--" in words else words
     if words and words[0] in GONE_COMMANDS:
         return refuse(f'Unknown command "{words[0]}". {GONE_COMMANDS[words[0]]}')

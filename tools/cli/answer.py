@@ -19,7 +19,7 @@ from typing import Annotated, Any, TextIO, TypeVar, get_args, get_origin
 from cyclopts import CycloptsError, Parameter
 
 from .. import document, reports
-from ..errors import InputError, full, one_line, printable, shortage
+from ..errors import InputError, full, one_line, shortage
 from ..files import inputs_kept, json_text, ordinary_file, ordinary_folder, together, write_text
 from ..options import Option, docstring_words, option_of
 
@@ -208,7 +208,7 @@ def drop_output() -> None:
 
 def refuse(message: str, lines: Sequence[str] = ()) -> int:
     """Print a line on standard error with the reason why the input cannot be used, or several with questions."""
-    text = "\n".join(printable(line) if line[:1] != " " else f"  {printable(line)}" for line in lines)
+    text = "\n".join(one_line(line) if line[:1] != " " else f"  {one_line(line)}" for line in lines)
     print(f"trihedron: {text or one_line(message)}", file=sys.stderr)
     return 2
 

@@ -236,9 +236,26 @@ def take_role(table: UnderstoodTable, fields: dict[str, Field], role: RecordKind
         triads = [triad for triad in named_triads(free) if not triad.further]
         if len(triads) == 1 and triads[0].quantity in ("", quantity):
             fields.update(zip(columns, triads[0].fields, strict=True))
-    missing = [column for column in columns if column not in fields]
-    for column in without_triads(table, missing, fields):
-        table.ask(f"columns.{column}", [field.label for field in table.filled][:3], f"which column is {column}")
+    missing = without_triads(table, [column for column in columns if column not in fields], fields)
+    free = _channels_left_of(table, fields, quantity)
+    if missing and len(free) < len(missing):
+        what = "gyros" if quantity == RATE_QUANTITY else "accelerometers"
+        raise InputError(
+            f"{table.sheet.path}: none of its columns can be {what}; of two files one has the accelerometers and the "
+            "other the gyros: give that file, or import this one alone"
+        )
+    for column in missing:
+        table.ask(f"columns.{column}", [field.label for field in free][:3], f"which column is {column}")
+        # each question has another first answer
+        free = free[1:] + free[:1]
+
+
+def _channels_left_of(table: UnderstoodTable, fields: dict[str, Field], quantity: str) -> list[Field]:
+    """Return the columns without a meaning whose names say no other quantity and which are no time or count."""
+    used, times = set(fields.values()), rising(table, table.filled)
+    return [
+        field for field in table.filled if field not in used and field not in times and field.quantity in ("", quantity)
+    ]
 
 
 def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str, Field]) -> list[str]:

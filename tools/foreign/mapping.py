@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from ..errors import InputError
+from ..errors import LONGEST_MESSAGE, InputError
 from ..files import bytes_of
 from ..records.columns import FORCE, RATE
 from ..result import Section, checked_sections, read_sections
@@ -185,7 +185,10 @@ class OpenQuestions(InputError):
         self.lines = [what, *(f"  {row}" for row in rows)]
         if len(questions) > 1:
             ready = [f"--set {shell_word(f'{question.key}={question.answers[0]}')}" for question in questions]
-            self.lines.append(f"the first answers: {' '.join(ready)}")
+            answers = f"the first answers: {' '.join(ready)}"
+            # A command that is cut short would answer other questions.
+            if len(answers) <= LONGEST_MESSAGE:
+                self.lines.append(answers)
         if advice:
             self.lines.append(advice.removeprefix("; "))
 

@@ -18,7 +18,7 @@ from .determinacy import DETERMINED, LEAST_SD, Determinacy, closing_poses
 from .norm import calibrate_by_norm, inputs_of, norm_equations, norm_values, standard_deviations
 from .rest_noise import RestNoise, factor_for, gyro_noise, rest_lengths
 from .rests import RecordSampling, Rests, quiet_rests, rates_of, sampling_of
-from .trust import TrustCheck, judged, turning_of
+from .trust import TrustCheck, judged, trust_of, turning_of
 from .turning import TurningCheck
 
 if TYPE_CHECKING:
@@ -203,7 +203,13 @@ class Inspection(Result):
         return pl.DataFrame({"time_s": self.rests.time_s, "length_s": self.rests.length_s})
 
 
-def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY, trust: bool = False) -> Inspection:
+def inspect_record(
+    record: StrapdownRecord,
+    *,
+    gravity: float = STANDARD_GRAVITY,
+    trust: bool = False,
+    parted: StrapdownRecord | None = None,
+) -> Inspection:
     """Inspect a strapdown record: its sampling, rests and moves, and its gyros and accelerometers at rest.
 
     Nothing is resampled or repaired: gaps, jitter, saturated samples and wrong units are stated.
@@ -215,6 +221,8 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
         model value [m/s²]; a wrong one is in every scale factor
     trust : bool
         whether a person knows that the record is right: what speaks against it is then a warning
+    parted : StrapdownRecord, optional
+        the record with a gap in its times wherever it is cut: each section is then judged by itself
 
     Raises
     ------
@@ -233,7 +241,10 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     if len(rests):
         level = np.median(rests.rate, axis=0)
     turning = turning_of(record, sampling, rests)
-    check = judged(record, sampling, rests, turning, gravity).known(trust)
+    if parted is None or parted is record:
+        check = judged(record, sampling, rests, turning, gravity).known(trust)
+    else:
+        check = trust_of(parted, gravity).known(trust)
     if moving.any():
         excitation = np.sqrt(np.mean((rate[moving] - level) ** 2, axis=0))
     calibration = gyros = None

@@ -116,8 +116,8 @@ def verdict_sentence(result: Calibration) -> str:
         model = f"the model with {' and '.join(effect.effect for effect in result.effects)}"
     if result.verdict == "falsified" and result.gyros is not None and result.gyros.witness:
         return (
-            f"Falsified by the gyros: the best parameters leave a turn {residual(result.radius)} times its bound, while "
-            f"the accelerometers at rest alone stand, within {residual(result.gyros.radius_of_rests)} σ. "
+            f"Falsified by the gyros: the best parameters leave a turn {residual(result.radius)} times its bound, "
+            f"while the accelerometers at rest alone stand, within {residual(result.gyros.radius_of_rests)} σ. "
             "`trihedron diagnose` finds the cause."
         )
     if result.verdict == "falsified":

@@ -69,7 +69,7 @@ def test_known_turns_are_found_among_the_moves_where_words_tell_them() -> None:
         th.calibrate(table, gravity=GRAVITY, turns="1:360,2:360,3:360,1:360")
 
 
-def test_sections_that_are_cut_together_are_separate_rests() -> None:
+def test_sections_that_are_cut_together_are_separate_rests(tmp_path: Path) -> None:
     instrument, table = ferraris(7)
     cut = table.drop("part")[: 6 * 450]
     result = th.calibrate(cut, gravity=GRAVITY)
@@ -77,6 +77,9 @@ def test_sections_that_are_cut_together_are_separate_rests() -> None:
     assert present(result.by_hand).moves == 0
     assert any("cut there" in line for line in result.warnings)
     assert result["bias_1"].estimate == pytest.approx(truth(instrument)["bias_1"], abs=1e-3)
+    cut.write_csv(tmp_path / "cut.csv")
+    assert not th.check(tmp_path / "cut.csv").problems
+    assert not th.inspect(cut, gravity=GRAVITY).trust.faults
 
 
 def test_rests_of_a_file_and_a_wider_limit(tmp_path: Path) -> None:

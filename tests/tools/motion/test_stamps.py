@@ -324,7 +324,10 @@ def test_field_stamps_lose_no_row(name: str, rests: int, tmp_path: Path) -> None
 
 
 def test_field_sections_cut_together_are_six_rests(tmp_path: Path) -> None:
-    assert len(th.inspect(field_file("real_cut_rests.csv", tmp_path)).rests) == 6
+    file = field_file("real_cut_rests.csv", tmp_path)
+    assert len(th.inspect(file).rests) == 6
+    assert not th.inspect(file).trust.faults
+    assert not th.check(file).problems
 
 
 @pytest.mark.parametrize(("name", "end"), [("tail_16.csv", "12.12"), ("tail_8.csv", "12.04")])
