@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import polars as pl
@@ -28,6 +28,7 @@ from .moves import Moves, Turns, Way, Windows, moves_of
 from .still import SCATTER, Series, StillRests, averaged, still_rests
 
 HandRecord: TypeAlias = StrapdownRecord | ForceRecord | PoseRecord
+Measured = TypeVar("Measured", bound=HandRecord)
 NOISE = (1e-9, 5e-2)
 """Noise bounds that can be used, fractions of g."""
 CUT = 0.2
@@ -379,7 +380,7 @@ def cut_moves(moves: Moves) -> NDArray[np.bool_]:
     return turned > 1.2 * moves.way.angle + CUT
 
 
-def parted_at_cuts(record: HandRecord, gravity: float) -> HandRecord:
+def parted_at_cuts(record: Measured, gravity: float) -> Measured:
     """Return a record with gyros with a gap in its time stamps where it is cut: where gravity jumps and they do not.
 
     Each section is then checked as the whole record is.
