@@ -4,6 +4,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from trihedron.tools.motion.determinacy import PRIOR_SD, TURN_PRIOR_SD
+
 NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33", "bias_1", "bias_2", "bias_3")
 OF_GYROS = ("B1", "B2", "B3", *(f"M{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)))
 UNITS = {"B": "rad/s", "S": "rad/s/g", "L": "s"}
@@ -28,6 +30,18 @@ class Instrument:
         self.gyro_matrix = np.eye(3) + rng.normal(0.0, 0.01, (3, 3))
         self.gyro_bias = rng.normal(0.0, 0.02, 3)
         self.sensitivity = rng.normal(0.0, 1e-3, (3, 3))
+
+    @classmethod
+    def of_prior(cls, seed: int) -> "Instrument":
+        """Return an instrument drawn as a calibration supposes any to be before its readings count."""
+        rng = np.random.default_rng([seed, 1])
+        instrument = cls(seed)
+        instrument.matrix = np.eye(3)
+        instrument.matrix[np.tril_indices(3)] += rng.normal(0.0, PRIOR_SD[:6])
+        instrument.bias = rng.normal(0.0, PRIOR_SD[6:])
+        instrument.gyro_matrix = np.eye(3) + rng.normal(0.0, TURN_PRIOR_SD).reshape(3, 3)
+        instrument.sensitivity = np.zeros((3, 3))
+        return instrument
 
     def readings(self, force: np.ndarray) -> np.ndarray:
         """Return readings (N, 3) [m/s2] at specific forces (N, 3) [m/s2]."""

@@ -1,5 +1,6 @@
 """Simulated sessions of a block in a hand: poses without gyros, six faces with turns, moves from rest to rest."""
 
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from by_hand import GRAVITY, NAMES, Instrument
 PERIOD = 0.01
 NOISE = (2e-3, 1e-3)
 """Of a sample of accelerometers [g] and of gyros [rad/s]."""
+Errors = Callable[[np.random.Generator, tuple[int, int]], np.ndarray]
 FACES = ("+1", "-1", "+2", "-2", "+3", "-3")
 
 
@@ -46,6 +48,20 @@ def poses(instrument: Instrument, up: np.ndarray, errors: np.ndarray) -> pl.Data
     return pl.DataFrame({"position": np.arange(1, len(up) + 1), **columns})
 
 
+def runs(
+    seed: int, counts: tuple[int, ...], errors: Errors, *, strange: bool = False
+) -> tuple[list[Instrument], list[pl.DataFrame]]:
+    """Return runs of an instrument, each with its own biases; the last of another instrument where it is strange."""
+    rng = np.random.default_rng(seed)
+    instruments, tables = [], []
+    for number, count in enumerate(counts):
+        instrument = Instrument(seed + (1000 if strange and number == len(counts) - 1 else 0))
+        instrument.bias = instrument.bias + rng.normal(0.0, 2e-3, 3)
+        instruments.append(instrument)
+        tables.append(poses(instrument, directions(rng, count), errors(rng, (count, 3))))
+    return instruments, tables
+
+
 def turning(rests: list[Rotation], moving_s: float, resting_s: float) -> tuple[np.ndarray, Rotation]:
     """Return the times and attitudes (body to world) of a block that turns steadily from one rest to the next."""
     step = int(resting_s / PERIOD), int(moving_s / PERIOD)
@@ -73,11 +89,18 @@ def strapdown(
     return pl.DataFrame({"time_s": time, **columns})
 
 
-def ferraris(seed: int, tilt: float = 0.03) -> tuple[Instrument, pl.DataFrame]:
-    """Return an instrument, and its session of six faces, tilted by some radians, and three turns."""
+def ferraris(
+    seed: int, tilt: float = 0.03, *, of_prior: bool = False, error: float = 0.0, turn_error: float = 0.0
+) -> tuple[Instrument, pl.DataFrame]:
+    """Return an instrument, and its session of six faces, tilted by some radians, and three turns.
+
+    Each face reads wrong by a constant with the standard deviation `error` [g], each turn by one of `turn_error` [rad].
+    """
     rng = np.random.default_rng(seed)
-    instrument = Instrument(seed)
+    instrument = Instrument.of_prior(seed) if of_prior else Instrument(seed)
     instrument.sensitivity = np.zeros((3, 3))
+    errors = GRAVITY * np.random.default_rng([seed, 2]).normal(0.0, error, (6, 3))
+    wrong = np.random.default_rng([seed, 3]).normal(0.0, turn_error, 3)
     faces = []
     for word in FACES:
         axis = np.zeros(3)
@@ -87,12 +110,17 @@ def ferraris(seed: int, tilt: float = 0.03) -> tuple[Instrument, pl.DataFrame]:
     tables, parts, start = [], [], 0.0
     for word, face in zip(FACES, faces, strict=True):
         time, attitude = turning([face, face], 0.5, 2.0)
-        tables.append(strapdown(instrument, start + time, attitude, rng, NOISE))
+        table = strapdown(instrument, start + time, attitude, rng, NOISE)
+        off = errors[len(tables)]
+        tables.append(table.with_columns(*(pl.col(f"f{axis + 1}_mps2") + off[axis] for axis in range(3))))
         parts += [word] * len(time)
         start += float(time[-1]) + PERIOD
     for axis in range(3):
         up = faces[2 * axis]
-        stops = [Rotation.from_rotvec([0.0, 0.0, angle]) * up for angle in np.radians([0, 120, 240, 360])]
+        stops = [
+            Rotation.from_rotvec([0.0, 0.0, angle]) * up
+            for angle in np.radians([0, 120, 240, 360]) * (1.0 + wrong[axis] / (2.0 * np.pi))
+        ]
         sections = [turning([first, second], 1.5, 0.02) for first, second in pairwise(stops)]
         attitude = Rotation.concatenate([section[1] for section in sections])
         time = PERIOD * np.arange(len(attitude))
@@ -102,15 +130,25 @@ def ferraris(seed: int, tilt: float = 0.03) -> tuple[Instrument, pl.DataFrame]:
     return instrument, pl.concat(tables).with_columns(part=pl.Series(parts))
 
 
-def hand_moved(seed: int, count: int = 14, *, sensitivity: bool = False) -> tuple[Instrument, pl.DataFrame]:
-    """Return an instrument and the record of its moves between random rests."""
+def hand_moved(
+    seed: int, count: int = 14, *, sensitivity: bool = False, error: float = 0.0
+) -> tuple[Instrument, pl.DataFrame]:
+    """Return an instrument and the record of its moves between random rests.
+
+    Accelerometers read wrong by a constant at each rest, with the standard deviation `error` [g].
+    """
     rng = np.random.default_rng(seed)
     instrument = Instrument(seed)
     if not sensitivity:
         instrument.sensitivity = np.zeros((3, 3))
     rests = attitudes(rng, count)
     time, attitude = turning(rests, 2.0, 3.0)
-    return instrument, strapdown(instrument, time, attitude, rng, (3e-3, 2e-3))
+    table = strapdown(instrument, time, attitude, rng, (3e-3, 2e-3))
+    errors = GRAVITY * np.random.default_rng([seed, 2]).normal(0.0, error, (count, 3))
+    # A rest and half of the moves beside it err alike.
+    of_row = np.clip(np.round((time - 1.5) / 5.0), 0, count - 1).astype(int)
+    off = [pl.col(f"f{axis + 1}_mps2") + errors[of_row, axis] for axis in range(3)]
+    return instrument, table.with_columns(*off)
 
 
 def written(table: pl.DataFrame, path: Path) -> Path:

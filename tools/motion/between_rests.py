@@ -4,6 +4,7 @@ Between two rests the gyros, less their mean at both, turn gravity's direction a
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,13 +101,22 @@ def angles_of(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def moves_between(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> Moves:
-    """The moves between neighbouring rests at which gravity alone acts, without a gap, a knock or a saturated gyro."""
+    """The moves between neighbouring rests at which gravity alone acts, without a gap, a knock or a saturated gyro.
+
+    Parts of the column `part` or `face` that follow each other without unnamed rows may be sections put together: what
+    was between them is not in the record.
+    """
     size = np.linalg.norm(rests.force, axis=1)
     standing = np.linalg.norm(rests.rate, axis=1) < STANDING
     first = np.array([rows.stop - 1 for rows in rests.rows[:-1]], dtype=int)
     last = np.array([rows.start for rows in rests.rows[1:]], dtype=int)
     suits = (np.abs(np.diff(size)) <= SAME_FORCE * size[:-1]) & standing[1:] & standing[:-1]
     suits &= (record.time_s[last] - record.time_s[first] <= LONGEST_S) & usable_in(record, sampling)(first, last)
+    names = record.part or record.face
+    if names is not None:
+        joints = [one != other and bool(one and other) for one, other in pairwise(names)]
+        before = np.concatenate([[0], np.cumsum(joints)])
+        suits &= before[last] == before[first]
     chosen = thinned(np.flatnonzero(suits), MOST_MOVES)
     ends = np.column_stack([first[chosen], last[chosen]])
     level = 0.5 * (rests.rate[1:] + rests.rate[:-1])[chosen]

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 import trihedron as th
 from by_hand import present
+from trihedron.tools.by_hand.moves import Windows
 from trihedron.tools.by_hand.run import HandRequest, run_of
 from trihedron.tools.records import StrapdownRecord, read_record
 
@@ -66,3 +68,51 @@ def test_unseen_rests_and_moves_are_predicted_no_worse_than_by_plain_least_squar
     assert present(gain.rest_after) <= 1.1 * plain
     assert 1e3 * present(gain.rest_after) <= 1.1 * MARKS[name][0]
     assert np.degrees(present(gain.move_after)) * 60.0 <= 1.1 * MARKS[name][1]
+
+
+def ends_of_windows(x: np.ndarray, turn: np.ndarray, rise: np.ndarray, seconds: np.ndarray) -> Rotation:
+    """Return the attitude at the end of each window by readings (T, M, 3) [rad], their bias, matrix (3, 3) and lag."""
+    right = turn + x[12] * rise - x[:3] * seconds[:, :, None]
+    true = right @ np.linalg.inv(np.eye(3) + x[3:12].reshape(3, 3)).T
+    attitude = Rotation.identity(turn.shape[1])
+    for step in true:
+        attitude = attitude * Rotation.from_rotvec(step)
+    return attitude
+
+
+@pytest.mark.parametrize(
+    "name", ["broad-03", *(pytest.param(f"broad-{n}", marks=pytest.mark.acceptance) for n in ("06", "08", "21"))]
+)
+def test_unseen_windows_are_predicted_no_worse_than_by_plain_least_squares(name: str) -> None:
+    """Bias, matrix and lag of the gyros against the true attitude, fitted here, without the program's equations."""
+    path = record_of(name)
+    record = read_record(path)
+    assert isinstance(record, StrapdownRecord)
+    assert record.rate is not None
+    assert record.attitude is not None
+    windows = run_of(record, HandRequest()).moves
+    assert isinstance(windows, Windows)
+    ends = windows.way.ends
+    turn, rise = np.zeros((2, int(np.diff(ends).max()), len(ends), 3))
+    seconds = np.zeros(turn.shape[:2])
+    for number, (first, last) in enumerate(ends):
+        seconds[: last - first, number] = np.diff(record.time_s[first : last + 1])
+        rate = record.rate[first : last + 1]
+        turn[: last - first, number] = 0.5 * (rate[1:] + rate[:-1]) * seconds[: last - first, number, None]
+        rise[: last - first, number] = np.diff(rate, axis=0)
+    begin, end = (Rotation.from_quat(record.attitude[rows], scalar_first=True) for rows in ends.T)
+    true = (begin.inv() * end).as_quat()
+
+    def missed(x: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        carried = ends_of_windows(x, turn[:, chosen], rise[:, chosen], seconds[:, chosen])
+        return (carried * Rotation.from_quat(true[chosen]).inv()).as_rotvec()
+
+    off = []
+    for part in np.array_split(np.arange(len(ends)), 5):
+        used = np.setdiff1d(np.arange(len(ends)), part)
+        fit = least_squares(lambda x, used=used: missed(x, used).ravel(), np.zeros(13), xtol=1e-6)
+        off.append(missed(fit.x, part))
+    plain = float(np.sqrt(np.mean(np.square(np.linalg.norm(np.vstack(off), axis=1)))))
+    gain = present(present(th.calibrate(path).by_hand).gain)
+    assert present(gain.move_after) <= 1.1 * plain
+    assert present(gain.move_before) > 2.0 * present(gain.move_after)

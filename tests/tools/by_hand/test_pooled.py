@@ -1,19 +1,15 @@
 """Several runs without a table: pooled where they are one instrument, apart where they are not."""
 
-from collections.abc import Callable
-
 import numpy as np
-import polars as pl
 import pytest
 
 import trihedron as th
-from by_hand import GRAVITY, NAMES, Instrument, present
-from hand_sessions import directions, poses, truth
+from by_hand import GRAVITY, NAMES, present
+from hand_sessions import runs, truth
 
 SD = 4e-4
 BOUND = 1e-3
 FEW = (7, 7, 8)
-Errors = Callable[[np.random.Generator, tuple[int, int]], np.ndarray]
 
 
 def gaussian(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
@@ -24,20 +20,6 @@ def gaussian(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
 def at_the_bound(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
     """Return errors of readings [g] as large as the bound allows."""
     return rng.choice([-BOUND, BOUND], shape)
-
-
-def runs(
-    seed: int, counts: tuple[int, ...], errors: Errors = gaussian, *, strange: bool = False
-) -> tuple[list[Instrument], list[pl.DataFrame]]:
-    """Return runs of an instrument, each with its own biases; the last of another instrument where it is strange."""
-    rng = np.random.default_rng(seed)
-    instruments, tables = [], []
-    for number, count in enumerate(counts):
-        instrument = Instrument(seed + (1000 if strange and number == len(counts) - 1 else 0))
-        instrument.bias = instrument.bias + rng.normal(0.0, 2e-3, 3)
-        instruments.append(instrument)
-        tables.append(poses(instrument, directions(rng, count), errors(rng, (count, 3))))
-    return instruments, tables
 
 
 @pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 100), marks=pytest.mark.acceptance)])
@@ -98,7 +80,7 @@ def test_a_run_of_too_few_poses_leaves_its_own_biases_open() -> None:
 def test_three_runs_that_are_too_little_alone_are_enough_together() -> None:
     ratios = []
     for seed in range(20):
-        instruments, tables = runs(seed, FEW)
+        instruments, tables = runs(seed, FEW, gaussian)
         result = th.calibrate_together(*tables, noise_sd=SD, gravity=GRAVITY)
         assert present(present(result.by_hand).pooled).one_instrument
         alone = [
@@ -114,7 +96,7 @@ def test_three_runs_that_are_too_little_alone_are_enough_together() -> None:
 
 
 def test_a_run_of_another_instrument_is_not_pooled() -> None:
-    instruments, tables = runs(5, (14, 14, 14), strange=True)
+    instruments, tables = runs(5, (14, 14, 14), gaussian, strange=True)
     result = th.calibrate_together(*tables, noise_sd=SD, gravity=GRAVITY)
     assert not present(present(result.by_hand).pooled).one_instrument
     assert result.verdict == "falsified"
@@ -128,7 +110,7 @@ def test_a_run_of_another_instrument_is_not_pooled() -> None:
 
 
 def test_biases_are_shared_where_that_is_asked_for() -> None:
-    _, tables = runs(6, (9, 9))
+    _, tables = runs(6, (9, 9), gaussian)
     result = th.calibrate_together(*tables, noise_sd=SD, gravity=GRAVITY)
     first, second = result.of_record.values()
     assert first.parameters[0].estimate != second.parameters[0].estimate

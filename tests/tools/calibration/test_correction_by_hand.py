@@ -177,6 +177,33 @@ def test_fmus_of_a_calibration_correct_its_readings(tmp_path, sensitivity):
     np.testing.assert_allclose(correction(instrument.readings(force)), force, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("lag", [0.004, 0.1, 0.13])
+def test_the_gyros_of_a_calibration_lag_in_the_exported_block(tmp_path, lag):
+    """The block reads its input of `lag` ago, here of rates that grow steadily, which no step changes."""
+    instrument = Instrument(15)
+    content = calibration(instrument, sensitivity=False)
+    late = {"symbol": "L", "name": "lag of the gyros", "unit": "s", "estimate": lag, "low": None, "high": None}
+    content["parameters"].append(late | {"determined": True, "standard_error": 1e-4})
+    export_calibrated(Calibration.model_validate(content), tmp_path / "out")
+    assert str(lag) in (tmp_path / "out" / "GyroBlock.ssv").read_text(encoding="utf-8")
+    step, count = 0.1, 9
+    growth = np.array([0.3, -0.2, 0.5])
+    times = step * np.arange(count)
+    mean_rate = growth * (times - 0.5 * step)[:, None]
+    columns = {"time": times} | {f"increment[{axis + 1}]": step * mean_rate[:, axis] for axis in range(3)}
+    signals = np.array(list(zip(*columns.values(), strict=True)), dtype=[(name, np.float64) for name in columns])
+    result = fmpy.simulate_fmu(
+        str(tmp_path / "out" / "GyroBlock.fmu"),
+        input=signals,
+        stop_time=times[-1],
+        output_interval=step,
+        output=[f"increment_reading[{axis}]" for axis in (1, 2, 3)],
+    )
+    reading = np.column_stack([result[f"increment_reading[{axis}]"] for axis in (1, 2, 3)])
+    expected = step * instrument.rates(mean_rate - lag * growth, np.zeros((count, 3)))
+    np.testing.assert_allclose(reading[5], expected[4], rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
