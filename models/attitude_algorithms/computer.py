@@ -482,8 +482,9 @@ def step_attitude(
     period = progress[PERIOD]
     if period <= 0.0:
         period = step
-    for k in range(3):
-        turning[k] = period * rate[k]
+    if input_kind != INCREMENTS:
+        for k in range(3):
+            turning[k] = period * rate[k]
     count = progress[TAKEN]
     if input_kind == RATES:
         # Only the rate at the end of a sample counts, not those within it.

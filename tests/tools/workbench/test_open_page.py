@@ -18,6 +18,7 @@ from by_hand import GRAVITY, Instrument
 from generator.stands import random_bench, simulated
 from hand_sessions import directions, ferraris, hand_moved, poses
 from trihedron.tools.cli import advice, main
+from trihedron.tools.errors import InputError
 from trihedron.tools.records import write_record
 from trihedron.tools.workbench import DeskServer, open_records
 
@@ -131,6 +132,8 @@ def workbook(table: Path) -> Path:
 def test_a_workbook_with_a_wrong_angle_becomes_a_corrected_record(tmp_path: Path, window: Window, opened) -> None:
     wrong_table(tmp_path)
     visitor = Visitor(window, opened(workbook(tmp_path / "table.csv")))
+    visitor.page.wait_for_selector("#import td")
+    assert "beta [deg]" in visitor.page.inner_text("#import th >> nth=3")
     visitor.choose("#import select", "m/s2")
     visitor.click("#make")
     visitor.wait_for("state.files.length === 2 && state.files[1].about")
@@ -251,6 +254,83 @@ def test_three_runs_are_calibrated_together(tmp_path: Path, window: Window, open
     assert window.complaints == []
 
 
+def test_everything_is_done_by_the_keyboard(tmp_path: Path, window: Window, opened) -> None:
+    _, table = hand_moved(4, 8)
+    log = table.rename({f"f{axis}_mps2": f"acc_{axis}" for axis in (1, 2, 3)})
+    log.write_csv(tmp_path / "log.csv")
+    visitor = Visitor(window, opened(tmp_path / "log.csv"))
+    page = visitor.page
+
+    def reach(what: str) -> None:
+        """Go on with the tabulator to the next element that a selector names."""
+        for _ in range(150):
+            page.keyboard.press("Tab")
+            if page.evaluate(f"document.activeElement.matches({json.dumps(what)})"):
+                return
+        raise AssertionError(f"{what} is not reached")
+
+    def press(what: str, key: str = "Enter") -> None:
+        reach(what)
+        page.keyboard.press(key)
+
+    def typed(what: str, text: str) -> None:
+        reach(what)
+        page.keyboard.press("Control+A")
+        page.keyboard.type(text)
+
+    def rests() -> int:
+        return page.evaluate("rests.length")
+
+    page.wait_for_selector("#import select", timeout=SECONDS)
+    typed("#import select", "m/s2")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#make", timeout=SECONDS)
+    press("#make")
+    visitor.wait_for("state.files.length === 2 && rests.length > 5")
+    count = rests()
+    press("[data-zoom=in]")
+    visitor.wait_for("span[0] > 1")
+    press("[data-zoom=all]")
+    visitor.wait_for("span[0] < 1")
+    press("[aria-label='Leave out rest 3']")
+    visitor.wait_for(f"rests.length === {count - 1}")
+    # The keyboard stays in the list.
+    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == "Leave out rest 3"
+    press("[aria-label='Cut rest 3']")
+    visitor.wait_for(f"rests.length === {count}")
+    press("[aria-label='Join rest 3 with the next']")
+    visitor.wait_for(f"rests.length === {count - 1}")
+    typed("[aria-label='Face of rest 4']", "+1")
+    visitor.wait_for("rests[3].face === '+1'")
+    typed("[aria-label='End of rest 5 [s]']", str(page.evaluate("rests[4].to_s") - 0.5))
+    page.keyboard.press("Enter")
+    visitor.wait_for("rests[4].to_s - rests[4].from_s < 2.4")
+    typed("#new-from", "10.2")
+    typed("#new-to", "12.5")
+    press("#add-rest")
+    visitor.wait_for(f"rests.length === {count}")
+    press("#undo")
+    visitor.wait_for(f"rests.length === {count - 1}")
+    for _ in range(4):
+        page.keyboard.press("Enter")
+    visitor.wait_for(f"rests.length === {count - 1} && rests[3].face === ''")
+    press("#undo")
+    visitor.wait_for(f"rests.length === {count} && !state.files[1].undo")
+    page.evaluate("document.activeElement.blur()")
+    typed("[name=gravity]", str(GRAVITY))
+    visitor.answered(lambda: press("[data-command=calibrate]"))
+    content = by_command("calibrate", "log.record.csv", "--gravity", str(GRAVITY))
+    assert is_same(visitor.parameters(), estimates(content))
+    press("[data-save=json]")
+    page.wait_for_selector("#note:not(:empty)", timeout=SECONDS)
+    assert json.loads((tmp_path / "log.record.calibration.json").read_text())["verdict"] == content["verdict"]
+    press("#export")
+    visitor.wait_for("document.getElementById('note').textContent.includes('imucal')")
+    press("#page-details summary")
+    page.frame_locator("#page").locator("h1").wait_for(timeout=SECONDS)
+    assert window.complaints == []
+
+
 # Without a browser
 
 
@@ -286,38 +366,25 @@ def test_only_this_machine_with_the_token_and_from_this_page_is_answered(tmp_pat
     assert asked(server, "POST", address + "drop?x.csv", b"a", Origin="http://evil.example")[0] == 403
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        {"do": "run", "command": "import", "files": [0]},
-        {"do": "run", "command": "calibrate", "files": [7]},
-        {"do": "run", "command": "calibrate", "files": "all"},
-        {"do": "decide", "file": 0, "decisions": {"left_out": [99]}},
-        {"do": "decide", "file": 0, "decisions": {"path": "/etc/passwd"}},
-        {"do": "decide", "file": 3, "decisions": {}},
-        {"do": "save", "what": "json"},
-        {"do": "anything"},
-    ],
-)
-def test_what_cannot_be_done_is_refused_in_one_line(tmp_path: Path, opened, content: dict[str, Any]) -> None:
+REFUSED: list[dict[str, Any]] = [
+    {"do": "run", "command": "import", "files": [0]},
+    {"do": "run", "command": "calibrate", "files": [7]},
+    {"do": "run", "command": "calibrate", "files": "all"},
+    {"do": "decide", "file": 0, "decisions": {"left_out": [99]}},
+    {"do": "decide", "file": 0, "decisions": {"path": "/etc/passwd"}},
+    {"do": "decide", "file": 3, "decisions": {}},
+    {"do": "save", "what": "json"},
+    {"do": "anything"},
+]
+
+
+def test_what_cannot_be_done_is_refused_in_one_line(tmp_path: Path, opened) -> None:
     server = opened(wrong_table(tmp_path))
-    while server.desk.files[0].problem == "is being read":
-        time.sleep(0.05)
-    answer = told(server, **content)
-    assert answer["refusal"]
-    assert "\n" not in answer["refusal"]
+    for content in REFUSED:
+        answer = told(server, **content)
+        assert answer["refusal"], content
+        assert "\n" not in answer["refusal"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["table.csv"]
-
-
-def test_a_wrong_row_beside_one_left_out_has_the_number_of_its_position(tmp_path: Path, opened) -> None:
-    server = opened(wrong_table(tmp_path))
-    assert told(server, do="decide", file=0, decisions={"left_out": [3]}) == {}
-    assert told(server, do="run", command="diagnose", files=[0], options={"noise_bound": "1e-5"}) == {}
-    end = time.monotonic() + SECONDS / 1000.0
-    while server.desk.answer is None:
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    assert server.desk.answer["wrong"] == [12]
 
 
 def answered(server: DeskServer, count: int) -> None:
@@ -352,48 +419,43 @@ def test_decisions_about_another_content_are_said_and_replaced(tmp_path: Path, o
     assert th.calibrate(path, noise_bound=1e-5).verdict == "consistent"
 
 
-def test_a_corrected_record_has_the_channels_of_its_calibration(tmp_path: Path, opened) -> None:
+def test_command_python_and_corrected_record_are_those_of_the_page(tmp_path: Path, opened) -> None:
+    """They have all digits, signs and channels."""
     rng = np.random.default_rng(3)
-    made = simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3)))
     path = tmp_path / "turned.csv"
-    write_record(made, path)
+    write_record(simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3))), path)
     names = {"f1_mps2": "f2_mps2", "f2_mps2": "f1_mps2"}
     table = pl.read_csv(path, comment_prefix="#").rename(names)
-    table.with_columns(f3_mps2=-pl.col("f3_mps2")).write_csv(path)
+    table.with_columns(f2_mps2=-pl.col("f2_mps2")).write_csv(path)
     server = opened(path)
-    options = {"noise_bound": "1e-5", "channels": "2,1,-3"}
-    told(server, do="run", command="calibrate", files=[0], options=options)
-    answered(server, 1)
-    file = told(server, do="save", what="corrected")["file"]
-    calibration = th.calibrate(path, noise_bound=1e-5, channels=["2,1,-3"])
-    expected = th.apply(calibration, path, channels=["2,1,-3"]).record
-    assert np.array_equal(th.read_record(file).specific_force, th.read_record(expected).specific_force)
-
-
-def test_the_command_and_the_lines_of_python_have_all_digits_and_signs(tmp_path: Path, opened) -> None:
-    path = wrong_table(tmp_path)
-    pl.read_csv(path).with_columns(f1_mps2=-pl.col("f1_mps2")).filter(pl.col("position") != 12).write_csv(path)
-    server = opened(path)
-    options = {"noise_bound": "1e-5", "gravity": "9.8066501234", "channels": "-1,2,3"}
+    options = {"noise_bound": "1e-5", "gravity": "9.8066501234", "channels": "-2,1,3"}
     told(server, do="run", command="calibrate", files=[0], options=options)
     answered(server, 1)
     shown = server.desk.answer
     assert shown is not None
+    assert "corrected" in shown["gives"]
+    corrected = th.read_record(told(server, do="save", what="corrected")["file"])
     estimates_shown = {row["symbol"]: row["estimate"] for row in shown["parameters"]}
     content = by_command(*shlex.split(shown["command"])[1:])
     assert is_same(estimates_shown, estimates(content))
     spoken: dict[str, Any] = {}
     exec(shown["python"], spoken)
     assert is_same(estimates_shown, {row.symbol: row.estimate for row in spoken["result"].parameters})
+    expected = th.apply(spoken["result"], path, channels=["-2,1,3"]).record
+    assert np.array_equal(corrected.specific_force, th.read_record(expected).specific_force)
 
 
-def test_a_refused_command_leaves_the_files_of_the_result_that_is_shown(tmp_path: Path, opened) -> None:
+def test_a_refused_command_leaves_the_result_that_is_shown(tmp_path: Path, opened) -> None:
+    """The wrong row beside one left out has the number of its position."""
     first = wrong_table(tmp_path)
     second = tmp_path / "second.csv"
     second.write_bytes(first.read_bytes().replace(b"\n2,", b"\n2,", 1) + b"# second\n")
     server = opened(first, second)
+    assert told(server, do="decide", file=0, decisions={"left_out": [3]}) == {}
     told(server, do="run", command="diagnose", files=[0], options={"noise_bound": "1e-5"})
     answered(server, 1)
+    assert server.desk.answer is not None
+    assert server.desk.answer["wrong"] == [12]
     told(server, do="run", command="noise", files=[1], options={})
     answered(server, 2)
     assert server.desk.refusal
@@ -416,6 +478,18 @@ def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path
         assert told_back == expected or expected in told_back["refusal"]
     assert (tmp_path / "outside.csv").read_bytes() == content
     assert (tmp_path / "table.csv").read_bytes() == content
+
+
+def test_a_damaged_file_is_refused_with_its_damage(tmp_path: Path, opened) -> None:
+    book = workbook(wrong_table(tmp_path))
+    book.write_bytes(book.read_bytes()[:3000])
+    with pytest.raises(InputError, match=r"^table.xlsx: is not a readable workbook"):
+        open_records(book)
+    lines = (tmp_path / "table.csv").read_text().splitlines()
+    (tmp_path / "table.csv").write_text("\n".join([*lines[:9], lines[9][:9], *lines[10:]]))
+    (file,) = opened(tmp_path / "table.csv").desk.files
+    assert file.problem.startswith("table.csv: row 10: ")
+    assert file.about is None
 
 
 def test_a_file_that_is_not_there_is_refused() -> None:
