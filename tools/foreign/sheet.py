@@ -39,7 +39,7 @@ SEPARATORS = {"tab": "\t", ";": ";", "|": "|", ",": ",", "blanks": " "}
 """Separators of fields, the least likely to occur inside fields first."""
 ENCODINGS = ("utf-8", "utf-16", "cp1252", "cp1251", "cp1250", "latin-1", "cp437", "cp850", "mac-roman", "shift-jis")
 OTHERS = {
-    r"PK": "is a ZIP archive; unpack it and give the file in it",
+    r"PK": "is a ZIP archive, or a workbook cut short; unpack it and give the file in it, or save the workbook again",
     r"BZh|\xfd7zXZ|7z\xbc\xaf|Rar!|\(\xb5/\xfd": "is a packed archive; unpack it and give the file in it",
     r"%PDF-": "is a PDF; export the table as CSV",
     r"(?i)<(\?xml|!doctype|html|table)\b": "is HTML or XML, whatever its name; save it from a spreadsheet as CSV",

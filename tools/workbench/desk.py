@@ -1,5 +1,6 @@
 """The state of the page about records: files, decisions, the answer before and after, and the running calculation."""
 
+import re
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,8 +20,7 @@ from .lines import Channels, channels_of_file, lines_of
 WAIT_S = 600.0
 """So long a look at a record may take."""
 READING = "is being read"
-NEEDS_IMPORT = "trihedron import"
-"""Word of a refusal of a file that the import reads."""
+WRONG_ROW = r" row \d+"
 COMMANDS = tuple(answers.FUNCTIONS)
 
 
@@ -144,8 +144,8 @@ class Desk:
             try:
                 file.imported = self.look(answers.understood, str(file.path), {})
             except (InputError, OSError) as reason:
-                # The reader of records leaves all workbooks to the import, which knows what is wrong with one.
-                if NEEDS_IMPORT in problem:
+                # The import reads more kinds of files; of a record with a wrong row the reader of records knows more.
+                if not re.search(WRONG_ROW, problem):
                     problem = one_line(str(reason))
             file.problem = problem
         else:

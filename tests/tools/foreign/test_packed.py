@@ -50,7 +50,7 @@ def test_what_holds_the_table_beyond_doubt_is_read(name: str, content: bytes, tm
         (PACKED[:-8] + b"junkjunk", "cannot be unpacked"),
         (bz2.compress(LAB), "is a packed archive; unpack it"),
         (lzma.compress(LAB), "is a packed archive; unpack it"),
-        (archive(), "is a ZIP archive; unpack it"),
+        (archive(), "is a ZIP archive, or a workbook cut short; unpack it"),
         (b"\xef\xbb\xbf<html><table><tr><td>1</td></tr></table></html>", "is HTML or XML"),
         (b'<?xml version="1.0"?><Workbook/>', "is HTML or XML"),
         (b'{"a": 1, "b": [1, 2, 3]}', "is JSON"),
