@@ -62,6 +62,8 @@ PROVEN_WANDER = 2
 """Number of effects for which a function of time counts, since it contains many; one more where time is not proven."""
 
 
+CERTAIN_CHANGE = 1e-3
+"""Change of an input [g], [g/rad] whose sense no effect turns."""
 MOST_BYTES, MOST_KEPT = 2**32, 2**28
 """Most memory of the columns of a search, reached by some 4,000 positions, and of those of other centres [bytes]."""
 CellNumber = tuple[EffectPlace, int]
@@ -246,7 +248,8 @@ class BenchSearch:
     @cached_property
     def relaxed(self) -> dict[EffectPlace, Relaxation]:
         """Relaxations of the effects that are not linear, or whose action the record leaves partly open."""
-        rows = self.readings.rows(self.centre.point)
+        # The effects that are sought turn the block, and with it the senses of inputs that hardly change.
+        rows = self.readings.rows(self.centre.point, certain_change=CERTAIN_CHANGE)
         places = [place for place in self.classes.places if untold_readings([place], rows).any()]
         places += [place for place in self.places if not is_linear(place) and place not in self.cells]
         return {relaxation.place: relaxation for relaxation in self.readings.relaxations(rows, places)}

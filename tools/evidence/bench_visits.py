@@ -123,15 +123,18 @@ class Visits:
         at = Positions(self.at.alpha[rows], self.at.beta[rows], self.at.mounting[rows])
         return replace(self, at=at, circumstances=self.circumstances.selected(rows))
 
-    def rows(self, point: NDArray, at: Positions | None = None) -> Rows:
-        """Return the signatures' arguments at a point (P,), by default at the record's positions; exact derivatives."""
+    def rows(self, point: NDArray, at: Positions | None = None, certain_change: float = INPUT_CHANGE) -> Rows:
+        """Return the signatures' arguments at a point (P,), by default at the record's positions; exact derivatives.
+
+        The sense of a change of an input is certain from `certain_change` on: [g], or [g/rad] of an axis that turned.
+        """
         p, at, circumstances = self.parametrisation, self.at if at is None else at, self.circumstances
         n = predicted_input(p, point, at)
 
         turned = replace(at, beta=at.beta + 1j * COMPLEX_STEP)
         slopes = reading_jacobian(p, point, at)
         kappa, outer, epsilon = (slopes[..., p.symbols.index(symbol)] for symbol in ("X1", "X2", "X3"))
-        input_sense, sense_told = self._input_senses(point, at, n)
+        input_sense, sense_told = self._input_senses(point, at, n, certain_change)
         targets = (p.selection @ point)[at.mounting]
         plus = targets[:, [TARGETS.index(positive) for positive, _ in SYMMETRIC_PAIRS]]
         minus = targets[:, [TARGETS.index(negative) for _, negative in SYMMETRIC_PAIRS]]
@@ -170,13 +173,16 @@ class Visits:
         """Return the signatures' arguments at the true position of the table, given the effects of a fit."""
         return self.rows(fit.point, self.disturbed(fit.point, fit.sized))
 
-    def _input_senses(self, point: NDArray, at: Positions, n: NDArray) -> tuple[NDArray, NDArray]:
+    def _input_senses(
+        self, point: NDArray, at: Positions, n: NDArray, certain_change: float
+    ) -> tuple[NDArray, NDArray]:
         """Return senses (N, 3) of each input's last change, 0 where unknown, and a mask (N, 3) of those in the record.
 
         Without approach columns the sense is that of the change from the row before; the first row comes from no input.
         With them the record gives the sense if both axes, or the only one that moved, change the input in the same way
-        on the way to the position. Otherwise it depends on the order of the axes, which only a series shows. A series
-        does not show from which position the table came to the first one.
+        on the way to the position. Otherwise it depends on the order of the axes, which only a series shows. Nor does
+        the record give it where an input hardly changes with an axis that turned: a small turn of the block would change
+        the sense. A series does not show from which position the table came to the first one.
         """
         p, circumstances = self.parametrisation, self.circumstances
         if circumstances.input_senses is not None:
@@ -184,14 +190,18 @@ class Visits:
         if not circumstances.approached and circumstances.before is not None:
             before = Positions(circumstances.before[:, 0], circumstances.before[:, 1], at.mounting)
             change = n - np.nan_to_num(predicted_input(p, point, before))
-            return np.where(np.abs(change) > INPUT_CHANGE, np.sign(change), 0.0), np.ones(n.shape, dtype=bool)
+            size = np.abs(change)
+            certain = (size <= INPUT_CHANGE**2 / certain_change) | (size >= certain_change)
+            return np.where(certain & (size > INPUT_CHANGE), np.sign(change), 0.0), certain
         outer, inner = self.moved_axes(at)
         ways = []
         for alpha, beta in ((outer * circumstances.sense_alpha, 0.0), (0.0, inner * circumstances.sense_beta)):
             turning = replace(at, alpha=at.alpha + 1j * COMPLEX_STEP * alpha, beta=at.beta + 1j * COMPLEX_STEP * beta)
-            ways.append(np.sign(np.imag(predicted_input(p, point, turning)) / COMPLEX_STEP))
+            ways.append(np.imag(predicted_input(p, point, turning)) / COMPLEX_STEP)
         unknown = (outer & (circumstances.sense_alpha == 0.0)) | (inner & (circumstances.sense_beta == 0.0))
         certain = (ways[0] * ways[1] >= 0.0) & ~unknown[:, None]
+        for moved, slope in zip((outer, inner), ways, strict=True):
+            certain &= ~moved[:, None] | (np.abs(slope) >= certain_change)
         return np.where(certain, np.sign(ways[0] + ways[1]), 0.0), certain
 
     def moved_axes(self, at: Positions | None = None) -> tuple[NDArray, NDArray]:
