@@ -180,9 +180,9 @@ class Visits:
 
         Without approach columns the sense is that of the change from the row before; the first row comes from no input.
         With them the record gives the sense if both axes, or the only one that moved, change the input in the same way
-        on the way to the position. Otherwise it depends on the order of the axes, which only a series shows. Nor does
-        the record give it where an input hardly changes with an axis that turned: a small turn of the block would change
-        the sense. A series does not show from which position the table came to the first one.
+        on the way to the position. Otherwise it depends on the order of the axes, which only a series shows. Where an
+        input hardly changes with an axis that turned, a small turn of the block would change the sense: it is unknown.
+        A series does not show from which position the table came to the first one.
         """
         p, circumstances = self.parametrisation, self.circumstances
         if circumstances.input_senses is not None:
