@@ -85,7 +85,7 @@ def held_against(channel: Channel, step: float, selection: Selection, simulated:
 
 def _largest(likelihood: Likelihood) -> float:
     """Return the least cost of all processes together."""
-    trends: tuple[Letter | None, ...] = (None, "R", "W") if len(likelihood.bins.constants) else (None,)
+    trends: tuple[Letter | None, ...] = (None, "R", "W") if likelihood.bins.has_trends else (None,)
     return min(likelihood.fit(SPECTRAL, trend).cost for trend in trends)
 
 
@@ -94,7 +94,7 @@ def smallest_changes(likelihood: Likelihood, simulated: Sizes, limit: float) -> 
     by_size: dict[int, list[tuple[Letter, ...]]] = {}
     for count in range(1, MOST + 1):
         for letters in combinations(CHANGES, count):
-            if "R" in letters and not len(likelihood.bins.constants):
+            if "R" in letters and not likelihood.bins.has_trends:
                 continue
             by_size.setdefault(sum(NUMBERS[letter] for letter in letters), []).append(letters)
     for size in sorted(by_size):
@@ -112,7 +112,7 @@ def _changed(likelihood: Likelihood, simulated: Sizes, letters: tuple[Letter, ..
         if letter in SPECTRAL and letter not in letters:
             fixed += size**2 * likelihood.column(letter, 0.0) * likelihood.unit
     spectral: list[Letter] = [letter for letter in SPECTRAL if letter in letters]
-    trend = 0 if "R" in letters else None
+    trend = 0.0 if "R" in letters else None
     constants = likelihood.constants.tolist() if "M" in letters else [0.0]
     fits = [likelihood.fit_beside(fixed, tuple(spectral), constant, trend) for constant in constants]
     return Change(letters, min(fits, key=lambda fit: fit.cost))

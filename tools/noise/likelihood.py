@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar, nnls, root_scalar
 
 from .processes import Letter, template
-from .spectrum import Bins
+from .spectrum import LONGEST_WARM_UP, SHORTEST_WARM_UP, Bins
 
 ROUNDS = 60
 """Rounds of reweighted least squares."""
@@ -31,6 +31,10 @@ STEP = 0.02
 """First step of the logarithm of θ towards an end of an interval; each further one is twice as long."""
 NEARBY = 1.5
 """Logarithms of correlation times about the best one that an interval of a Markov process takes in."""
+SMOOTH: tuple[Letter, ...] = ("N", "Q", "B", "K")
+"""Processes beside which the time constant of a strong warm-up is fitted."""
+STRONG = 5.0
+"""Size of a warm-up over its 95 % interval beyond which its time constant is fitted."""
 WIDEST = 30.0
 """Change of the logarithm of θ beyond which no end is looked for."""
 
@@ -42,6 +46,11 @@ class Trend:
     letter: Letter
     size: float
     constant: float = 0.0
+
+    @staticmethod
+    def of(size: float, constant: float) -> "Trend":
+        """Return a ramp, for a constant of 0, or a warm-up."""
+        return Trend("R" if constant == 0.0 else "W", size, constant)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +116,7 @@ class Likelihood:
         # sizes near one: the fits are of ratios to a smooth level
         self.unit = float(np.exp(np.average(np.log(np.maximum(bins.power, 1e-300)), weights=bins.count)))
         self.templates: dict[tuple[Letter, float], NDArray[np.float64]] = {}
+        self.shapes: dict[float, NDArray[np.float64]] = {}
         self.fits: dict[tuple[Letter, ...], Fit] = {}
 
     @cached_property
@@ -115,6 +125,22 @@ class Likelihood:
         first = 3.0 * self.bins.step * math.pi / max(float(self.bins.angle[-1]), 1e-12)
         last = max(self.bins.duration / 4.0, 2.0 * first)
         return np.geomspace(first, last, CONSTANTS)
+
+    @cached_property
+    def warm_ups(self) -> list[float]:
+        """Time constants of a warm-up that are tried [s]; beside a strong one its own, which no grid would meet."""
+        constants = self.bins.warm_ups.tolist()
+        best = min((self.fit_at(SMOOTH, 0.0, constant) for constant in constants), key=_cost_of)
+        assert best.trend is not None
+        low, high = self._trend_interval(best)
+        if abs(low + high) < STRONG * (high - low):
+            return constants
+        refined: Any = minimize_scalar(
+            lambda logarithm: self.fit_at(SMOOTH, 0.0, math.exp(logarithm)).cost,
+            bounds=(math.log(self.bins.duration / SHORTEST_WARM_UP), math.log(self.bins.duration * LONGEST_WARM_UP)),
+            options={"xatol": 1e-6},
+        )
+        return [*constants, math.exp(refined.x)]
 
     def column(self, letter: Letter, constant: float) -> NDArray[np.float64]:
         """Return the template of a process at the bins, of size about one."""
@@ -141,8 +167,8 @@ class Likelihood:
         best = self.fits[letters]
         if trend is None:
             return best
-        of_trend = np.flatnonzero((self.bins.constants == 0.0) == (trend == "R"))
-        return min((self.fit_at(letters, best.constant, int(column)) for column in of_trend), key=_cost_of)
+        constants = [0.0] if trend == "R" else self.warm_ups
+        return min((self.fit_at(letters, best.constant, constant) for constant in constants), key=_cost_of)
 
     def _without_trend(self, letters: tuple[Letter, ...]) -> Fit:
         """Return the best fit of a set of processes over the correlation times."""
@@ -162,8 +188,8 @@ class Likelihood:
             step = math.sqrt(step)
         return best
 
-    def fit_at(self, letters: tuple[Letter, ...], constant: float, trend: int | None) -> Fit:
-        """Return the fit of a set of processes with one correlation time and one trend, by its column."""
+    def fit_at(self, letters: tuple[Letter, ...], constant: float, trend: float | None) -> Fit:
+        """Return the fit of a set of processes with one correlation time and one trend, by its constant."""
         columns = self.columns(letters, constant)
         power, count = self.bins.power / self.unit, self.bins.count
         size = 0.0
@@ -180,10 +206,7 @@ class Likelihood:
             theta, cost = theta_new, cost_new
             if abs(change) < CONVERGED * (1.0 + float(count.sum()) * 1e-6):
                 break
-        fitted = None
-        if trend is not None:
-            of = float(self.bins.constants[trend])
-            fitted = Trend("R" if of == 0.0 else "W", size, of)
+        fitted = None if trend is None else Trend.of(size, trend)
         cost += float(count.sum()) * math.log(self.unit)
         return Fit(letters, theta, constant, fitted, cost)
 
@@ -220,16 +243,22 @@ class Likelihood:
             part *= 0.5
         return before, cost
 
-    def _trend_size(self, spectrum: NDArray[np.float64], trend: int) -> float:
+    def shape(self, trend: float) -> NDArray[np.float64]:
+        """Return the single coefficients (S,) of a trend of size one."""
+        if trend not in self.shapes:
+            self.shapes[trend] = self.bins.trend(trend)
+        return self.shapes[trend]
+
+    def _trend_size(self, spectrum: NDArray[np.float64], trend: float) -> float:
         """Return the size of a trend by least squares, weighted by the spectrum."""
         weight = 1.0 / (spectrum[self.bins.is_single] * self.unit)
-        shape = self.bins.trend[:, trend]
+        shape = self.shape(trend)
         return float((weight * shape) @ self.bins.single / ((weight * shape) @ shape))
 
-    def _power_without(self, trend: int, size: float) -> NDArray[np.float64]:
+    def _power_without(self, trend: float, size: float) -> NDArray[np.float64]:
         """Return the power of the bins without a trend."""
         power = self.bins.power.copy()
-        power[self.bins.is_single] = (self.bins.single - size * self.bins.trend[:, trend]) ** 2
+        power[self.bins.is_single] = (self.bins.single - size * self.shape(trend)) ** 2
         return power / self.unit
 
     def interval(self, fit: Fit, letter: Letter) -> tuple[float, float]:
@@ -238,9 +267,7 @@ class Likelihood:
         The low end is 0 where the record does not exclude the process. The process may be one that the fit lacks.
         """
         letters = fit.letters if letter in fit.letters else (*fit.letters, letter)
-        trend = None
-        if fit.trend is not None:
-            trend = int(np.argmin(np.abs(self.bins.constants - fit.trend.constant)))
+        trend = None if fit.trend is None else fit.trend.constant
         if letter in ("R", "W"):
             return self._trend_interval(fit)
         best = self.fit_at(letters, fit.constant, trend)
@@ -255,7 +282,7 @@ class Likelihood:
         low, high = _end(rise, -STEP), _end(rise, STEP)
         return math.sqrt(start * math.exp(low)), math.sqrt(start * math.exp(high))
 
-    def _cost_with(self, best: Fit, place: int, theta: float, trend: int | None) -> float:
+    def _cost_with(self, best: Fit, place: int, theta: float, trend: float | None) -> float:
         """Return the least cost with one process of a fit fixed at a size θ; of Markov over its correlation times."""
         others = np.delete(self.columns(best.letters, best.constant), place, axis=1)
         start = others @ np.delete(best.power, place)
@@ -271,7 +298,7 @@ class Likelihood:
         return float(least.fun)
 
     def fit_beside(
-        self, fixed: NDArray[np.float64], letters: tuple[Letter, ...], constant: float = 0.0, trend: int | None = None
+        self, fixed: NDArray[np.float64], letters: tuple[Letter, ...], constant: float = 0.0, trend: float | None = None
     ) -> Fit:
         """Return the fit of a set of processes beside a fixed spectrum (B,), with one correlation time and trend.
 
@@ -282,8 +309,7 @@ class Likelihood:
         named = None
         if trend is not None:
             spectrum = fixed / self.unit + columns @ theta
-            of = float(self.bins.constants[trend])
-            named = Trend("R" if of == 0.0 else "W", self._trend_size(spectrum, trend), of)
+            named = Trend.of(self._trend_size(spectrum, trend), trend)
         return Fit(letters, theta, constant, named, cost)
 
     def _beside(
@@ -291,7 +317,7 @@ class Likelihood:
         fixed: NDArray[np.float64],
         columns: NDArray[np.float64],
         start: NDArray[np.float64],
-        trend: int | None,
+        trend: float | None,
     ) -> tuple[NDArray[np.float64], float]:
         """Return θ ≥ 0 of some columns beside a fixed spectrum, from a spectrum of theirs on, and the least cost."""
         power = self.bins.power / self.unit
@@ -329,9 +355,8 @@ class Likelihood:
     def _trend_interval(self, fit: Fit) -> tuple[float, float]:
         """Return the ends of the 95 % interval of a trend's size, the spectrum as it is fitted."""
         assert fit.trend is not None
-        trend = int(np.argmin(np.abs(self.bins.constants - fit.trend.constant)))
         spectrum = self.columns(fit.letters, fit.constant) @ fit.power * self.unit
-        shape = self.bins.trend[:, trend]
+        shape = self.shape(fit.trend.constant)
         deviation = 1.0 / math.sqrt(float(shape @ (shape / spectrum[self.bins.is_single])))
         half = math.sqrt(LEVEL) * deviation
         return fit.trend.size - half, fit.trend.size + half
@@ -341,8 +366,7 @@ class Likelihood:
         spectrum = self.columns(fit.letters, fit.constant) @ fit.power
         power = self.bins.power / self.unit
         if fit.trend is not None:
-            trend = int(np.argmin(np.abs(self.bins.constants - fit.trend.constant)))
-            power = self._power_without(trend, fit.trend.size)
+            power = self._power_without(fit.trend.constant, fit.trend.size)
         # Wilson and Hilferty: the cube root of chi-square is nearly normal
         spread = 2.0 / (9.0 * self.bins.count)
         return float(np.max(np.abs(np.cbrt(power / spectrum) - (1.0 - spread)) / np.sqrt(spread)))

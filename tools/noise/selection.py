@@ -92,7 +92,7 @@ def _in_whole_band(fit: Fit, of_band: Likelihood, whole: Likelihood) -> Fit | No
 
 def _admissible(likelihood: Likelihood) -> tuple[Fit, ...]:
     """Return all admissible sets of the fewest numbers, the likeliest first."""
-    needed = NEEDED_WITH_TRENDS if len(likelihood.bins.constants) else NEEDED
+    needed = NEEDED_WITH_TRENDS if likelihood.bins.has_trends else NEEDED
     largest = min(likelihood.fit(SPECTRAL, trend).cost for trend in _trends(likelihood))
     sizes: dict[int, list[tuple[tuple[Letter, ...], Letter | None]]] = {}
     for letters, trend in _sets(likelihood):
@@ -111,7 +111,7 @@ def _admissible(likelihood: Likelihood) -> tuple[Fit, ...]:
 
 def _trends(likelihood: Likelihood) -> tuple[Letter | None, ...]:
     """Return no trend, and the letters of trends where the record is one piece."""
-    if len(likelihood.bins.constants):
+    if likelihood.bins.has_trends:
         return (None, *TRENDS)
     return (None,)
 

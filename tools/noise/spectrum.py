@@ -7,10 +7,12 @@ not.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
+from scipy.optimize import minimize_scalar
 from scipy.special import chdtri
 
 SINGLE = 64
@@ -31,6 +33,10 @@ SIDE_LOBE = 0.05
 """A line weaker than this part of the strongest may be its side lobe."""
 WARM_UPS = 12
 """Time constants of a warm-up that are tried."""
+SHORTEST_WARM_UP, LONGEST_WARM_UP = 100.0, 2.0
+"""Time constants between the length of a record over the first and times the second."""
+FARTHER = 0.3
+"""A warm-up that is larger than this part of the noise beyond the single coefficients is taken out there."""
 SMALLEST = 1e-12
 """Least size of readings whose rounding counts [rad/s] or [m/s²]."""
 
@@ -45,7 +51,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Bins:
-    """Mean squares of the cosine coefficients of one channel, with the shapes of trends.
+    """Mean squares of the cosine coefficients of one channel.
 
     Attributes
     ----------
@@ -57,14 +63,12 @@ class Bins:
         coefficients in each bin
     step : float
         time between readings [s]
-    single, trend : ndarray, shape (S,), (S, C)
-        coefficients of the bins with one only, in their order, and those of C trends of size one
+    single, number : ndarray, shape (S,)
+        coefficients of the bins with one only, and their numbers; empty of several pieces, which have no trend
     is_single : ndarray of bool, shape (B,)
         true for those bins
-    constants : ndarray, shape (C,)
-        of each trend: 0 for the ramp, else the time constant of a warm-up [s]
-    duration : float
-        length of the longest piece [s]
+    rows : int
+        rows of the longest piece
     """
 
     angle: NDArray[np.float64]
@@ -72,10 +76,28 @@ class Bins:
     count: NDArray[np.float64]
     step: float
     single: NDArray[np.float64]
-    trend: NDArray[np.float64]
+    number: NDArray[np.int_]
     is_single: NDArray[np.bool_]
-    constants: NDArray[np.float64]
-    duration: float
+    rows: int
+
+    @property
+    def duration(self) -> float:
+        """Return the length of the longest piece [s]."""
+        return self.rows * self.step
+
+    @property
+    def has_trends(self) -> bool:
+        """Return true if the bins are of one piece, which may have a trend."""
+        return len(self.single) > 0
+
+    @property
+    def warm_ups(self) -> NDArray[np.float64]:
+        """Return the time constants of warm-ups that are tried [s]."""
+        return np.geomspace(self.duration / 30.0, self.duration / 2.0, WARM_UPS)
+
+    def trend(self, constant: float) -> NDArray[np.float64]:
+        """Return the single coefficients (S,) of a trend of size one: the ramp for 0, else a warm-up [s]."""
+        return trend_coefficients(self.number, self.rows, self.step, constant)
 
     def below(self, angle: float) -> "Bins":
         """Return the bins up to a frequency ω [rad per reading]."""
@@ -87,7 +109,7 @@ class Bins:
             power=self.power[kept],
             count=self.count[kept],
             single=self.single[of_single],
-            trend=self.trend[of_single],
+            number=self.number[of_single],
             is_single=self.is_single[kept],
         )
 
@@ -104,31 +126,49 @@ def bins_of(pieces: Sequence[NDArray[np.float64]], step: float) -> tuple[Bins, t
     """
     parts = []
     lines: list[Line] = []
-    constants = trend_constants(max(len(piece) for piece in pieces) * step)
     for piece in pieces:
-        coefficients = np.asarray(dct(piece - piece[0], type=2, norm="ortho"))[1:]
+        coefficients = _coefficients(piece, step)
         masked = line_mask(coefficients)
         if not lines:
             lines = lines_of(coefficients, masked, step)
         # readings that repeat one value have the noise of their rounding
         floor = (np.finfo(np.float64).eps * max(float(np.abs(piece).max()), SMALLEST)) ** 2
-        parts.append(_piece_bins(coefficients, masked, step, constants, floor))
+        parts.append(_piece_bins(coefficients, masked, step, floor))
     joined = parts[0]
     if len(parts) > 1:
         joined = _joined(parts)
     return joined, tuple(lines)
 
 
-def trend_constants(duration: float) -> NDArray[np.float64]:
-    """Return the constants of the trends that are tried: 0 for the ramp, then those of warm-ups [s]."""
-    return np.concatenate([[0.0], np.geomspace(duration / 30.0, duration / 2.0, WARM_UPS)])
+def _coefficients(piece: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Return the cosine coefficients (n - 1,) of a piece; a strong warm-up is only in those that are single bins."""
+    coefficients = np.asarray(dct(piece - piece[0], type=2, norm="ortho"))[1:]
+    rows, single = len(piece), coefficients[:SINGLE]
+    if rows < 4 * SINGLE:
+        return coefficients
+    number = np.arange(1, SINGLE + 1)
+    duration = rows * step
+
+    def unexplained(logarithm: float) -> float:
+        shape = trend_coefficients(number, rows, step, math.exp(logarithm))
+        return -(float(shape @ single) ** 2) / float(shape @ shape)
+
+    ends = math.log(duration / SHORTEST_WARM_UP), math.log(duration * LONGEST_WARM_UP)
+    best: Any = minimize_scalar(unexplained, bounds=ends, options={"xatol": 1e-6})
+    shape = trend_coefficients(number, rows, step, math.exp(best.x))
+    size = float(shape @ single) / float(shape @ shape)
+    level = float(np.median(np.abs(coefficients[len(coefficients) // 2 :])))
+    if abs(size * shape[-1]) < FARTHER * level:
+        return coefficients
+    warming = size * np.exp(-step * np.arange(rows) / math.exp(best.x))
+    without = np.asarray(dct(piece - warming, type=2, norm="ortho"))[1:]
+    return np.concatenate([single, without[SINGLE:]])
 
 
 def _piece_bins(
     coefficients: NDArray[np.float64],
     masked: NDArray[np.bool_],
     step: float,
-    constants: NDArray[np.float64],
     floor: float,
 ) -> Bins:
     """Return the bins of one piece; their power is a least one at least."""
@@ -151,10 +191,9 @@ def _piece_bins(
         count=count,
         step=step,
         single=coefficients[of_single],
-        trend=_trends(size, step, constants)[of_single],
+        number=of_single + 1,
         is_single=single,
-        constants=constants,
-        duration=size * step,
+        rows=size,
     )
 
 
@@ -170,21 +209,20 @@ def bin_edges(count: int) -> NDArray[np.int64]:
     return np.array(edges, dtype=np.int64)
 
 
-def _trends(size: int, step: float, constants: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the lowest coefficients (S, C) of a ramp of 1/s and of warm-ups exp(-t/T), by their sums in closed form.
+def trend_coefficients(number: NDArray[np.int_], rows: int, step: float, constant: float) -> NDArray[np.float64]:
+    """Return the cosine coefficients of these numbers of a ramp of 1/s, for 0, or of a warm-up exp(-t/T).
 
     They are the sums over k of x_k cos(ω (k + 1/2)) times √(2/n).
     """
-    angle = math.pi * np.arange(1, min(SINGLE, size - 1) + 1) / size
-    odd = np.arange(1, len(angle) + 1) % 2
-    shapes = np.empty((len(angle), len(constants)))
-    for place, constant in enumerate(constants):
-        if constant == 0.0:
-            shapes[:, place] = -odd * step * np.cos(0.5 * angle) / (2.0 * np.sin(0.5 * angle) ** 2)
-            continue
+    angle = math.pi * number / rows
+    if constant == 0.0:
+        sums = -(number % 2) * step * np.cos(0.5 * angle) / (2.0 * np.sin(0.5 * angle) ** 2)
+    else:
         exponent = -step / constant + 1j * angle
-        shapes[:, place] = np.real(np.exp(0.5 * exponent) * np.expm1(exponent * size) / np.expm1(exponent))
-    return shapes * math.sqrt(2.0 / size)
+        sums = np.real(np.exp(0.5 * exponent) * np.expm1(exponent * rows) / np.expm1(exponent))
+        # the transform counts from the middle of a row, the warm-up from its start
+        sums *= math.exp(0.5 * step / constant)
+    return sums * math.sqrt(2.0 / rows)
 
 
 def _joined(parts: Sequence[Bins]) -> Bins:
@@ -198,10 +236,9 @@ def _joined(parts: Sequence[Bins]) -> Bins:
         power=np.concatenate([part.power for part in parts])[order],
         count=np.concatenate([part.count for part in parts])[order],
         single=np.zeros(0),
-        trend=np.zeros((0, 0)),
+        number=np.zeros(0, dtype=np.int_),
         is_single=np.zeros(len(angle), dtype=bool),
-        constants=np.zeros(0),
-        duration=max(part.duration for part in parts),
+        rows=max(part.rows for part in parts),
     )
 
 

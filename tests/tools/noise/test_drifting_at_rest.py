@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from generator.noise import known, static_record
+from generator.noise import known, noise_series, static_record
+from trihedron.tools.noise.selection import select
+from trihedron.tools.noise.spectrum import bins_of
 from trihedron.tools.records import StrapdownRecord
 
 WHITE = {"N": 1e-4}, {"N": 1e-3}
@@ -98,3 +100,18 @@ def test_a_block_that_spins_and_stops_is_not_static():
         spinning = np.zeros((60_000, 3))
         spinning[:, 2] = np.radians(rate) * (record.time_s // length % 2.0)
         assert not th.noise(with_motion(record, spinning)).static
+
+
+@pytest.mark.parametrize(("size", "time"), [(0.1, 300.0), (0.05, 60.0), (1.0, 700.0)])
+@pytest.mark.parametrize("letter", ["", "K"])
+def test_a_strong_warm_up_hides_no_walk_and_feigns_none(size, time, letter):
+    """Its time constant is fitted, and its tail at high frequencies taken out. K of an hour errs by 18 %."""
+    gyro = {"N": 1e-4} | ({"K": 5e-6} if letter else {})
+    for seed in range(3):
+        values = noise_series(36_000, 0.1, gyro, seed)
+        warming = size * np.exp(-0.1 * np.arange(36_000) / time)
+        alone = select(bins_of([values], 0.1)[0]).fit
+        fit = select(bins_of([values + warming], 0.1)[0]).fit
+        assert fit.all_letters == (*alone.all_letters, "W")
+        assert fit.coefficient("K") == pytest.approx(alone.coefficient("K"), rel=0.25)
+        assert known(fit.trend).constant == pytest.approx(time, rel=0.1)

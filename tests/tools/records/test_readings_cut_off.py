@@ -45,7 +45,7 @@ def sound(kind: str, seed: int) -> np.ndarray:
     if kind == "heavy tails":
         return rng.standard_t(3, ROWS) / 1.7
     if kind == "filtered":
-        return lfilter([0.1], [1.0, -0.9], white) / 0.23
+        return np.asarray(lfilter([0.1], [1.0, -0.9], white)) / 0.23
     if kind == "skewed":
         return (rng.gamma(20.0, size=ROWS) - 20.0) / 4.5
     if kind == "walk":
