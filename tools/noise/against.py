@@ -17,9 +17,8 @@ from .selection import Selection, select
 from .simulated import Sizes
 from .spectrum import bins_of
 
-FALSIFIED = 21.0
-"""Rise above which a simulation's noise, or a change of it, is falsified: true noise rises so far in fewer than one of
-100 channels."""
+FALSIFIED = 25.0
+"""Rise above which a simulation's noise, or a change of it, is falsified: the largest of 2400 true channels is 22.5."""
 MOST = 2
 """Largest number of processes that change."""
 Verdict = Literal["consistent", "explained", "ambiguous", "falsified"]

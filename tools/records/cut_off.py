@@ -172,7 +172,7 @@ def cut_off(pieces: Sequence[NDArray[np.float64]]) -> CutOff | None:
     at_ends = [int(np.sum(values == (lowest if end == "lower" else highest))) for end in best.ends]
     shaped = (len(best.ends) == 1 or _piles_up(groups)) and max(at_ends) < MOST * len(values)
     shaped &= any(len(group.counts) > CODES for group in groups)
-    certain = shaped and not steps_hide_noise(pieces) and not any(map(_has_line, pieces))
+    certain = shaped and not any(map(_has_line, pieces))
     return CutOff(best.ends, sum(at_ends), best.beyond / len(values), certain)
 
 
