@@ -23,7 +23,7 @@ FEWEST = 9
 SAME_RATE = np.radians(2.0)
 """Largest excess turn of a still window over the stillest ones [rad/s]."""
 STILLEST = 0.1
-"""Part of the still windows, those of least scatter, that shows what gyros read at rest."""
+"""Part of the still windows, those in which gyros scatter least, that shows what they read at rest."""
 LAST_DIGITS = 1e-7
 """In a record without noise larger changes, over the largest reading, are no rounding of sums."""
 LEAST_ROWS = 8
@@ -127,17 +127,14 @@ def _still_rows(series: Series, limit: float) -> list[slice]:
     most = LARGEST_FORCE / 9.0
     channels = np.clip(series.force, -most, most).T
     still = np.ones(len(time) - size + 1, dtype=bool)
-    scatter = np.zeros(len(still))
     noises = [channel_noise(values, size, lag) for values in channels]
     if not np.isfinite(noises).any():
         # a record without noise: at rest nothing but last digits changes
         noises = [LAST_DIGITS * max(float(np.abs(values).max()), 1.0) for values in channels]
     for values, noise in zip(channels, noises, strict=True):
-        ratio = window_scatter(values, size) / noise
-        still &= ratio <= limit
-        scatter = np.maximum(scatter, ratio)
+        still &= window_scatter(values, size) <= limit * noise
     if series.rate is not None and still.any():
-        still &= _turns_as_the_stillest(series.rate, still, scatter, size)
+        still &= _turns_as_the_stillest(series.rate, still, size)
     begun = np.concatenate([[0], np.cumsum(still)])
     at = np.arange(len(time) - 1)
     # A window that holds rows k and k + 1 begins between k + 2 - size and k.
@@ -152,9 +149,13 @@ def _still_rows(series: Series, limit: float) -> list[slice]:
     return rows
 
 
-def _turns_as_the_stillest(rate: NDArray, still: NDArray[np.bool_], scatter: NDArray, size: int) -> NDArray[np.bool_]:
-    """Return the windows whose mean rate is near that of the stillest windows."""
+def _turns_as_the_stillest(rate: NDArray, still: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
+    """Return the windows whose mean rate is near that of the still windows in which the gyros scatter least.
+
+    A turn about the vertical is still for accelerometers, and no hand turns as steadily as a block rests.
+    """
     means = np.column_stack([window_sums(values, size) / size for values in rate.T])
+    scatter = np.linalg.norm([window_scatter(values, size) for values in rate.T], axis=0)
     least = np.quantile(scatter[still], STILLEST)
     usual = np.median(means[still & (scatter <= least)], axis=0)
     return np.linalg.norm(means - usual, axis=1) <= SAME_RATE

@@ -11,6 +11,16 @@ from scipy.spatial.transform import Rotation
 import trihedron as th
 from by_hand import GRAVITY, NAMES, Instrument, present
 from hand_sessions import NOISE, PERIOD, attitudes, ferraris, hand_moved, strapdown, truth, turning, written
+from trihedron.tools.by_hand.forces import FACE_ERROR
+from trihedron.tools.by_hand.moves import TURN_ERROR
+from trihedron.tools.motion.determinacy import LEAST_SD
+
+
+@pytest.mark.parametrize("seed", [49, 110, 167])
+def test_a_turn_about_the_vertical_is_no_rest(seed: int) -> None:
+    """Accelerometers are still in it: the rests are those whose gyros are still, too."""
+    _, table = ferraris(seed, FACE_ERROR, of_prior=True, error=LEAST_SD, turn_error=TURN_ERROR)
+    assert present(th.calibrate(table, gravity=GRAVITY).by_hand).rests == 6
 
 
 def test_six_faces_and_three_turns_by_their_parts() -> None:
