@@ -165,7 +165,7 @@ def _waited_for(child: int, until: float) -> tuple[int, resource.struct_rusage]:
         time.sleep(0.002)
 
 
-def _be_the_command(said: dict[str, Any], scratch: Path) -> None:
+def _be_the_command(request: dict[str, Any], scratch: Path) -> None:
     from trihedron.tools.cli import main
 
     status = 70
@@ -177,14 +177,14 @@ def _be_the_command(said: dict[str, Any], scratch: Path) -> None:
             os.close(stream)
         sys.stdout = os.fdopen(1, "w", encoding="utf-8", closefd=False)
         sys.stderr = os.fdopen(2, "w", encoding="utf-8", closefd=False, buffering=1)
-        os.chdir(said["folder"])
-        if said["cpu_seconds"]:
-            resource.setrlimit(resource.RLIMIT_CPU, (said["cpu_seconds"], said["cpu_seconds"]))
-        if said["most_bytes"]:
+        os.chdir(request["folder"])
+        if request["cpu_seconds"]:
+            resource.setrlimit(resource.RLIMIT_CPU, (request["cpu_seconds"], request["cpu_seconds"]))
+        if request["most_bytes"]:
             # Python ignores the signal and gets an error when it writes.
-            resource.setrlimit(resource.RLIMIT_FSIZE, (said["most_bytes"], said["most_bytes"]))
-        struck = None if said["strike"] is None else _Struck(Strike(**said["strike"]), scratch / "calls")
-        sys.argv = ["trihedron", *said["arguments"]]
+            resource.setrlimit(resource.RLIMIT_FSIZE, (request["most_bytes"], request["most_bytes"]))
+        struck = None if request["strike"] is None else _Struck(Strike(**request["strike"]), scratch / "calls")
+        sys.argv = ["trihedron", *request["arguments"]]
         sys.setprofile(struck)
         try:
             status = main() or 0
@@ -214,8 +214,8 @@ def _flushed(stream: TextIO) -> None:
 class _Struck:
     """Count calls by the function in which they are made, and strike once."""
 
-    def __init__(self, strike: Strike, told: Path) -> None:
-        self._strike, self._told = strike, told
+    def __init__(self, strike: Strike, report: Path) -> None:
+        self._strike, self._told = strike, report
         self._among = {*strike.among}
         self._calls: Counter[str] = Counter()
         self._struck = False

@@ -97,5 +97,5 @@ def counted(secret: HiddenNoise, result: Noise) -> tuple[int, int]:
         hidden = secret.gyro if one.channel.startswith("gyro") else secret.accelerometer
         sets = [frozenset(text.split(" + ")) for text in one.alternatives]
         right += frozenset(hidden) in sets or (not hidden and one.verdict == "consistent")
-        wrong += bool(sets) and frozenset(hidden) not in sets and not any(frozenset(hidden) >= found for found in sets)
+        wrong += bool(sets) and frozenset(hidden) not in sets and not any(frozenset(hidden) >= named for named in sets)
     return right, wrong

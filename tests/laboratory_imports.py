@@ -36,10 +36,10 @@ def imported(folder: Path, content: bytes | str, answers: dict[str, str] | None 
 
 def refused(folder: Path, content: bytes | str, answers: dict[str, str] | None = None) -> str:
     """Return the line in which an import of this content is refused."""
-    return asked(written(folder, content), answers)[1]
+    return questions_of(written(folder, content), answers)[1]
 
 
-def asked(path: Path, answers: dict[str, str] | None = None) -> tuple[set[str], str]:
+def questions_of(path: Path, answers: dict[str, str] | None = None) -> tuple[set[str], str]:
     """Return the keys that an import asks for, and the line with them."""
     with pytest.raises(th.InputError) as refusal:
         th.import_record(path, answers=answers)
@@ -56,7 +56,7 @@ def imported_as_asked(folder: Path, file: LabFile) -> tuple[Any, Any]:
     path = written(folder, file.content, f"lab{file.suffix}")
     answers: dict[str, str] = {}
     for last in range(file.rounds if file.needs else 0):
-        keys, message = asked(path, answers)
+        keys, message = questions_of(path, answers)
         assert keys <= set(file.needs), message
         answers |= {key: file.needs[key] for key in keys}
         assert (set(answers) == set(file.needs)) == (last == file.rounds - 1), message

@@ -9,10 +9,10 @@ from pathlib import Path
 def lowest(project: str) -> list[str]:
     """Return each dependency of a pyproject.toml at its lowest version."""
     named = tomllib.loads(project)["project"]["dependencies"]
-    found = {text: re.fullmatch(r"([\w.-]+)>=([\w.]+)", text) for text in named}
-    if unknown := [text for text, match in found.items() if match is None]:
+    matches = {text: re.fullmatch(r"([\w.-]+)>=([\w.]+)", text) for text in named}
+    if unknown := [text for text, match in matches.items() if match is None]:
         raise SystemExit(f"pyproject.toml: {unknown[0]!r} names no least version as 'name>=version'")
-    return [f"{match[1]}=={match[2]}" for match in found.values() if match]
+    return [f"{match[1]}=={match[2]}" for match in matches.values() if match]
 
 
 if __name__ == "__main__":

@@ -10,8 +10,8 @@ def farthest(jacobian, left, bound, weights) -> float:
     scaled = jacobian / size
     a = np.vstack((scaled, -scaled))
     b = np.concatenate((left + bound, bound - left)) / unit
-    found = linprog(-weights / size, A_ub=a, b_ub=b, bounds=[(None, None)] * len(weights), method="highs-ds")
-    return float(-found.fun * unit)
+    result = linprog(-weights / size, A_ub=a, b_ub=b, bounds=[(None, None)] * len(weights), method="highs-ds")
+    return float(-result.fun * unit)
 
 
 def farthest_of_growing(jacobian, left, bound, rate, sign, size, weights) -> float:
@@ -24,5 +24,5 @@ def farthest_of_growing(jacobian, left, bound, rate, sign, size, weights) -> flo
     b = np.concatenate((left + bound, bound - left)) / unit
     ends = tuple(float(end) for end in sorted((0.0, sign * size * scale[0] / unit)))
     bounds = [ends] + [(None, None)] * (len(weights) - 1)
-    found = linprog(-weights / scale, A_ub=a, b_ub=b, bounds=bounds, method="highs-ds")
-    return float(-found.fun * unit) if found.success else -np.inf
+    result = linprog(-weights / scale, A_ub=a, b_ub=b, bounds=bounds, method="highs-ds")
+    return float(-result.fun * unit) if result.success else -np.inf

@@ -35,7 +35,7 @@ def written(folder: Path, text: str, name: str = "file.toml") -> Path:
     return path
 
 
-def found(path: Path) -> list[tuple[int | None, str]]:
+def problems_in(path: Path) -> list[tuple[int | None, str]]:
     return [(problem.line, problem.text) for problem in th.check(path).problems]
 
 
@@ -66,7 +66,7 @@ def test_a_scenario_with_many_mistakes_has_each_with_its_line(tmp_path: Path):
         assert text.count(right) == 1
         text = text.replace(right, wrong)
     lines = text.split("\n")
-    problems = found(written(tmp_path, text))
+    problems = problems_in(written(tmp_path, text))
     assert len(problems) == len(mistakes)
     for wrong, message in mistakes.values():
         # The problem of a list entry may have the line of the entry's header.
@@ -93,7 +93,7 @@ to = "block.specific_force"
 """
     multiple = (10, "fmus.block.step_s = 0.25 is not a whole multiple of run.step_s = 0.1")
     expected = "'table.specific_force[1]' -> 'block.specific_force[1]': 'table' steps less often; say between"
-    problems = found(written(tmp_path, text))
+    problems = problems_in(written(tmp_path, text))
     assert multiple in problems
     assert [message.startswith(expected) for line, message in problems if (line, message) != multiple] == [True]
 
@@ -106,7 +106,7 @@ def test_effects_and_files_of_a_scenario_are_checked(tmp_path: Path):
         '    { effect = "quadratic", where = "accelerometer-9", coefficient = 1e-4 },\n'
         '    { effect = "quadratic", where = "accelerometer-3", coeficient = 1e-4 },\n]\n',
     )
-    message = "\n".join(message for _, message in found(written(tmp_path, text)))
+    message = "\n".join(message for _, message in problems_in(written(tmp_path, text)))
     assert "effects[1]: effect 'quadratc' is not one that extends a component; did you mean 'quadratic'?" in message
     assert "effects[2]: effect 'quadratic' has no place 'accelerometer-9'; did you mean 'accelerometer-" in message
     assert "effects[3]: effect 'quadratic' has no parameter 'coeficient'; did you mean 'coefficient'?" in message
@@ -133,7 +133,7 @@ def test_a_check_agrees_with_the_run(tmp_path: Path):
         path = written(tmp_path, text)
         with pytest.raises(th.InputError) as refused:
             th.simulate(path)
-        problems = found(path)
+        problems = problems_in(path)
         assert problems
         assert any(str(refused.value).removeprefix(f"{path}: ") == message for _, message in problems)
 
@@ -147,14 +147,14 @@ def test_a_misspelt_file_names_the_nearest(tmp_path: Path):
 
 
 def test_a_file_that_is_not_toml_has_the_line(tmp_path: Path):
-    assert found(written(tmp_path, "[run]\nstep_s = 0.1\nstop_s = = 2\n")) == [(3, "is not TOML: Invalid value")]
+    assert problems_in(written(tmp_path, "[run]\nstep_s = 0.1\nstop_s = = 2\n")) == [(3, "is not TOML: Invalid value")]
 
 
 def test_a_campaign_with_several_mistakes(tmp_path: Path):
     text = (SCENARIOS / "campaigns" / "attitude-60s.toml").read_text(encoding="utf-8")
     text = text.replace("points = 1024", "pionts = 1024").replace("duration_s = 60.0", 'duration_s = "long"')
     lines = text.split("\n")
-    problems = found(written(tmp_path, text))
+    problems = problems_in(written(tmp_path, text))
     assert [line for line, _ in problems] == [lines.index('duration_s = "long"') + 1, lines.index("pionts = 1024") + 1]
     assert "did you mean 'points'?" in problems[1][1]
 
@@ -169,12 +169,12 @@ def test_a_campaign_with_several_mistakes(tmp_path: Path):
     ],
 )
 def test_other_toml_files(text: str, message: str, tmp_path: Path):
-    assert message in found(written(tmp_path, text))[0][1]
+    assert message in problems_in(written(tmp_path, text))[0][1]
 
 
 @pytest.mark.parametrize("kind", ["campaign", "scenario"])
 def test_a_key_that_only_programs_set_is_unknown_in_a_file(kind: str, tmp_path: Path):
-    problems = found(written(tmp_path, f'schema = "trihedron.{kind}/1"\nbase_folder = "x"\n'))
+    problems = problems_in(written(tmp_path, f'schema = "trihedron.{kind}/1"\nbase_folder = "x"\n'))
     assert (2, "base_folder: unknown key; it is not for files") in problems
 
 
@@ -188,7 +188,9 @@ def test_a_record_with_many_mistakes_has_each_with_its_row_and_column(record: Pa
     fields[11][-1] = "2"
     for k, row in fields.items():
         lines[k] = ",".join(row)
-    assert [(line, text.partition(":")[0]) for line, text in found(written(tmp_path, "\n".join(lines), "r.csv"))] == [
+    assert [
+        (line, text.partition(":")[0]) for line, text in problems_in(written(tmp_path, "\n".join(lines), "r.csv"))
+    ] == [
         (6, "column f1_mps2"),
         (8, "11 fields, where the header has 10 columns"),
         (10, "column time_s"),
@@ -241,17 +243,17 @@ def test_results_are_as_their_schemas_say(record: Path, tmp_path: Path):
     text = results["calibration"]
     wrong = text.replace('"radius":', '"radus":').replace('"convention": "A1"', '"convention": "A3"')
     at = 1 + wrong[: wrong.index('"A3"')].count("\n")
-    assert found(written(tmp_path, wrong, "wrong.json")) == [
+    assert problems_in(written(tmp_path, wrong, "wrong.json")) == [
         (None, "radius: is missing (is 'radus' meant?)"),
         (at, "convention: Input should be 'A1' or 'A2', not 'A3'"),
     ]
     first = json.loads(text)
     first["parameters"][3]["estimate"] = 2.0
-    problems = found(written(tmp_path, json.dumps(first, indent=1), "edited.json"))
+    problems = problems_in(written(tmp_path, json.dumps(first, indent=1), "edited.json"))
     assert len(problems) == 1
     assert "exclude one another" in problems[0][1]
     emptied = json.loads(text) | {"reading_errors": []}
-    problems = found(written(tmp_path, json.dumps(emptied, indent=1), "emptied.json"))
+    problems = problems_in(written(tmp_path, json.dumps(emptied, indent=1), "emptied.json"))
     assert len(problems) == 1
     assert "reading_errors are not complete" in problems[0][1]
 

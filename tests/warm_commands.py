@@ -94,7 +94,7 @@ def serve(path: Path) -> None:
                     os.close(stream)
 
 
-def answer(caller: socket.socket, said: dict, streams: list[int]) -> None:
+def answer(caller: socket.socket, request: dict, streams: list[int]) -> None:
     """Run the command in its folder, environment and streams; send its exit status and end."""
     from trihedron.tools.cli import main
 
@@ -107,12 +107,12 @@ def answer(caller: socket.socket, said: dict, streams: list[int]) -> None:
         sys.stdin = os.fdopen(0, encoding="utf-8", closefd=False)
         sys.stdout = os.fdopen(1, "w", encoding="utf-8", closefd=False)
         sys.stderr = os.fdopen(2, "w", encoding="utf-8", closefd=False, buffering=1)
-        os.chdir(said["cwd"])
+        os.chdir(request["cwd"])
         os.environ.clear()
-        os.environ.update(said["environment"])
-        if said["environment"].get("PYTHONWARNINGS") == "error":
+        os.environ.update(request["environment"])
+        if request["environment"].get("PYTHONWARNINGS") == "error":
             warnings.simplefilter("error")
-        sys.argv = ["trihedron", *said["argv"]]
+        sys.argv = ["trihedron", *request["argv"]]
         try:
             status = main() or 0
         except SystemExit as end:

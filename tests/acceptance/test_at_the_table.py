@@ -56,7 +56,7 @@ class Program:
         os.close(theirs)
         self._terminal, self._said = ours, b""
 
-    def said(self) -> str:
+    def message(self) -> str:
         """Return the whole text in the terminal."""
         while select.select([self._terminal], [], [], 0.0)[0]:
             try:

@@ -25,19 +25,19 @@ def test_no_effect_is_named_in_the_logs_of_the_mpu9150(name):
     assert {entry["effect"] for entry in result.excluded or ()} >= {"gyro-bias-drift", "gyro-g-sensitivity"}
 
 
-def latency_first(found: Diagnosis) -> None:
+def latency_first(diagnosed: Diagnosis) -> None:
     """Latency helps most over windows of up to 2 s; errors beyond noise and cameras at rest object to any cause."""
-    assert (found.verdict, found.causes) == ("unexplained", ())
-    for length in (found.lengths or ())[:3]:
+    assert (diagnosed.verdict, diagnosed.causes) == ("unexplained", ())
+    for length in (diagnosed.lengths or ())[:3]:
         assert length.order is not None
         assert [step.effect for step in length.order.steps][:2] == ["latency", "gyro-scale-misalignment"]
         assert length.order.steps[1].held_out_rms_arcmin < 0.6 * length.order.held_out_rms_arcmin
-    bound, helps = found.not_named or ("", "")
+    bound, helps = diagnosed.not_named or ("", "")
     assert "noise and reference at rest explain" in bound
     assert "latency and gyro-scale-misalignment" in helps
     (lag,) = re.findall(r"the gyros lag by ([0-9.]+) ms", helps)
-    assert 1e-3 * float(lag) / found.evidence.reader.found.sampling.period == pytest.approx(1.2, abs=0.1)
-    assert "noise and reference at rest explain" in str(found)
+    assert 1e-3 * float(lag) / diagnosed.evidence.reader.found.sampling.period == pytest.approx(1.2, abs=0.1)
+    assert "noise and reference at rest explain" in str(diagnosed)
 
 
 @pytest.mark.acceptance

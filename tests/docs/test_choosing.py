@@ -71,17 +71,17 @@ WORDS = {2: "second", 3: "third", 4: "fourth"}
 
 
 @pytest.mark.parametrize(
-    ("said", "names"),
+    ("printed", "names"),
     [
         (r"in general motion they are of (\w+) order", [a.name for a in ALGORITHMS if "for coning" in a.title]),
         (r"\(23\) is of (\w+) order", ["two-sample-rodrigues-second-iterate"]),
         (r"\(7\.22\) is of (\w+), not", ["two-sample-quaternion"]),
     ],
 )
-def test_orders_in_the_text_of_the_page_are_those_that_were_measured(said, names):
+def test_orders_in_the_text_of_the_page_are_those_that_were_measured(printed, names):
     text = " ".join(PAGE.split())
     assert names
-    assert set(re.findall(said, text)) == {WORDS[algorithm_named(name).order] for name in names}
+    assert set(re.findall(printed, text)) == {WORDS[algorithm_named(name).order] for name in names}
 
 
 def test_the_command_that_chose_an_algorithm_names_what_takes_its_place(capsys):

@@ -69,7 +69,7 @@ def test_positions_belong_together_by_their_numbers():
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "within", "said"),
+    ("first", "second", "within", "message"),
     [
         (run(), run().drop("time_s"), (), "has no times"),
         (run(), run()[::-1], (), "time_s runs back"),
@@ -80,8 +80,8 @@ def test_positions_belong_together_by_their_numbers():
         (run(), 7, (), "a run or a record is needed, not int"),
     ],
 )
-def test_what_cannot_be_compared(first, second, within, said):
-    with pytest.raises(th.InputError, match=said):
+def test_what_cannot_be_compared(first, second, within, message):
+    with pytest.raises(th.InputError, match=message):
         th.compare(first, second, within=within)
 
 

@@ -60,10 +60,10 @@ def test_the_effect_is_named_within_its_interval_and_the_error_falls_five_times(
     gain = diagnosis["gain"]
     factor = gain["held_out_rms_before"] / gain["held_out_rms_after"]
     assert factor > 10.0
-    told = re.search(r"errs (\d+) times less", " ".join(" ".join(lines).split()))
-    assert told is not None
-    assert float(told[1]) == pytest.approx(factor, abs=0.5)
-    assert told[0] in page
+    ratio = re.search(r"errs (\d+) times less", " ".join(" ".join(lines).split()))
+    assert ratio is not None
+    assert float(ratio[1]) == pytest.approx(factor, abs=0.5)
+    assert ratio[0] in page
 
 
 def test_the_page_has_three_cards_with_a_picture_each_and_its_links_are_whole(demo):

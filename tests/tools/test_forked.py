@@ -38,7 +38,7 @@ if __name__ == "__main__":
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are known by name on Linux alone")
 @pytest.mark.parametrize(
-    ("first", "method", "said"),
+    ("first", "method", "message"),
     [
         ("use", "fork", "polars has lost its threads"),
         ("nothing", "fork", "done"),
@@ -47,7 +47,7 @@ if __name__ == "__main__":
         ("use", "forkserver", "done"),
     ],
 )
-def test_a_process_works_or_says_why_not(first: str, method: str, said: str, tmp_path: Path) -> None:
+def test_a_process_works_or_says_why_not(first: str, method: str, message: str, tmp_path: Path) -> None:
     record = tmp_path / "strapdown.csv"
     lines = ["time_s,w1_radps,w2_radps,w3_radps,f1_mps2,f2_mps2,f3_mps2"]
     lines += [f"{0.01 * k:.2f},0.0,0.0,{1e-6 * (k % 7)},0.0,0.0,{9.81 + 1e-4 * (k % 5)}" for k in range(3000)]
@@ -56,4 +56,4 @@ def test_a_process_works_or_says_why_not(first: str, method: str, said: str, tmp
     program.write_text(PROGRAM)
     command = [sys.executable, str(program), str(record), first, method]
     process = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert any(words in process.stdout for words in said.split("|")), process.stdout + process.stderr
+    assert any(words in process.stdout for words in message.split("|")), process.stdout + process.stderr

@@ -58,7 +58,7 @@ def test_a_table_of_any_library_gives_the_same_record(record):
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
+    ("call", "message"),
     [
         (lambda r: LOOSE.calibrate(5), "a record is a path, or a table with columns .*, not int"),
         (lambda r: LOOSE.calibrate({"alpha_deg": [3.0], "beta_deg": [1.0, 2.0]}), "a table in memory cannot be used"),
@@ -80,8 +80,8 @@ def test_a_table_of_any_library_gives_the_same_record(record):
         (lambda r: LOOSE.check(3), r"check\(\): file should be"),
     ],
 )
-def test_what_is_wrong_is_said_of_the_argument_and_not_of_an_option(record, call, said):
-    with pytest.raises(InputError, match=f"^{said}") as caught:
+def test_what_is_wrong_is_said_of_the_argument_and_not_of_an_option(record, call, message):
+    with pytest.raises(InputError, match=f"^{message}") as caught:
         call(record)
     assert "--" not in str(caught.value)
 

@@ -31,7 +31,7 @@ def hidden():
 
 
 @pytest.fixture(scope="module")
-def found(hidden):
+def diagnosed(hidden):
     """Return the diagnosis of the hidden record."""
     return th.diagnose(hidden.record, noise_bound=1e-5)
 
@@ -104,11 +104,11 @@ def test_records_go_to_tables_and_back(hidden):
 
 
 @pytest.mark.acceptance
-def test_a_hidden_effect_is_named_and_stays_a_secret_when_printed(hidden, found):
+def test_a_hidden_effect_is_named_and_stays_a_secret_when_printed(hidden, diagnosed):
     assert "quadratic" not in str(hidden) + hidden._repr_html_()
     assert hidden.secret["hidden"]["effect"] == "quadratic"
-    assert found.causes[0].place.effect == "quadratic"
-    row = found.to_polars().row(0, named=True)
+    assert diagnosed.causes[0].place.effect == "quadratic"
+    row = diagnosed.to_polars().row(0, named=True)
     assert row["low"] <= hidden.secret["hidden"]["parameters"]["coefficient"] <= row["high"]
 
 
@@ -139,8 +139,8 @@ def test_results_show_themselves(run, hidden, tmp_path):
         assert table.columns
 
 
-def test_a_part_of_a_result_shows_its_fields(found):
-    cause = found.causes[0]
+def test_a_part_of_a_result_shows_its_fields(diagnosed):
+    cause = diagnosed.causes[0]
     (parameter,) = cause.parameters
     output = repr(parameter)
     assert output == str(parameter)

@@ -41,7 +41,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     return pl.read_csv(path, comment_prefix="#")
 
 
-def found(table: pl.DataFrame, **options: Any) -> dict:
+def relation(table: pl.DataFrame, **options: Any) -> dict:
     """Return a calibration as plain values, without the origin of the record."""
     result = measured.calibrate(table, noise_bound=SIGMA, convention="A2", **options).to_json()
     return {name: value for name, value in result.items() if name not in (*FILE, "warnings", "mountings")}
@@ -49,20 +49,20 @@ def found(table: pl.DataFrame, **options: Any) -> dict:
 
 @pytest.fixture(scope="module")
 def first(clean: pl.DataFrame) -> dict:
-    return found(clean)
+    return relation(clean)
 
 
 @pytest.mark.parametrize("name", EXACT)
 def test_a_calibration_is_the_same(name, clean, first):
     changed = EXACT[name](clean)
-    assert found(changed.table, **changed.options) == first
+    assert relation(changed.table, **changed.options) == first
 
 
 @pytest.mark.parametrize("name", SAME)
 def test_a_calibration_is_the_same_but_for_names(name, clean, first):
     """Compare verdict, radius and every interval."""
     changed = SAME[name](clean)
-    second = found(changed.table, **changed.options)
+    second = relation(changed.table, **changed.options)
     assert second["verdict"] == first["verdict"] == "consistent"
     assert second["radius"] == pytest.approx(first["radius"], rel=1e-6)
     for entry, same in zip(first["parameters"], second["parameters"], strict=True):
@@ -73,7 +73,7 @@ def test_a_calibration_is_the_same_but_for_names(name, clean, first):
 def test_a_block_taken_off_and_put_back_leaves_more_possible(clean, first):
     """The mounting's own errors are free twice."""
     changed = two_mountings(clean)
-    second = found(changed.table, **changed.options)
+    second = relation(changed.table, **changed.options)
     assert second["radius"] <= first["radius"]
     ends = {p["symbol"]: (p["low"], p["high"]) for p in second["parameters"]}
     common = [p for p in first["parameters"] if p["symbol"] in ends]
@@ -89,7 +89,10 @@ def test_axes_renamed_with_the_mounting_are_the_same_block(tmp_path):
     write_hidden_record(tmp_path / "s.csv", 5, symmetric=True)
     table = pl.read_csv(tmp_path / "s.csv", comment_prefix="#")
     changed = axes_renamed(table)
-    first, second = found(table, baseline="symmetric"), found(changed.table, baseline="symmetric", **changed.options)
+    first, second = (
+        relation(table, baseline="symmetric"),
+        relation(changed.table, baseline="symmetric", **changed.options),
+    )
     assert second["verdict"] == first["verdict"] == "consistent"
     assert second["radius"] == pytest.approx(first["radius"], rel=1e-5)
     # The frame of corrected readings is the convention's own; their length is the block's.
@@ -158,11 +161,11 @@ def test_a_record_split_and_joined_is_the_record(clean, tmp_path, first):
     clean.head(17).write_csv(tmp_path / "a.csv")
     clean.tail(23).write_csv(tmp_path / "b.csv")
     joined = pl.concat([pl.read_csv(tmp_path / "a.csv"), pl.read_csv(tmp_path / "b.csv")])
-    assert found(joined) == first
+    assert relation(joined) == first
 
 
 def test_a_part_of_a_record_leaves_more_possible_and_no_less(clean, first):
-    fewer = found(clean.head(30))
+    fewer = relation(clean.head(30))
     assert fewer["verdict"] == "consistent"
     assert fewer["radius"] <= first["radius"] * (1.0 + 1e-9)
     for complete, part in zip(first["parameters"], fewer["parameters"], strict=True):

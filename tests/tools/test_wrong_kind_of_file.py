@@ -71,10 +71,10 @@ def test_a_file_of_another_kind_is_named_with_its_command(
     monkeypatch.chdir(tmp_path)
     file = files[kind]
     assert cli.main([word.format(file=file, record=files["record"], table="table.csv") for word in words]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("trihedron: ")
-    assert said.count("\n") == 1
-    assert SAID[kind].format(file=file) in said
+    message = capsys.readouterr().err
+    assert message.startswith("trihedron: ")
+    assert message.count("\n") == 1
+    assert SAID[kind].format(file=file) in message
     assert list(tmp_path.iterdir()) == []
 
 
@@ -88,6 +88,6 @@ def test_a_record_in_place_of_a_result_is_named(files: dict[str, Path], tmp_path
 def test_a_file_that_tells_no_kind_is_refused_as_before(tmp_path: Path, capsys) -> None:
     (tmp_path / "notes.toml").write_text("a = 1\n")
     assert cli.main(["simulate", str(tmp_path / "notes.toml")]) == 2
-    said = capsys.readouterr().err
-    assert "schema is missing" in said
-    assert "this is" not in said
+    message = capsys.readouterr().err
+    assert "schema is missing" in message
+    assert "this is" not in message

@@ -27,7 +27,7 @@ def slacks(bounded: Bounded, x: np.ndarray) -> np.ndarray:
     return 1.0 - np.abs(bounded.residual - bounded.jacobian @ x) / bounded.bound
 
 
-def found(bounded: Bounded, **limits: np.ndarray) -> np.ndarray:
+def solved(bounded: Bounded, **limits: np.ndarray) -> np.ndarray:
     x = analytic_centre(bounded, **limits)
     assert x is not None
     return x
@@ -38,7 +38,7 @@ def found(bounded: Bounded, **limits: np.ndarray) -> np.ndarray:
 def test_nothing_pulls_at_the_centre_and_it_is_inside(seed, rows):
     """The gradient of the sum of logarithms, written by hand, is zero beside its own terms."""
     bounded = problem(seed, rows)
-    x = found(bounded)
+    x = solved(bounded)
     assert slacks(bounded, x).min() > 0.0
     slack = bounded.residual - bounded.jacobian @ x
     terms = (1.0 / (bounded.bound - slack) - 1.0 / (bounded.bound + slack))[:, None] * bounded.jacobian
@@ -48,8 +48,8 @@ def test_nothing_pulls_at_the_centre_and_it_is_inside(seed, rows):
 def test_of_one_constant_by_hand():
     """Two readings 0 and 1 with bounds of 1 leave 0 to 1: by symmetry one half; the first twice, log'(2 − x²) balances:
     4 x / (1 − x²) = 2 (1 − x) / (1 − (1 − x)²), so 2 x² (2 − x) = (1 − x)² (1 + x)."""
-    assert found(Bounded(np.ones((2, 1)), np.array([0.0, 1.0]), np.ones(2))) == pytest.approx([0.5], abs=1e-9)
-    x = found(Bounded(np.ones((3, 1)), np.array([0.0, 0.0, 1.0]), np.ones(3)))[0]
+    assert solved(Bounded(np.ones((2, 1)), np.array([0.0, 1.0]), np.ones(2))) == pytest.approx([0.5], abs=1e-9)
+    x = solved(Bounded(np.ones((3, 1)), np.array([0.0, 0.0, 1.0]), np.ones(3)))[0]
     assert 2.0 * x**2 * (2.0 - x) == pytest.approx((1.0 - x) ** 2 * (1.0 + x), abs=1e-9)
     assert 0.0 < x < 0.5
 
@@ -60,31 +60,31 @@ def test_neither_coordinates_nor_where_it_begins_move_it(seed, rows):
     bounded = problem(seed, rows)
     rng = np.random.default_rng(seed + 1)
     turn = np.diag(1.0 / UNITS) @ np.linalg.qr(rng.normal(size=(4, 4)))[0] @ np.diag(10.0 ** rng.integers(-4, 5, 4))
-    x = found(bounded)
-    second = turn @ found(Bounded(bounded.jacobian @ turn, bounded.residual, bounded.bound))
+    x = solved(bounded)
+    second = turn @ solved(Bounded(bounded.jacobian @ turn, bounded.residual, bounded.bound))
     room = Possible(bounded.jacobian, bounded.residual - bounded.jacobian @ x, bounded.bound)
     size = np.array([room.reach(unit) for unit in np.eye(4)]) + 1e-12 / UNITS
     assert (np.abs(second - x) <= 1e-6 * size).all()
     # Each of the four columns may take its share of the least slack, and no more.
     start = x + 0.9 / 4 * slacks(bounded, x).min() * bounded.bound.min() / np.abs(bounded.jacobian).sum(axis=0)
     assert slacks(bounded, start).min() > 0.0
-    assert (np.abs(found(bounded, start=start) - x) <= 1e-6 * size).all()
+    assert (np.abs(solved(bounded, start=start) - x) <= 1e-6 * size).all()
 
 
 def test_a_reading_listed_twice_moves_it_away_from_the_bound_of_that_reading():
     bounded = problem(5)
-    x = found(bounded)
+    x = solved(bounded)
     slack = slacks(bounded, x)
     row = int(slack.argmin())
     twice = [np.append(part, part[[row]], axis=0) for part in (bounded.jacobian, bounded.residual, bounded.bound)]
-    moved = found(Bounded(*twice))
+    moved = solved(Bounded(*twice))
     assert slacks(bounded, moved)[row] > 1.01 * slack[row]
     assert slacks(bounded, moved).min() > 0.0
 
 
 def test_limits_count_like_bounds_and_hold():
     bounded = problem(7)
-    x = found(bounded)
+    x = solved(bounded)
     free = np.full(4, math.inf)
     for k in range(4):
         second = np.arange(4) == k
@@ -92,7 +92,7 @@ def test_limits_count_like_bounds_and_hold():
         # from the centre, and from slightly above the least possible value
         for end in (x[k], -least + 0.01 * (x[k] + least)):
             limited = Bounded(bounded.jacobian, bounded.residual, bounded.bound, low=np.where(second, end, -free))
-            inside = found(limited)
+            inside = solved(limited)
             assert inside[k] > end
             assert inside[k] > x[k]
             assert slacks(limited, inside).min() > 0.0
@@ -103,19 +103,19 @@ def test_limits_count_like_bounds_and_hold():
             assert (np.abs(pull - expected) <= 1e-7 * scale).all()
     # a limit on both sides is a reading of its middle
     low, high = np.append(x[0] - 1e-7, -free[1:]), np.append(x[0] + 3e-7, free[1:])
-    two_sided = found(Bounded(bounded.jacobian, bounded.residual, bounded.bound, low, high))
+    two_sided = solved(Bounded(bounded.jacobian, bounded.residual, bounded.bound, low, high))
     as_row = [
         np.append(bounded.jacobian, [np.eye(4)[0]], axis=0),
         np.append(bounded.residual, x[0] + 1e-7),
         np.append(bounded.bound, 2e-7),
     ]
-    np.testing.assert_allclose(two_sided, found(Bounded(*as_row)), rtol=1e-9)
+    np.testing.assert_allclose(two_sided, solved(Bounded(*as_row)), rtol=1e-9)
 
 
 def test_what_nothing_bounds_stays_at_zero_and_moves_nothing():
     bounded = problem(8, columns=3)
     padded = Bounded(np.column_stack((bounded.jacobian, np.zeros(24))), bounded.residual, bounded.bound)
-    np.testing.assert_allclose(found(padded), np.append(found(bounded), 0.0), rtol=1e-9)
+    np.testing.assert_allclose(solved(padded), np.append(solved(bounded), 0.0), rtol=1e-9)
     open_limit = Bounded(padded.jacobian, padded.residual, padded.bound, low=np.array([-math.inf] * 3 + [0.0]))
     assert analytic_centre(open_limit) is None
 
@@ -149,7 +149,7 @@ def test_the_central_programme_is_possible_and_nothing_is_nearer_to_the_middles(
     """Compare with another solver, with another formulation."""
     bounded = problem(3, rows, units=np.ones(1))
     weights = np.vstack((np.eye(4), [1.0, -1.0, 0.0, 0.5]))
-    x = found(bounded)
+    x = solved(bounded)
     room = Possible(bounded.jacobian, bounded.residual - bounded.jacobian @ x, bounded.bound)
     ends = np.array([[-room.reach(-w), room.reach(w)] for w in weights]) + (weights @ x)[:, None]
     stated = central_programme(bounded, weights, ends)
@@ -173,7 +173,7 @@ def test_the_central_programme_is_possible_and_nothing_is_nearer_to_the_middles(
 
 def test_a_limit_on_one_side_holds_in_the_central_programme():
     bounded = problem(9)
-    x = found(bounded)
+    x = solved(bounded)
     limited = Bounded(
         bounded.jacobian, bounded.residual, bounded.bound, low=np.append(x[0] + 1e-7, np.full(3, -math.inf))
     )

@@ -110,7 +110,7 @@ def test_bounds_that_grow_hold_for_every_value_between(seed: int) -> None:
         Rows(rows.fixed, rows.moving, rows.ways, rows.moving_columns, read, rows.bound + far @ sizes), LIMIT, none
     )
     assert any(radius <= LIMIT for _, radius in grown.search())
-    stood = 0
+    was_standing = 0
     for part in rng.uniform(-1.0, 1.0, 40):
         (way,) = ways(np.array([part]))
         matrix = rows.fixed.copy()
@@ -120,14 +120,14 @@ def test_bounds_that_grow_hold_for_every_value_between(seed: int) -> None:
         radius, x, _ = chebyshev_radius(matrix, read, rows.bound)
         if radius > LIMIT:
             continue
-        stood += 1
+        was_standing += 1
         assert grown.tried(nearest) <= LIMIT
         one = Possible(matrix, read - matrix @ x, rows.bound)
         for unit in np.vstack((np.eye(5), -np.eye(5))):
             own = one.reach(unit) + unit @ x
             assert own <= grown.reach(unit) + 1e-6
             assert not unit[3:].any() or own <= sizes @ np.abs(unit[3:])
-    assert stood
+    assert was_standing
 
 
 @given(

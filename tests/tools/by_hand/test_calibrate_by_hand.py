@@ -70,9 +70,9 @@ def test_six_faces_leave_the_misalignments_open_and_three_edges_close_them() -> 
     result = th.calibrate(table, gravity=GRAVITY)
     assert result.verdict == "insufficient"
     assert {p.symbol for p in result.parameters if not p.determined} == {"gamma_21", "gamma_31", "gamma_32"}
-    asked = [entry.close_by for entry in result.open]
-    assert len(asked) == 3
-    assert all("both at 45°" in pose for pose in asked)
+    advised = [entry.close_by for entry in result.open]
+    assert len(advised) == 3
+    assert all("both at 45°" in pose for pose in advised)
     assert present(present(result.by_hand).case).rotation == pytest.approx(np.eye(3), abs=0.05)
     edges = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]]) / np.sqrt(2.0)
     result = th.calibrate(poses(instrument, np.vstack([up, edges]), np.zeros((9, 3))), gravity=GRAVITY)

@@ -57,9 +57,9 @@ def test_a_table_of_six_faces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, c
     pl.DataFrame({"face": FACES, **columns}).write_csv("faces.csv")
     assert run("import", "faces.csv", "--out", "record.csv") == 0
     assert run("calibrate", "record.csv", "--json", "faces.json") == 0
-    told = capsys.readouterr().out
-    assert "both at 45°" in told
-    assert "from the prior" in told
+    stated = capsys.readouterr().out
+    assert "both at 45°" in stated
+    assert "from the prior" in stated
     assert run("apply", "faces.json", "record.csv", "--out", "corrected.csv") == 0
     corrected = pl.read_csv("corrected.csv", comment_prefix="#").select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()
     assert np.linalg.norm(corrected, axis=1) == pytest.approx(np.full(6, 9.80665), abs=2e-2)

@@ -71,10 +71,10 @@ def test_known_turns_are_found_among_the_moves_where_words_tell_them() -> None:
         pieces.append(turning([level, level], 0.5, 2.0)[1])
     attitude = Rotation.concatenate([turning([level, level], 0.5, 2.0)[1], *pieces])
     table = strapdown(instrument, PERIOD * np.arange(len(attitude)), attitude, rng, NOISE)
-    told = th.calibrate(table, gravity=GRAVITY, turns="1:360,2:360,3:360")
-    assert present(told.by_hand).turns == 3
+    stated = th.calibrate(table, gravity=GRAVITY, turns="1:360,2:360,3:360")
+    assert present(stated.by_hand).turns == 3
     assert present(th.calibrate(table, gravity=GRAVITY, turns="360").by_hand).turns == 3
-    assert told["M33"].estimate == pytest.approx(truth(instrument)["M33"], abs=4e-3)
+    assert stated["M33"].estimate == pytest.approx(truth(instrument)["M33"], abs=4e-3)
     with pytest.raises(ValueError, match="no turn 4"):
         th.calibrate(table, gravity=GRAVITY, turns="1:360,2:360,3:360,1:360")
 

@@ -276,10 +276,12 @@ def test_a_page_shows_the_three_estimates_of_a_target_and_which_the_readings_exc
     assert beside is not None
     assert stated.header == ["target", "meaning", "estimate", "to within", "interval", "low", "high", "unit"]
     for e, row, other in zip(result.parameters, stated.rows, beside.rows, strict=True):
-        told, more = (dict(zip(t.header, r, strict=True)) for t, r in ((stated, row), (beside, other)))
-        assert told["estimate"] == more["estimate"]
-        assert Decimal(str(told["low"])) <= Decimal(str(told["estimate"])) <= Decimal(str(told["high"]))
-        assert float(str(told["to within"])) >= (e.error_bound or np.inf)
+        stated_row, more = (dict(zip(t.header, r, strict=True)) for t, r in ((stated, row), (beside, other)))
+        assert stated_row["estimate"] == more["estimate"]
+        assert (
+            Decimal(str(stated_row["low"])) <= Decimal(str(stated_row["estimate"])) <= Decimal(str(stated_row["high"]))
+        )
+        assert float(str(stated_row["to within"])) >= (e.error_bound or np.inf)
         assert float(str(more["guaranteed error"])) >= (e.guaranteed_error or np.inf)
         wrong = [name for name in ("a priori", "least squares") if name in str(more["outside the interval"] or "")]
         values = (e.a_priori, e.least_squares)

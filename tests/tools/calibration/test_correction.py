@@ -174,8 +174,8 @@ def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_p
         before, after = read_record(path), read_record(out)
         assert type(before) is type(after)
         np.testing.assert_array_equal(after.specific_force, corrected(correction, before.specific_force))
-        said, header = out.read_text().splitlines()[:2]
-        assert said.startswith("# corrected_by: the calibration of ")
+        printed, header = out.read_text().splitlines()[:2]
+        assert printed.startswith("# corrected_by: the calibration of ")
         assert header.split(",")[:-3] == path.read_text().splitlines()[0].split(",")[:-3]
         for column in ("time_s", "alpha", "increment", "attitude", "temperature"):
             if getattr(before, column, None) is not None:

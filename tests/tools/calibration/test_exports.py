@@ -356,9 +356,9 @@ def test_what_is_missing_is_said(tmp_path, capsys, monkeypatch, words, message):
     shutil.copy(tmp_path / "calibration.json", tmp_path / "other.json")
     monkeypatch.chdir(tmp_path)
     assert cli.main(["export-calibration", "calibration.json", *words, "--out", "out.x"]) == 2
-    said = capsys.readouterr().err
-    assert re.search(message, said), said
-    assert len(said.splitlines()) == 1
+    printed = capsys.readouterr().err
+    assert re.search(message, printed), printed
+    assert len(printed.splitlines()) == 1
     assert not (tmp_path / "out.x").exists()
 
 

@@ -66,14 +66,14 @@ def test_the_same_block_on_another_day_and_mounted_anew_is_guaranteed(seed):
 )
 def test_another_block_or_temperature_takes_the_word_away(about, degrees, reason):
     bench = bench_of(1)
-    (said,) = reasons(measured(bench, 1, MONDAY), measured(bench, 2, about, degrees))
-    assert reason in said
+    (message,) = reasons(measured(bench, 1, MONDAY), measured(bench, 2, about, degrees))
+    assert reason in message
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_block_that_nobody_names_is_told_by_gravity(seed):
-    said = reasons(measured(bench_of(seed), 1, {}, None), measured(bench_of(seed + 40), 2, {}, None))
-    assert any("the corrected reading is" in reason and "g long" in reason for reason in said)
+    message = reasons(measured(bench_of(seed), 1, {}, None), measured(bench_of(seed + 40), 2, {}, None))
+    assert any("the corrected reading is" in reason and "g long" in reason for reason in message)
 
 
 @pytest.mark.parametrize("row", [0, 7, 23])
@@ -82,8 +82,8 @@ def test_a_wrong_angle_of_an_encoder_takes_the_word_away(row):
     record = measured(bench, 2, {})
     alpha = record.alpha.copy()
     alpha[row] += 0.02
-    (said,) = reasons(measured(bench, 1, {}), replace(record, alpha=alpha))
-    assert "miss the directions of the encoders" in said
+    (message,) = reasons(measured(bench, 1, {}), replace(record, alpha=alpha))
+    assert "miss the directions of the encoders" in message
 
 
 def test_a_noise_bound_that_the_record_told_guarantees_nothing():
@@ -99,8 +99,8 @@ def test_a_noise_bound_that_the_record_told_guarantees_nothing():
         row=np.arange(1, 49),
         specific_force=simulated(bench).selected(twice).specific_force + noise,
     )
-    (said,) = reasons(repeated, once, None)
-    assert "calibrate with --noise-bound" in said
+    (message,) = reasons(repeated, once, None)
+    assert "calibrate with --noise-bound" in message
 
 
 def test_a_record_is_not_corrected_twice_by_calibrations(tmp_path):
@@ -133,6 +133,6 @@ def test_the_rests_of_a_block_moved_by_hand_are_held_against_gravity(seed):
     bench = one_scale_factor(seed)
     calibrated = measured(bench, seed, {}, None)
     assert reasons(calibrated, strapdown_of(bench, seed)) == []
-    (said,) = reasons(calibrated, strapdown_of(one_scale_factor(seed + 40), seed))
-    assert "at the rest at" in said
-    assert "g long" in said
+    (message,) = reasons(calibrated, strapdown_of(one_scale_factor(seed + 40), seed))
+    assert "at the rest at" in message
+    assert "g long" in message

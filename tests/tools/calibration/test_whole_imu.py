@@ -68,7 +68,7 @@ constant = 20.0
 """
 
 
-def told(record: BenchRecord, bench: Bench = PLACE) -> Calibration:
+def calibration_of(record: BenchRecord, bench: Bench = PLACE) -> Calibration:
     return calibrate_whole(position_record_of(record), bench, noise_bound=SIGMA)
 
 
@@ -100,7 +100,7 @@ def record(truth) -> BenchRecord:
 
 @pytest.fixture(scope="module")
 def result(record) -> Calibration:
-    return told(record)
+    return calibration_of(record)
 
 
 def test_a_diagnosis_of_the_rests_says_that_the_gyros_are_left_out(record):
@@ -181,7 +181,7 @@ def test_latencies_are_told_beside_places_that_nobody_knows(result, truth):
 def test_accelerometers_of_different_lags_have_no_latency_and_all_else_stands(record, result):
     force = record.specific_force.copy()
     force[1:, 1] = force[:-1, 1]
-    calibration = told(replace(record, specific_force=force))
+    calibration = calibration_of(replace(record, specific_force=force))
     late = calibration.of_gyros[-2:]
     assert [e.estimate for e in late] == [None, None]
     assert sum("no one lag of all accelerometers" in text for text in calibration.warnings) == 1
@@ -219,7 +219,7 @@ def test_a_truth_as_far_as_the_guaranteed_error_gives_records_within_the_bounds(
 def test_scale_factors_that_differ_by_sense_falsify_and_the_turns_are_named(record, truth):
     """A gyro that reads a turn one way by 3e-4 more than the other way has no single scale factor."""
     factor = np.where(record.increment > 0.0, 1.0 + 3e-4, 1.0)
-    calibration = told(replace(record, increment=record.increment * factor))
+    calibration = calibration_of(replace(record, increment=record.increment * factor))
     assert calibration.verdict == "falsified"
     assert gyros_of(calibration).witness
     assert gyros_of(calibration).gains == []
@@ -233,7 +233,7 @@ def test_scale_factors_that_differ_by_sense_falsify_and_the_turns_are_named(reco
 def test_without_turns_about_the_inner_axis_what_they_would_tell_is_missing(truth):
     """At one inner angle gyros sense one axis only: M is undetermined, and the accelerometers' verdict holds."""
     still = replace(PROGRAMME, positions=tuple((45.0 * k, 25.0) for k in range(12)))
-    calibration = told(bench_record(truth, still, ERRORS))
+    calibration = calibration_of(bench_record(truth, still, ERRORS))
     assert not calibration["M11"].determined
     by_symbol = {e.symbol: e for e in calibration.of_gyros}
     assert by_symbol["M11"].low is None
@@ -242,12 +242,12 @@ def test_without_turns_about_the_inner_axis_what_they_would_tell_is_missing(trut
 def test_rates_say_what_increments_say(record, result):
     period = float(np.median(np.diff(record.time_s)))
     rates = replace(record, rate=record.increment / period, increment=None)
-    calibration = told(rates, replace(PLACE, rates="averaged"))
+    calibration = calibration_of(rates, replace(PLACE, rates="averaged"))
     for by_rates, by_increments in zip(calibration.of_gyros, result.of_gyros, strict=True):
         assert by_rates.guaranteed_error is not None
         assert by_rates.low == pytest.approx(by_increments.low, abs=0.02 * by_rates.guaranteed_error)
     # The rate between samples is unknown.
-    sampled = told(rates, replace(PLACE, rates="instantaneous"))
+    sampled = calibration_of(rates, replace(PLACE, rates="instantaneous"))
     for by_rates, by_increments in zip(sampled.of_gyros, calibration.of_gyros, strict=True):
         assert by_rates.guaranteed_error is not None
         assert by_increments.guaranteed_error is not None
@@ -286,7 +286,7 @@ def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
 
 def test_exchanged_gyros_are_refused_with_the_option(record):
     with pytest.raises(InputError, match=r"gyro \d does not follow the table.*--channels"):
-        told(replace(record, increment=record.increment[:, [1, 0, 2]]))
+        calibration_of(replace(record, increment=record.increment[:, [1, 0, 2]]))
 
 
 def test_an_inspection_judges_the_accelerometers_by_the_table(record):

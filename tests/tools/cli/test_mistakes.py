@@ -24,7 +24,7 @@ def folder(tmp_path: Path, command_inputs: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["calibrate"], "requires an argument"),
         (["calibrate", "RECORD", "--noise-bound", "0"], "--noise-bound 0"),
@@ -87,7 +87,7 @@ def folder(tmp_path: Path, command_inputs: Path, monkeypatch: pytest.MonkeyPatch
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_a_command_with_a_mistake(arguments: list[str], said: str, folder: Path, capsys):
+def test_a_command_with_a_mistake(arguments: list[str], message: str, folder: Path, capsys):
     before = files(folder)
     Path("loop").symlink_to("loop")
     options = [a.replace("RECORD", "measured.csv").replace("FOLDER", folder.name) for a in arguments]
@@ -95,13 +95,13 @@ def test_a_command_with_a_mistake(arguments: list[str], said: str, folder: Path,
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
     assert err.startswith("trihedron: ")
-    assert said in err
+    assert message in err
     Path("loop").unlink()
     assert files(folder) == before
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
+    ("call", "message"),
     [
         (lambda: th.calibrate("missing.csv"), "missing.csv: no such file"),
         (lambda: th.calibrate(pl.DataFrame({"time_s": [1.0]})), "missing for a"),
@@ -122,10 +122,10 @@ def test_a_command_with_a_mistake(arguments: list[str], said: str, folder: Path,
         (lambda: th.calibrate(th.simulate(SCENARIOS / "table-attitude.toml")), "no position record"),
     ],
 )
-def test_a_call_with_a_mistake(call: Callable[[], object], said: str, tmp_path: Path, monkeypatch):
+def test_a_call_with_a_mistake(call: Callable[[], object], message: str, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(th.InputError) as refused:
         call()
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
     assert list(tmp_path.iterdir()) == []

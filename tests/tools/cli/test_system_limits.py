@@ -70,7 +70,7 @@ def test_a_folder_with_a_name_as_long_as_it_may_be(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "printed"),
     [
         (MemoryError(), "not enough memory"),
         (OSError(errno.ENOMEM, "Cannot allocate memory"), "not enough memory"),
@@ -83,23 +83,23 @@ def test_a_folder_with_a_name_as_long_as_it_may_be(tmp_path: Path) -> None:
         (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), "no more processes or threads"),
     ],
 )
-def test_what_the_machine_is_short_of(error: Exception, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_machine_is_short_of(error: Exception, printed: str, capsys: pytest.CaptureFixture[str]) -> None:
     def failing() -> int:
         raise error
 
     assert exit_status(failing) == 2
-    assert said in one_printable_line(capsys)
+    assert printed in one_printable_line(capsys)
 
 
 @posix
 @pytest.mark.parametrize(
-    ("limit", "least", "words", "said"),
+    ("limit", "least", "words", "printed"),
     [
         ("RLIMIT_AS", 400 << 20, ("calibrate", "x.csv"), "the limit of memory is 400 MiB"),
         ("RLIMIT_NOFILE", 6, ("campaign", "c.toml", "--jobs", "2", "--out", "out"), "too many files are open"),
     ],
 )
-def test_limits_of_a_process(limit: str, least: int, words: tuple[str, ...], said: str, tmp_path: Path) -> None:
+def test_limits_of_a_process(limit: str, least: int, words: tuple[str, ...], printed: str, tmp_path: Path) -> None:
     campaign = 'schema = "trihedron.campaign/1"\ntitle = "few"\nseed = 1\n[attitude]\nmotion = "small"\n'
     campaign += "duration_s = 1.0\n[sampling]\npoints = 2\n[parameters]\nbias_1_radps = { uniform = [0, 1e-5] }\n"
     (tmp_path / "c.toml").write_text(campaign)
@@ -110,7 +110,7 @@ def test_limits_of_a_process(limit: str, least: int, words: tuple[str, ...], sai
     command = [sys.executable, "-c", program, *words]
     process = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
     assert (process.returncode, process.stderr.count("\n")) == (2, 1), process.stderr
-    assert said in process.stderr
+    assert printed in process.stderr
 
 
 @posix

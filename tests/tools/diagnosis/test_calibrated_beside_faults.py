@@ -232,11 +232,11 @@ def test_a_strapdown_record_is_calibrated_beside_an_effect_of_its_gyros():
 @pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [7, 8, 9])
 def test_a_bench_record_is_calibrated_beside_a_drift_of_its_gyros(tmp_path, capsys, seed):
-    path, answer, found = (tmp_path / name for name in ("bench.csv", "answer.json", "diagnosis.json"))
+    path, answer, diagnosis_file = (tmp_path / name for name in ("bench.csv", "answer.json", "diagnosis.json"))
     hidden = ["--bench", "--seed", str(seed), "--effects", "gyro-bias-drift", "--answer", str(answer)]
     assert main(["hidden", str(path), *hidden]) == 0
-    assert main(["diagnose", str(path), "--noise-bound", "1e-5", "--json", str(found)]) == 0
-    result: Any = th.calibrate(path, explained_by=found)
+    assert main(["diagnose", str(path), "--noise-bound", "1e-5", "--json", str(diagnosis_file)]) == 0
+    result: Any = th.calibrate(path, explained_by=diagnosis_file)
     truth = json.loads(answer.read_text(encoding="utf-8"))
     for name, value in truth["hidden"]["parameters"].items():
         (parameter,) = [p for p in result.effects[0].parameters if p.name == name]

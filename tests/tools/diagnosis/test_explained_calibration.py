@@ -144,10 +144,10 @@ def test_another_record_is_calibrated_within_the_intervals_of_the_effect(seed):
 
 def test_a_file_is_calibrated_with_the_diagnosis_of_that_file(tmp_path):
     monday, _ = of_one_instrument(4, 2, positions=32, shared=[(QUADRATIC, (4e-4,))])
-    path, found = tmp_path / "monday.csv", tmp_path / "diagnosis.json"
+    path, diagnosis_file = tmp_path / "monday.csv", tmp_path / "diagnosis.json"
     write_record(monday, path)
-    found.write_text(json.dumps(th.diagnose(path, noise_bound=SIGMA).to_json()), encoding="utf-8")
-    result: Any = th.calibrate(path, explained_by=found, targets=["X9-X10"], convention="A2")
+    diagnosis_file.write_text(json.dumps(th.diagnose(path, noise_bound=SIGMA).to_json()), encoding="utf-8")
+    result: Any = th.calibrate(path, explained_by=diagnosis_file, targets=["X9-X10"], convention="A2")
     assert result.verdict == "consistent"
     assert result.effects[0].parameters[0].low <= 4e-4 <= result.effects[0].parameters[0].high
     assert result["X9-X10"].determined

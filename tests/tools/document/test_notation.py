@@ -49,9 +49,9 @@ def test_formulas_become_mathml_that_is_well_formed():
     root = tree(
         "f_1/g = n_1 + {0.5 n_1 ; 'where' n_1 > 0 | −1.2e−3 n_1² ; 'where' n_1 < 0} + sin(2α + (−0.1)) <&'x & y'"
     )
-    said = "".join(root.itertext())
-    assert "1.2·10−3" in said
-    assert "x & y" in said
+    message = "".join(root.itertext())
+    assert "1.2·10−3" in message
+    assert "x & y" in message
     assert root.find(".//mtable") is not None
 
 
@@ -69,8 +69,8 @@ def test_every_effect_has_a_formula_with_its_parameters_in_it(effect):
         names = [parameter.name for parameter in effect.at(place).parameters]
         formula = effect_formula(place, {name: f"{k}.25" for k, name in enumerate(names, start=1)})
         assert formula is not None, place.title
-        said = "".join(tree(formula).itertext())
-        assert all(f"{k}.25" in said for k in range(1, len(names) + 1)), place.title
+        message = "".join(tree(formula).itertext())
+        assert all(f"{k}.25" in message for k in range(1, len(names) + 1)), place.title
 
 
 def test_every_effect_that_can_be_searched_has_a_formula():

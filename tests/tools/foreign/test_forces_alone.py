@@ -11,7 +11,7 @@ import pytest
 
 import trihedron as th
 from field_files import field_file
-from laboratory_imports import asked, imported, refused, written
+from laboratory_imports import imported, questions_of, refused, written
 from trihedron.tools.cli import main
 
 G = 9.80665
@@ -53,7 +53,7 @@ def test_a_log_of_a_phone_with_accelerometers_alone_needs_no_answer(tmp_path: Pa
 )
 def test_other_logs_of_a_phone_are_not_taken_for_accelerometers(name: str, readings: np.ndarray, tmp_path: Path):
     log = table_of("time,seconds_elapsed,z,y,x", 1.7e18 + 1e9 * TIMES, TIMES, readings[:, ::-1])
-    keys, _ = asked(written(tmp_path, log, name))
+    keys, _ = questions_of(written(tmp_path, log, name))
     assert keys == {"columns.force"}
 
 
@@ -74,12 +74,12 @@ def test_other_logs_of_a_phone_are_not_taken_for_accelerometers(name: str, readi
 def test_nothing_is_asked_of_gyros_or_angles_that_no_column_can_be(
     head: str, columns: tuple[np.ndarray, ...], keys: set[str], tmp_path: Path
 ):
-    found, message = asked(written(tmp_path, table_of(head, *columns)))
-    assert found == keys, message
+    open_keys, message = questions_of(written(tmp_path, table_of(head, *columns)))
+    assert open_keys == keys, message
 
 
 def test_accelerometers_without_a_time_are_one_round_of_questions(tmp_path: Path):
-    keys, message = asked(written(tmp_path, table_of("x,y,z", FORCE)))
+    keys, message = questions_of(written(tmp_path, table_of("x,y,z", FORCE)))
     assert keys == {"kind", "columns.force", "units.time", "units.force"}
     assert "--set 'kind=accelerometer record' or" in message
     answers = {"kind": "accelerometer record", "columns.force": "x,y,z", "units.time": "100 Hz", "units.force": "m/s2"}
@@ -97,7 +97,7 @@ def test_a_zero_in_the_middle_of_the_range_is_asked_first(bits: int, counts_per_
     faces = np.repeat(np.vstack([np.eye(3), -np.eye(3)]), 50, axis=0)
     counts = np.round(2.0 ** (bits - 1) + counts_per_g * faces + rng.normal(0.0, 0.5, faces.shape))
     text = table_of("time [s],ax,ay,az", TIMES, counts, decimals=2)
-    keys, message = asked(written(tmp_path, text))
+    keys, message = questions_of(written(tmp_path, text))
     assert keys == {"units.force", "integers"}
     assert f"--set 'integers=offset {bits}' or --set integers=unsigned" in message
     assert "--set 'units.force=" in message
@@ -134,7 +134,7 @@ def test_counts_outside_the_bits_of_their_zero_are_refused(tmp_path: Path):
 
 
 def test_the_counts_of_the_field_are_proposed_with_their_zero(tmp_path: Path):
-    keys, message = asked(field_file("counts.csv", tmp_path))
+    keys, message = questions_of(field_file("counts.csv", tmp_path))
     assert keys == {"units.force", "integers"}
     assert "--set 'units.force=16384 LSB/g' or" in message
     assert "--set 'integers=offset 16' or" in message
@@ -144,9 +144,9 @@ def test_a_pipe_in_place_of_the_mapping_is_refused(tmp_path: Path, capsys):
     log, out = written(tmp_path, PHONE, "phone.csv"), tmp_path / "out.csv"
     os.mkfifo(tmp_path / "out.import.toml")
     assert main(["import", str(log), "--out", str(out)]) == 2
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == 1
-    assert "out.import.toml: is not a regular file" in said[0]
+    printed = capsys.readouterr().err.splitlines()
+    assert len(printed) == 1
+    assert "out.import.toml: is not a regular file" in printed[0]
     assert not out.exists()
     with pytest.raises(th.InputError, match="not a regular file"):
         th.import_record(log, out=out)
@@ -181,7 +181,7 @@ def test_numbers_for_missing_readings_are_asked(filler: str, unit: str, size: fl
     cells = lines[101].split(",")
     lines[101] = ",".join([*cells[:5], filler, cells[6]])
     text = "\n".join(lines)
-    keys, message = asked(written(tmp_path, text))
+    keys, message = questions_of(written(tmp_path, text))
     assert keys == {"missing"}
     assert f"--set missing={filler} or --set missing=none" in message
     assert imported(tmp_path, text, {"missing": filler}).rows == ROWS - 1

@@ -12,7 +12,7 @@ import scipy.io
 from rosbags.rosbag2 import StoragePlugin
 
 import trihedron as th
-from laboratory_imports import asked, written
+from laboratory_imports import questions_of, written
 from log_files import COUNT, FORCE, LOGS, NANOS, RATE, TIME, ros2
 from trihedron.tools.cli import main
 from trihedron.tools.foreign import containers
@@ -27,7 +27,7 @@ def test_a_log_is_read_to_the_last_digit(name: str, tmp_path: Path):
     write, answers = LOGS[name]
     path = write(tmp_path)
     if answers:
-        keys, message = asked(path)
+        keys, message = questions_of(path)
         assert keys == set(answers), message
         first = {key: f"--set {key}={text}" for key, text in answers.items() if key == "units.force"}
         assert all(option in message for option in first.values())
@@ -67,7 +67,7 @@ def test_a_file_of_several_tables_is_listed_and_asked(tmp_path: Path, capsys):
     assert main(["import", str(path), "--list"]) == 0
     listed = capsys.readouterr().out
     assert f"imu/data_raw: {COUNT} rows, 7 columns, gyros and accelerometers" in listed
-    keys, message = asked(path)
+    keys, message = questions_of(path)
     assert keys == {"part"}
     assert "--set part=imu/data or --set part=imu/data_raw" in message
     out = str(tmp_path / "record.csv")
@@ -156,7 +156,7 @@ def test_novatel_is_read_with_its_axes_and_checksums(tmp_path: Path):
         )
         lines.append(f"%{content}*{block_checksum(content.encode()):08x}")
     path = written(tmp_path, "\n".join(lines), "imu.asc")
-    keys, message = asked(path)
+    keys, message = questions_of(path)
     assert keys == {"units.velocity", "units.angle"}
     assert "--set units.velocity=0.3048/134217728" in message.replace("'", "")
     answers = {"units.velocity": "0.3048/134217728 m/s/LSB", "units.angle": "1/8589934592 rad/LSB"}

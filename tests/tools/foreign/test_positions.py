@@ -8,7 +8,15 @@ import pytest
 
 import trihedron as th
 from laboratory_files import Bench, LabFile, position_files, repeated_file
-from laboratory_imports import asked, assert_clean, import_proposed, imported, imported_as_asked, refused, written
+from laboratory_imports import (
+    assert_clean,
+    import_proposed,
+    imported,
+    imported_as_asked,
+    questions_of,
+    refused,
+    written,
+)
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.tools import cli
 from trihedron.tools.records import PositionRecord, RawRecord, read_record
@@ -115,7 +123,7 @@ def test_several_readings_of_a_rest_are_averaged_and_their_scatter_kept(numbered
     file = repeated_file(bench, count, scatter, 3, numbered=numbered)
     path = written(tmp_path, file.content)
     if file.needs:
-        assert asked(path)[0] == {"readings", "kind"}
+        assert questions_of(path)[0] == {"readings", "kind"}
     conversion = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
     record = read_record(tmp_path / "record.csv", PositionRecord)
     error = scatter / np.sqrt(count)
@@ -246,7 +254,7 @@ def test_a_time_series_of_a_table_is_a_raw_record_where_it_is_said_to_be_one(tmp
     names = "t [s];alpha [deg];beta [deg];ax [g];ay [g];az [g]"
     rows = [row.replace(";0.1", f";{np.cos(np.radians(alpha[k])):.6f}") for k, row in enumerate(rows)]
     path = written(tmp_path, "\n".join([names, *rows]))
-    assert asked(path)[0] == {"readings", "kind"}
+    assert questions_of(path)[0] == {"readings", "kind"}
     record = th.import_record(path, answers={"kind": "raw record"}).record
     assert isinstance(record, RawRecord)
     assert np.degrees(record.alpha) == pytest.approx(alpha, abs=1e-5)

@@ -12,7 +12,7 @@ from python_calamine import CalamineWorkbook
 
 import trihedron as th
 from field_files import field_file
-from laboratory_imports import asked, imported, refused, written
+from laboratory_imports import imported, questions_of, refused, written
 from trihedron.tools.cli import main
 from trihedron.tools.foreign import importing
 from trihedron.tools.foreign.presets import presets
@@ -179,7 +179,7 @@ ASKED: dict[str, tuple[str, dict[str, str]]] = {
 def test_a_file_of_a_tool_is_read_or_asks_for_what_is_missing(name: str, tmp_path: Path):
     text, answers = ASKED[name]
     if answers:
-        keys, message = asked(written(tmp_path, text))
+        keys, message = questions_of(written(tmp_path, text))
         assert keys == set(answers), message
         for key, answer in answers.items():
             assert message.replace("'", "").index(f"{key}={answer}") == message.replace("'", "").index(f"{key}="), key
@@ -196,7 +196,7 @@ def test_a_layout_whose_unit_contradicts_gravity_is_asked(tmp_path: Path):
         + [f"field.{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"],
         [NANOS, NANOS, *channels(RATE), *channels(np.round(FORCE / G, 7))],
     )
-    keys, message = asked(written(tmp_path, in_g))
+    keys, message = questions_of(written(tmp_path, in_g))
     assert keys == {"units.force"}
     assert "--set units.force=g or" in message
 
@@ -222,7 +222,7 @@ def test_the_size_of_gravity_orders_the_units(tmp_path: Path):
     for size, force, rate in ((1.0, "m/s2", "deg/s"), (16384 / 9.81, "16384 LSB/g", "131 LSB/(deg/s)")):
         readings, rates = np.round(size * FORCE, 0 if size > 1.0 else 6), np.round(size * RATE, 0 if size > 1.0 else 6)
         counts = readings.astype(int) if size > 1.0 else readings
-        _, message = asked(
+        _, message = questions_of(
             written(
                 tmp_path, text_of(names, [time, *channels(counts), *channels(rates.astype(int if size > 1 else float))])
             )
@@ -238,7 +238,7 @@ def test_two_accelerometers_are_one_question_with_both(tmp_path: Path):
     names += [f"GYRO_{k}" for k in range(3)]
     second = np.round(FORCE + 0.01, 5)
     content = text_of(names, [MICROS, *channels(FORCE), *channels(second), *channels(RATE)])
-    keys, message = asked(written(tmp_path, content))
+    keys, message = questions_of(written(tmp_path, content))
     assert keys == {"columns.force", "units.time", "units.rate", "units.force"}
     assert "ACCEL_A355_0,ACCEL_A355_1,ACCEL_A355_2 or" in message
     answers = {"columns.force": "ACCEL_B160_0,ACCEL_B160_1,ACCEL_B160_2", "units.time": "us"}
@@ -254,7 +254,7 @@ def test_a_table_without_names_is_one_round_of_questions_on_few_lines(tmp_path: 
     rate = np.random.default_rng(6).integers(-300, 300, force.shape)
     columns = [[f"{STEP * k:.2f}" for k in range(600)], *(force % 65536).T.tolist(), *(rate % 65536).T.tolist()]
     path = written(tmp_path, "\n".join("\t".join(map(str, row)) for row in zip(*columns, strict=True)), "log.txt")
-    keys, message = asked(path)
+    keys, message = questions_of(path)
     assert keys >= {"kind", "columns.force", "columns.rate", "columns.time_s", "integers", "units.force", "units.rate"}
     assert "columns.force=2,3,4 or" in message
     assert "columns.rate=5,6,7" in message
@@ -277,7 +277,7 @@ def test_counts_without_names_are_told_by_the_steadiness_of_their_size(tmp_path:
     rows = [
         f"{0.046 * k:.3f}\t" + "\t".join(map(str, [*(force[k] % 65536), *(rate[k] % 65536), 0])) for k in range(400)
     ]
-    _, message = asked(written(tmp_path, "\n".join(rows), "log.txt"))
+    _, message = questions_of(written(tmp_path, "\n".join(rows), "log.txt"))
     assert "--set columns.force=2,3,4 or" in message
     assert "--set columns.rate=5,6,7 or" in message
     assert "--set columns.time_s=1 (" in message
@@ -343,7 +343,7 @@ FIELD = {
 def test_a_file_of_the_field_takes_one_round_of_questions_at_most(name: str, tmp_path: Path):
     path, answers = field_file(name, tmp_path), FIELD[name]
     if answers:
-        keys, message = asked(path, {})
+        keys, message = questions_of(path, {})
         # the advice on readings names a kind
         assert keys - {"kind"} == set(answers), message
     conversion = th.import_record(path, answers=answers)
@@ -365,7 +365,7 @@ def test_a_file_of_the_field_takes_one_round_of_questions_at_most(name: str, tmp
 
 def assert_answered(path: Path, answers: dict[str, str], truth: np.ndarray) -> None:
     """Assert that a file asks for these answers in its only round, and that its readings are then the truth [m/s²]."""
-    keys, message = asked(path, {})
+    keys, message = questions_of(path, {})
     assert keys == set(answers), message
     record = th.import_record(path, answers=answers).record
     assert record.specific_force == pytest.approx(truth, rel=1e-12, abs=1e-15)
@@ -404,7 +404,7 @@ def test_names_that_contradict_gravity_are_asked_with_the_columns_crossed(tmp_pa
     """The columns called gyros hold gravity; those called accelerometers are too small in any unit."""
     names = ["t_s", "wx", "wy", "wz", "ax", "ay", "az"]
     content = text_of(names, [SECONDS, *channels(FORCE), *channels(RATE)])
-    keys, message = asked(written(tmp_path, content))
+    keys, message = questions_of(written(tmp_path, content))
     assert keys == {"columns.force", "columns.rate", "units.force", "units.rate"}
     assert "--set columns.force=wx,wy,wz or --set columns.force=ax,ay,az" in message
     record = imported(tmp_path, content, SI | {"columns.force": "wx,wy,wz", "columns.rate": "ax,ay,az"}).record
@@ -434,7 +434,7 @@ def test_rows_of_two_sensors_are_not_mixed(tmp_path: Path):
         stamp, micros, _, *rest = line.split(",")
         mixed += [line, ",".join([stamp, str(int(micros) + 40), "1", *rest[:3], "0.0", "0.0", "9.9", *rest[6:]])]
     path = written(tmp_path, "\n".join(mixed))
-    keys, message = asked(path)
+    keys, message = questions_of(path)
     assert keys == {"part"}
     assert "part=I=0 or" in message
     record = th.import_record(path, part="I=0").record

@@ -49,13 +49,13 @@ def imported(path: Path, capsys, *answers: str) -> tuple[int, str, Any]:
     for answer in answers:
         words += ["--set", answer]
     status = cli.main(words)
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     (path.parent / "out.import.toml").unlink(missing_ok=True)
     if not out.exists():
-        return status, said, None
+        return status, message, None
     table = pl.read_csv(out, comment_prefix="#")
     out.unlink()
-    return status, said, table
+    return status, message, table
 
 
 @pytest.mark.parametrize(("first", "second"), [("CW", "CCW"), ("E", "W"), ("N", "S"), ("R", "L")])
@@ -65,9 +65,9 @@ def test_a_sense_behind_an_angle_is_asked_and_turns_its_sign(first, second, blan
     angles = [5.0 + 10.0 * k for k in range(ROWS)]
     texts = [f"{angle}{blank}{mark}" for angle, mark in zip(angles, marks, strict=True)]
     path = laboratory_file(tmp_path, positions(alpha_deg=texts))
-    status, said, table = imported(path, capsys)
+    status, message, table = imported(path, capsys)
     assert (status, table) == (2, None)
-    assert f"columns.alpha_deg.positive={first}" in said
+    assert f"columns.alpha_deg.positive={first}" in message
     for positive in (first, second):
         status, _, table = imported(path, capsys, f"columns.alpha_deg.positive={positive}")
         assert status == 0
@@ -77,10 +77,10 @@ def test_a_sense_behind_an_angle_is_asked_and_turns_its_sign(first, second, blan
 
 def test_an_angle_without_a_sense_beside_others_with_one_is_refused(tmp_path, capsys):
     path = laboratory_file(tmp_path, positions(alpha_deg=["10.0CW"] * (ROWS - 1) + ["20.0"]))
-    status, said, _ = imported(path, capsys, "columns.alpha_deg.positive=CCW")
+    status, message, _ = imported(path, capsys, "columns.alpha_deg.positive=CCW")
     assert status == 2
-    assert "row 13" in said
-    assert "neither CCW nor CW" in said
+    assert "row 13" in message
+    assert "neither CCW nor CW" in message
 
 
 @pytest.mark.parametrize(("column", "mark"), [("f1_mps2", "ok"), ("f2_mps2", "bogus"), ("alpha_deg", "xy")])
@@ -88,10 +88,10 @@ def test_an_angle_without_a_sense_beside_others_with_one_is_refused(tmp_path, ca
 def test_what_is_no_unit_behind_a_number_is_refused_with_its_row(column, mark, row, tmp_path, capsys):
     columns = positions()
     columns[column][row] = f"{columns[column][row]}{mark}"
-    status, said, table = imported(laboratory_file(tmp_path, columns), capsys)
+    status, message, table = imported(laboratory_file(tmp_path, columns), capsys)
     assert (status, table) == (2, None)
-    assert f"row {row + 2}" in said
-    assert mark in said
+    assert f"row {row + 2}" in message
+    assert mark in message
 
 
 @pytest.mark.parametrize(("column", "unit"), [("f1_mps2", "m/s²"), ("alpha_deg", "°"), ("alpha_deg", "deg")])
@@ -99,16 +99,16 @@ def test_a_unit_behind_each_number_passes(column, unit, tmp_path, capsys):
     columns = positions()
     plain = list(columns[column])
     columns[column] = [f"{value} {unit}" for value in plain]
-    status, said, table = imported(laboratory_file(tmp_path, columns), capsys)
-    assert status == 0, said
+    status, message, table = imported(laboratory_file(tmp_path, columns), capsys)
+    assert status == 0, message
     assert table[column].to_list() == plain
 
 
 @pytest.mark.parametrize("name", ["sec", "seconds", "secs", "Sec"])
 def test_names_of_seconds_are_times(name, tmp_path, capsys):
     path = laboratory_file(tmp_path, motion(**{name: [0.01 * k for k in range(ROWS)]}))
-    status, said, table = imported(path, capsys)
-    assert status == 0, said
+    status, message, table = imported(path, capsys)
+    assert status == 0, message
     assert table["time_s"].to_list() == pytest.approx([0.01 * k for k in range(ROWS)])
 
 
@@ -125,8 +125,8 @@ def test_names_of_seconds_are_times(name, tmp_path, capsys):
 def test_seconds_and_nanoseconds_are_one_exact_time(whole, part, first, tmp_path, capsys):
     stamps = [first + 5_000_001 * row for row in range(ROWS)]
     columns = {whole: [stamp // 10**9 for stamp in stamps], part: [stamp % 10**9 for stamp in stamps]}
-    status, said, table = imported(laboratory_file(tmp_path, motion(**columns)), capsys)
-    assert status == 0, said
+    status, message, table = imported(laboratory_file(tmp_path, motion(**columns)), capsys)
+    assert status == 0, message
     # an epoch counts from the first row
     start = first if first < 10**15 else 0
     assert table["time_s"].to_list() == [(start + 5_000_001 * row) / 1e9 for row in range(ROWS)]
@@ -135,11 +135,11 @@ def test_seconds_and_nanoseconds_are_one_exact_time(whole, part, first, tmp_path
 @pytest.mark.parametrize("name", ["TOW", "GPS TOW", "time of week", "iTOW"])
 def test_a_time_of_week_is_a_time_whose_unit_is_asked(name, tmp_path, capsys):
     path = laboratory_file(tmp_path, motion(**{name: [345_600_000 + 10 * k for k in range(ROWS)]}))
-    status, said, _ = imported(path, capsys)
+    status, message, _ = imported(path, capsys)
     assert status == 2
-    assert "units.time=ms" in said
-    status, said, table = imported(path, capsys, "units.time=ms")
-    assert status == 0, said
+    assert "units.time=ms" in message
+    status, message, table = imported(path, capsys, "units.time=ms")
+    assert status == 0, message
     assert np.diff(table["time_s"].to_numpy()) == pytest.approx(0.01)
 
 
@@ -148,20 +148,20 @@ def test_a_time_of_week_is_a_time_whose_unit_is_asked(name, tmp_path, capsys):
 def test_without_a_time_only_a_rate_says_when_rows_were(name, unit, tmp_path, capsys):
     counted = {name: list(range(ROWS))} if name else {}
     path = laboratory_file(tmp_path, motion(**counted))
-    status, said, table = imported(path, capsys, f"units.time={unit}")
+    status, message, table = imported(path, capsys, f"units.time={unit}")
     assert (status, table) == (2, None)
-    assert "'100 Hz'" in said
+    assert "'100 Hz'" in message
     for rate, period in (("100 Hz", 0.01), ("2 kHz", 0.0005)):
-        status, said, table = imported(path, capsys, f"units.time={rate}")
-        assert status == 0, said
+        status, message, table = imported(path, capsys, f"units.time={rate}")
+        assert status == 0, message
         assert np.diff(table["time_s"].to_numpy()) == pytest.approx(period)
 
 
 @pytest.mark.parametrize("column", ["f1_mps2", "alpha_deg"])
 def test_a_column_key_without_its_source_keeps_the_column_that_the_file_says(column, tmp_path, capsys):
     path = laboratory_file(tmp_path, positions())
-    status, said, table = imported(path, capsys, f"columns.{column}.sign=-1", f"columns.{column}.offset=1")
-    assert status == 0, said
+    status, message, table = imported(path, capsys, f"columns.{column}.sign=-1", f"columns.{column}.offset=1")
+    assert status == 0, message
     assert table[column].to_numpy() == pytest.approx(1.0 - np.array(positions()[column]))
     mapping = tmp_path / "mapping.toml"
     mapping.write_text(f'schema = "trihedron.mapping/1"\n[columns]\n{column} = {{ sign = -1 }}\n')
@@ -179,11 +179,11 @@ def test_counts_near_both_ends_are_asked_whether_they_are_signed(bits, tmp_path,
     columns = {name: motion()[name] for name in ("w1_radps", "w2_radps", "w3_radps")}
     path = laboratory_file(tmp_path, {"time_s": [0.01 * k for k in range(ROWS)]} | counts | columns)
     unit = f"units.force={2 ** (bits - 3)} LSB/g"
-    status, said, table = imported(path, capsys, unit)
+    status, message, table = imported(path, capsys, unit)
     assert (status, table) == (2, None)
-    assert f"integers=signed {bits}" in said
-    status, said, table = imported(path, capsys, unit, f"integers=signed {bits}")
-    assert status == 0, said
+    assert f"integers=signed {bits}" in message
+    status, message, table = imported(path, capsys, unit, f"integers=signed {bits}")
+    assert status == 0, message
     read = table.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy().T
     assert read == pytest.approx(signed * 9.80665 / 2 ** (bits - 3), rel=1e-6)
 
@@ -194,12 +194,12 @@ def test_counts_about_the_middle_of_a_converter_are_not_asked_as_signed(tmp_path
     counts = {f"f{k}_mps2": rng.integers(17_000, 49_000, ROWS).tolist() for k in (1, 2, 3)}
     counts = {name.replace("_mps2", ""): values for name, values in counts.items()}
     columns = {name: values for name, values in positions().items() if not name.startswith("f")}
-    status, said, _ = imported(laboratory_file(tmp_path, columns | counts), capsys)
+    status, message, _ = imported(laboratory_file(tmp_path, columns | counts), capsys)
     assert status == 2
-    assert "integers=signed" not in said
+    assert "integers=signed" not in message
     answers = ["units.force=16000 LSB/g", *(f"columns.f{k}_mps2.offset=33000" for k in (1, 2, 3))]
-    status, said, _ = imported(laboratory_file(tmp_path, columns | counts), capsys, *answers)
-    assert status == 0, said
+    status, message, _ = imported(laboratory_file(tmp_path, columns | counts), capsys, *answers)
+    assert status == 0, message
 
 
 def local_times(start: str, jump_h: int, at: int, period_s: int) -> list[str]:
@@ -219,11 +219,11 @@ def test_a_change_of_the_clock_in_local_times_is_asked(start, jump_h, tmp_path, 
     columns = positions()
     del columns["time_s"]
     path = laboratory_file(tmp_path, {"time": local_times(start, jump_h, 6, 20)} | columns)
-    status, said, table = imported(path, capsys)
+    status, message, table = imported(path, capsys)
     assert (status, table) == (2, None)
-    assert "clock_changes=corrected" in said
-    status, said, table = imported(path, capsys, "clock_changes=corrected")
-    assert status == 0, said
+    assert "clock_changes=corrected" in message
+    status, message, table = imported(path, capsys, "clock_changes=corrected")
+    assert status == 0, message
     assert table["time_s"].to_list() == [20.0 * k for k in range(ROWS)]
 
 
@@ -232,8 +232,8 @@ def test_a_pause_of_another_length_is_no_change_of_the_clock(tmp_path, capsys):
     del columns["time_s"]
     for start, jump_h in (("2026-03-29T01:58:00", 2), ("2026-03-29T01:30:10", 1)):
         path = laboratory_file(tmp_path, {"time": local_times(start, jump_h, 6, 20)} | columns)
-        status, said, table = imported(path, capsys)
-        assert status == 0, said
+        status, message, table = imported(path, capsys)
+        assert status == 0, message
         assert table["time_s"][-1] == 220.0 + 3600.0 * jump_h
 
 
@@ -250,60 +250,60 @@ def field_file(name: str, folder: Path) -> Path:
 
 def test_field_files_with_senses_counts_and_seconds(tmp_path, capsys):
     turned = field_file("import-cw-ccw.csv.gz", tmp_path)
-    status, said, _ = imported(turned, capsys)
+    status, message, _ = imported(turned, capsys)
     assert status == 2
-    assert "positive=CCW" in said
-    status, said, table = imported(turned, capsys, "columns.alpha_deg.positive=CCW")
-    assert status == 0, said
+    assert "positive=CCW" in message
+    status, message, table = imported(turned, capsys, "columns.alpha_deg.positive=CCW")
+    assert status == 0, message
     assert table["alpha_deg"][0] == pytest.approx(150.000090814)
     written = field_file("real_sec_column.csv.gz", tmp_path)
-    status, said, _ = imported(written, capsys)
-    assert "units.time" not in said
+    status, message, _ = imported(written, capsys)
+    assert "units.time" not in message
     answers = ("units.force=g", "units.rate=deg/s", "units.temperature=degC")
-    status, said, table = imported(written, capsys, *answers)
-    assert status == 0, said
+    status, message, table = imported(written, capsys, *answers)
+    assert status == 0, message
     assert table["time_s"][1] == pytest.approx(0.0143442413)
     counted = field_file("counts.csv", tmp_path)
     middle = [f"columns.f{k}_mps2.offset=32768" for k in (1, 2, 3)]
-    status, said, table = imported(counted, capsys, "units.force=16384 LSB/g", "columns.f1_mps2.sign=-1", *middle)
-    assert status == 0, said
+    status, message, table = imported(counted, capsys, "units.force=16384 LSB/g", "columns.f1_mps2.sign=-1", *middle)
+    assert status == 0, message
     assert table["f1_mps2"][0] == pytest.approx(-(35157 - 32768) * 9.80665 / 16384.0)
     unsigned = field_file("real_uint16_counts.txt.gz", tmp_path)
     channels = [f"columns.f{k}_mps2={k + 1}" for k in (1, 2, 3)] + [f"columns.w{k}_radps={k + 4}" for k in (1, 2, 3)]
     answers = ["kind=strapdown record", "columns.time_s=1", *channels]
     answers += ["units.time=s", "units.force=16384 LSB/g", "units.rate=131 LSB/(deg/s)"]
-    status, said, _ = imported(unsigned, capsys, *answers)
+    status, message, _ = imported(unsigned, capsys, *answers)
     assert status == 2
-    assert "integers=signed 16" in said
-    status, said, table = imported(unsigned, capsys, *answers, "integers=signed 16")
-    assert status == 0, said
+    assert "integers=signed 16" in message
+    status, message, table = imported(unsigned, capsys, *answers, "integers=signed 16")
+    assert status == 0, message
     length = np.linalg.norm(table.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy(), axis=1)
     assert np.median(length) > 5.0
 
 
 def test_field_files_with_marked_heads_and_of_workbooks(tmp_path, capsys):
     units = ("units.time=s", "units.rate=rad/s", "units.force=m/s2")
-    status, said, table = imported(copied("pct.txt", tmp_path), capsys, *units)
-    assert status == 0, said
+    status, message, table = imported(copied("pct.txt", tmp_path), capsys, *units)
+    assert status == 0, message
     assert table["f3_mps2"][0] == 9.8
     # its head names gyros but its numbers are accelerations: asked with the columns crossed
     crossed = copied("hash_space.txt", tmp_path)
-    status, said, _ = imported(crossed, capsys, *units)
+    status, message, _ = imported(crossed, capsys, *units)
     assert status == 2
-    assert "columns.force=wx,wy,wz" in said
+    assert "columns.force=wx,wy,wz" in message
     axes = [f"columns.f{k}_mps2=w{axis}" for k, axis in zip((1, 2, 3), "xyz", strict=True)]
     axes += [f"columns.w{k}_radps=a{axis}" for k, axis in zip((1, 2, 3), "xyz", strict=True)]
-    status, said, table = imported(crossed, capsys, *units, *axes)
-    assert status == 0, said
+    status, message, table = imported(crossed, capsys, *units, *axes)
+    assert status == 0, message
     assert table["f3_mps2"][0] == 9.8
-    status, said, table = imported(copied("pruefprotokoll_text.xlsx", tmp_path), capsys, "missing=Mittelwert")
-    assert status == 0, said
+    status, message, table = imported(copied("pruefprotokoll_text.xlsx", tmp_path), capsys, "missing=Mittelwert")
+    assert status == 0, message
     assert (table.height, table["alpha_deg"][0], table["temperature_degC"][0]) == (40, 335.0001, 20.15)
     named = ["columns.alpha_deg=phi", "columns.beta_deg=theta"]
     named += [f"columns.f{k}_mps2={axis}" for k, axis in zip((1, 2, 3), "xyz", strict=True)]
     answers = (*named, "time=order", "units.angle=deg", "units.force=m/s2")
-    status, said, table = imported(copied("kurz.xlsx", tmp_path), capsys, *answers)
-    assert status == 0, said
+    status, message, table = imported(copied("kurz.xlsx", tmp_path), capsys, *answers)
+    assert status == 0, message
     assert (table.height, table["f1_mps2"][0]) == (40, -1.677568305)
 
 
@@ -333,8 +333,8 @@ def test_drawn_files_keep_every_sign_count_and_hour(tmp_path, capsys):
         texts = [f"{abs(angle)}{first if angle >= 0.0 else second}" for angle in angles.tolist()]
         column = ["alpha_deg", "beta_deg"][rng.integers(2)]
         path = laboratory_file(tmp_path, positions(**{column: texts}))
-        status, said, _ = imported(path, capsys)
-        assert (status, f"columns.{column}.positive" in said) == (2, True)
-        status, said, table = imported(path, capsys, f"columns.{column}.positive={first}")
-        assert status == 0, said
+        status, message, _ = imported(path, capsys)
+        assert (status, f"columns.{column}.positive" in message) == (2, True)
+        status, message, table = imported(path, capsys, f"columns.{column}.positive={first}")
+        assert status == 0, message
         assert table[column].to_list() == angles.tolist()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from laboratory_imports import asked, imported, written
+from laboratory_imports import imported, questions_of, written
 from tool_files import FILES, FORCE, MICROS, RATE, TIME, named, table
 
 
@@ -15,7 +15,7 @@ def test_a_file_of_a_tool_is_imported_or_asks_for_what_is_missing(tool: str, tmp
     file = FILES[tool]
     path = written(tmp_path, file.text, "log.csv")
     if file.answers:
-        keys, message = asked(path)
+        keys, message = questions_of(path)
         assert keys == set(file.answers), message
     record = th.import_record(path, answers=file.answers).record
     assert record.specific_force == pytest.approx(FORCE, abs=1e-6)

@@ -59,7 +59,7 @@ def server(table: TableView):
     page.close()
 
 
-def asked(server: DeskServer, method: str, path: str, body: str | None = None, **headers: str) -> tuple[int, str]:
+def answer_to(server: DeskServer, method: str, path: str, body: str | None = None, **headers: str) -> tuple[int, str]:
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
     sent = {"Host": f"127.0.0.1:{server.port}"} | {name.replace("_", "-"): value for name, value in headers.items()}
     connection.request(method, path, body, sent)
@@ -72,26 +72,26 @@ def asked(server: DeskServer, method: str, path: str, body: str | None = None, *
 def test_only_this_machine_with_the_token_and_from_this_page_is_answered(server: DeskServer, table: TableView):
     address, origin = f"/{server.token}/", f"http://127.0.0.1:{server.port}"
     assert server.address == origin + address
-    assert asked(server, "GET", address + "now")[0] == 200
-    assert asked(server, "GET", "/")[0] == 404
-    assert asked(server, "GET", "/wrong/now")[0] == 404
-    assert asked(server, "GET", address + "../../etc/passwd")[0] == 404
-    assert asked(server, "GET", address + "now", Host=f"evil.example:{server.port}") == (403, "another host")
+    assert answer_to(server, "GET", address + "now")[0] == 200
+    assert answer_to(server, "GET", "/")[0] == 404
+    assert answer_to(server, "GET", "/wrong/now")[0] == 404
+    assert answer_to(server, "GET", address + "../../etc/passwd")[0] == 404
+    assert answer_to(server, "GET", address + "now", Host=f"evil.example:{server.port}") == (403, "another host")
     word, kind = json.dumps({"word": "end"}), {"Content_Type": "application/json"}
-    assert asked(server, "POST", address + "word", word, **kind) == (403, "another origin")
-    assert asked(server, "POST", address + "word", word, Origin="http://evil.example", **kind)[0] == 403
-    assert asked(server, "POST", address + "word", word, Origin=origin, Content_Type="text/plain")[0] == 415
-    assert asked(server, "POST", address + "word", "x" * 5000, Origin=origin, **kind)[0] == 413
-    assert asked(server, "POST", address + "word", "{", Origin=origin, **kind)[0] == 400
-    assert asked(server, "POST", address + "word", '{"word": "add"}', Origin=origin, **kind)[0] == 400
+    assert answer_to(server, "POST", address + "word", word, **kind) == (403, "another origin")
+    assert answer_to(server, "POST", address + "word", word, Origin="http://evil.example", **kind)[0] == 403
+    assert answer_to(server, "POST", address + "word", word, Origin=origin, Content_Type="text/plain")[0] == 415
+    assert answer_to(server, "POST", address + "word", "x" * 5000, Origin=origin, **kind)[0] == 413
+    assert answer_to(server, "POST", address + "word", "{", Origin=origin, **kind)[0] == 400
+    assert answer_to(server, "POST", address + "word", '{"word": "add"}', Origin=origin, **kind)[0] == 400
     assert table.words() == []
-    assert asked(server, "POST", address + "word", word, Origin=origin, **kind)[0] == 204
+    assert answer_to(server, "POST", address + "word", word, Origin=origin, **kind)[0] == 204
     assert table.words() == [{"word": "end"}]
 
 
 def test_what_a_file_says_is_shown_and_never_run(server: DeskServer, table: TableView, moment: Moment):
     table.show(replace(moment, trouble="<script>alert(1)</script>"))
-    text = asked(server, "GET", f"/{server.token}/now")[1]
+    text = answer_to(server, "GET", f"/{server.token}/now")[1]
     assert "<script>" not in text
     assert "&lt;script&gt;" in text
 

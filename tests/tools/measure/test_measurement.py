@@ -57,8 +57,10 @@ def growing(tmp_path_factory) -> Path:
     return table.file
 
 
-def begun(programme: TableProgramme, out: Path, *, resume: bool = False, **asked) -> Measurement:
-    return Measurement.begun(programme, SessionOptions(SIGMA, dwell_s=5.0, **asked), out, "growing.csv", resume=resume)
+def begun(programme: TableProgramme, out: Path, *, resume: bool = False, **question) -> Measurement:
+    return Measurement.begun(
+        programme, SessionOptions(SIGMA, dwell_s=5.0, **question), out, "growing.csv", resume=resume
+    )
 
 
 def closed(measurement: Measurement) -> Session:

@@ -393,10 +393,10 @@ def test_the_bounds_of_means_in_json_are_those_of_the_text_and_none_of_few_rests
     """The bounds are widened because a deviation of few rests may be too small."""
     many: Any = strapdown_record()
     rows = np.flatnonzero(many.time_s < 1.5 + 4.5 * 3.5)
-    told = inspected(chosen(many, rows)).to_json()["rests"]
-    assert told["count"] == 4
-    assert told["force_bound_mps2"] is None
-    assert told["rate_bound_radps"] is None
+    stated = inspected(chosen(many, rows)).to_json()["rests"]
+    assert stated["count"] == 4
+    assert stated["force_bound_mps2"] is None
+    assert stated["rate_bound_radps"] is None
     inspection = inspected(many)
     ratio = inspection.rests.force_bound / inspection.rests.force_scatter
     assert ratio == pytest.approx(deviation_widening(len(inspection.rests), 0.05))

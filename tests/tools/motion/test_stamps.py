@@ -247,8 +247,8 @@ def increments_of(record: StrapdownRecord) -> StrapdownRecord:
 def test_stamps_of_increments_are_taken_and_said(kind: str, tmp_path: Path) -> None:
     record = increments_of(moved_by_hand(3))
     write_record(replace(record, time_s=stamped(record.time_s, kind, 4)), tmp_path / "record.csv")
-    said = th.read_record(tmp_path / "record.csv").warnings
-    assert any(line.startswith("time stamps: ") and "nothing in the record tells" in line for line in said)
+    message = th.read_record(tmp_path / "record.csv").warnings
+    assert any(line.startswith("time stamps: ") and "nothing in the record tells" in line for line in message)
     run = th.attitude_of_record(tmp_path / "record.csv", stamps="even")
     assert run.period == pytest.approx(PERIOD, rel=1e-3)
     assert run.attitude == pytest.approx(th.attitude_of_record(record).attitude, abs=1e-12)

@@ -212,16 +212,16 @@ def test_spikes_are_named_by_their_row_wherever_they_are(seed):
 
 def test_scale_factors_are_said_from_five_percent_on_and_refused_from_the_square_root_of_two_on():
     right = hand_record(3, truth=True)
-    for factor, said, is_refused in (
+    for factor, message, is_refused in (
         (1.03, False, False),
         (1.12, True, False),
         (1.35, True, False),
         (1.46, True, True),
     ):
         for record in (right, replace(right, attitude=None)):
-            told = trust_of(with_rates(record, lambda rate, factor=factor: factor * rate))
-            assert bool(told.faults) == is_refused, (factor, told)
-            assert ("times as far as" in " ".join((*told.faults, *told.warnings))) == said
+            stated = trust_of(with_rates(record, lambda rate, factor=factor: factor * rate))
+            assert bool(stated.faults) == is_refused, (factor, stated)
+            assert ("times as far as" in " ".join((*stated.faults, *stated.warnings))) == message
 
 
 def test_a_centrifuge_and_strong_vibration_are_right(tmp_path):

@@ -80,11 +80,11 @@ def test_a_diagnosis_names_the_noise_that_the_simulation_lacks(scenario, tmp_pat
 
 def test_the_noise_changes_no_verdict(scenario):
     record = moved_record(2, 0.0)
-    alone, asked = th.diagnose(record), th.diagnose(record, against=scenario)
-    assert (asked.verdict, asked.radius) == (alone.verdict, alone.radius)
+    alone, compared = th.diagnose(record), th.diagnose(record, against=scenario)
+    assert (compared.verdict, compared.radius) == (alone.verdict, alone.radius)
     assert alone.noise is None
-    assert asked.noise is not None
-    assert [one.verdict for one in asked.noise.against].count("consistent") >= 5
+    assert compared.noise is not None
+    assert [one.verdict for one in compared.noise.against].count("consistent") >= 5
 
 
 def test_a_record_of_short_rests_is_refused(scenario, tmp_path, capsys):

@@ -52,8 +52,8 @@ def test_command_extends_the_scenario_and_its_run_has_the_noise(tmp_path, capsys
     words = ["noise", record, "--against", scenario, "--export", extended, "--json", out]
     assert main([str(word) for word in words]) == 0
     assert "Falsified: simulation.toml simulates other noise" in capsys.readouterr().out
-    told = json.loads(out.read_text())["against"]
-    assert [one["alternatives"] for one in told] == [one.alternatives for one in result.against]
+    stated = json.loads(out.read_text())["against"]
+    assert [one["alternatives"] for one in stated] == [one.alternatives for one in result.against]
     parameters = read_scenario(extended).fmus["gyro"].parameters
     assert parameters["rate_random_walk"] == pytest.approx([2e-5] * 3, rel=0.5)
     th.simulate(extended, out=tmp_path / "run")

@@ -41,21 +41,21 @@ def test_sigma_is_not_needlessly_wide(noise):
 
 
 def test_commands_take_the_file(noise, tmp_path, capsys):
-    told, record = tmp_path / "noise.json", tmp_path / "positions.csv"
-    told.write_text(noise.json_text())
+    noise_file, record = tmp_path / "noise.json", tmp_path / "positions.csv"
+    noise_file.write_text(noise.json_text())
     write_record(averaged_record(1), record)
     (tmp_path / "copy.csv").write_bytes(record.read_bytes())
     out = tmp_path / "calibration.json"
-    assert main(["calibrate", str(record), "--noise", str(told), "--json", str(out)]) == 0
+    assert main(["calibrate", str(record), "--noise", str(noise_file), "--json", str(out)]) == 0
     assert json.loads(out.read_text())["sigma"]["kind"] == "estimated"
-    assert main(["diagnose", str(record), "--noise", str(told)]) == 0
+    assert main(["diagnose", str(record), "--noise", str(noise_file)]) == 0
     capsys.readouterr()
     for words, text in (
-        (["--noise", str(told), "--noise-bound", "1e-5"], "σ is given twice"),
-        (["--noise", str(told.with_name("copy.csv"))], "is not JSON text"),
+        (["--noise", str(noise_file), "--noise-bound", "1e-5"], "σ is given twice"),
+        (["--noise", str(noise_file.with_name("copy.csv"))], "is not JSON text"),
         (["--noise", str(out)], "is not a result of `trihedron noise`"),
         (["--noise", str(tmp_path / "missing.json")], "missing.json: no such file"),
     ):
         assert main(["calibrate", str(record), *words]) == 2
         assert text in capsys.readouterr().err
-    assert main(["calibrate", str(record), "--noise", str(told), "--json", str(told)]) == 2
+    assert main(["calibrate", str(record), "--noise", str(noise_file), "--json", str(noise_file)]) == 2

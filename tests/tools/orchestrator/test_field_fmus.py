@@ -18,21 +18,21 @@ GRAVITY = 9.81
 
 @pytest.mark.skipif(fmpy.platform != "linux64", reason="their libraries are for Linux")
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [
         ("h4_3", "sent a reply that cannot be read"),
         ("h21_3", "crashed (SIGBUS)"),
         ("empty-member-name", "has a member without a name ('')"),
     ],
 )
-def test_an_fmu_of_the_field_ends_its_own_run_only(name: str, said: str, tmp_path: Path) -> None:
+def test_an_fmu_of_the_field_ends_its_own_run_only(name: str, message: str, tmp_path: Path) -> None:
     path = FIELD / f"{name}.fmu"
     if not path.is_file():
         pytest.skip(f"{path}: the records of the field are not here")
     command = [sys.executable, "-m", "trihedron.tools.cli", "simulate", str(path), "--out", "out"]
     process = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
     assert (process.returncode, process.stdout, process.stderr.count("\n")) == (2, "", 1), process.stderr
-    assert said in process.stderr
+    assert message in process.stderr
 
 
 def test_the_step_of_an_fmu_of_the_field_is_greater_than_zero(tmp_path: Path) -> None:

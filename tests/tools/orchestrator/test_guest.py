@@ -188,7 +188,7 @@ def test_a_value_reference_that_is_none(hostile: Path, tmp_path: Path, reference
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "said"),
+    ("option", "value", "printed"),
     [
         ("step", 0.0, "must be greater than 0 s"),
         ("step", -0.1, "must be greater than 0 s"),
@@ -197,7 +197,7 @@ def test_a_value_reference_that_is_none(hostile: Path, tmp_path: Path, reference
         ("stop", float("nan"), "must be a finite number"),
     ],
 )
-def test_times_that_make_no_run_of_an_fmu(hostile: Path, option: str, value: float, said: str) -> None:
+def test_times_that_make_no_run_of_an_fmu(hostile: Path, option: str, value: float, printed: str) -> None:
     times: dict[str, Any] = {option: value}
-    with pytest.raises(InputError, match=rf"^--{option} .*: {said}"):
+    with pytest.raises(InputError, match=rf"^--{option} .*: {printed}"):
         library.simulate(hostile / "Hostile.fmu", **times)

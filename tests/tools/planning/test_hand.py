@@ -119,9 +119,9 @@ def test_the_noise_of_a_result_counts(tmp_path):
         table[f"w{axis}_radps"] = 1e-3 * rng.normal(size=20_000)
         table[f"f{axis}_mps2"] = 0.06 * rng.normal(size=20_000) + (9.81 if axis == 3 else 0.0)
     (tmp_path / "noise.json").write_text(th.noise(table).json_text(), encoding="utf-8")
-    told, given = th.plan_hand(noise=tmp_path / "noise.json"), th.plan_hand(noise_density=0.06 * 0.1)
-    assert told.rest_sd == pytest.approx(given.rest_sd, rel=0.02)
-    assert abs(told.steps[0].rest_s - given.steps[0].rest_s) <= 2.0
+    stated, given = th.plan_hand(noise=tmp_path / "noise.json"), th.plan_hand(noise_density=0.06 * 0.1)
+    assert stated.rest_sd == pytest.approx(given.rest_sd, rel=0.02)
+    assert abs(stated.steps[0].rest_s - given.steps[0].rest_s) <= 2.0
 
 
 def test_what_was_measured_counts(tmp_path):
@@ -153,6 +153,6 @@ def test_what_was_measured_counts(tmp_path):
 def test_what_cannot_be_planned_is_said_in_one_line(words, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["plan", "hand", *words.split()]) == 2
-    said = capsys.readouterr().err
-    assert message in said
-    assert len(said.splitlines()) == 1
+    printed = capsys.readouterr().err
+    assert message in printed
+    assert len(printed.splitlines()) == 1

@@ -146,10 +146,10 @@ def test_inspect_and_noise_take_the_rests_as_decided(tmp_path: Path) -> None:
     _, table = hand_moved(3)
     record = tmp_path / "poses.csv"
     table.write_csv(record)
-    found = len(th.inspect(record).rests)
+    count = len(th.inspect(record).rests)
     spans = [[5.0 * number + 0.205, 5.0 * number + 2.795] for number in range(14) if number != 6]
     decided(record, f"rests = {spans}")
-    assert found == 14
+    assert count == 14
     assert len(th.inspect(record).rests) == 13
     assert th.noise(record).stretches == 13
     assert any("13 rests as marked" in line for line in th.diagnose(record).warnings)

@@ -66,7 +66,7 @@ def formats(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 @pytest.mark.parametrize("package", SHOWN)
 def test_what_is_shown_has_no_format_of_its_own(package):
-    found = [
+    matches = [
         f"{name}:{line}: {form}"
         for name, tree in trees()
         if name.startswith(f"{package}/")
@@ -74,18 +74,18 @@ def test_what_is_shown_has_no_format_of_its_own(package):
         # To whole places before it is written exactly.
         if form != "round"
     ]
-    assert found == []
+    assert matches == []
 
 
 def test_no_fixed_decimals_that_make_a_small_number_nothing():
     of_all = ((name, line, form) for name, tree in trees() for line, form in formats(tree))
-    found = [f"{name}:{line}: {form}" for name, line, form in of_all if form[-1] in "eEfF%"]
-    assert found == []
+    matches = [f"{name}:{line}: {form}" for name, line, form in of_all if form[-1] in "eEfF%"]
+    assert matches == []
 
 
 def test_a_bound_is_not_rounded_to_nearest():
     bounds = (UP | DOWN | BOTH) - OWN
-    found = [
+    matches = [
         f"{name}:{node.lineno}: {ast.unparse(node)}"
         for name, tree in trees()
         for node in ast.walk(tree)
@@ -95,7 +95,7 @@ def test_a_bound_is_not_rounded_to_nearest():
         or (isinstance(part, ast.Name) and part.id in bounds)
         or (isinstance(part, ast.Constant) and part.value in bounds)
     ]
-    assert found == []
+    assert matches == []
 
 
 @pytest.mark.parametrize(
@@ -182,8 +182,8 @@ def without_statistics(content: Any) -> Any:
 
 def figures(pattern: str, lines: Iterable[str]) -> list[float]:
     """Return the numbers that a pattern finds in lines."""
-    (found,) = [match for line in lines if (match := re.search(pattern, line))]
-    return [float(text) for text in found.groups()]
+    (matches,) = [match for line in lines if (match := re.search(pattern, line))]
+    return [float(text) for text in matches.groups()]
 
 
 def test_a_small_attitude_error_has_its_digits_and_its_unit():
@@ -215,13 +215,13 @@ def test_levelling_is_told_in_arcseconds_rounded_up():
 
 
 def test_bounds_of_means_at_rest_are_told_in_their_units_rounded_up():
-    found = measured.inspect(strapdown_record())
-    assert found.rests.force_bound is not None
-    assert found.rests.rate_bound is not None
-    shown = figures(r"3 Allan deviations, .*: (\S+) g, (\S+) deg/s", str(found).splitlines())
-    told = found.to_json()["rests"]
-    force = np.median(told["force_bound_mps2"], axis=0).max() / found.gravity
-    rate = np.degrees(np.median(told["rate_bound_radps"], axis=0).max())
+    matches = measured.inspect(strapdown_record())
+    assert matches.rests.force_bound is not None
+    assert matches.rests.rate_bound is not None
+    shown = figures(r"3 Allan deviations, .*: (\S+) g, (\S+) deg/s", str(matches).splitlines())
+    report = matches.to_json()["rests"]
+    force = np.median(report["force_bound_mps2"], axis=0).max() / matches.gravity
+    rate = np.degrees(np.median(report["rate_bound_radps"], axis=0).max())
     for text, true in zip(shown, (force, rate), strict=True):
         assert true <= text <= 1.1 * true
 
@@ -266,11 +266,11 @@ def test_a_bound_on_its_wrong_side_is_found(show: Callable[[], Any], wrong: int)
 )
 def test_what_a_page_shows_inside_its_interval_is_found(part: str, end: str, further: float):
     """Read from the HTML alone, as a person does."""
-    told = json.loads(shown("bench, explained")[0].json_text())
-    assert wrong_on_page(text_of("bench, explained"), told) == []
-    entry = told["causes"][0]["parameters"][0] if part == "causes" else told["targets"][3]
+    report = json.loads(shown("bench, explained")[0].json_text())
+    assert wrong_on_page(text_of("bench, explained"), report) == []
+    entry = report["causes"][0]["parameters"][0] if part == "causes" else report["targets"][3]
     entry[end] += 10.0 * further
-    assert len(wrong_on_page(text_of("bench, explained"), told)) == 1
+    assert len(wrong_on_page(text_of("bench, explained"), report)) == 1
 
 
 @pytest.mark.usefixtures("no_pictures")

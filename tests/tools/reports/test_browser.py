@@ -54,10 +54,10 @@ MARGIN: Any = dict.fromkeys(("top", "bottom", "left", "right"), "12mm")
 def pages(tmp_path_factory) -> dict[str, Path]:
     """Write pages with every possible element."""
     folder = tmp_path_factory.mktemp("pages")
-    found = {name: folder / f"{name}.html" for name in PAGES}
-    for name, file in found.items():
+    result = {name: folder / f"{name}.html" for name in PAGES}
+    for name, file in result.items():
         file.write_text(text_of(name), encoding="utf-8")
-    return found
+    return result
 
 
 def assert_fits(window: Window, name: str, page: Path) -> None:
@@ -122,9 +122,9 @@ def test_the_browser_does_complain_where_there_is_reason(pages, tmp_path, window
     assert len(seen["images"]) == 2
     window.page.evaluate("setTimeout(() => { throw Error('thrown') })")
     window.page.wait_for_timeout(50)
-    said = "\n".join(window.complaints)
+    message = "\n".join(window.complaints)
     expected = ("missing.png", "thrown", "asks the network for http://192.0.2.1")
-    assert [part for part in expected if part not in said] == []
+    assert [part for part in expected if part not in message] == []
 
 
 @pytest.mark.acceptance

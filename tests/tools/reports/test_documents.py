@@ -73,8 +73,8 @@ AUTHORS = {name for names in SOURCES.values() for name in names.split()} | {"Lan
 
 
 def section(name: str, title: str) -> Section:
-    (found,) = (section for section in page_of(name).sections if section.title == title)
-    return found
+    (matches,) = (section for section in page_of(name).sections if section.title == title)
+    return matches
 
 
 def rows_of(name: str, title: str) -> list[dict[str, object]]:
@@ -88,8 +88,8 @@ def number(cell: object) -> float:
     return float(str(cell).replace("−", "-"))
 
 
-def in_order(wanted: Sequence[str], found: Sequence[str]) -> bool:
-    rest = iter(found)
+def in_order(wanted: Sequence[str], matches: Sequence[str]) -> bool:
+    rest = iter(matches)
     return all(name in rest for name in wanted)
 
 
@@ -183,8 +183,8 @@ def test_open_targets_are_said_and_the_positions_to_measure_are_carried():
     assert f"Measure {len(result.next_positions)} more positions" in page_of("calibration, insufficient").verdict
     (carried,) = re.findall(r'href="data:text/csv;charset=utf-8,([^"]*)" download="next-positions.csv"', page)
     wanted = [(float(p["alpha_deg"]), float(p["beta_deg"])) for p in result.next_positions]
-    found = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in csv.DictReader(io.StringIO(unquote(carried)))]
-    assert found == wanted
+    matches = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in csv.DictReader(io.StringIO(unquote(carried)))]
+    assert matches == wanted
     # The map and the list come first; a table of nothing is left out.
     assert page_of("calibration, insufficient").sections[0].picture is not None
     assert calibration.target_section(calibrate(few(3), noise_bound=NOISE_BOUND)).table is None
@@ -220,9 +220,9 @@ def test_sets_that_remain_are_numbered_and_all_named(kind):
     rows = rows_of(kind, "Causes that remain")
     count = [len(finding.causes) and sum(len(c.values) for c in finding.causes) for finding in result.findings]
     assert [row["set"] for row in rows] == [k for k, n in enumerate(count, start=1) for _ in range(n)]
-    told = " ".join(section(kind, "Causes that remain").paragraphs)
+    stated = " ".join(section(kind, "Causes that remain").paragraphs)
     for number_, finding in enumerate(result.findings, start=1):
-        assert f"Set {number_}: {'; '.join(cause.sentence for cause in finding.causes)}." in told
+        assert f"Set {number_}: {'; '.join(cause.sentence for cause in finding.causes)}." in stated
     assert "With the effect" not in text_of(kind)
     assert "with the first of the sets that remain" in page_of(kind).key
 
@@ -276,7 +276,7 @@ def test_an_effect_that_mends_the_record_only_with_an_impossible_size_is_said_no
     named = (result.causes[0].place.title, 0.5)
     ranked = evidence.ranking_section(result.model_copy(update={"tried": (named, *tried)}))
     assert ranked is not None
-    assert [said.partition(":")[0] for said in ranked.paragraphs[1:]] == words
+    assert [message.partition(":")[0] for message in ranked.paragraphs[1:]] == words
 
 
 def test_a_block_says_on_what_it_rests_and_what_is_missing():
@@ -284,9 +284,9 @@ def test_a_block_says_on_what_it_rests_and_what_is_missing():
     below = text_of("block, explained").partition("Sources")[2]
     for fact in (record.sha256, "instantaneous", "9.80665 m/s²", "seed of the shuffles", "highspy"):
         assert fact in below
-    said = unescape(text_of("block, insufficient"))
-    assert "1 rest of" in said
-    assert all(str(thing) in said for thing in shown("block, insufficient")[0].missing)
+    message = unescape(text_of("block, insufficient"))
+    assert "1 rest of" in message
+    assert all(str(thing) in message for thing in shown("block, insufficient")[0].missing)
     ambiguous = shown("block, ambiguous")[0]
     assert "no interval is given" in section("block, ambiguous", "The block's own parameters").paragraphs[0]
     # One measurement that shows two effects is named once.
@@ -350,7 +350,7 @@ def test_mountings_and_senses_go_into_the_list_of_positions():
 
 
 @pytest.mark.parametrize(
-    ("words", "given", "said"),
+    ("words", "given", "message"),
     [
         (inspection.own_words, "gyro gamma_11", "scale factor of gyro 1"),
         (inspection.own_words, "gyro gamma_12", "misalignment of gyro 1 towards axis 2"),
@@ -362,8 +362,8 @@ def test_mountings_and_senses_go_into_the_list_of_positions():
         (evidence.gyro_parameter_words, "delay", ("delay", "")),
     ],
 )
-def test_parameters_are_in_words(words, given, said):
-    assert words(given) == said
+def test_parameters_are_in_words(words, given, message):
+    assert words(given) == message
 
 
 def test_likeness_is_one_for_members_of_a_class_and_small_for_strangers():

@@ -72,18 +72,18 @@ def test_a_sheet_is_one_page_of_a4(calibration, window: Window, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("operatr = 'A'", "operatr: unknown key; did you mean 'operator'"),
         ("operator = ['A', 'B']", "operator: a text, a number or a date"),
         ("operator = A", "is not TOML"),
     ],
 )
-def test_what_is_wrong_with_a_file_about_a_calibration(text, said, tmp_path):
+def test_what_is_wrong_with_a_file_about_a_calibration(text, message, tmp_path):
     (tmp_path / "about.toml").write_text(text, encoding="utf-8")
     with pytest.raises(th.InputError, match=r"^--about .*about\.toml: ") as wrong:
         read_about(tmp_path / "about.toml")
-    assert said in str(wrong.value)
+    assert message in str(wrong.value)
 
 
 def test_a_file_about_a_calibration_may_hold_dates_and_numbers(tmp_path):

@@ -36,9 +36,9 @@ def judged(case: Any, verdict: str, *explanations: Explanation) -> str:
         radius = 3.0
         sources = type("Reader", (), {"circumstances": type("At", (), {"began": 0.0, "temperature": None})})
 
-    said: Any = Said()
-    said.verdict, said.explanations = verdict, explanations
-    return judged_case(case, said).outcome
+    message: Any = Said()
+    message.verdict, message.explanations = verdict, explanations
+    return judged_case(case, message).outcome
 
 
 def rows(*numbers: int) -> Explanation:

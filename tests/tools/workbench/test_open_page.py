@@ -334,7 +334,7 @@ def test_everything_is_done_by_the_keyboard(tmp_path: Path, window: Window, open
 # Without a browser
 
 
-def asked(server: DeskServer, method: str, path: str, body: bytes | None = None, **headers: str) -> tuple[int, Any]:
+def answer_to(server: DeskServer, method: str, path: str, body: bytes | None = None, **headers: str) -> tuple[int, Any]:
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     sent = {"Host": f"127.0.0.1:{server.port}"} | {name.replace("_", "-"): value for name, value in headers.items()}
     connection.request(method, path, body, sent)
@@ -344,10 +344,10 @@ def asked(server: DeskServer, method: str, path: str, body: bytes | None = None,
     return answer.status, content
 
 
-def told(server: DeskServer, **content: Any) -> dict[str, Any]:
+def reply(server: DeskServer, **content: Any) -> dict[str, Any]:
     """Return the answer of the page to a request."""
     headers = {"Origin": f"http://127.0.0.1:{server.port}", "Content_Type": "application/json"}
-    status, body = asked(server, "POST", f"/{server.token}/do", json.dumps(content).encode(), **headers)
+    status, body = answer_to(server, "POST", f"/{server.token}/do", json.dumps(content).encode(), **headers)
     assert status == 200
     return json.loads(body)
 
@@ -355,15 +355,15 @@ def told(server: DeskServer, **content: Any) -> dict[str, Any]:
 def test_only_this_machine_with_the_token_and_from_this_page_is_answered(tmp_path: Path, opened) -> None:
     server = opened(wrong_table(tmp_path))
     address, origin = f"/{server.token}/", f"http://127.0.0.1:{server.port}"
-    assert asked(server, "GET", address + "state")[0] == 200
-    assert asked(server, "GET", "/state")[0] == 404
-    assert asked(server, "GET", address + "../table.csv")[0] == 404
-    assert asked(server, "GET", address + "state", Host=f"evil.example:{server.port}")[0] == 403
+    assert answer_to(server, "GET", address + "state")[0] == 200
+    assert answer_to(server, "GET", "/state")[0] == 404
+    assert answer_to(server, "GET", address + "../table.csv")[0] == 404
+    assert answer_to(server, "GET", address + "state", Host=f"evil.example:{server.port}")[0] == 403
     body, kind = b'{"do": "stop"}', {"Content_Type": "application/json"}
-    assert asked(server, "POST", address + "do", body, **kind)[0] == 403
-    assert asked(server, "POST", address + "do", body, Origin="http://evil.example", **kind)[0] == 403
-    assert asked(server, "POST", address + "do", body, Origin=origin, Content_Type="text/plain")[0] == 415
-    assert asked(server, "POST", address + "drop?x.csv", b"a", Origin="http://evil.example")[0] == 403
+    assert answer_to(server, "POST", address + "do", body, **kind)[0] == 403
+    assert answer_to(server, "POST", address + "do", body, Origin="http://evil.example", **kind)[0] == 403
+    assert answer_to(server, "POST", address + "do", body, Origin=origin, Content_Type="text/plain")[0] == 415
+    assert answer_to(server, "POST", address + "drop?x.csv", b"a", Origin="http://evil.example")[0] == 403
 
 
 REFUSED: list[dict[str, Any]] = [
@@ -381,7 +381,7 @@ REFUSED: list[dict[str, Any]] = [
 def test_what_cannot_be_done_is_refused_in_one_line(tmp_path: Path, opened) -> None:
     server = opened(wrong_table(tmp_path))
     for content in REFUSED:
-        answer = told(server, **content)
+        answer = reply(server, **content)
         assert answer["refusal"], content
         assert "\n" not in answer["refusal"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["table.csv"]
@@ -398,9 +398,9 @@ def answered(server: DeskServer, count: int) -> None:
 def test_a_record_that_changes_while_it_is_open_is_refused(tmp_path: Path, opened) -> None:
     path = wrong_table(tmp_path)
     server = opened(path)
-    assert told(server, do="decide", file=0, decisions={"left_out": [12]}) == {}
+    assert reply(server, do="decide", file=0, decisions={"left_out": [12]}) == {}
     pl.read_csv(path).with_columns(f1_mps2=pl.col("f1_mps2") + 1e-3).write_csv(path)
-    told(server, do="run", command="calibrate", files=[0], options={"noise_bound": "1e-5"})
+    reply(server, do="run", command="calibrate", files=[0], options={"noise_bound": "1e-5"})
     answered(server, 1)
     assert "has changed since it was opened" in server.desk.refusal
     assert server.desk.answer is None
@@ -415,7 +415,7 @@ def test_decisions_about_another_content_are_said_and_replaced(tmp_path: Path, o
     assert about is not None
     assert about["decisions"] == {}
     assert any("to another content" in line for line in about["warnings"])
-    assert told(server, do="decide", file=0, decisions={"left_out": [12]}) == {}
+    assert reply(server, do="decide", file=0, decisions={"left_out": [12]}) == {}
     assert th.calibrate(path, noise_bound=1e-5).verdict == "consistent"
 
 
@@ -429,12 +429,12 @@ def test_command_python_and_corrected_record_are_those_of_the_page(tmp_path: Pat
     table.with_columns(f2_mps2=-pl.col("f2_mps2")).write_csv(path)
     server = opened(path)
     options = {"noise_bound": "1e-5", "gravity": "9.8066501234", "channels": "-2,1,3"}
-    told(server, do="run", command="calibrate", files=[0], options=options)
+    reply(server, do="run", command="calibrate", files=[0], options=options)
     answered(server, 1)
     shown = server.desk.answer
     assert shown is not None
     assert "corrected" in shown["gives"]
-    corrected = th.read_record(told(server, do="save", what="corrected")["file"])
+    corrected = th.read_record(reply(server, do="save", what="corrected")["file"])
     estimates_shown = {row["symbol"]: row["estimate"] for row in shown["parameters"]}
     content = by_command(*shlex.split(shown["command"])[1:])
     assert is_same(estimates_shown, estimates(content))
@@ -451,15 +451,15 @@ def test_a_refused_command_leaves_the_result_that_is_shown(tmp_path: Path, opene
     second = tmp_path / "second.csv"
     second.write_bytes(first.read_bytes().replace(b"\n2,", b"\n2,", 1) + b"# second\n")
     server = opened(first, second)
-    assert told(server, do="decide", file=0, decisions={"left_out": [3]}) == {}
-    told(server, do="run", command="diagnose", files=[0], options={"noise_bound": "1e-5"})
+    assert reply(server, do="decide", file=0, decisions={"left_out": [3]}) == {}
+    reply(server, do="run", command="diagnose", files=[0], options={"noise_bound": "1e-5"})
     answered(server, 1)
     assert server.desk.answer is not None
     assert server.desk.answer["wrong"] == [12]
-    told(server, do="run", command="noise", files=[1], options={})
+    reply(server, do="run", command="noise", files=[1], options={})
     answered(server, 2)
     assert server.desk.refusal
-    assert Path(told(server, do="save", what="json")["file"]).name == "table.diagnosis.json"
+    assert Path(reply(server, do="save", what="json")["file"]).name == "table.diagnosis.json"
 
 
 def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path: Path, opened) -> None:
@@ -472,7 +472,7 @@ def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path
         ("table.csv", b"other", "another file of this name"),
         (".hidden", content, "no name"),
     ):
-        status, answer = asked(server, "POST", f"/{server.token}/drop?{name}", body, **origin)
+        status, answer = answer_to(server, "POST", f"/{server.token}/drop?{name}", body, **origin)
         assert status == 200
         told_back = json.loads(answer)
         assert told_back == expected or expected in told_back["refusal"]
