@@ -237,7 +237,7 @@ class Desk:
         Raises
         ------
         InputError
-            for a command or a file that there is not
+            for an unknown command or file
         """
         if request.command not in COMMANDS:
             raise InputError(f"{request.command}: is not a command of the page; use {', '.join(COMMANDS)}")
