@@ -200,7 +200,13 @@ def test_the_reference_inputs_give_the_reference_outputs(name, fmi, tmp_path):
 
 @needs_compiler
 @pytest.mark.parametrize(
-    ("name", "fmi"), [(name, fmi) for name, c in components().items() for fmi in (2, 3) if fmpy_reads(c, fmi)]
+    ("name", "fmi"),
+    [
+        pytest.param(name, fmi, marks=[pytest.mark.acceptance] if fmi == 3 else [])
+        for name, c in components().items()
+        for fmi in (2, 3)
+        if fmpy_reads(c, fmi)
+    ],
 )
 def test_fmpy_reproduces_the_reference_results(name, fmi, tmp_path):
     path = build(name, tmp_path, flavour="native", fmi=fmi)
