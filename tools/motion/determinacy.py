@@ -120,11 +120,6 @@ class Determinacy:
         return float(self.pose_errors().max())
 
     @property
-    def worst_pose(self) -> NDArray[np.float64]:
-        """The direction up (3,) where the error is largest."""
-        return UNSEEN[int(self.pose_errors().argmax())]
-
-    @property
     def rms(self) -> float:
         """The root mean square of the standard error [g] over all poses."""
         return float(np.sqrt(np.mean(self.pose_errors() ** 2)))
