@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
-from scipy.special import log_ndtr
 
 from .limits import rows_at_limit
 
@@ -96,13 +95,13 @@ class Group:
             scaled = (inner - mean - spread * parameters[0]) / (spread * np.exp(parameters[1]))
             return float(-2.0 * self.counts @ log_between(scaled))
 
-        best = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2})
+        best = scipy.optimize.minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2})
         scaled = (self.edges - mean - spread * best.x[0]) / (spread * np.exp(best.x[1]))
         beyond = 0.0
         if "lower" in limited:
-            beyond += float(np.exp(log_ndtr(scaled[0])))
+            beyond += float(np.exp(scipy.special.log_ndtr(scaled[0])))
         if "upper" in limited:
-            beyond += float(np.exp(log_ndtr(-scaled[-1])))
+            beyond += float(np.exp(scipy.special.log_ndtr(-scaled[-1])))
         return float(best.fun), beyond * rows
 
     @property
@@ -131,7 +130,7 @@ def log_between(edges: NDArray[np.float64]) -> NDArray[np.float64]:
     low, high = edges[:-1], edges[1:]
     mirrored = low > 0.0
     low, high = np.where(mirrored, -high, low), np.where(mirrored, -low, high)
-    above, below = log_ndtr(high), log_ndtr(low)
+    above, below = scipy.special.log_ndtr(high), scipy.special.log_ndtr(low)
     return above + np.log1p(-np.minimum(np.exp(below - above), 1.0 - 1e-15))
 
 
