@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 
 from .likelihood import Fit, Likelihood
 from .pieces import Channel
-from .processes import NUMBERS, SPECTRAL, Letter, drift_variance
-from .result import BIAS_TAKEN, Against, HeldOut
+from .processes import NUMBERS, SPECTRAL, Letter
+from .result import BIAS_TAKEN, Against, HeldOut, variance_after
 from .selection import Selection, select
 from .simulated import Sizes
 from .spectrum import bins_of
 
 FALSIFIED = 25.0
-"""Rise above which a simulation's noise, or a change of it, is falsified: the largest of 2400 true channels is 22.5."""
+"""Rise above which a simulation's noise is falsified: the largest of 2400 true channels is 22.5."""
+EXPLAINED = 21.0
+"""Largest rise of a change that explains a falsified channel: of true ones it is beyond in fewer than one of 500."""
 MOST = 2
 """Largest number of processes that change."""
 Verdict = Literal["consistent", "explained", "ambiguous", "falsified"]
@@ -65,7 +67,7 @@ def held_against(channel: Channel, step: float, selection: Selection, simulated:
     verdict: Verdict = "consistent"
     chosen: list[Change] = []
     if rise > FALSIFIED:
-        chosen = smallest_changes(likelihood, simulated, best + FALSIFIED)
+        chosen = smallest_changes(likelihood, simulated, best + EXPLAINED)
         verdict = VERDICTS.get(len(chosen), "ambiguous")
     changed = chosen[0].sizes if chosen else {}
     held_out = []
@@ -166,11 +168,8 @@ def window_drifts(readings: NDArray[np.float64], step: float, time: float) -> ND
 
 def drift_deviation(sizes: Mapping[Letter, float], time: float, constant: float) -> float:
     """Return the standard deviation of such a drift by coefficients [SI]."""
-    weights = np.array([1.0, -1.0 - time / BIAS_TAKEN, time / BIAS_TAKEN])
-    times = np.array([time, 0.0, -BIAS_TAKEN])
-    apart = times[:, None] - times[None, :]
     variance = 0.0
     for letter, size in sizes.items():
         if letter in SPECTRAL and size > 0.0:
-            variance -= 0.5 * size**2 * float(weights @ drift_variance(letter, apart, constant or 1.0) @ weights)
+            variance += size**2 * variance_after(letter, constant or 1.0, time)
     return math.sqrt(variance)

@@ -201,9 +201,9 @@ class Likelihood:
                 size = self._trend_size(spectrum, trend)
                 power = self._power_without(trend, size)
             step = self._least_squares(columns, power, spectrum)
-            theta_new, cost_new = self._shortened(columns, power, theta, step)
-            change = cost - cost_new
-            theta, cost = theta_new, cost_new
+            part, cost_new = self._part_of_step(spectrum, columns @ step, power)
+            theta = theta + part * (step - theta)
+            change, cost = cost - cost_new, cost_new
             if abs(change) < CONVERGED * (1.0 + float(count.sum()) * 1e-6):
                 break
         fitted = None if trend is None else Trend.of(size, trend)
@@ -224,24 +224,6 @@ class Likelihood:
         if not np.all(spectrum > 0.0):
             return math.inf
         return float(self.bins.count @ (np.log(spectrum) + power / spectrum))
-
-    def _shortened(
-        self,
-        columns: NDArray[np.float64],
-        power: NDArray[np.float64],
-        before: NDArray[np.float64],
-        after: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], float]:
-        """Return the step from one θ towards another that does not raise the cost, and its cost."""
-        cost = self._cost(columns @ before, power)
-        part = 1.0
-        for _ in range(12):
-            theta = before + part * (after - before)
-            cost_new = self._cost(columns @ theta, power)
-            if cost_new <= cost:
-                return theta, cost_new
-            part *= 0.5
-        return before, cost
 
     def shape(self, trend: float) -> NDArray[np.float64]:
         """Return the single coefficients (S,) of a trend of size one."""
@@ -332,25 +314,25 @@ class Likelihood:
             if columns.shape[1]:
                 theta = self._least_squares(columns, power - fixed, spectrum)
                 step = fixed + columns @ theta
-            spectrum, cost_new = self._better(spectrum, step, power)
+            part, cost_new = self._part_of_step(spectrum, step, power)
+            spectrum = spectrum + part * (step - spectrum)
             if abs(cost - cost_new) < 1e-6:
                 break
             cost = cost_new
         return theta, cost_new + float(self.bins.count.sum()) * math.log(self.unit)
 
-    def _better(
+    def _part_of_step(
         self, before: NDArray[np.float64], after: NDArray[np.float64], power: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], float]:
-        """Return the spectrum on the way from one to another that does not raise the cost, and its cost."""
+    ) -> tuple[float, float]:
+        """Return the part of a step from one spectrum towards another that does not raise the cost, and its cost."""
         cost = self._cost(before, power)
         part = 1.0
         for _ in range(12):
-            spectrum = before + part * (after - before)
-            cost_new = self._cost(spectrum, power)
+            cost_new = self._cost(before + part * (after - before), power)
             if cost_new <= cost:
-                return spectrum, cost_new
+                return part, cost_new
             part *= 0.5
-        return before, cost
+        return 0.0, cost
 
     def _trend_interval(self, fit: Fit) -> tuple[float, float]:
         """Return the ends of the 95 % interval of a trend's size, the spectrum as it is fitted."""

@@ -218,14 +218,15 @@ class ChannelNoise(Result):
 
         The bias is the mean over the time before: it is the attitude or velocity error that noise alone makes.
         """
-        weights = np.array([1.0, -1.0 - time_s / bias_taken_s, time_s / bias_taken_s])
-        times = np.array([time_s, 0.0, -bias_taken_s])
-        apart = times[:, None] - times[None, :]
+        return math.sqrt(self.total(lambda letter, constant: variance_after(letter, constant, time_s, bias_taken_s)))
 
-        def of_one(letter: Letter, constant: float) -> float:
-            return -0.5 * float(weights @ drift_variance(letter, apart, constant) @ weights)
 
-        return math.sqrt(self.total(of_one))
+def variance_after(letter: Letter, constant: float, time_s: float, bias_taken_s: float = BIAS_TAKEN) -> float:
+    """Return the variance of the integral of a process of size one after a time, less a bias taken before [s²]."""
+    weights = np.array([1.0, -1.0 - time_s / bias_taken_s, time_s / bias_taken_s])
+    times = np.array([time_s, 0.0, -bias_taken_s])
+    apart = times[:, None] - times[None, :]
+    return -0.5 * float(weights @ drift_variance(letter, apart, constant) @ weights)
 
 
 class Drift(Result):
