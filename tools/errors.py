@@ -60,7 +60,7 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str, most: int = LONGEST_MESSAGE) -> str:
-    """Return a message as one line of at most so many characters, for any names and values."""
+    """Return a message as one line with a limit of characters, for any names and values."""
     line = printable(text)
     if len(line) > most:
         line = f"{line[: most - 200]} ... {line[-190:]}"

@@ -62,7 +62,7 @@ def import_record(
     file : path
         The file, or a table in memory.
     second : path, optional
-        The gyros, where `file` has the accelerometers alone. The record has the faster clock of both.
+        The gyros, where the first file has the accelerometers alone. The record has the faster clock of both.
     out : path, optional
         The record (CSV). The mapping goes into RECORD.import.toml beside it.
     mapping : path, optional

@@ -88,7 +88,8 @@ class HandFit:
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """What bounds of the readings' errors leave: the least with which the model stands [g], and by σ what is possible.
+    """Result of bounds of the readings' errors: the least bound with which the model stands [g], and by σ the possible
+    values.
 
     `possible` is None where nothing tells σ.
     """
@@ -153,7 +154,7 @@ def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
 
 
 def calibration_of(run: Run, fit: HandFit, bounds: Bounds, gravity: float, gain: HandGain | None) -> Calibration:
-    """Return the calibration by a fit of a run, what its bound leaves, and the gain at rests that are left out."""
+    """Return the calibration by a fit of a run, its possible values by the bound, and the gain at left-out rests."""
     pose = fit.forces.determinacy.pose_errors()
     verdict = _verdict(run, fit, bounds.possible, float(pose.max()))
     gyros, axes = fit.gyros, "accelerometers"

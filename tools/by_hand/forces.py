@@ -95,7 +95,7 @@ class Norms:
         return float(np.square(self.weighted(x)[0]).sum())
 
     def effective(self, forces: Forces) -> float:
-        """Return the number of parameters that the readings determine, rather than what was known before."""
+        """Return the number of parameters that the readings determine, and the prior does not."""
         return float(len(forces.x)) - float((np.diag(forces.covariance) / self.prior**2).sum())
 
 

@@ -23,7 +23,7 @@ FEWEST = 9
 SAME_RATE = np.radians(2.0)
 """Largest excess turn of a still window over the stillest ones [rad/s]."""
 STILLEST = 0.1
-"""Part of the still windows, those in which gyros scatter least, that shows what they read at rest."""
+"""Part of the still windows that shows the gyros' readings at rest: those in which they scatter least."""
 LAST_DIGITS = 1e-7
 """In a record without noise larger changes, over the largest reading, are no rounding of sums."""
 LEAST_ROWS = 8

@@ -95,7 +95,7 @@ def answer(
 
 
 class Silenced(StringIO):
-    """Swallows the words of a command; `beneath` is the output for what was asked for by name."""
+    """Swallows the words of a command; `beneath` takes output that was asked for by name."""
 
     def __init__(self, beneath: TextIO) -> None:
         super().__init__()

@@ -142,7 +142,7 @@ class Moving:
         return effect.signature(place, self.motion).reshape(self.seen.reading.size, -1)
 
     def readings_at(self, system: WithTurns, point: NDArray) -> tuple[Readings, NDArray[np.float64]]:
-        """Return the readings less what the accelerometers' places add, as at the moments that lie their lag earlier.
+        """Return the readings less the effect of the accelerometers' places, at moments earlier by their lag.
 
         The second part is the derivatives (3 N, 10) of the readings by `FURTHER`, the last of the parameters (P,).
         """

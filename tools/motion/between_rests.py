@@ -103,8 +103,8 @@ def angles_of(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.floa
 def moves_between(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> Moves:
     """The moves between neighbouring rests at which gravity alone acts, without a gap, a knock or a saturated gyro.
 
-    Parts of the column `part` or `face` that follow each other without unnamed rows may be sections put together: what
-    was between them is not in the record.
+    Parts of the column `part` or `face` that follow each other without unnamed rows may be sections put together,
+    without the rows between them.
     """
     size = np.linalg.norm(rests.force, axis=1)
     standing = np.linalg.norm(rests.rate, axis=1) < STANDING

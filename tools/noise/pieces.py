@@ -64,7 +64,7 @@ class Channel:
 
     @property
     def caution(self) -> str:
-        """Return what the readings leave open of the noise; empty where that is nothing."""
+        """Return the properties of the noise that the readings leave open; empty where there are none."""
         if self.is_constant:
             return f"{self.name}: never changes at rest; its noise is unknown, and no result below counts it"
         if steps_hide_noise(self.pieces):

@@ -224,7 +224,7 @@ def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
 
 
 def _without_limited(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
-    """Refuse rests in which an accelerometer is at an end of its range: the mean of what it still reads is wrong."""
+    """Refuse rests in which an accelerometer is at an end of its range: the mean of its readings is wrong."""
     usable = [k for k, rest in enumerate(rests) if rest.refused is None]
     limited = limited_rests(raw.specific_force, [rests[k].kept for k in usable], [raw.alpha, raw.beta])
     for k, axes in zip(usable, limited, strict=True):

@@ -29,7 +29,7 @@ def measure(
     """Guide a measurement at the table: judge each rest, name the next position, say when to stop.
 
     Readings are kept as they come; after each rest the guaranteed errors are computed. The measurement ends with the
-    source, by the operator's word, or after `patience_s` without readings. Then the positions are diagnosed.
+    source, by the operator's word, or after some time without readings. Then the positions are diagnosed.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ def pages(tmp_path_factory) -> dict[str, Path]:
 
 
 def assert_fits(window: Window, name: str, page: Path) -> None:
-    for width, dark, printed in ((1280, False, False), (400, True, False), (1280, True, False), (720, False, True)):
+    for width, dark, printed in ((1280, False, False), (390, True, False), (1280, True, False), (720, False, True)):
         seen = window.open(page, width, dark=dark, printed=printed)
         where = f"{name} at {width}"
         assert seen["client"] == width, where

@@ -377,7 +377,7 @@ def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
         for line, (colour, dash) in zip(lines, LOOKS, strict=False):
             axis.plot(line.time, line.value, color=colour.light, linestyle=dash, label=line.name)
         axis.set_ylabel(unit if unit != TRUTH else "")
-        # The power of ten stands beside the legend, not below it.
+        # Left of the axis the power of ten does not cover the legend.
         axis.yaxis.get_offset_text().set_horizontalalignment("right")
         if unit == TRUTH:
             axis.set(ylim=(-0.1, 1.1), yticks=(0, 1), yticklabels=("false", "true"))
