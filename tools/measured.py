@@ -40,6 +40,7 @@ from .options import (
     Targets,
     Trust,
     Turns,
+    Without,
 )
 
 
@@ -286,6 +287,7 @@ def calibrate(
     channels: Channels = (),
     stamps: Stamps = None,
     trust: Trust = False,
+    without: Without = "",
     targets: Targets = (),
     priors: Sequence[str] = (),
     explained_by: ExplainedBy = None,
@@ -328,7 +330,7 @@ def calibrate(
     >>> th.calibrate(run, noise_bound=1e-5).verdict
     'consistent'
     """
-    run = records.read_record(record, *records.TO_CALIBRATE, channels=channels, stamps=stamps)
+    run = records.read_record(record, *records.TO_CALIBRATE, channels=channels, stamps=stamps, without=without)
     remarks: list[str] = []
     if explained_by is not None:
         explained_by = _diagnosis_of(explained_by)
@@ -482,6 +484,7 @@ def diagnose(
     channels: Channels = (),
     stamps: Stamps = None,
     trust: Trust = False,
+    without: Without = "",
     rates: Rates = "instantaneous",
     reference_bound: ReferenceBound = None,
     hypotheses: Sequence[str] = (),
@@ -526,7 +529,8 @@ def diagnose(
     >>> import trihedron as th
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels, stamps=stamps)
+    reading = {"channels": channels, "stamps": stamps, "without": without}
+    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, **reading)
     noise_sd = _deviation(run, noise_result, noise_bound, noise_sd)
     place = calibrations.Bench.given(run, **({} if bench is None else vars(bench)))
     is_table = isinstance(run, records.PositionRecord)

@@ -115,6 +115,10 @@ Stamps = Annotated[
         "sampling rate [Hz] replaces them. By default the stamps that fit gyros and gravity better."
     ),
 ]
+Without = Annotated[
+    str,
+    Option("Rows to leave out of a table of averaged readings, or rests of a raw record, by number, as 42 or 6,19-30."),
+]
 Trust = Annotated[
     bool,
     Option("Use a record with gyros although its units, axes, signs or rows look wrong. Each fault becomes a warning."),

@@ -28,7 +28,7 @@ def fixture_flexure(context: Vector, angles: Vector, i: int, j: int, coefficient
 FIXTURE_FLEXURE = table_effect(
     fixture_flexure,
     EffectParameter("coefficient", "rad/g", "turn of the block for one g of the input", 5e-3),
-    "the block turns about its axis {i} by {coefficient:+.2e} rad per g of input {j} (a fixture that bends)",
+    "the block turns about its axis {i} by {coefficient:+.2e} rad per g of input {j} (as a bending fixture would)",
     stage="geometry_effects",
     places=tuple(EffectPlace("fixture-flexure", MOUNTING, axes=axes) for axes in product(BLOCK_AXES, repeat=2)),
     degree=1,

@@ -59,6 +59,7 @@ from .targets import (
     convention_targets,
     error_weights,
     parameter_limits,
+    unit_of,
     with_priors,
     words_of,
 )
@@ -592,7 +593,9 @@ def _remarks(linearised: Linearisation, contradicts: bool, unbounded: bool) -> l
     values = dict(zip(linearised.symbols, linearised.point, strict=True))
     large = sorted((symbol for symbol in values if abs(values[symbol]) > FAR), key=lambda symbol: -abs(values[symbol]))
     if large:
-        texts = [f"{words_of(symbol)} {digits(values[symbol], 2)}" for symbol in large[:MOST_FAR]]
+        texts = []
+        for symbol in large[:MOST_FAR]:
+            texts.append(f"{words_of(symbol)} {digits(values[symbol], 2)} {unit_of(symbol)}".rstrip())
         if len(large) > MOST_FAR:
             texts.append(f"{len(large) - MOST_FAR} more")
         remarks.append(f"values far from an aligned bench ({', '.join(texts)}): are --mounting and --gravity right?")

@@ -112,6 +112,12 @@ def words_of(name: str) -> str:
     return NAMES[target][0] + at + mounting if target in NAMES else name
 
 
+def unit_of(name: str) -> str:
+    """Return the unit of a parameter; empty for a ratio, or an unknown one."""
+    target = name.partition("@")[0]
+    return NAMES[target][1] if target in NAMES else ""
+
+
 def asked_targets(expressions: Sequence[str], p: Parametrisation) -> list[Target]:
     """Return targets written as a person writes them: "X4-X5", "2*X4 + X6/3 - 0.5*X12", "X8@north".
 

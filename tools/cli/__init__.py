@@ -13,9 +13,10 @@ from cyclopts import App, Group, Parameter
 from ..options import PLACES
 from . import commands, studies
 from .answer import Answer, exit_status, no_working_folder, refuse, say, too_little_memory
+from .call import Call
 from .completion import add_completion
 from .help_page import HelpPage
-from .next_step import Call, continued, next_command
+from .next_step import continued, next_command
 from .plan_commands import plan
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):

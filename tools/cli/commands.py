@@ -43,8 +43,8 @@ from .answer import (
     with_options_of,
 )
 
-READING = ("channels", "stamps")
-"""How the channels and time stamps of a record are read."""
+READING = ("channels", "stamps", "without")
+"""How the channels, time stamps and rows of a record are read."""
 PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
 """Options of a bench with its encoders and gyros."""
 
@@ -160,7 +160,11 @@ def calibrate_command(
             "sheet": sheet,
         }
         of_one |= {"target": options.pop("targets", None), "prior": options.pop("priors", None)}
-        of_one |= {"noise": options.pop("noise_result", None), **_taken(options, ("rests", "faces", "turns"))}
+        of_one |= {
+            "noise": options.pop("noise_result", None),
+            "without": options.pop("without", None),
+            **_taken(options, ("rests", "faces", "turns")),
+        }
         _refuse_of_one(of_one)
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
@@ -218,7 +222,7 @@ def _taken(options: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
 def _refuse_of_one(options: Mapping[str, object]) -> None:
     """Refuse the first option that was given and is of one record alone."""
     for name, value in options.items():
-        if value not in (None, ()):
+        if value not in (None, (), ""):
             raise InputError(f"--{name.replace('_', '-')}: is of one record; give one")
 
 
@@ -315,7 +319,8 @@ def diagnose_command(
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
         of_one = {"hypothesis": options.pop("hypotheses", None), "noise": options.pop("noise_result", None)}
-        _refuse_of_one({**of_one, "against": options.pop("against", None)})
+        of_one |= _taken(options, ("against", "without"))
+        _refuse_of_one(of_one)
         several = measured.diagnose_together(record, *others, **shared, **options, progress=True)
         if report is not None:
             reports.write_report(report, several)

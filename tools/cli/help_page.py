@@ -16,7 +16,7 @@ PARAMETERS, OPTIONS = "Parameters", "Options"
 """Title of the panel of options, and the heading of those without a group."""
 GROUPS = {
     "Noise": ("--noise", "--noise-bound", "--noise-sd", "--reference-bound"),
-    "Reading the file": ("--channels", "--stamps", "--trust", "--rates", "--bridge-gaps", "--mapping"),
+    "Reading the file": ("--channels", "--stamps", "--trust", "--without", "--rates", "--bridge-gaps", "--mapping"),
     "Model": (
         *("--gravity", "--mounting", "--mountings", "--convention", "--baseline", "--bounds", "--admissible"),
         *("--target", "--prior", "--with", "--effects-from", "--hypothesis", "--extend"),

@@ -126,17 +126,18 @@ def next_step(fault: Simple) -> tuple[str, ...]:
 
 def _correction(change: Mapping[str, Any], rows: str, them: str) -> str:
     """Return how to undo a change of rows; of an unknown one to check them."""
+    otherwise = f"until then leave {them} out"
     if "exchanged" in change:
         first, second = change["exchanged"]
-        return f"swap {first} and {second} back in {rows}, and diagnose again"
+        return f"swap {first} and {second} back in {rows} of the file; {otherwise}"
     if "rotated" in change:
-        return f"put f1_mps2, f2_mps2 and f3_mps2 back in their order in {rows}, and diagnose again"
+        return f"put f1_mps2, f2_mps2 and f3_mps2 back in their order in {rows} of the file; {otherwise}"
     for column, value in change.items():
         if value == "sign":
-            return f"turn the sign of {column} in {rows}, and diagnose again"
+            return f"turn the sign of {column} in {rows} of the file; {otherwise}"
     if "readings_of_row" in change:
-        return f"measure {rows} again: the readings are a copy"
-    return f"check {rows} against the notes, or measure {them} again"
+        return f"measure {rows} again: the readings are a copy; {otherwise}"
+    return f"check {rows} against the notes, or measure {them} again; {otherwise}"
 
 
 def rows_in_words(rows: Sequence[int]) -> str:

@@ -8,6 +8,7 @@ from .decisions import decisions_file as decisions_file
 from .decisions import decisions_of as decisions_of
 from .decisions import decisions_text as decisions_text
 from .decisions import read_decisions as read_decisions
+from .decisions import rows_of as rows_of
 from .decisions import rows_of_rests as rows_of_rests
 from .decisions import with_decisions as with_decisions
 from .kinds import BenchRecord as BenchRecord

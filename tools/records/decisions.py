@@ -3,6 +3,7 @@
 They stand in RECORD.decisions.toml. The record itself is never changed; without the file they are undone.
 """
 
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +25,10 @@ HEAD = """# Decisions about {record}, made on its page (trihedron open). Every c
 # Delete this file to undo them.
 """
 KEYS = {"schema", "record_sha256", "left_out", "rests", "turns"}
+ROWS = re.compile(r"[0-9]{1,9}(-[0-9]{1,9})?(,[0-9]{1,9}(-[0-9]{1,9})?)*")
+"""Numbers of rows, and their ranges."""
+MOST_ROWS = 1_000_000
+"""Largest range of rows."""
 LISTED = 8
 """Most positions that are named in a line."""
 
@@ -226,6 +231,49 @@ def _without(record: Any, left_out: tuple[int, ...]) -> Any:
     if not kept.any():
         raise InputError(f"{record.path}: all positions are left out; keep some")
     return record.selected(kept)
+
+
+def rows_of(text: str) -> set[int]:
+    """Return numbers of rows from their text, "42" or "6,19-30".
+
+    Raises
+    ------
+    InputError
+        for text that gives none, or ranges too wide for any table
+    """
+    if not ROWS.fullmatch(text):
+        raise InputError(f"--without {text}: the numbers of rows are needed, as 42 or 6,19-30")
+    numbers: set[int] = set()
+    for part in text.split(","):
+        first, _, last = part.partition("-")
+        begin, end = int(first), int(last or first)
+        if not 0 < begin <= end < begin + MOST_ROWS:
+            raise InputError(f"--without {text}: {part} is no row or range of rows, which count from 1")
+        numbers.update(range(begin, end + 1))
+    return numbers
+
+
+def without_rows(record: Any, text: str) -> Any:
+    """Return a table of averaged readings, or of the rests of a series, without some rows, as of `rows_of`.
+
+    Rows have the numbers that they have in the file.
+
+    Raises
+    ------
+    InputError
+        for rows that it does not have, or a record of another kind
+    """
+    if "position" not in record.groups:
+        raise InputError(f"--without {text}: is of a table of averaged readings; {record.path} is a series")
+    numbers = rows_of(text)
+    if unknown := numbers - set(record.numbers.tolist()):
+        last = int(record.numbers.max())
+        raise InputError(f"--without {text}: {record.path} has rows up to {last}, and no row {min(unknown)}")
+    kept = ~np.isin(record.numbers, list(numbers))
+    if not kept.any():
+        raise InputError(f"--without {text}: leaves no row of {record.path}; keep some")
+    line = f"{record.path}: left out as asked: {'row' if len(numbers) == 1 else 'rows'} {text}"
+    return replace(record.selected(kept), warnings=(*record.warnings, line))
 
 
 def rows_of_rests(time_s: np.ndarray, rests: Sequence[DecidedRest], where: str) -> list[slice]:

@@ -53,7 +53,7 @@ from .columns import (
     warnings,
     with_force,
 )
-from .decisions import read_decisions, with_decisions
+from .decisions import read_decisions, with_decisions, without_rows
 from .even import times_unused, with_stamps
 from .kinds import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
 from .rests import position_record_of
@@ -108,10 +108,18 @@ Source: TypeAlias = str | Path | pl.DataFrame | Mapping[str, ArrayLike] | NDArra
 
 
 @overload
-def read_record(record: Source, *, channels: Sequence[str] = (), stamps: str | None = None) -> Record: ...
+def read_record(
+    record: Source, *, channels: Sequence[str] = (), stamps: str | None = None, without: str = ""
+) -> Record: ...
 @overload
 def read_record(
-    record: Source, kind: type[Wanted], /, *, channels: Sequence[str] = (), stamps: str | None = None
+    record: Source,
+    kind: type[Wanted],
+    /,
+    *,
+    channels: Sequence[str] = (),
+    stamps: str | None = None,
+    without: str = "",
 ) -> Wanted: ...
 @overload
 def read_record(
@@ -122,10 +130,15 @@ def read_record(
     *,
     channels: Sequence[str] = (),
     stamps: str | None = None,
+    without: str = "",
 ) -> Wanted | Other: ...
 @overload
-def read_record(record: Source, *kinds: type[Any], channels: Sequence[str] = (), stamps: str | None = None) -> Any: ...
-def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamps: str | None = None) -> Any:
+def read_record(
+    record: Source, *kinds: type[Any], channels: Sequence[str] = (), stamps: str | None = None, without: str = ""
+) -> Any: ...
+def read_record(
+    record: Source, *kinds: Any, channels: Sequence[str] = (), stamps: str | None = None, without: str = ""
+) -> Any:
     """Read a record from a CSV or Parquet file, a table in memory, or an object that holds a record.
 
     Parameters
@@ -140,6 +153,8 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
     stamps : str or None
         "even", "logged" or a rate in hertz; None: of a file with gyros and uneven stamps, those under which gyros and
         gravity agree better. By default other records are read with their stamps
+    without : str
+        rows of a table of averaged readings, or rests of a raw record, to leave out: "42" or "6,19-30", counted from 1
 
     Returns
     -------
@@ -168,6 +183,8 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = (), stamp
         measured = with_stamps(measured, stamps)
     if table and isinstance(measured, RawRecord):
         measured = position_record_of(measured)
+    if without:
+        measured = without_rows(measured, without)
     if not kinds or isinstance(measured, kinds):
         return measured
     if isinstance(measured, ForceRecord | PoseRecord):

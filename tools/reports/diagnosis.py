@@ -523,13 +523,13 @@ def _ambiguous(result: Diagnosis) -> str:
 def _unexplained(result: Diagnosis) -> str:
     """Return a sentence on an unexplained record: an objection, a cut-off, a place, or the residual."""
     least = f"with the best parameters its largest error is {residual(result.radius or 0.0)} times its bound"
+    proven = beyond.proven_text(result)
+    if proven:
+        return f"{DOES_NOT_FIT}. {sentence(proven)}."
     if result.not_named:
         return f"{DOES_NOT_FIT}: {least}. Not named: {result.not_named[0]}."
     if result.cut_off_at is not None:
         return f"{DOES_NOT_FIT}: {least}. {sentence(cut_off(result.cut_off_at))}"
-    proven = beyond.proven_text(result)
-    if proven:
-        return f"{DOES_NOT_FIT}. {sentence(proven)}."
     text = f"{DOES_NOT_FIT}: {least}. No set of up to three effects of the catalogue makes it fit."
     return f"{text} {beyond.beyond_words(result)}".rstrip()
 

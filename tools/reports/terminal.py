@@ -4,12 +4,15 @@ import re
 import textwrap
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from ..diagnosis.cause import NO_SIZES, Cause
 from ..diagnosis.result import Diagnosis
 from ..diagnosis.shortlist import rows_in_words
 from ..document.notation import sentence, unit_text
 from ..evidence.pairs import in_words
 from ..rounding import NONE, digits, exactly, interval, residual, upwards
+from ..sieve import Table
 from . import beyond
 from .noise import noise_text
 
@@ -17,10 +20,12 @@ WIDTH, LINES = 80, 22
 """Columns and lines of the answer; the next command takes up to three lines more of a screen."""
 LABEL = 13
 """Width of the labels [columns]."""
-MOST_SIZES, MOST_RIVALS, MOST_HYPOTHESES = 4, 3, 2
-MOST_VERDICT, MOST_ENTRY = 5, 3
-"""Largest number of lines of the verdict, and of an entry."""
+MOST_SIZES, MOST_RIVALS, MOST_HYPOTHESES, MOST_WORST = 4, 3, 2, 4
+MOST_VERDICT, MOST_ENTRY, MOST_OF_RIVALS = 5, 5, 12
+"""Largest number of lines of the verdict, of an entry, and of explanations of which the record does not tell one."""
 MORE = "..."
+WIDER = 1.01
+"""From this radius on a model that fits has bounds wider than σ."""
 WRITTEN = ("formula", "lookup", "bias-wander")
 """Effects whose parameters have no meaning but their law."""
 OF = " of "
@@ -33,20 +38,42 @@ PLACES = {"g": "an accelerometer", "rad": "an axis", "rad/s": "a gyro"}
 
 def terminal_lines(result: Diagnosis, verdict: str, warnings: Sequence[str]) -> list[str]:
     """Return the answer in lines of at most 80 columns, a screen with the next command."""
+    rivals = rival_lines(result)
+    if rivals:
+        verdict = f"The record does not tell which of {len(result.explanations)} explanations is true."
     head = textwrap.wrap(verdict, WIDTH, max_lines=MOST_VERDICT, placeholder=f" {MORE}", break_on_hyphens=False)
+    head += rivals
     entries, before = [], ""
     for label, text in _entries(result):
         if text:
             entries.append(_wrapped(text, "" if label == before else f"{label}:", MOST_ENTRY))
             before = label
     *middle, advice = entries
-    for text in warnings:
-        advice += _wrapped(text, "warning:", MOST_ENTRY)
+    of_warnings = [line for text in warnings for line in _wrapped(text, "warning:", MOST_ENTRY)]
+    if result.verdict == "unexplained":
+        # A warning may be the only clue.
+        middle = [of_warnings, *middle]
+    else:
+        advice += of_warnings
     advice = advice[: LINES - len(head) - 1]
     while middle and len(head) + 1 + sum(map(len, middle)) + len(advice) > LINES:
         # The last entries say the least.
         middle.pop()
     return [*head, "", *(line for entry in middle for line in entry), *advice]
+
+
+def rival_lines(result: Diagnosis) -> list[str]:
+    """Return the explanations of an ambiguous record, each whole; as many as there is room for, the simplest first."""
+    lines: list[str] = []
+    if result.verdict != "ambiguous":
+        return lines
+    for number, explanation in enumerate(result.explanations, start=1):
+        entry = _wrapped(sentence(explanation.sentence.rstrip(".")), f"{number}.", LINES)
+        remaining = len(result.explanations) - number + 1
+        if lines and (number > MOST_RIVALS or len(lines) + len(entry) > MOST_OF_RIVALS):
+            return [*lines, f"{'':{LABEL}}{remaining} more on the report (--report)."]
+        lines += entry
+    return lines
 
 
 def _entries(result: Diagnosis) -> Iterator[tuple[str, str]]:
@@ -76,7 +103,10 @@ def evidence_text(result: Diagnosis) -> str:
     unit = "σ" if result.calibration.sigma.value is not None and result.unit is None else "times its bound"
     text = f"largest error {residual(result.radius)} {unit}"
     if result.best is not None and result.best.radius is not None:
-        after = f"{residual(result.best.radius)} {unit}"
+        largest = result.best.radius
+        after = f"{residual(largest if largest > WIDER else min(largest, 1.0))} {unit}"
+        if unit == "σ" and largest > WIDER:
+            after += " (its bound is wider than σ: see the warning)"
         if result.best.kind in ("rows", "stretch"):
             text = f"largest error {residual(result.radius)} {unit} with all rows, {after} without these"
         elif result.best.kind == "sigma":
@@ -88,7 +118,7 @@ def evidence_text(result: Diagnosis) -> str:
     sigma = result.calibration.sigma
     if unit == "σ":
         bound = exactly(sigma.value) if sigma.kind == "bound" else upwards(sigma.value, 3)
-        text += f"; σ = {bound} g ({sigma.basis})"
+        text += f"; the bound σ = {bound} g ({sigma.basis})"
     elif result.noise_bound_arcmin is not None:
         text += f"; the bound is {upwards(result.noise_bound_arcmin, 3)} arcmin"
     return f"{text}."
@@ -152,7 +182,7 @@ def _sizes(result: Diagnosis, *, may_be_zero: bool) -> list[str]:
 def _in_words(cause: Cause) -> str:
     """Return an effect and its place in words."""
     if cause.effect == "outlier":
-        return f"reading {cause.where.removeprefix('position-')}.{cause.place.axes[0]}"
+        return f"f{cause.place.axes[0]} of row {cause.where.removeprefix('position-')}"
     return cause.place.title
 
 
@@ -179,12 +209,7 @@ def _first_of(texts: Sequence[str], noun: str) -> list[str]:
 
 def open_texts(result: Diagnosis) -> list[str]:
     """Return the questions that the record leaves open, the most important first."""
-    texts = []
-    if result.verdict == "ambiguous" and result.sets:
-        rivals = [explanation.sentence for explanation in result.explanations]
-        texts += [sentence(text.rstrip(".")) for text in rivals[:MOST_RIVALS]]
-        if len(rivals) > MOST_RIVALS:
-            texts[-1] += f" And {len(rivals) - MOST_RIVALS} more."
+    texts: list[str] = []
     if result.verdict == "explained":
         texts += _first_of(_sizes(result, may_be_zero=True), "may be zero")
     if result.level == "quantity" and result.verdict == "explained":
@@ -256,10 +281,22 @@ def advice_text(result: Diagnosis) -> str:
     if result.verdict == "ambiguous":
         return "measure again with a smaller σ: longer, or each position more often."
     if result.verdict == "unexplained":
-        return "look at the residuals on the report, and repeat the worst positions."
+        return unexplained_advice(result)
     if result.verdict == "insufficient" and result.missing:
         return f"add {'; '.join(str(gap) for gap in result.missing[:2])}."
     return ""
+
+
+def unexplained_advice(result: Diagnosis) -> str:
+    """Return what to look at, and what to measure again: the rows that misfit most, if the record has rows."""
+    table = None if result.calibration.linearised is None else Table.of(result.evidence)
+    if table is None:
+        return "look at the residuals on the report; record again with longer rests and more moves."
+    if any("--mounting" in text for text in result.warnings):
+        return "check --mounting and --gravity first; without the true ones nothing else can be named."
+    worst = table.numbers[np.argsort(-table.excess, kind="stable")[:MOST_WORST]]
+    unit = "row" if result.made_of is None or result.made_of.raw is None else "rest"
+    return f"measure {unit}s {', '.join(map(str, worst.tolist()))} again: they misfit most; the report shows all."
 
 
 def _wrapped(text: str, label: str, most: int) -> list[str]:

@@ -65,10 +65,10 @@ COMMON_SCALE = Part(ALL_ACCELEROMETERS, SCALE, "scale_factor", "")
 ANGLES = tuple(Part(MOUNTING, f"turn {k}", f"mounting_{k}_rad", "rad") for k in (1, 2, 3))
 OUTER_ZERO = Part(AXES[0], "", "alpha_zero_rad", "rad")
 INNER_ZERO = Part(AXES[1], "", "beta_zero_rad", "rad")
-PUT_BACK = "Taken off and put back, or slipped."
-SWITCHED = "Switched off and on, or knocked."
-ANOTHER_GRAVITY = "Another value of gravity, another unit or range."
-LOST_COUNTS = "An encoder that lost counts, or slipped."
+PUT_BACK = "Possible cause: the block was taken off and put back, or it slipped."
+SWITCHED = "Possible cause: a restart or a knock."
+ANOTHER_GRAVITY = "Possible cause: another value of gravity, another unit or range."
+LOST_COUNTS = "Possible cause: an encoder that lost counts or slipped."
 
 
 @dataclass(frozen=True)

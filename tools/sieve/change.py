@@ -40,7 +40,7 @@ class Change:
     reading: int | None = None
 
 
-NOTHING = Change(ROW, "No angle mends it: a disturbed rest.")
+NOTHING = Change(ROW, "No angle mends it. Possible cause: a disturbed rest.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -129,13 +129,13 @@ def _of_readings(
     if not fits:
         return []
     assert evidence.source is not None
-    numbers = tuple(evidence.source.record.numbers[wrong].tolist())
-    labels = [f"{number}.{channel}" for number, channel in zip(numbers, channels, strict=True)]
+    numbers, unit = tuple(evidence.source.record.numbers[wrong].tolist()), _unit(evidence)
+    labels = [f"f{channel} of {unit} {number}" for number, channel in zip(numbers, channels, strict=True)]
     fault = Simple(
         kind="rows",
         numbers=2 * len(numbers),
         where=tuple(evidence.reader.named(place).where for place in places),
-        sentence=f"{_listed('Reading', labels)} not fit; all others do. Repeat {_them(labels)}.",
+        sentence=f"{_listed(labels)} not fit; all others do.",
         radius=fits[0].radius,
         evidence=evidence,
         rows=numbers,
@@ -154,8 +154,8 @@ def _near_inputs(fault: Simple, changes: Sequence[Change]) -> list[Simple]:
         if count < 2:
             continue
         others = {row: change for row, change in zip(fault.rows, changes, strict=True) if change.reading != channel}
-        near = [f"{row}.{channel}" for row in fault.rows if row not in others]
-        sentence = f"Accelerometer {channel} does something near the inputs of readings {_and(near)}."
+        near = [str(row) for row in fault.rows if row not in others]
+        sentence = f"Accelerometer {channel} errs near its inputs in {unit.lower()}s {_and(near)}."
         where = (f"accelerometer-{channel}",)
         if others:
             sentence = f"{_sentence(unit, tuple(others), list(others.values()), '')} Beside that a{sentence[1:]}"
@@ -183,15 +183,11 @@ def _changes(numbers: Sequence[int], changes: Sequence[Change]) -> Mapping[str, 
     return {str(row): dict(change.keys) for row, change in zip(numbers, changes, strict=True) if change.keys}
 
 
-def _listed(noun: str, labels: Sequence[str]) -> str:
-    """The noun with labels and the verb: "Reading 2.3 does", "Readings 2.3 and 8.3 do"."""
-    return f"{noun} {labels[0]} does" if len(labels) == 1 else f"{noun}s {_and(labels)} do"
+def _listed(labels: Sequence[str]) -> str:
+    """The labels with the verb: "The reading f3 of row 2 does", "The readings f3 of row 2 and f3 of row 8 do"."""
+    return f"The reading {labels[0]} does" if len(labels) == 1 else f"The readings {_and(labels)} do"
 
 
 def _and(labels: Sequence[str]) -> str:
     """Return labels in a list: "6, 18 and 30"."""
     return " and ".join([", ".join(labels[:-1]), labels[-1]]) if len(labels) > 1 else labels[0]
-
-
-def _them(labels: Sequence[str]) -> str:
-    return "it" if len(labels) == 1 else "them"

@@ -47,7 +47,7 @@ def test_a_record_of_the_field_with_half_its_bound(tmp_path, capsys):
     out = capsys.readouterr().out
     assert out.startswith("No fault is found, but σ looks too small. With σ = 8.8e-6 g the record fits.")
     assert "give --noise-bound 8.8e-6" in " ".join(out.split())
-    assert "largest error 1.75 σ as given, 0.996 of the larger σ; σ = 5e-6 g (given)" in " ".join(out.split())
+    assert "largest error 1.75 σ as given, 0.996 of the larger σ; the bound σ = 5e-6 g (given)" in " ".join(out.split())
 
 
 @pytest.mark.parametrize("seed", [21, 22])
