@@ -57,7 +57,7 @@ def test_the_answer_on_exchanged_columns_says_to_swap_them_back():
     assert change is not None
     first, second = change["exchanged"]
     rows = f"rows {wrong.rows[0]} to {wrong.rows[-1]}"
-    assert diagnosis.next == (f"swap {first} and {second} back in {rows}, and diagnose again",)
+    assert diagnosis.next == (f"swap {first} and {second} back in {rows} of the file; until then leave them out",)
 
 
 def test_a_fault_beside_an_unfinished_search_is_said_to_be_so():
