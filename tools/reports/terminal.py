@@ -128,7 +128,7 @@ def certain_texts(result: Diagnosis) -> list[str]:
     """Return the facts that the record proves: sizes with their intervals, or a place and a quantity."""
     texts: list[str] = []
     if result.verdict == "explained" and result.best is not None:
-        texts += _first_of(_sizes(result, may_be_zero=False), "sizes")
+        texts += _first_of(_sizes(result, may_be_zero=False), "on the report")
         if result.best.rows and not result.best.causes:
             count = (result.calibration.positions or 0) - len(result.best.rows)
             texts.append(f"without {rows_in_words(result.best.rows)} the other {count} fit within their bounds.")
@@ -199,11 +199,11 @@ def _size_in_words(cause: Cause, name: str) -> str:
     return OF.join(words.get(name, [name]))
 
 
-def _first_of(texts: Sequence[str], noun: str) -> list[str]:
-    """Return the first of many texts, the last of these with the number of the others."""
+def _first_of(texts: Sequence[str], end: str) -> list[str]:
+    """Return the first of many texts, the last of these with the number of the others and an end."""
     first = list(texts[:MOST_SIZES])
     if len(texts) > MOST_SIZES:
-        first[-1] += f"; {len(texts) - MOST_SIZES} more {noun}"
+        first[-1] += f"; {len(texts) - MOST_SIZES} more {end}"
     return first
 
 
