@@ -339,37 +339,33 @@ def _rms(values: NDArray) -> float:
 
 
 def gain_of(run: Run) -> HandGain | None:
-    """Return the errors of rests and moves that were left out, in five contiguous parts; None of too few rests."""
-    if isinstance(run.moves, Windows):
-        return _gain_of_windows(run, run.moves)
-    count = len(run.rests)
-    if count < FEWEST_FOLDED:
+    """Return the errors of rests and moves that were left out, in five contiguous parts; None of too few rests.
+
+    Of a run with a true attitude its windows are left out, and no rests.
+    """
+    pieces, rests = run.moves, run.rests
+    windows = pieces if isinstance(pieces, Windows) else None
+    count = len(rests) if windows is None else len(windows)
+    if windows is None and count < FEWEST_FOLDED:
         return None
-    before = np.linalg.norm(run.rests.force, axis=1) - 1.0
-    after, moves_before, moves_after = np.zeros(count), [], []
+    before, after, moves_before, moves_after = [], [], [], []
     for left_out in np.array_split(np.arange(count), FOLDS):
-        fit = fit_of(run.those(np.setdiff1d(np.arange(count), left_out)))
-        unseen = run.those(left_out)
-        after[left_out] = norm_equations(fit.forces.x, unseen.rests.force)[0]
-        if unseen.moves is not None and fit.gyros is not None and len(unseen.moves):
-            moves_before.append(_as_read(unseen.moves, fit))
-            moves_after.append(unseen.moves.rows(fit.forces, fit.gyros.values).error)
-    sizes = _sizes(moves_before), _sizes(moves_after)
+        used = np.setdiff1d(np.arange(count), left_out)
+        if windows is None:
+            fit, unseen = fit_of(run.those(used)), run.those(left_out)
+            before.append(np.linalg.norm(unseen.rests.force, axis=1) - 1.0)
+            after.append(norm_equations(fit.forces.x, unseen.rests.force)[0])
+            pieces = unseen.moves
+        else:
+            fit, pieces = fit_of(replace(run, moves=windows.those(used))), windows.those(left_out)
+        if pieces is not None and fit.gyros is not None and len(pieces):
+            moves_before.append(_as_read(pieces, fit))
+            moves_after.append(pieces.rows(fit.forces, fit.gyros.values).error)
+    rest_sizes = [_rms(np.concatenate(part)) if part else None for part in (before, after)]
+    sizes = [_rms(np.linalg.norm(np.vstack(part), axis=1)) if part else None for part in (moves_before, moves_after)]
     return HandGain(
-        rest_before_g=_rms(before), rest_after_g=_rms(after), move_before_rad=sizes[0], move_after_rad=sizes[1]
+        rest_before_g=rest_sizes[0], rest_after_g=rest_sizes[1], move_before_rad=sizes[0], move_after_rad=sizes[1]
     )
-
-
-def _gain_of_windows(run: Run, windows: Windows) -> HandGain:
-    """Return the errors of windows with a true attitude that were left out."""
-    before, after = [], []
-    for left_out in np.array_split(np.arange(len(windows)), FOLDS):
-        used = windows.those(np.setdiff1d(np.arange(len(windows)), left_out))
-        fit, unseen = fit_of(replace(run, moves=used)), windows.those(left_out)
-        assert fit.gyros is not None
-        before.append(_as_read(unseen, fit))
-        after.append(unseen.rows(fit.forces, fit.gyros.values).error)
-    return HandGain(move_before_rad=_sizes(before), move_after_rad=_sizes(after))
 
 
 def _as_read(pieces: Moves | Windows, fit: HandFit) -> NDArray[np.float64]:
@@ -378,11 +374,6 @@ def _as_read(pieces: Moves | Windows, fit: HandFit) -> NDArray[np.float64]:
     values = np.zeros(len(fit.gyros.values))
     values[BIAS] = fit.gyros.values[BIAS]
     return pieces.rows(replace(fit.forces, x=np.zeros(9)), values).error
-
-
-def _sizes(errors: list[NDArray]) -> float | None:
-    """Return the rms size of errors (M, d) of several parts; None of none."""
-    return _rms(np.linalg.norm(np.vstack(errors), axis=1)) if errors else None
 
 
 def open_of_forces(fit: HandFit) -> list[Open]:
