@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from _pytest.mark.structures import ParameterSet
 from scipy.spatial.transform import Rotation
 
 import trihedron as th
@@ -84,6 +85,14 @@ def stamped(time: np.ndarray, kind: str, seed: int) -> np.ndarray:
 KINDS = ("jitter", "coarse", "single precision", "late", "bursts")
 
 
+def before_release(value: object) -> ParameterSet:
+    """Return a further value of a kind that is tried already: only the long tests have it."""
+    return pytest.param(value, marks=pytest.mark.acceptance)
+
+
+SEEDS = (0, before_release(1), before_release(2))
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
 def test_stamps_of_even_samples_lose_no_row(kind: str, seed: int) -> None:
@@ -124,7 +133,7 @@ def test_even_stamps_count_where_samples_are_even(kind: str, tmp_path: Path) -> 
     assert any(line.startswith("time stamps: even, one every") for line in inspection.seen.warnings)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_stamps_as_logged_count_where_samples_are_uneven(seed: int, tmp_path: Path) -> None:
     count = RESTS * REST_ROWS + (RESTS - 1) * MOVE_ROWS
     moments = np.arange(count) + np.random.default_rng(seed).uniform(-0.45, 0.45, count)
@@ -158,7 +167,7 @@ def test_words_that_are_no_stamps_are_refused_of_a_table_of_positions_too(stamps
         th.read_record(tmp_path / "record.csv", stamps=stamps)
 
 
-@pytest.mark.parametrize("step", [0.05, 0.1, 1.0])
+@pytest.mark.parametrize("step", [0.05, before_release(0.1), before_release(1.0)])
 def test_stamps_that_repeat_are_refused_with_a_way_on(step: float, tmp_path: Path) -> None:
     record = moved_by_hand(8)
     table = record.to_polars().with_columns((pl.col("time_s") / step).floor() * step)
@@ -172,7 +181,7 @@ def test_stamps_that_repeat_are_refused_with_a_way_on(step: float, tmp_path: Pat
     assert len(inspection.rests) == RESTS
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_rests_need_no_regular_sampling(seed: int, tmp_path: Path) -> None:
     record = moved_by_hand(seed)
     kept = np.sort(np.random.default_rng(seed).choice(len(record), len(record) // 2, replace=False))
@@ -189,7 +198,7 @@ def test_a_regular_record_is_as_it_is_read(tmp_path: Path) -> None:
     assert inspection.sampling.period == float(np.mean(np.diff(record.time_s)))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_jump_ends_a_rest(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     faces = np.vstack([np.eye(3), -np.eye(3)])[rng.permutation(6)]
@@ -243,7 +252,7 @@ def increments_of(record: StrapdownRecord) -> StrapdownRecord:
     return replace(record, rate=None, increment=turns, velocity_increment=speeds)
 
 
-@pytest.mark.parametrize("kind", ["jitter", "late", "bursts"])
+@pytest.mark.parametrize("kind", ["jitter", before_release("late"), before_release("bursts")])
 def test_stamps_of_increments_are_taken_and_said(kind: str, tmp_path: Path) -> None:
     record = increments_of(moved_by_hand(3))
     write_record(replace(record, time_s=stamped(record.time_s, kind, 4)), tmp_path / "record.csv")
@@ -254,7 +263,7 @@ def test_stamps_of_increments_are_taken_and_said(kind: str, tmp_path: Path) -> N
     assert run.attitude == pytest.approx(th.attitude_of_record(record).attitude, abs=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["jitter", "coarse", "bursts"])
+@pytest.mark.parametrize("kind", ["coarse", before_release("jitter"), before_release("bursts")])
 def test_a_corrected_record_has_the_stamps_that_counted(kind: str, tmp_path: Path) -> None:
     record = moved_by_hand(5)
     path, out = tmp_path / "record.csv", tmp_path / "out.csv"
