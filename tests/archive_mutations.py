@@ -270,7 +270,6 @@ def wrong_structure(members: Members, described: str, rng: random.Random) -> byt
             (r"<ssd:Elements>", "<ssd:Elements><ssd:Other/>"),
             (r"<ssd:Component ", '<ssd:Component type="application/x-other" '),
             (r"(?s)<ssd:System .*</ssd:System>", ""),
-            (r"(?s)<ssd:DefaultExperiment.*?/>", ""),
             (r"<ssc:BaseUnit", f'<ssc:BaseUnit factor="{rng.choice(["", "x", "0", "nan"])}"'),
         ]
     )
