@@ -37,6 +37,8 @@ MOST = 0.8
 """Part of the readings at an end beyond which the others may be spikes."""
 ROUNDING = 1e-12
 """Scatter over the readings that rounding makes."""
+SEEN = 200
+"""Windows of a long record that show its steps, at least."""
 FLAT = 0.5
 """Scatter of a rest over that of the others below which it stays at an end, with this part of its readings."""
 HIDDEN = 0.55
@@ -211,10 +213,12 @@ def _flat(pieces: Sequence[NDArray[np.float64]], at_rest: NDArray[np.float64]) -
 
 def steps_hide_noise(pieces: Sequence[NDArray[np.float64]]) -> bool:
     """Return true if readings at rest scatter by less than their steps, so that a limit would not show."""
-    steps = np.diff(np.unique(np.concatenate(pieces)))
+    windows = _windows(pieces)
+    windows = windows[:: max(1, len(windows) // SEEN)]
+    steps = np.diff(np.unique(np.concatenate(windows)))
     if not len(steps):
         return False
-    spread = np.median([window.std() for window in _windows(pieces)])
+    spread = np.median([window.std() for window in windows])
     return bool(spread < HIDDEN * np.median(steps))
 
 
