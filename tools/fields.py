@@ -18,7 +18,7 @@ Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 Count = Annotated[int, Field(ge=0)]
 Axis = Annotated[int, Field(ge=1, le=3)]
 Direction = Annotated[list[Number], Field(min_length=3, max_length=3)]
-NEGATIVE = 1e-9
+NEGATIVE = 1e-6
 """An eigenvalue of a covariance, scaled to a unit diagonal, is below zero by no more than this from rounding."""
 ROUNDING, LEAST_END = 1e-9, 1e-15
 """A low end is above a high one only by more than this part of both, and this."""
