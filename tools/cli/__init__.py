@@ -69,7 +69,7 @@ Example: trihedron calibrate record.csv --json calibration.json
 Example: trihedron apply calibration.json record.csv --out corrected.csv
 """
 EPILOGUE = """`trihedron help COMMAND` shows the help of a command.
-Every command takes --quiet (-q): it prints errors, `--json -` and `--live -` only.
+Every command takes --quiet (-q): only errors, `--json -` and `--live -` print.
 Exit status: 0 done, 1 fault of the program, 2 unusable input, 130 interrupted."""
 
 app = App(

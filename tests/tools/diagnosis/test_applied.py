@@ -85,7 +85,8 @@ def test_what_a_table_does_is_simulated_since_readings_cannot_be_without_it(tabl
 def test_of_several_records_another_one_has_what_is_the_instruments_and_one_of_them_its_own_too(folder):
     alone = Diagnosis.model_validate_json((folder / "block.json").read_text(encoding="utf-8"))
     (cause,) = alone.causes
-    extra = Cause(effect="cubic", where="accelerometer-1", record="monday", equivalents=(), parameters=cause.parameters)
+    sizes = tuple(size.model_copy(update={"unit": "1/g2"}) for size in cause.parameters)
+    extra = Cause(effect="cubic", where="accelerometer-1", record="monday", equivalents=(), parameters=sizes)
     digest = read_record(folder / "block-monday.csv").sha256
     records = (OneRecord(record="monday", sha256=digest, left_out=None, diagnosis=alone),)
     file, monday, tuesday = folder / "several.json", folder / "block-monday.csv", folder / "block-tuesday.csv"
