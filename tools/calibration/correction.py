@@ -241,7 +241,10 @@ def read_correction(path: Path, sha256: str = "") -> Correction:
     if advice:
         raise InputError(f"{path}: is not a calibration{advice}")
     if isinstance(content, Mapping):
-        parsed_result(content, dict.fromkeys(CALIBRATIONS, Calibration), str(path))
+        try:
+            parsed_result(content, dict.fromkeys(CALIBRATIONS, Calibration), str(path))
+        except InputError as error:
+            raise InputError(f"{error}; calibrate again") from error
     return correction_of(content, str(path), sha256)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
@@ -194,15 +194,24 @@ class Visits:
             certain = (size <= INPUT_CHANGE**2 / certain_change) | (size >= certain_change)
             return np.where(certain & (size > INPUT_CHANGE), np.sign(change), 0.0), certain
         outer, inner = self.moved_axes(at)
-        ways = []
-        for alpha, beta in ((outer * circumstances.sense_alpha, 0.0), (0.0, inner * circumstances.sense_beta)):
-            turning = replace(at, alpha=at.alpha + 1j * COMPLEX_STEP * alpha, beta=at.beta + 1j * COMPLEX_STEP * beta)
-            ways.append(np.imag(predicted_input(p, point, turning)) / COMPLEX_STEP)
         unknown = (outer & (circumstances.sense_alpha == 0.0)) | (inner & (circumstances.sense_beta == 0.0))
-        certain = (ways[0] * ways[1] >= 0.0) & ~unknown[:, None]
-        for moved, slope in zip((outer, inner), ways, strict=True):
-            certain &= ~moved[:, None] | (np.abs(slope) >= certain_change)
+        certain, ways = np.repeat(~unknown[:, None], 3, axis=1), []
+        for alpha, beta in ((outer * circumstances.sense_alpha, 0.0), (0.0, inner * circumstances.sense_beta)):
+            slope = self._input_slope(point, at, alpha, beta)
+            quarter = replace(at, alpha=at.alpha + 0.5 * np.pi * alpha, beta=at.beta + 0.5 * np.pi * beta)
+            # The input is a sine of the turn: of this amplitude, and nearly constant about its ends.
+            amplitude = np.hypot(slope, self._input_slope(point, quarter, alpha, beta))
+            changes = amplitude > INPUT_CHANGE**2 / certain_change
+            certain &= ~changes | (np.abs(slope) >= certain_change)
+            ways.append(np.where(changes, slope, 0.0))
+        certain &= ways[0] * ways[1] >= 0.0
         return np.where(certain, np.sign(ways[0] + ways[1]), 0.0), certain
+
+    def _input_slope(self, point: NDArray, at: Positions, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
+        """Return derivatives (N, 3) [g/rad] of the inputs by turns of the outer and the inner axis at rates (N,)."""
+        step = 1j * COMPLEX_STEP
+        turning = replace(at, alpha=at.alpha + step * np.asarray(alpha), beta=at.beta + step * np.asarray(beta))
+        return np.imag(predicted_input(self.parametrisation, point, turning)) / COMPLEX_STEP
 
     def moved_axes(self, at: Positions | None = None) -> tuple[NDArray, NDArray]:
         """Return which positions (N,) the outer and the inner axis turned to; both turned where that is unknown."""

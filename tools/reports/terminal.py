@@ -279,7 +279,8 @@ def advice_text(result: Diagnosis) -> str:
     if result.verdict == "consistent":
         return "nothing needs a change. A record with more moves and longer rests shows smaller errors."
     if result.verdict == "ambiguous":
-        return "measure again with a smaller σ: longer, or each position more often."
+        text = "measure again with a smaller σ: longer, or each position more often."
+        return text if result.next_positions is None else f"No further position surely tells two of them apart: {text}"
     if result.verdict == "unexplained":
         return unexplained_advice(result)
     if result.verdict == "insufficient" and result.missing:

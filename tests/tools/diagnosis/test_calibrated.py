@@ -111,7 +111,7 @@ def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, c
     out.write_text(json.dumps(content), encoding="utf-8")
     capsys.readouterr()
     assert main(["apply", str(out), first]) == 2
-    assert "lacks 'provenance'; calibrate again" in capsys.readouterr().err
+    assert "provenance: is missing; calibrate again" in capsys.readouterr().err
 
 
 def test_what_the_records_leave_open_has_no_estimate():

@@ -188,7 +188,7 @@ def test_a_diagnosis_that_was_edited_is_refused():
         with pytest.raises(InputError, match=words):
             th.calibrate(record, explained_by=diagnosis.model_copy(update={"explanations": (best,)}))
     rows = diagnosis.best.model_copy(update={"kind": "rows", "rows": (41,), "change": {}})
-    with pytest.raises(InputError, match="names row 41, and record has 40"):
+    with pytest.raises(InputError, match="names row 41, which record does not have"):
         th.calibrate(record, explained_by=diagnosis.model_copy(update={"explanations": (rows,)}))
 
 
