@@ -1,13 +1,14 @@
 """The command that follows a diagnosis: it does what the advice says, and leads further than the same one again."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ..diagnosis.result import Explanation
-from ..records import PositionRecord, rows_of
+from .. import records
 from .call import Call
+
+if TYPE_CHECKING:
+    from ..diagnosis.result import Explanation
+    from ..records import PositionRecord
 
 POSITIONS = 6
 """Positions that a plan adds to a record that leaves several causes open."""
@@ -18,7 +19,7 @@ def after_diagnosis(call: Call, result: Any) -> str:
     if call.arguments.get("others"):
         return ""
     record, run = call.arguments["record"], result.made_of
-    if not isinstance(run, PositionRecord):
+    if not isinstance(run, records.PositionRecord):
         return _without_a_table(call, record, result)
     if result.verdict == "consistent":
         return call.line("calibrate", record, json="calibration.json")
@@ -40,7 +41,7 @@ def _without_a_table(call: Call, record: object, result: Any) -> str:
     return _after_causes(call, record, is_table=False) if result.verdict == "explained" and result.causes else ""
 
 
-def _without_fault(call: Call, first: Explanation, run: PositionRecord) -> str:
+def _without_fault(call: Call, first: "Explanation", run: "PositionRecord") -> str:
     """Return the command on the record without its fault; empty where the fault cannot be left out.
 
     Effects beside the fault are still to be named: then the rest is diagnosed, else calibrated.
@@ -54,15 +55,16 @@ def _without_fault(call: Call, first: Explanation, run: PositionRecord) -> str:
     if not wrong:
         return ""
     before = call.arguments.get("without")
-    rows = as_ranges(sorted(wrong | rows_of(before) if before else wrong))
+    rows = as_ranges(sorted(wrong | records.rows_of(before) if before else wrong))
     if any(cause.effect != "outlier" for cause in first.causes):
         return call.line("diagnose", record, without=rows)
     return call.line("calibrate", record, without=rows, json="calibration.json")
 
 
-def _outside_largest_part(first: Explanation, run: PositionRecord) -> set[int]:
+def _outside_largest_part(first: "Explanation", run: "PositionRecord") -> set[int]:
     """Return the rows outside the largest part of a record that no break divides, by their numbers."""
-    numbers = run.numbers[np.argsort(run.time_s, kind="stable")].tolist()
+    in_time = sorted(zip(run.time_s.tolist(), run.numbers.tolist(), strict=True), key=lambda row: row[0])
+    numbers = [number for _, number in in_time]
     gaps = set()
     if first.between_rows is not None:
         before, after = first.between_rows
