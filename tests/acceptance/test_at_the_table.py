@@ -54,7 +54,7 @@ class Program:
             command, cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs, env=environment, close_fds=True
         )
         os.close(theirs)
-        self._terminal, self._said = ours, b""
+        self._terminal, self._shown = ours, b""
 
     def message(self) -> str:
         """Return the whole text in the terminal."""
@@ -65,8 +65,8 @@ class Program:
                 break
             if not piece:
                 break
-            self._said += piece
-        return self._said.decode("utf-8", "replace")
+            self._shown += piece
+        return self._shown.decode("utf-8", "replace")
 
     def typed(self, text: str) -> None:
         os.write(self._terminal, text.encode())
@@ -77,7 +77,7 @@ class Program:
         self.process.wait()
 
     def ended(self) -> int:
-        waited(lambda: self.said() is not None and self.process.poll() is not None, "the end")
+        waited(lambda: self.message() is not None and self.process.poll() is not None, "the end")
         return self.process.returncode
 
     def close(self) -> None:
@@ -96,7 +96,7 @@ class Terminal:
         self.program = program
 
     def text(self) -> str:
-        return self.program.said()
+        return self.program.message()
 
     def next(self) -> str:
         output = re.findall(r"(?:next|repeat) position [^\r\n]*|all positions are measured", self.text())
@@ -116,17 +116,17 @@ class Page:
 
     def __init__(self, program: Program, window: Window) -> None:
         self.program, self.page = program, window.page
-        result = waited(lambda: re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", program.said()), "the address")
+        result = waited(lambda: re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", program.message()), "the address")
         window.open(result[0], 1280)  # type: ignore[index]
         window.page.wait_for_selector("#next")
 
     def text(self) -> str:
         # read its terminal, too: a program waits for a full one
-        self.program.said()
+        self.program.message()
         return self.page.inner_text("main").lower()
 
     def next(self) -> str:
-        self.program.said()
+        self.program.message()
         return self.page.inner_text("#next").strip().lower()
 
     def end(self) -> None:
