@@ -210,7 +210,12 @@ def test_what_can_act_from_the_beginning_on_is_not_said_to_set_in(at):
     ((*_, (start, _)),) = by_place[SCALE_STEP][0].intervals()
     assert (start == 0.0) == (at == 0.0)
     result = diagnosed(evidence, rerun=False)
-    assert [cause.place for cause in result.causes] == [SCALE if at == 0.0 else SCALE_STEP]
+    (cause,) = result.causes
+    if at == 0.0:
+        assert cause.place == SCALE
+    else:
+        # One gyro alone changes: a formula of it needs fewer numbers.
+        assert cause.place == SCALE_STEP or "step(hours" in cause.place.law
     assert (result.verdict, result.containing_sets) == ("explained", ((SCALE_STEP,),) if at == 0.0 else ())
 
 
