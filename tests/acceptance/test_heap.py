@@ -15,14 +15,14 @@ RUN = """
 import sys
 from pathlib import Path
 from trihedron.fmus import build
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 
 flavours = {"TurntableMotion": ("native", 3), "AccelerometerBlock": ("python", 2), "AttitudeComputer": ("native", 2)}
 for name, (flavour, fmi) in flavours.items():
     build(name, Path(sys.argv[1]), flavour=flavour, fmi=fmi)
 for turn in range(2):
-    simulate(Scenario.model_validate({
+    run_scenario(Scenario.model_validate({
         "run": {"stop_s": 1.0, "step_s": 0.01},
         "fmus": {name: {"fmu": f"{name}.fmu"} for name in flavours},
         "connections": [

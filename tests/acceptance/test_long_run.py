@@ -12,12 +12,12 @@ import resource
 import sys
 import time
 from pathlib import Path
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 
 def run(steps, out):
     began = time.perf_counter()
-    simulate(Scenario.model_validate({
+    run_scenario(Scenario.model_validate({
         "run": {"stop_s": steps * 1e-3, "step_s": 1e-3},
         "fmus": {"block": {"component": "AccelerometerBlock"}},
         "stimuli": [{"to": "block.specific_force", "constant": [0.0, 0.0, 9.8]}],
