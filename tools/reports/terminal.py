@@ -14,6 +14,7 @@ from ..evidence.pairs import in_words
 from ..rounding import NONE, digits, exactly, interval, residual, upwards
 from ..sieve import Table
 from . import beyond
+from .evidence import proviso_of
 from .noise import noise_text
 
 WIDTH, LINES = 80, 22
@@ -41,6 +42,8 @@ def terminal_lines(result: Diagnosis, verdict: str, warnings: Sequence[str]) -> 
     rivals = rival_lines(result)
     if rivals:
         verdict = f"The record does not tell which of {len(result.explanations)} explanations is true."
+        if proviso := proviso_of(result):
+            verdict += f" {sentence(proviso)}"
     head = textwrap.wrap(verdict, WIDTH, max_lines=MOST_VERDICT, placeholder=f" {MORE}", break_on_hyphens=False)
     head += rivals
     entries, before = [], ""
