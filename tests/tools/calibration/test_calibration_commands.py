@@ -118,7 +118,7 @@ def test_the_page_shows_what_is_possible_jointly_what_it_bought_and_refused_rest
     write_record(replace(raw, specific_force=force, alpha=alpha), tmp_path / "raw.csv")
     run_ = read_record(tmp_path / "raw.csv", PositionRecord)
     page = html_of(calibration_page, calibrate(run_, noise_bound=SIGMA), run_)
-    for text in ("Possible together: accelerometer 3", "Levelling", "Rests that were left out", "drifts linearly"):
+    for text in ("Joint uncertainty: accelerometer 3", "Levelling", "Rests that were left out", "drifts linearly"):
         assert text in page
     # The measured directions, residuals, the joint set, rests.
     assert page.count("<svg xmlns") == 1 + 1 + 4 + 1
