@@ -61,23 +61,41 @@ class Window:
     def __init__(self, page: Page) -> None:
         self.page = page
         self.complaints: list[str] = []
+        self._requests: list[Request] = []
+        self._is_leaving = False
+        self._of_pages_before: set[Request] = set()
         page.on("console", self._said)
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("request", self._asked)
-        page.on("requestfailed", lambda request: self.complaints.append(f"could not load {request.url}"))
+        page.on("requestfailed", self._failed)
 
     def _said(self, message: ConsoleMessage) -> None:
         if message.type in ("error", "warning", "assert"):
             self.complaints.append(message.text)
 
     def _asked(self, request: Request) -> None:
+        self._requests.append(request)
         if not request.url.startswith(HERE):
             self.complaints.append(f"asks the network for {request.url}")
+
+    def _failed(self, request: Request) -> None:
+        """Complain, unless the window has left the page that asked: that cancels its requests."""
+        was_left = self._is_leaving or request in self._of_pages_before
+        if not (was_left and request.failure == "net::ERR_ABORTED"):
+            self.complaints.append(f"could not load {request.url}")
+
+    def _leave(self) -> None:
+        """Leave the page, so that its requests are known before the next one asks."""
+        self._is_leaving = True
+        self.page.goto("about:blank")
+        self._is_leaving = False
+        self._of_pages_before.update(self._requests)
 
     def open(self, page: Path | str, width: int, *, dark: bool = False, printed: bool = False) -> dict[str, Any]:
         """Load a file or an address at a width, in px, and measure it."""
         self.page.set_viewport_size({"width": width, "height": 900})
         self.page.emulate_media(media="print" if printed else "screen", color_scheme="dark" if dark else "light")
+        self._leave()
         self.page.goto(page.resolve().as_uri() if isinstance(page, Path) else page)
         return self.page.evaluate(MEASURE)
 

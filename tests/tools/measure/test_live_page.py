@@ -101,8 +101,6 @@ def test_the_page_shows_what_is_and_says_when_it_is_alone(server: DeskServer, ta
         assert window.complaints == []
         window.open(server.address, width, dark=dark)
         window.page.wait_for_selector("#settings")
-        # Requests of the page before are cancelled.
-        window.complaints.clear()
         widths = window.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
         assert widths == [width, width]
     text = window.page.inner_text("body")

@@ -120,6 +120,22 @@ def test_the_page_in_a_browser(window: Window) -> None:
     assert "0.99" in window.page.inner_text("#now")
 
 
+def test_a_cancelled_request_is_a_complaint_only_on_the_page_that_is_open(window: Window) -> None:
+    asks = "for (let i = 0; i < 40; i++) fetch('now', {signal}).catch(() => {})"
+    with closing(RunPage(0)) as page:
+        page.show(rows(0, 4000))
+        for _ in range(4):
+            window.open(page.address, 1280)
+            window.page.evaluate(f"(signal => {{ {asks}; }})(undefined)")
+        window.open(page.address, 1280)
+        assert window.complaints == []
+        with window.page.expect_event("requestfailed"):
+            window.page.evaluate(
+                f"const stop = new AbortController(), signal = stop.signal; {asks}; setTimeout(() => stop.abort(), 5); 0"
+            )
+        assert f"could not load {page.address}now" in window.complaints
+
+
 def test_jitter_and_overruns_are_those_of_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps of 10 ms that begin 0, 2, 0 and 14 ms late: the last begins after the next is due."""
     begins = iter([0.0, 0.0, 0.012, 0.02, 0.044])
