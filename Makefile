@@ -22,8 +22,12 @@ demo: $(READY)
 test: $(READY)
 	$(PYTEST) tests -n $(WORKERS) --dist worksteal -m "not acceptance and not benchmark_ratio"
 
+# Two cases of each long test, and a tenth of each suite; `make acceptance CASES=all` takes all, for most of a day.
+CASES ?= 2
+SHARE = $(if $(filter all,$(CASES)),1,0.1)
 acceptance: $(READY)
-	$(PYTEST) tests -n $(WORKERS) -m acceptance -s
+	TRIHEDRON_SUITE_SHARE=$${TRIHEDRON_SUITE_SHARE:-$(SHARE)} $(PYTEST) tests -n $(WORKERS) --dist worksteal \
+		-m acceptance $(if $(filter all,$(CASES)),,--cases $(CASES)) --durations 40
 
 bench: $(READY)
 	$(PYTEST) tests/benchmarks -m benchmark_ratio -s

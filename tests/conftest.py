@@ -27,16 +27,33 @@ settings.register_profile("no deadlines", deadline=None)
 settings.load_profile("no deadlines")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that limits the cases of each long test."""
+    parser.addoption("--cases", type=int, help="run at most so many long cases of each test, spread over all its cases")
+
+
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the cases of a test after the first n as long, where the test has the marker `first(n)`."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the cases after the first n of a test with the marker `first(n)` as long; keep `--cases` of each long test."""
     counts = Counter[str]()
+    cases: dict[str, list[pytest.Item]] = {}
     for item in items:
+        name = item.nodeid.partition("[")[0]
         for marker in item.iter_markers("first"):
-            name = item.nodeid.partition("[")[0]
             counts[name] += 1
             if counts[name] > marker.args[0]:
                 item.add_marker(pytest.mark.acceptance)
+        if item.get_closest_marker("acceptance"):
+            cases.setdefault(name, []).append(item)
+    limit = config.getoption("cases")
+    if limit is None:
+        return
+    dropped = set[pytest.Item]()
+    for members in cases.values():
+        kept = {len(members) * index // limit for index in range(limit)}
+        dropped.update(item for index, item in enumerate(members) if index not in kept)
+    config.hook.pytest_deselected(items=list(dropped))
+    items[:] = [item for item in items if item not in dropped]
 
 
 def pytest_collection_finish() -> None:
