@@ -34,7 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the cases after the first n of a test with the marker `first(n)` as long; keep `--cases` of each long test."""
+    """Mark cases after the first n of a test with `first(n)` as long; of each long test keep `--cases`."""
     counts = Counter[str]()
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:

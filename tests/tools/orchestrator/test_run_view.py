@@ -131,7 +131,8 @@ def test_a_cancelled_request_is_a_complaint_only_on_the_page_that_is_open(window
         assert window.complaints == []
         with window.page.expect_event("requestfailed"):
             window.page.evaluate(
-                f"const stop = new AbortController(), signal = stop.signal; {asks}; setTimeout(() => stop.abort(), 5); 0"
+                "const stop = new AbortController(), signal = stop.signal;"
+                f" {asks}; setTimeout(() => stop.abort(), 5); 0"
             )
         assert f"could not load {page.address}now" in window.complaints
 
