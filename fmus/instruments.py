@@ -84,6 +84,7 @@ ACCELEROMETER_BLOCK = Component(
         state("start", "time of the start", 1),
         state("previous_input", "specific force at its last change", 3),
         state("context", "the circumstances that effects read", CONTEXT_SIZE),
+        state("turning", "mean angular acceleration over the last step [rad/s²], and its length [s]", 4),
         state("before", "hours and temperature [degC] of the step before", 2),
         state("last_reading", "readings at the end of the step before [m/s²]", 3),
         state("waiting", "length of a step whose increments wait for its readings; negative: none wait", 1),

@@ -15,6 +15,7 @@ from .restricted import (
     ALPHA,
     ANGULAR_ACCELERATION,
     BETA,
+    BLOCK_RESPONSE,
     GRAVITY,
     HOURS,
     INPUT,
@@ -95,6 +96,12 @@ def respond(
     context[ALPHA] = angle[0]
     context[BETA] = angle[1]
     context[GRAVITY] = gravity
+    context[BLOCK_RESPONSE + 1] = gamma_12
+    context[BLOCK_RESPONSE + 2] = gamma_13
+    context[BLOCK_RESPONSE + 3] = gamma_21
+    context[BLOCK_RESPONSE + 5] = gamma_23
+    context[BLOCK_RESPONSE + 6] = gamma_31
+    context[BLOCK_RESPONSE + 7] = gamma_32
     reading[0] = n[0] + gamma_12 * n[1] + gamma_13 * n[2] + bias[0]
     reading[1] = n[1] + gamma_21 * n[0] + gamma_23 * n[2] + bias[1]
     reading[2] = n[2] + gamma_31 * n[0] + gamma_32 * n[1] + bias[2]
@@ -103,6 +110,7 @@ def respond(
         scale_error = scale_error_minus[p]
         if n[p] > 0.0:
             scale_error = scale_error_plus[p]
+        context[BLOCK_RESPONSE + 4 * p] = 1.0 + scale_error
         reading[p] = reading[p] + scale_error * n[p]
         own[p] = n[p] + scale_error * n[p]
     reading_effects(context, n, effect, added)
@@ -136,13 +144,23 @@ def follow_input(p: int, specific_force: float, gravity: float, context: Vector,
         previous_input[p] = specific_force
 
 
-def follow_rate(step: float, rate: Vector, context: Vector) -> None:
-    """Keep the rate at the end of a step, and the angular acceleration over it, in the context."""
+def follow_rate(step: float, rate: Vector, turning: Vector, context: Vector) -> None:
+    """Keep the rate at the end of a step in the context, and the angular acceleration there, to second order.
+
+    The mean acceleration over a step is that of its middle. Its change since the step before leads on to the end.
+    `turning` (4,) are that mean [rad/s²] and the length [s] of the step before; 0: there was none.
+    """
+    ahead = 0.0
+    if turning[3] > 0.0:
+        ahead = step / (step + turning[3])
     for p in range(3):
-        context[ANGULAR_ACCELERATION + p] = 0.0
+        mean = 0.0
         if step > 0.0:
-            context[ANGULAR_ACCELERATION + p] = (rate[p] - context[RATE + p]) / step
+            mean = (rate[p] - context[RATE + p]) / step
+        context[ANGULAR_ACCELERATION + p] = mean + ahead * (mean - turning[p])
         context[RATE + p] = rate[p]
+        turning[p] = mean
+    turning[3] = step
 
 
 def initialise_accelerometers(
@@ -162,6 +180,7 @@ def initialise_accelerometers(
     held_dwell: Vector,
     start: Vector,
     context: Vector,
+    turning: Vector,
     previous_input: Vector,
     before: Vector,
     kept: Vector,
@@ -184,7 +203,8 @@ def initialise_accelerometers(
         context[SENSE_INPUT + p] = 0.0
         previous_input[p] = 0.0
         follow_input(p, specific_force[p], gravity, context, previous_input)
-    follow_rate(0.0, rate, context)
+    turning[3] = 0.0
+    follow_rate(0.0, rate, turning, context)
     before[0] = 0.0
     before[1] = temperature
     keep(temperature, effect, before, kept, context)
@@ -214,6 +234,7 @@ def step_accelerometers(
     held_dwell: Vector,
     start: Vector,
     context: Vector,
+    turning: Vector,
     previous_input: Vector,
     before: Vector,
     kept: Vector,
@@ -241,7 +262,7 @@ def step_accelerometers(
             return 4
     # A step of 1e-14 s, with which some masters end, gives no acceleration.
     if step > 1e-9:
-        follow_rate(step, rate, context)
+        follow_rate(step, rate, turning, context)
     context[HOURS] = (time + step - start[0]) / 3600.0
     keep(temperature, effect, before, kept, context)
     if dwell != held_dwell[0]:

@@ -41,12 +41,14 @@ RATE = 12
 """angular rate [rad/s] at the end of the last step (three places), for the accelerometer block, like the following. In
 the table's context these are two places, the rates of its axes"""
 ANGULAR_ACCELERATION = 15
-"""angular acceleration [rad/s²] over the last step (three places)"""
+"""angular acceleration [rad/s²] at the end of the last step (three places)"""
 GRAVITY = 18
 """model value of gravity [m/s²]"""
 KEPT = 19
 """memory of effects for each accelerometer (three places)"""
-CONTEXT_SIZE = 22
+BLOCK_RESPONSE = 22
+"""I + Γ, the accelerometers' response to the specific force, row by row (nine places)"""
+CONTEXT_SIZE = 31
 """length of the context"""
 
 STEP_LENGTH = 12

@@ -343,10 +343,11 @@ KINDS_OF_FILES = {
     "workbook": "a workbook: did you mean `trihedron import {file} --out RECORD.csv`?",
 }
 """Kinds of file, and the advice when one is given in place of another."""
+OTHER_RESULT = "a result of another command ({kind}): give the file that it was made from"
 
 
 def kind_of_file(content: bytes) -> str:
-    """Return the kind of a file in `KINDS_OF_FILES` from its bytes, or ""."""
+    """Return the kind of a file, as its schema or `KINDS_OF_FILES` names it, from its bytes, or ""."""
     if is_workbook(content):
         return "workbook"
     if content.startswith(ZIP):
@@ -356,8 +357,7 @@ def kind_of_file(content: bytes) -> str:
     beginning = content[:_SNIFFED]
     schema = _SCHEMA.search(beginning)
     if schema is not None:
-        kind = schema[1].decode("ascii")
-        return kind if kind in KINDS_OF_FILES else ""
+        return schema[1].decode("ascii")
     names = next((line for line in beginning.splitlines() if line.strip() and not line.startswith(b"#")), b"")
     if _NAMES.fullmatch(names.strip()) and _OF_RECORD.search(names):
         return "record"
@@ -369,7 +369,7 @@ def advice_on(path: object, content: bytes, *right: str) -> str:
     kind = kind_of_file(content)
     if not kind or kind in right:
         return ""
-    return f"; this is {KINDS_OF_FILES[kind].format(file=shlex.quote(str(path)))}"
+    return f"; this is {KINDS_OF_FILES.get(kind, OTHER_RESULT).format(file=shlex.quote(str(path)), kind=kind)}"
 
 
 def _size(count: int) -> str:

@@ -29,7 +29,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ..restricted import ANGULAR_ACCELERATION, GRAVITY, HOURS, RATE, SENSE_INPUT, TEMPERATURE, Vector
+from ..restricted import ANGULAR_ACCELERATION, BLOCK_RESPONSE, GRAVITY, HOURS, RATE, SENSE_INPUT, TEMPERATURE, Vector
 from .columns import Rows
 from .definition import (
     ACCELEROMETERS,
@@ -236,7 +236,7 @@ HYSTERESIS = accelerometer_effect(
 
 
 def lever_arm(context: Vector, n: Vector, p: int, r_1: float, r_2: float, r_3: float, added: Vector) -> None:
-    """Add component p of ω × (ω × r) + ω' × r, over g, to the reading of accelerometer p.
+    """Add the response of accelerometer p to ω × (ω × r) + ω' × r, over g, along its axis and, misaligned, the others.
 
     Source: P. Savage, "Strapdown inertial navigation integration algorithm design", part 2, 1998: the size effect.
     """
@@ -245,18 +245,13 @@ def lever_arm(context: Vector, n: Vector, p: int, r_1: float, r_2: float, r_3: f
     z = context[RATE + 2]
     along = x * r_1 + y * r_2 + z * r_3
     square = x * x + y * y + z * z
-    arm = r_1
-    axis = x
     turned = context[ANGULAR_ACCELERATION + 1] * r_3 - context[ANGULAR_ACCELERATION + 2] * r_2
-    if p == 1:
-        arm = r_2
-        axis = y
-        turned = context[ANGULAR_ACCELERATION + 2] * r_1 - context[ANGULAR_ACCELERATION] * r_3
-    if p == 2:
-        arm = r_3
-        axis = z
-        turned = context[ANGULAR_ACCELERATION] * r_2 - context[ANGULAR_ACCELERATION + 1] * r_1
-    added[p] = added[p] + (axis * along - square * arm + turned) / context[GRAVITY]
+    sensed = context[BLOCK_RESPONSE + 3 * p] * (x * along - square * r_1 + turned)
+    turned = context[ANGULAR_ACCELERATION + 2] * r_1 - context[ANGULAR_ACCELERATION] * r_3
+    sensed = sensed + context[BLOCK_RESPONSE + 3 * p + 1] * (y * along - square * r_2 + turned)
+    turned = context[ANGULAR_ACCELERATION] * r_2 - context[ANGULAR_ACCELERATION + 1] * r_1
+    sensed = sensed + context[BLOCK_RESPONSE + 3 * p + 2] * (z * along - square * r_3 + turned)
+    added[p] = added[p] + sensed / context[GRAVITY]
 
 
 LEVER_ARM = accelerometer_effect(
@@ -270,19 +265,18 @@ LEVER_ARM = accelerometer_effect(
         + ", ".join(f"{1e3 * value:+.3g}" for value in values.values())
         + " mm along the axes"
     ),
-    formula="Δf_{p}/g = (ω × (ω × r) + dω/dt × r)_{p} / g, r = ({r_1}, {r_2}, {r_3}) 'm'",
+    formula="Δf_{p}/g = ((I + Γ) (ω × (ω × r) + dω/dt × r))_{p} / g, r = ({r_1}, {r_2}, {r_3}) 'm'",
 )
 
 
 def accelerometer_lag(context: Vector, n: Vector, p: int, time: float, added: Vector) -> None:
-    """Add -τ dn_p/dt to the reading of accelerometer p; for a block that turns below a vertical, that is τ (ω ×
-    n)_p."""
-    change = context[RATE + 1] * n[2] - context[RATE + 2] * n[1]
-    if p == 1:
-        change = context[RATE + 2] * n[0] - context[RATE] * n[2]
-    if p == 2:
-        change = context[RATE] * n[1] - context[RATE + 1] * n[0]
-    added[p] = added[p] + time * change
+    """Add -τ times the change of the reading of accelerometer p with its inputs to it; for a block that turns below a
+    vertical, the inputs change by -ω × n."""
+    first = context[RATE + 1] * n[2] - context[RATE + 2] * n[1]
+    second = context[RATE + 2] * n[0] - context[RATE] * n[2]
+    third = context[RATE] * n[1] - context[RATE + 1] * n[0]
+    change = context[BLOCK_RESPONSE + 3 * p] * first + context[BLOCK_RESPONSE + 3 * p + 1] * second
+    added[p] = added[p] + time * (change + context[BLOCK_RESPONSE + 3 * p + 2] * third)
 
 
 ACCELEROMETER_LAG = accelerometer_effect(
@@ -291,7 +285,7 @@ ACCELEROMETER_LAG = accelerometer_effect(
     lambda place, values: (
         f"accelerometer {place.index + 1} lags its input by {1e3 * values['time']:.4g} ms, more than the others do"
     ),
-    formula="Δf_{p}/g = {time} 's' (ω × n)_{p}",
+    formula="Δf_{p}/g = {time} 's' ((I + Γ) (ω × n))_{p}",
 )
 
 EFFECTS = (

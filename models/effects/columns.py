@@ -18,6 +18,7 @@ from ..restricted import (
     ALPHA,
     ANGULAR_ACCELERATION,
     BETA,
+    BLOCK_RESPONSE,
     CONTEXT_SIZE,
     GRAVITY,
     GYRO_CONTEXT_SIZE,
@@ -226,6 +227,8 @@ class MotionRows:
         model value [m/s²]
     response : (3, 3)
         I + Γ, the gyros' response to the rates
+    block_response : (3, 3) or (N, 3, 3)
+        that of the accelerometers to the specific force
     """
 
     rate: NDArray[np.float64]
@@ -237,6 +240,7 @@ class MotionRows:
     period: float = 0.0
     gravity: float = 9.80665
     response: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    block_response: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
     def seen_by(self, component: str | None) -> Seen:
         """Return context and values of a kernel of gyros, accelerometers or attitude computer."""
@@ -270,6 +274,8 @@ class MotionRows:
         context = self._circumstances(CONTEXT_SIZE)
         context[RATE : RATE + 3] = _columns(self.rate)
         context[ANGULAR_ACCELERATION : ANGULAR_ACCELERATION + 3] = _columns(self.acceleration)
+        gains = np.broadcast_to(self.block_response, (len(self.hours), 3, 3))
+        context[BLOCK_RESPONSE : BLOCK_RESPONSE + 9] = _columns(gains.reshape(-1, 9))
         context[GRAVITY] = column(self.gravity, len(self.hours))
         return context
 

@@ -1,23 +1,23 @@
 """The size effect: readings of off-centre accelerometers while the block turns."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gyro_readings import G, lively_motion
+from gyro_readings import G
 from named import Named
-from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace, MotionRows
 
 PLACES = CATALOGUE["lever-arm"].places
 
 
-def accelerometer_readings(arms: dict[EffectPlace, np.ndarray], rows=None) -> np.ndarray:
-    """Return readings (N, 3) [g] of a block over a lively motion, with some of its accelerometers off-centre."""
-    rows = lively_motion() if rows is None else rows
-    model = Named("AccelerometerBlock", arms)
+def accelerometer_readings(rows: MotionRows, arms: dict[EffectPlace, np.ndarray], **settings) -> np.ndarray:
+    """Return readings (N, 3) [g] of a block over a motion, with some of its accelerometers off-centre."""
     readings, time = np.zeros_like(rows.rate), 0.0
-    model.put(specific_force=G * rows.specific_force[0], rate=rows.rate[0]).begin()
+    model = Named("AccelerometerBlock", arms, **settings)
+    model.put(specific_force=G * rows.specific_force[0], rate=rows.rate_before[0]).begin()
     for k, step in enumerate(rows.step):
         model.put(specific_force=G * rows.specific_force[k], rate=rows.rate[k]).step(time, step)
         time += step
@@ -25,38 +25,61 @@ def accelerometer_readings(arms: dict[EffectPlace, np.ndarray], rows=None) -> np
     return readings
 
 
+def accelerations(rate: np.ndarray, growth: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """Return the acceleration (N, 3) [g] of a point at r (3,) [m] of a body, by rates and their growth (N, 3)."""
+    return (np.cross(rate, np.cross(rate, arm)) + np.cross(growth, arm)) / G
+
+
+def swinging(step: float, count: int, uneven: float = 0.0) -> tuple[MotionRows, np.ndarray]:
+    """Return a motion about all axes, some turns a second, with its exact angular accelerations (N, 3) [rad/s²]."""
+    lengths = step * (1.0 + uneven * np.sin(0.7 * np.arange(count)))
+    time = np.cumsum(lengths)
+    frequency, phase, size = np.array([20.0, 13.0, 17.0]), np.array([0.3, 1.1, 2.0]), np.array([8.0, -5.0, 6.0])
+    angle = np.outer(np.append(0.0, time), frequency) + phase
+    rate, growth = size * np.cos(angle), -size * frequency * np.sin(angle)
+    rows = MotionRows(rate[1:], rate[:-1], np.zeros((count, 3)), time / 3600.0, lengths)
+    return rows, growth[1:]
+
+
 @pytest.mark.parametrize("place", PLACES, ids=lambda p: p.title)
-def test_the_signature_is_the_derivative_of_what_the_block_reads(place):
-    rows = lively_motion()
+def test_the_signature_is_the_acceleration_of_the_place_along_the_accelerometer(place):
+    rows, _ = swinging(1e-2, 60)
     columns = CATALOGUE["lever-arm"].signature(place, rows)
-    clean = accelerometer_readings({})
-    assert clean == pytest.approx(rows.specific_force, abs=1e-14)
     for k in range(3):
-        change = accelerometer_readings({place: 0.1 * np.eye(3)[k]}) - clean
-        assert change / 0.1 == pytest.approx(columns[:, :, k], abs=1e-12)
-        assert np.abs(columns[:, place.index, k]).max() > 0.05
+        expected = np.zeros_like(rows.rate)
+        expected[:, place.index] = accelerations(rows.rate, rows.acceleration, np.eye(3)[k])[:, place.index]
+        assert columns[:, :, k] == pytest.approx(expected, abs=1e-12)
+        assert np.abs(columns[:, place.index, k]).max() > 0.5
 
 
-def test_it_is_the_acceleration_of_a_point_of_a_turning_body():
-    """Use a block that swings about its third axis, twenty times a second: the second derivative of the point's
-    place."""
-    arm, swing, omega, step = np.array([0.05, -0.03, 0.02]), 0.4, 20.0, 1e-4
-    time = step * np.arange(400, dtype=np.float64)
-    angle, rate = swing * np.sin(omega * time), swing * omega * np.cos(omega * time)
-    motion = lively_motion()
-    still = np.zeros((len(time), 3))
-    rates = np.stack([still[:, 0], still[:, 0], rate], axis=1)
-    rows = type(motion)(rates, np.vstack([rates[:1], rates[:-1]]), still, time / 3600.0, np.full(len(time), step))
-    measured = G * accelerometer_readings(dict.fromkeys(PLACES, arm), rows)
-    turn = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], axis=1).reshape(-1, 2, 2)
-    path = turn @ arm[:2]
-    acceleration = (path[2:] - 2.0 * path[1:-1] + path[:-2]) / step**2
-    expected = np.einsum("nji,nj->ni", turn[1:-1], acceleration)
-    # The block uses its acceleration over the last step: half a step late.
-    late = 0.5 * step * swing * omega**3 * 0.06
-    assert np.abs(measured[1:-1, :2] - expected)[2:].max() < late + 1e-4
-    assert np.abs(measured[:, 2]).max() < 1e-12
-    assert np.abs(expected).max() > 4.0
+@pytest.mark.parametrize("uneven", [0.0, 0.2])
+def test_the_block_follows_the_acceleration_of_its_places_to_second_order(uneven):
+    """Half the step leaves a quarter of the error; also with steps of uneven lengths."""
+    arm, errors = np.array([0.05, -0.03, 0.02]), []
+    for halvings in range(4):
+        rows, growth = swinging(8e-3 / 2**halvings, 60 * 2**halvings, uneven)
+        measured = accelerometer_readings(rows, dict.fromkeys(PLACES, arm))
+        errors.append(np.abs(measured - accelerations(rows.rate, growth, arm))[2:].max())
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert orders[-1] == pytest.approx(2.0, abs=0.1), orders
+    assert errors[-1] < 1e-3 < 0.5 < np.abs(accelerations(rows.rate, growth, arm)).max()
+
+
+def test_a_place_acts_through_scale_factor_and_misalignment_like_gravity():
+    """The block reads the acceleration of a place like one that its inputs have there."""
+    arm, errors = np.array([0.05, -0.03, 0.02]), {"gamma_21": 6e-3, "gamma_31": -7e-3, "gamma_32": 1e-2}
+    errors |= {"scale_error_plus": [0.01, -0.008, 0.007], "scale_error_minus": [-0.01, 0.01, 0.004]}
+    rows, _ = swinging(1e-2, 60)
+    rows = replace(rows, specific_force=np.cos(np.outer(np.arange(60.0), [0.03, 0.04, 0.05])) * [1.0, -1.0, 1.0])
+    clean = accelerometer_readings(rows, {}, **errors)
+    straight = accelerometer_readings(rows, dict.fromkeys(PLACES, arm)) - rows.specific_force
+    plus, minus = np.array(errors["scale_error_plus"]), np.array(errors["scale_error_minus"])
+    matrix = np.array([[1.0, 0.0, 0.0], [6e-3, 1.0, 0.0], [-7e-3, 1e-2, 1.0]])
+    expected = straight @ matrix.T + np.where(rows.specific_force > 0.0, plus, minus) * straight
+    assert np.abs(expected - straight).max() > 1e-3
+    assert accelerometer_readings(rows, dict.fromkeys(PLACES, arm), **errors) - clean == pytest.approx(
+        expected, abs=1e-12
+    )
 
 
 def test_it_is_of_the_accelerometers_in_motion_alone():

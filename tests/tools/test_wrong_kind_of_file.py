@@ -33,6 +33,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     paths["calibration"].write_text(calibration.json_text())
     paths["run"] = folder / "run.json"
     paths["run"].write_text(json.dumps({"schema": "trihedron.run/1", "scenario": {"schema": "trihedron.scenario/1"}}))
+    paths["noise"] = folder / "noise.json"
+    paths["noise"].write_text(json.dumps({"schema": "trihedron.noise/1", "version": "0"}))
     return paths
 
 
@@ -43,6 +45,7 @@ SAID = {
     "mapping": "this is a mapping: did you mean `trihedron import FILE --mapping {file}`?",
     "calibration": "this is a calibration: did you mean `trihedron apply {file} RECORD`?",
     "run": "this is the account of a run",
+    "noise": "this is a result of another command (noise): give the file that it was made from",
 }
 READERS = {
     "calibrate": (["calibrate", "{file}", "--noise-bound", "1e-5"], ("record",)),
@@ -83,6 +86,15 @@ def test_a_record_in_place_of_a_result_is_named(files: dict[str, Path], tmp_path
     second.write_bytes(files["record"].read_bytes())
     assert cli.main(["apply", str(files["record"]), str(second), "--out", str(tmp_path / "new.csv")]) == 2
     assert "is not JSON text; this is a record" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["scenario", "calibration", "run"])
+def test_another_file_in_place_of_a_noise_result_is_named(kind: str, files: dict[str, Path], capsys) -> None:
+    assert cli.main(["calibrate", str(files["record"]), "--noise", str(files[kind])]) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    words = "is not a result of `trihedron noise`" if files[kind].suffix == ".json" else SAID[kind]
+    assert words.format(file=files[kind]) in message
 
 
 def test_a_file_that_tells_no_kind_is_refused_as_before(tmp_path: Path, capsys) -> None:

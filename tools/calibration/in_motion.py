@@ -141,15 +141,11 @@ class InMotion:
         """
         places, p = point[-9:].reshape(3, 3), system.parametrisation
         targets, at = p.selection[0] @ point[: system.own], self.at(lag)
-        x = dict(zip(TARGETS, targets, strict=True))
-        rows = self.motion(system.turns.block_axes(targets), float(x["X3"]), gravity, lag)
+        rows = self.motion(system.turns.block_axes(targets), float(targets[2]), gravity, lag)
         effect = CATALOGUE["lever-arm"]
         by_place = np.stack([effect.signature(place, rows)[:, k] for k, place in enumerate(effect.places)], axis=1)
         n = predicted_input(p, point[: system.own], at) + np.einsum("wpk,pk->wp", by_place, places)
-        slopes = np.tile(np.eye(3), (len(n), 1, 1))
-        slopes[:, 1, 0], slopes[:, 2, 0], slopes[:, 2, 1] = x["X6+X8"], x["X7+X12"], x["X11+X13"]
-        for k, (plus, minus) in enumerate(SYMMETRIC_PAIRS):
-            slopes[:, k, k] += np.where(n[:, k] >= 0.0, x[plus], x[minus])
+        slopes = responses(p, point[: system.own], n)
         arms = np.zeros((len(n), 3, 3, 3))
         for k in range(3):
             arms[:, k, k] = np.einsum("wq,wqk->wk", slopes[:, k], by_place)
@@ -219,6 +215,16 @@ def _scatter(reading: NDArray, record: PositionRecord) -> NDArray[np.float64]:
     """Standard deviation (3,) of single readings about the means of their rests."""
     variances = [np.var(reading[rest.kept], axis=0) for rest in record.rests if rest.refused is None]
     return np.sqrt(np.median(variances, axis=0))
+
+
+def responses(parametrisation: Parametrisation, point: NDArray, n: NDArray) -> NDArray[np.float64]:
+    """Return I + Γ (N, 3, 3) of the accelerometers at a point (P,), for inputs (N, 3) [g]."""
+    x = dict(zip(TARGETS, parametrisation.selection[0] @ point, strict=True))
+    slopes = np.tile(np.eye(3), (len(n), 1, 1))
+    slopes[:, 1, 0], slopes[:, 2, 0], slopes[:, 2, 1] = x["X6+X8"], x["X7+X12"], x["X11+X13"]
+    for k, (plus, minus) in enumerate(SYMMETRIC_PAIRS):
+        slopes[:, k, k] += np.where(n[:, k] >= 0.0, x[plus], x[minus])
+    return slopes
 
 
 def slopes_by_angles(parametrisation: Parametrisation, point: NDArray, at: Positions) -> NDArray[np.float64]:

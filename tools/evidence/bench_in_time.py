@@ -29,7 +29,7 @@ from ...models.effects import EffectPlace, MotionRows
 from ...models.effects.columns import TIME_CONSTANT, small_turns
 from ...models.effects.steps import MOUNTING_SLIP
 from ..bounded.sets import Work
-from ..calibration.in_motion import CERTAIN, FURTHER, InMotion, WithMotion, slopes_by_angles
+from ..calibration.in_motion import CERTAIN, FURTHER, InMotion, WithMotion, responses, slopes_by_angles
 from ..calibration.model import Positions, linearise, predicted_input, slip_jacobian
 from ..calibration.turns import WithTurns
 from ..orchestrator import run_scenario
@@ -132,7 +132,10 @@ class Moving:
     def motion(self) -> MotionRows:
         """The rows as effects in motion see them."""
         motion, rows = self.seen.motion(self.to_block, self.lean, self.read.calibration.gravity), self.read.contexts
-        return replace(motion, specific_force=rows.n, hours=rows.hours, temperature=rows.temperature)
+        sensed = responses(self.read.here.parametrisation, self.read.here.point, rows.n)
+        return replace(
+            motion, specific_force=rows.n, hours=rows.hours, temperature=rows.temperature, block_response=sensed
+        )
 
     def columns(self, place: EffectPlace) -> NDArray[np.float64]:
         """Return the columns (3 N, K) [g] of an accelerometer's effect that only motion shows; zeros for any other."""

@@ -20,7 +20,7 @@ def read_noise(path: str | Path) -> Noise:
         where the file cannot be read, or holds another result
     """
     content = bytes_of(Path(path), most=LARGEST_RESULT)
-    result = parsed_result(object_of(content, f"--noise {path}"), {"trihedron.noise/1": Noise}, f"--noise {path}")
+    result = parsed_result(object_of(content, str(path)), {"trihedron.noise/1": Noise}, f"--noise {path}")
     if result is None:
         raise InputError(f"--noise {path}: is not a result of `trihedron noise`; {LEAST}")
     return result

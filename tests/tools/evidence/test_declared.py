@@ -1,5 +1,6 @@
 """What a person declares, or a good bench has, belongs to one nominal model: `calibrate` and `diagnose` agree on it."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import trihedron as th
 from generator import G
 from generator.tables import AZIMUTH, INNER_TURNS, LATITUDE, OUTER_TURNS, STILL_POSITIONS, Errors, Programme, Truth
 from generator.tables import bench_record as made_record
+from scenario_runs import SCENARIOS
 from trihedron.tools.calibration import PRESETS
 from trihedron.tools.calibration.gyros import Bench
 from trihedron.tools.diagnosis.kinds import evidence_of, evidence_options
@@ -39,6 +41,47 @@ def record_of(truth: Truth, gravity: float = G, mounting: str = "identity") -> B
     """Return the record of a bench where gravity [m/s²] and mounting are these."""
     record = made_record(truth, SHORT, Errors(rate=5e-5, encoder=2e-6), PRESETS[mounting])
     return replace(record, specific_force=record.specific_force * gravity / G)
+
+
+ARMS = np.array([[0.03, -0.009, 0.006], [0.003, 0.03, -0.012], [-0.006, 0.015, 0.03]])
+OF_OWN_FMUS = {
+    "places": [("lever-arm", dict(zip(("r_1", "r_2", "r_3"), arm, strict=True))) for arm in ARMS.tolist()],
+    "lags": [("accelerometer-lag", {"time": 0.004})] * 3,
+}
+
+
+@pytest.mark.parametrize("name", [pytest.param("places"), pytest.param("lags", marks=pytest.mark.acceptance)])
+def test_a_bench_of_our_own_fmus_stands_at_20_ms(name, tmp_path):
+    """Its accelerometers are up to 3 cm off centre, or late by 4 ms; scale factors and misalignments are 1e-2."""
+    text = (SCENARIOS / "imu-calibration.toml").read_text(encoding="utf-8")
+    effects = []
+    for number, (effect, values) in enumerate(OF_OWN_FMUS[name], start=1):
+        sizes = ", ".join(f"{key} = {value}" for key, value in values.items())
+        effects.append(f'{{ effect = "{effect}", where = "accelerometer-{number}", {sizes} }}')
+    component = 'component = "AccelerometerBlock"\n'
+    for old, new in (
+        ("step_s = 0.005", "step_s = 0.02"),
+        ("dwell_s = 62.0", "dwell_s = 10.0"),
+        (component, f"{component}effects = [{', '.join(effects)}]\n"),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
+    shutil.copy(SCENARIOS / "imu-calibration-positions.csv", tmp_path)
+    th.simulate(tmp_path / "bench.toml", out=tmp_path / "run")
+    place = Bench(np.degrees(0.973), np.degrees(0.35), encoder_bound=2.424e-6)
+    options = {"noise_bound": 1e-5, "gravity": G, "mounting": "identity", "bench": place}
+    record = th.read_record(tmp_path / "run" / "run.parquet")
+    assert isinstance(record, BenchRecord)
+    by_calibrate = th.calibrate(record, **options)
+    assert by_calibrate.verdict == "consistent"
+    assert "no one lag" not in " ".join(by_calibrate.warnings)
+    rests = position_record_of(record)
+    model = evidence_of(rests, **evidence_options(rests, **options)).model
+    assert model.radius < 1.0
+    lag, *places = model.baseline.estimate[-10:]
+    assert lag == pytest.approx(0.004 if name == "lags" else 0.0, abs=2e-5)
+    assert np.ravel(places) == pytest.approx(ARMS.ravel() if name == "places" else 0.0, abs=FEW_MILLIMETRES)
 
 
 def radii(record: BenchRecord, **declared: object) -> tuple[float, float]:
