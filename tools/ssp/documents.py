@@ -1,6 +1,7 @@
 """Documents of SSP 1.0 and 2.0, read without entities: elements, files of the archive, units, values of parameters."""
 
 import math
+import posixpath
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -75,7 +76,7 @@ def member(folder: Path, source: str, label: str) -> str:
         raise InputError(f"{label}: source '{source}' is not a URI ({error})") from error
     if parts.scheme or parts.netloc or parts.query or parts.fragment or not parts.path:
         raise InputError(f"{label}: source '{source}' is not a file of the archive; nothing else is opened")
-    path = unquote(parts.path).removeprefix("./")
+    path = posixpath.normpath(unquote(parts.path))
     refuse_outside(path, label, ssp=True)
     if not (folder / path).is_file():
         raise InputError(f"{label}: has no file '{path}', which its description names")

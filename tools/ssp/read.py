@@ -18,7 +18,7 @@ from ..files import bytes_of
 from ..locks import own_folder
 from ..orchestrator.adjustments import Adjustments
 from ..orchestrator.archive import DAMAGE, check_members, unpack
-from ..orchestrator.interface import Interface, Value, interface_of
+from ..orchestrator.interface import Interface, Value, between, interface_of
 from ..orchestrator.load import alone
 from ..orchestrator.scenario import RunOptions, Scenario, read_scenario
 from ..result import checked_sections
@@ -59,27 +59,75 @@ Node = tuple[Path_, str]
 
 
 @dataclass(frozen=True)
+class ConnectorUnit:
+    """Unit of a connector, by a name in some scales: the FMU's variable has it, or the system has `declared` it."""
+
+    name: str
+    scales: Mapping[str, Unit]
+    declared: bool = False
+
+
+@dataclass(frozen=True)
 class Transformation:
-    """What connections do to a value: factor * value + offset, and whether units are converted."""
+    """What connections do to a value: factor * value + offset, and whether units are converted.
+
+    `first` and `unit` are the first and the last unit on the way. If a connector declares one, the factor and the
+    offset convert units too.
+    """
 
     factor: float = 1.0
     offset: float = 0.0
     convert: bool = True
+    first: ConnectorUnit | None = None
+    unit: ConnectorUnit | None = None
+
+    @property
+    def is_declared(self) -> bool:
+        """True if the factor and the offset convert units."""
+        return self.unit is not None and self.unit.declared
 
     def then(self, after: "Transformation") -> "Transformation":
         """Return both, one after the other."""
         offset = after.factor * self.offset + after.offset
-        return Transformation(after.factor * self.factor, offset, self.convert and after.convert)
+        convert = self.convert and after.convert
+        return replace(self, factor=after.factor * self.factor, offset=offset, convert=convert)
+
+    def into(self, unit: ConnectorUnit | None, where: str, *, convert: bool) -> "Transformation":
+        """Return it up to a connector with a unit, converted to this unit if the system declares one of the two.
+
+        Raises InputError for units of different dimensions.
+        """
+        first = self.first or unit
+        if unit is None or self.unit is None:
+            return replace(self, first=first, unit=unit or self.unit)
+        if not (unit.declared or self.unit.declared):
+            return replace(self, unit=unit)
+        unit = replace(unit, declared=True)
+        if not convert:
+            return replace(self, unit=unit)
+        scaled = between(self.unit.name, unit.name, self.unit.scales, unit.scales, relative=False)
+        if scaled is None:
+            raise InputError(f"{where}: {self.unit.name} cannot be converted to {unit.name}")
+        return replace(self.then(Transformation(*scaled)), unit=unit)
 
     def of(self, binding: BoundValue) -> BoundValue:
         """Return a bound value behind these connections."""
-        whole = Transformation(binding.factor, binding.offset, binding.convert).then(self)
-        return replace(binding, factor=whole.factor, offset=whole.offset, convert=whole.convert)
+        whole = Transformation(binding.factor, binding.offset, binding.convert)
+        if self.is_declared and binding.unit is not None:
+            scales = {} if binding.scale is None else {binding.unit: binding.scale}
+            unit = ConnectorUnit(binding.unit, scales, declared=True)
+            where = f"{binding.where}: parameter '{binding.name}'"
+            whole = replace(whole, unit=unit).into(self.first, where, convert=binding.convert)
+        whole = whole.then(self)
+        return replace(
+            binding, factor=whole.factor, offset=whole.offset, convert=whole.convert and not self.is_declared
+        )
 
     @property
     def settings(self) -> dict[str, Any]:
         """Settings of a connection of the scenario."""
-        changes = {"factor": self.factor, "offset": self.offset, "convert": self.convert}
+        convert = self.convert and not self.is_declared
+        changes = {"factor": self.factor, "offset": self.offset, "convert": convert}
         plain = {"factor": 1.0, "offset": 0.0, "convert": True}
         return {key: value for key, value in changes.items() if value != plain[key]}
 
@@ -103,12 +151,15 @@ INTERFACES = {"ModelExchange": "me", "CoSimulation": "cs"}
 class SystemPart:
     """An FMU, with its file in the archive as `source`, or a system with named elements and connections.
 
-    Connectors are name to kind; an edge is (from, to, transformation). An FMU has an `interface` if it must be one.
+    Connectors are name to kind, and `units` are those that they declare, in the document's `scales`; an edge is (from,
+    to, transformation). An FMU has an `interface` if it must be one.
     """
 
     path: Path_
     source: str | None = None
+    scales: Mapping[str, Unit] = field(default_factory=dict)
     connectors: dict[str, str] = field(default_factory=dict)
+    units: dict[str, ConnectorUnit] = field(default_factory=dict)
     bindings: list[BoundValue] = field(default_factory=list)
     parts: dict[str, "SystemPart"] = field(default_factory=dict)
     edges: list["Edge"] = field(default_factory=list)
@@ -216,7 +267,7 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
     interfaces, steps = _interfaces(fmus, names, folder, label)
     parameters, ignored = _parameters(system, interfaces)
     coupled = _coupling(folder, label, options.coupling)
-    own_steps, between = (coupled.pop(name, {}) for name in RATES)
+    own_steps, rules = (coupled.pop(name, {}) for name in RATES)
     for at, interface in interfaces.items():
         # The master decides how early it puts out commands; ours passes them on at once.
         if coupled.get("coupling") != "delayed" and interface.model in LEADING and "lead_steps" in interface.variables:
@@ -238,10 +289,10 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
     if "stop_s" not in run:
         run["stop_s"] = run.get("start_s", 0.0) + 1.0
         notes.append(f"{label} says no stop time: the run ends at {run['stop_s']:g} s; --stop says another")
-    for source, targets in _reached(system).items():
+    for source, targets in _reached(system, interfaces).items():
         for target, transformation in targets if source[0] in names else ():
             start, end = f"{names[source[0]]}.{source[1]}", f"{names[target[0]]}.{target[1]}"
-            ends = {"from": start, "to": end, "between": between.get(f"{start} -> {end}")}
+            ends = {"from": start, "to": end, "between": rules.get(f"{start} -> {end}")}
             connections.append({**ends, **transformation.settings})
     settings: dict[str, Any] = {
         "title": "",
@@ -282,9 +333,12 @@ def _run(root: Element, label: str) -> dict[str, float]:
 
 def _read_part(element: Element, place: "_Place", folder: Path, label: str, units: dict[str, Unit]) -> SystemPart:
     path = place.path
-    part = SystemPart(path)
+    part = SystemPart(path, scales=units)
     for connector in children(element, "ssd:Connectors/ssd:Connector"):
         part.connectors[str(connector.get("name"))] = str(connector.get("kind"))
+        for typed in connector:
+            if typed.get("unit") in units:
+                part.units[str(connector.get("name"))] = ConnectorUnit(typed.get("unit", ""), units, declared=True)
     part.bindings = read_bindings(element, folder, label, units)
     if local_name(element) == "Component":
         kind = element.get("type", FMU)
@@ -356,19 +410,43 @@ def _edge(connection: Element, part: SystemPart, label: str) -> Edge:
     return ends[0], ends[1], transformation
 
 
-def _reached(system: SystemPart) -> dict[Node, list[tuple[Node, Transformation]]]:
+def _units(system: SystemPart, interfaces: Mapping[Path_, Interface]) -> dict[Node, ConnectorUnit]:
+    """The units of connectors: of the FMUs' variables, otherwise as the system declares them."""
+    units: dict[Node, ConnectorUnit] = {}
+    for part in system.walk():
+        units |= {(part.path, name): unit for name, unit in part.units.items()}
+        if part.path in interfaces:
+            interface = interfaces[part.path]
+            arrays = {base: elements[0] for base, elements in interface.arrays.items()}
+            for name, variable in {**arrays, **interface.variables}.items():
+                if variable.unit is not None:
+                    units[part.path, name] = ConnectorUnit(variable.unit, {**part.scales, **interface.scales})
+    return units
+
+
+def _reached(
+    system: SystemPart, interfaces: Mapping[Path_, Interface]
+) -> dict[Node, list[tuple[Node, Transformation]]]:
     """The FMUs' connectors that each connector feeds, through connectors of systems, each with its transformation."""
+    units = _units(system, interfaces)
     following: dict[Node, list[tuple[Node, Transformation]]] = {}
     for part in system.walk():
         for start, end, transformation in part.edges:
             following.setdefault(start, []).append((end, transformation))
+
+    def beyond(so_far: Transformation, step: Transformation, end: Node) -> tuple[Node, Transformation]:
+        """Return the end of a further connection, and the transformation up to it."""
+        where = f"a connection to {'.'.join(end[0])}.{end[1]}"
+        return end, so_far.then(step).into(units.get(end), where, convert=step.convert)
+
     systems = set()
     for part in system.walk():
         if part.source is None:
             systems.add(part.path)
     targets: dict[Node, list[tuple[Node, Transformation]]] = {}
     for node in following:
-        visited, waiting = {node}, list(following[node])
+        begin = Transformation(first=units.get(node), unit=units.get(node))
+        visited, waiting = {node}, [beyond(begin, step, end) for end, step in following[node]]
         targets[node] = []
         while waiting:
             after, so_far = waiting.pop(0)
@@ -379,7 +457,7 @@ def _reached(system: SystemPart) -> dict[Node, list[tuple[Node, Transformation]]
                 targets[node].append((after, so_far))
                 continue
             for further, step in following.get(after, []):
-                waiting.append((further, so_far.then(step)))
+                waiting.append(beyond(so_far, step, further))
     return targets
 
 
@@ -461,7 +539,7 @@ def _parameters(
     system: SystemPart, interfaces: Mapping[Path_, Interface]
 ) -> tuple[dict[Path_, dict[str, Value]], list[str]]:
     """Return the values of all bindings by FMU, where outer systems override inner ones, and the unknown names."""
-    feeds = _reached(system)
+    feeds = _reached(system, interfaces)
     values: dict[Path_, dict[str, Value]] = {at: {} for at in interfaces}
     ignored: list[str] = []
     for part in system.walk():
@@ -484,8 +562,11 @@ def _targets(
 ) -> list[tuple[Node, Transformation]]:
     """The variables of FMUs that a parameter's hierarchical name means, and what connections do to the value."""
     if part.source is not None:
-        exists = name in interfaces[part.path].variables
-        return [((part.path, name), Transformation())] * exists
+        variable = interfaces[part.path].variables.get(name)
+        if variable is None:
+            return []
+        unit = None if variable.unit else part.units.get(name)
+        return [((part.path, name), Transformation(first=unit, unit=unit))]
     if name in part.connectors:
         fed = feeds.get((part.path, name), [])
         variables = []

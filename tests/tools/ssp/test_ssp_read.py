@@ -294,6 +294,48 @@ def test_what_other_tools_write_is_read(tmp_path, fmus):
     assert "0.5 s does not divide the run of 1.1 s" in result.notes[0]
 
 
+def test_units_that_connectors_declare_convert_values(tmp_path):
+    """20 degC at the connector of a system are 293.15 K in its FMU, and 20 again where an FMU knows no unit."""
+    kelvin = ((" start='0'", " start='0' unit='K'"), ("<Real />", "<Real unit='K'/>"))
+    warm = build_habit(Habit("warm", changes=kelvin), 2, "CoSimulation", tmp_path).stem
+    plain = build_habit(Habit("plain"), 2, "CoSimulation", tmp_path).stem
+    units = '<ssd:Units><ssc:Unit name="degC"><ssc:BaseUnit K="1" offset="273.15"/></ssc:Unit>'
+    units += '<ssc:Unit name="K"><ssc:BaseUnit K="1"/></ssc:Unit>'
+    units += '<ssc:Unit name="rad"><ssc:BaseUnit rad="1"/></ssc:Unit></ssd:Units>'
+
+    def outcome(bound: str, scaled: str = "", unit: str = "degC") -> list[float]:
+        inner = system(
+            "hot", component("a", warm, d="input", y="output"), wires=wire("T", "a.d") + wire("a.y", "out", scaled)
+        )
+        ends = "".join(
+            f'<ssd:Connector name="{name}" kind="{kind}"><ssc:Real unit="{unit}"/></ssd:Connector>'
+            for name, kind in (("T", "input"), ("out", "output"))
+        )
+        inner = inner.replace("<ssd:Elements>", f"<ssd:Connectors>{ends}</ssd:Connectors><ssd:Elements>", 1)
+        others = [component("b", warm, d="input", y="output"), component("c", plain, d="input", y="output")]
+        wires = wire("hot.out", "b.d") + wire("hot.out", "c.d")
+        text = system("root", inner, *others, wires=wires, bound=(inline(bound),), after=STEP)
+        table = run(packed(tmp_path, tmp_path, text, warm, plain, tail=units))
+        return [table[name][-1] for name in ("hot_a.y_K", "b.y_K", "c.y")]
+
+    assert outcome("hot.T|Real|20") == pytest.approx([293.15, 293.15, 20.0])
+    assert outcome("hot.T|Real|300|K") == pytest.approx([300.0, 300.0, 26.85])
+    # The transformation acts in K: twice 293.15 K and half a kelvin.
+    assert outcome("hot.T|Real|20", SCALED) == pytest.approx([293.15, 586.8, 313.65])
+    with pytest.raises(InputError, match=r"a connection to \S+: (K|rad) cannot be converted to (K|rad)"):
+        outcome("hot.T|Real|20", unit="rad")
+
+
+def test_a_source_may_be_any_relative_address(tmp_path, fmus):
+    for source in ("./resources/Gain.fmu", "resources/../resources/Gain.fmu", "resources/%47ain.fmu"):
+        text = system(
+            "root", GAIN.replace("resources/Gain.fmu", source), bound=(inline("gain.u[1]|Real|4"),), after=STEP
+        )
+        assert set(run(packed(tmp_path, fmus, text, "Gain"))["gain.y[1]"]) == {4.0}
+    outside = system("root", GAIN.replace("resources/Gain.fmu", "resources/../../Gain.fmu"), after=STEP)
+    assert "would leave the archive's folder" in refusal(packed(tmp_path, fmus, outside, "Gain"))
+
+
 def test_where_a_value_and_a_connection_meet_the_connection_counts(tmp_path, fmus):
     clock = component("clock", "Clock", ended="output")
     gain = component("gain", "Gain", inline("u[1]|Real|99"), u_1="input", y_1="output")
