@@ -68,7 +68,8 @@ static void update(Model *m) {
 }
 static Status set(Model *m, const Reference r[], size_t n, const double v[]) {
     for (size_t i = 0; i < n; i++) {
-        REFUSE(r[i] != U && r[i] != D && r[i] != K, "a variable that cannot be set")
+        int begins = r[i] == X && m->mode & (INSTANTIATED | INITIALISATION);
+        REFUSE(r[i] != U && r[i] != D && r[i] != K && !begins, "a variable that cannot be set")
         REFUSE(r[i] == K && !(m->mode & (INSTANTIATED | INITIALISATION)), "a fixed parameter is set too late")
         REFUSE(r[i] == D && m->mode == CONTINUOUS, "a discrete input is set outside event mode")
 #ifdef EVENTS

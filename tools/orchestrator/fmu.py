@@ -5,7 +5,7 @@ import math
 import struct
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, MutableSequence
+from collections.abc import Callable, Iterable, MutableSequence, Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
 
@@ -226,6 +226,13 @@ class Slave:
                 self.fail(name, status, None)
             except InputError as error:
                 raise InputError(f"{error} [setting {setting}]") from error
+
+    def interpolate(self, variables: Sequence[FmuVariable], times: np.ndarray, rows: np.ndarray) -> None:
+        """Give inputs to the solver of a guest: rows at some times [s], linear between them."""
+        references = np.array([v.reference for v in variables if v.place == 0], dtype=np.uint32)
+        setter = self.accessor("Set", variables[0].access)
+        self.address(setter)
+        self._host.interpolate(setter, references.tobytes(), times.tobytes(), rows.tobytes())
 
     def _read(self, variable: FmuVariable, count: int) -> list[Any] | None:
         """Return the values of a variable, or of all elements of its array; None if it cannot be read."""

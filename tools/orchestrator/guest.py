@@ -267,6 +267,11 @@ class Guest:
         self._stepping = self._stepping or name.endswith("ExitInitializationMode")
         return answer
 
+    def interpolate(self, setter: str, references: bytes, times: bytes, rows: bytes) -> None:
+        """Give a table of inputs to the solver."""
+        with suppress(LostError):
+            self._ask("interpolate", setter, references, times, rows)
+
     def address(self, name: str) -> int:
         """Return the address of our function that calls a C function in the guest.
 

@@ -12,12 +12,14 @@ fill.
 | has, function | whether the library has it |
 | call, function, arguments | outputs of the function, for each argument that receives one |
 | follow, calls: made after each step from now on | |
+| interpolate, setter, references, times and rows: inputs for the solver | |
 
 An argument is a whole number, a real number, bytes (the function gets their address), or a list of bytes (an array of
 strings). A tuple asks for an output: `(content,)`, memory with this content; `("texts", n)`, n strings;
 `("binaries", n)`, two arrays, of n sizes and of n addresses.
 """
 
+import bisect
 import ctypes
 import json
 import marshal
@@ -221,11 +223,43 @@ class Events:
         return OK, [struct.pack("i", self.ended is not None)]
 
 
+class InputTable:
+    """Inputs for a solver: numbers of double precision, linear between rows; two rows of one time are a jump."""
+
+    def __init__(self, setter: str, references: bytes, times: bytes, rows: bytes) -> None:
+        self.times, self._rows = memoryview(times).cast("d"), memoryview(rows).cast("d")
+        self._width = len(self._rows) // len(self.times)
+        self._setter, self._references = setter[4:], references
+        self._type = ctypes.c_float if setter.endswith("Float32") else _REAL
+
+    def call_at(self, instant: float, *, after: bool) -> tuple[Any, ...]:
+        """Return the call that sets the inputs at a time, just before or just after a jump."""
+        last = len(self.times) - 1
+        end = bisect.bisect_right(self.times, instant) if after else bisect.bisect_left(self.times, instant)
+        begin, end = max(end - 1, 0), min(end, last)
+        span = self.times[end] - self.times[begin]
+        share = (instant - self.times[begin]) / span if span else 0.0
+        values = (self._type * self._width)()
+        for k in range(self._width):
+            first, second = self._rows[begin * self._width + k], self._rows[end * self._width + k]
+            values[k] = first + share * (second - first)
+        count = ctypes.c_size_t(len(self._references) // 4)
+        return self._setter, self._references, count, values, ctypes.c_size_t(self._width)
+
+    def next_row(self, instant: float) -> tuple[float, bool]:
+        """Return the time of the first row after a time, and whether it is a jump."""
+        at = bisect.bisect_right(self.times, instant)
+        if at == len(self.times):
+            return math.inf, False
+        return self.times[at], at + 1 < len(self.times) and self.times[at + 1] == self.times[at]
+
+
 class ExchangeSolver(Events):
     """Step an FMU of model exchange: SUNDIALS' CVODE integrates it with a relative tolerance.
 
     CVODE continues over the steps of the run. It starts anew after an event, and after a change of an input, which is
-    an event too. Between steps the FMU stays in continuous-time mode unless there was an event.
+    an event too. It ends a step of its own at each row of a table of inputs. Between steps the FMU stays in
+    continuous-time mode unless there was an event.
     """
 
     mode = "EnterContinuousTimeMode"
@@ -244,6 +278,9 @@ class ExchangeSolver(Events):
         self._in_event = self._fresh = True
         self._changed = False
         self._inputs: dict[tuple[str, Any], Sequence[Any]] = {}
+        self._began = -math.inf
+        """Time of the last event, at which inputs have the values after a jump."""
+        self.tables: list[InputTable] = []
 
     def _vector(self, name: str, values: Any, count: int) -> None:
         """Get or set numbers."""
@@ -252,6 +289,12 @@ class ExchangeSolver(Events):
 
     def _set_time(self, instant: float) -> None:
         self.call("SetTime", _REAL(instant))
+        self._set_inputs(instant)
+
+    def _set_inputs(self, instant: float) -> None:
+        for table in self.tables:
+            name, *arguments, width = table.call_at(instant, after=instant <= self._began)
+            self.call(name, *arguments, *[width] * (self.version - 2))
 
     def prepare(self, name: str, arguments: Sequence[Any]) -> bool:
         """Return True if inputs change; the FMU takes them in event mode."""
@@ -283,7 +326,8 @@ class ExchangeSolver(Events):
                     self._in_event, self._fresh = False, True
                 if self._advance_to_event(end, close):
                     self.call("EnterEventMode")
-                    self._in_event = True
+                    self._in_event, self._began = True, self.time
+                    self._set_inputs(self.time)
                     self._update()
             raise FailedError(ERROR, f"more than {MOST_EVENTS} events between {begin:.9g} s and {end:.9g} s")
         except FailedError as error:
@@ -291,9 +335,11 @@ class ExchangeSolver(Events):
 
     def _advance_to_event(self, end: float, close: float) -> bool:
         """Integrate to the next event, or to the end of the step; return True at an event."""
-        goal = min(end, max(self.next_instant, self.time))
         for _ in range(MOST_SOLVER_STEPS):
             is_event = False
+            rows = [table.next_row(self.time + close) for table in self.tables]
+            goal = min([end, max(self.next_instant, self.time), *(instant for instant, _ in rows)])
+            jumps = any(instant <= goal + close and is_jump for instant, is_jump in rows)
             if goal - self.time <= close or not any(self._sizes):
                 self.time = goal
                 self._set_time(goal)
@@ -301,9 +347,10 @@ class ExchangeSolver(Events):
                 is_event = self._integrate(goal)
             if self._complete_step() or is_event or self.ended is not None:
                 return True
-            if self.time >= goal - close:
-                return self.next_instant <= self.time + close
-        raise FailedError(ERROR, f"CVODE: more than {MOST_SOLVER_STEPS} steps before {goal:.9g} s")
+            is_event = jumps and self.time >= goal - close
+            if is_event or self.time >= min(end, self.next_instant) - close:
+                return is_event or self.next_instant <= self.time + close
+        raise FailedError(ERROR, f"CVODE: more than {MOST_SOLVER_STEPS} steps before {end:.9g} s")
 
     def _integrate(self, goal: float) -> bool:
         """Make one step of CVODE towards a time; return True at a state event."""
@@ -530,6 +577,12 @@ class Host:
     def follow(self, calls: list[tuple[str, Sequence[Any]]]) -> tuple[int, None]:
         """Make these calls after each step from now on."""
         self.follows = [(name, arguments, _memory(arguments)) for name, arguments in calls]
+        return OK, None
+
+    def interpolate(self, *table: Any) -> tuple[int, None]:
+        """Take a table of inputs for the solver."""
+        assert isinstance(self._events, ExchangeSolver)
+        self._events.tables.append(InputTable(*table))
         return OK, None
 
     def answer(self, request: Sequence[tuple[Any, ...]]) -> list[tuple[int, Any]]:

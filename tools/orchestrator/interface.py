@@ -207,12 +207,12 @@ def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tup
 class FmuVariable:
     """One scalar variable, or one element of an array of FMI 3.0.
 
-    Name, causality, variability, start, minimum and maximum (in its `unit`) are those of the description; the name of
-    an array's element ends with its number. `kind` is Real, Integer, Boolean, String, Binary (written in hexadecimal
-    digits), Enumeration or Clock, which the orchestrator does not pass on. `access`, a key of `VALUE_TYPES`, selects
-    the getter and setter, which take its value `reference`. `items` are the values of an enumeration with their names;
-    `place` is its index among the `size` elements of its array. `relative` marks a difference: its unit's offset does
-    not apply.
+    Name, causality, variability, initial, start, minimum and maximum (in its `unit`) are those of the description; the
+    name of an array's element ends with its number. `kind` is Real, Integer, Boolean, String, Binary (written in
+    hexadecimal digits), Enumeration or Clock, which the orchestrator does not pass on. `access`, a key of
+    `VALUE_TYPES`, selects the getter and setter, which take its value `reference`. `items` are the values of an
+    enumeration with their names; `place` is its index among the `size` elements of its array. `relative` marks a
+    difference: its unit's offset does not apply.
     """
 
     name: str
@@ -229,6 +229,13 @@ class FmuVariable:
     place: int = 0
     size: int = 1
     relative: bool = False
+    initial: str = ""
+
+    @property
+    def is_settable(self) -> bool:
+        """True for a parameter, an input, or a variable whose initial value FMI allows to set, as a state's."""
+        begins = self.causality in ("local", "output") and self.initial in ("exact", "approx")
+        return (begins or self.causality in ("parameter", "input")) and self.variability != "constant"
 
     @property
     def value_type(self) -> ValueType:
@@ -373,6 +380,7 @@ def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) ->
             place=place,
             size=max(size, 1),
             relative=bool(entry.relativeQuantity) or bool(getattr(declared, "relativeQuantity", False)),
+            initial=str(entry.initial),
         )
         for place, start in enumerate(_starts(kind, entry, size, resized=shape != described))
     ]

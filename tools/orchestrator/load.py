@@ -370,13 +370,12 @@ def resolve_parameters(
 
 
 def _check_settable(interface: Interface, variable: FmuVariable) -> None:
-    constant = variable.variability == "constant"
-    if variable.causality in SETTABLE and not constant:
+    if variable.is_settable:
         return
     what = f"{variable.causality}, not a parameter or an input"
-    if constant:
+    if variable.variability == "constant":
         what = "a constant"
-    close = nearest(variable.name, [v.name for v in interface.variables.values() if v.causality in SETTABLE])
+    close = nearest(variable.name, [v.name for v in interface.variables.values() if v.is_settable])
     if close.startswith("did you"):
         what += f"; {close}"
     raise InputError(f"{variable.name} of '{interface.name}' is {what}")

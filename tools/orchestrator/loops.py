@@ -24,7 +24,7 @@ from ..errors import InputError
 from . import operations as op
 from .fmu import SLAVES, Slave
 from .guest_process import DISCARD
-from .load import SETTABLE, Loaded
+from .load import Loaded
 from .operations import compiled_march, plain_march
 from .program import Ports, Program, order_of, step_program
 from .realtime import Pacer
@@ -83,6 +83,9 @@ def run_fmus(
             slaves[name] = SLAVES[entry.interface.version](name, entry.fmu)
             stack.callback(slaves[name].close)
         initialise_fmus(slaves, assembly)
+        for name, slave in slaves.items():
+            for table in assembly.ports[name].tables:
+                slave.interpolate(*table)
         program = step_program(assembly.groups, assembly.scenario.run, slaves, assembly.ports)
         ports = {name: assembly.ports[name] for name in assembly.order}
         blocks = Blocks(assembly.columns, ports, assembly.grid, assembly.scenario.record.every, keep_rows)
@@ -311,7 +314,7 @@ def initialise_fmus(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
 
 def _set_late(slave: Slave, entry: Loaded) -> None:
     """Set the values again in initialisation mode that the FMU has not taken before it."""
-    given = [(variable, value) for variable, value in entry.values.values() if variable.causality in SETTABLE]
+    given = [(variable, value) for variable, value in entry.values.values() if variable.is_settable]
     late = slave.not_held(given)
     if late:
         references = {variable.reference for variable, _, _ in late}
@@ -325,7 +328,7 @@ def _check_held(slave: Slave, assembly: Assembly) -> None:
     is_resized = False
     for variable, value in assembly.loaded[slave.name].values.values():
         is_resized = is_resized or variable.causality == "structuralParameter"
-        if variable.causality in ("parameter", "structuralParameter"):
+        if variable.causality != "input" and variable.initial != "approx":
             parameters.append((variable, value))
     lost = []
     unread = []

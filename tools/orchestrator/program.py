@@ -66,7 +66,8 @@ class Ports:
     An input holds its `start_value` until a value is passed on. `inputs` and `outputs` are the ports of each type.
     Changing inputs come first, constants last; recorded outputs come first, `recorded` is their number. `feeds` copy
     stimuli into the inputs, `transfers` pass on the outputs of each FMU, `sums` add its outputs after its step.
-    `slopes` are inputs whose derivatives the FMU receives. Raises InputError for a variable of a type that the
+    `slopes` are inputs whose derivatives the FMU receives, `tables` those that its solver interpolates: variables,
+    times and rows. Raises InputError for a variable of a type that the
     orchestrator does not pass on, and for a String or Binary of an FMU that steps ahead.
     """
 
@@ -87,6 +88,7 @@ class Ports:
         self.transfers: dict[str, list[Operation]] = {}
         self.sums: dict[str, list[Operation]] = {}
         self.slopes: list[FmuVariable] = []
+        self.tables: list[tuple[tuple[FmuVariable, ...], np.ndarray, np.ndarray]] = []
         self._memory: list[Any] = []
         """Objects to which addresses point; kept alive here."""
         changing = [w.input for w in wires if w.target == interface.name]
@@ -101,6 +103,9 @@ class Ports:
         self._add_outputs(interface, _whole(interface, recorded), _whole(interface, list(recorded) + feeding))
         for drive in drives:
             self._feed(drive)
+        for drive in drives:
+            if drive.times is not None:
+                self._interpolate(interface, drive, drive.times)
 
     def _add_inputs(
         self,
@@ -150,6 +155,17 @@ class Ports:
                 words = (begins.ctypes.data, len(begins), part.ctypes.data, width, target)
                 self.feeds.append(Operation(op.FEED, words))
                 first = end
+
+    def _interpolate(self, interface: Interface, drive: Drive, times: np.ndarray) -> None:
+        """Lay out a table for the FMU's solver; the other elements of an array of FMI 3.0 are constant."""
+        (access,) = {variable.access for variable in drive.variables}
+        port, variables = self.inputs[access], tuple(_whole(interface, drive.variables))
+        places = [port.variables.index(variable) for variable in variables]
+        if min(places) < port.changing:
+            raise InputError(f"'{interface.name}': a table feeds some elements of an array, something else the others")
+        rows = np.tile(port.values[places], (len(times), 1)).astype(np.float64)
+        rows[:, [variables.index(variable) for variable in drive.variables]] = drive.values
+        self.tables.append((variables, times, rows))
 
     def _encoded(self, port: Port, rows: Any, columns: Sequence[int]) -> np.ndarray:
         """Return columns of rows of values in the form of a port."""

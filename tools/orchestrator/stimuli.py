@@ -6,7 +6,7 @@ Time is counted in whole steps, never accumulated. A position programme commands
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -57,12 +57,16 @@ class StepGrid:
 
 @dataclass(frozen=True)
 class Drive:
-    """Values for some inputs of one FMU: row i of `values` from its step `begins[i]` on; without `begins`, always."""
+    """Values for some inputs of one FMU: row i of `values` from its step `begins[i]` on; without `begins`, always.
+
+    With `times` [s] the rows hold at these times, and the FMU's solver interpolates between them.
+    """
 
     fmu: str
     variables: tuple[FmuVariable, ...]
     values: list[list[Value]] | np.ndarray
     begins: np.ndarray | None
+    times: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -255,11 +259,12 @@ def resolve_rows(
     table_with: Callable[[list[str]], NumberTable],
     grids: Mapping[str, StepGrid],
     interfaces: Mapping[str, Interface],
+    solved: Collection[str],
 ) -> list[Drive]:
     """Return timed rows for inputs, one drive for each FMU and type; `table_with` returns the table of some columns.
 
-    `grids` are the steps of each FMU. Raises InputError for a column that is missing or differs in dimension from its
-    variable, and for rows that do not cover the run.
+    `grids` are the steps of each FMU; `solved` are those with a solver. Raises InputError for a column that is missing
+    or differs in dimension from its variable, and for rows that do not cover the run.
     """
     assert stimulus.columns is not None
     ends: list[tuple[Interface, FmuVariable, str, tuple[float, float]]] = []
@@ -295,7 +300,7 @@ def resolve_rows(
     drives = []
     for (fmu, _), group in groups.items():
         if stimulus.interpolate:
-            drives.append(_interpolated(fmu, group, table, grids[fmu]))
+            drives += _interpolated(fmu, group, table, grids[fmu], solved=fmu in solved)
             continue
         rows, begins = held(grids[fmu])
         values = np.column_stack([values for _, values in group])
@@ -307,11 +312,11 @@ def resolve_rows(
 
 
 def _interpolated(
-    fmu: str, group: Sequence[tuple[FmuVariable, np.ndarray]], table: NumberTable, grid: StepGrid
-) -> Drive:
+    fmu: str, group: Sequence[tuple[FmuVariable, np.ndarray]], table: NumberTable, grid: StepGrid, *, solved: bool
+) -> list[Drive]:
     """Return rows at the beginning of each step: continuous inputs linearly between rows, others from the last row.
 
-    Two rows of one time are a jump. Raises InputError if times go back.
+    A solver takes continuous inputs at all times. Two rows of one time are a jump. Raises InputError if times go back.
     """
     times = table.columns["time_s"]
     back = np.flatnonzero(np.diff(times) < 0.0)
@@ -320,13 +325,23 @@ def _interpolated(
     begins = np.arange(grid.steps)
     instants = grid.start + begins * grid.step
     last = np.searchsorted(times, instants + ROW_TOLERANCE * grid.step, side="right") - 1
-    columns = []
+    continuous, held = {}, {}
     for variable, values in group:
         if variable.kind == "Real" and variable.variability == "continuous":
-            columns.append(np.interp(instants, times, values))
+            continuous[variable] = values
         else:
-            columns.append(values[np.maximum(last, 0)])
-    return Drive(fmu, tuple(variable for variable, _ in group), np.column_stack(columns), begins)
+            held[variable] = values[np.maximum(last, 0)]
+    drives = []
+    if continuous and solved:
+        after = times > grid.start
+        instants = np.append(grid.start, times[after])
+        columns = [np.append(np.interp(grid.start, times, v), v[after]) for v in continuous.values()]
+        drives.append(Drive(fmu, tuple(continuous), np.column_stack(columns), None, instants))
+    else:
+        held |= {variable: np.interp(instants, times, values) for variable, values in continuous.items()}
+    if held:
+        drives.append(Drive(fmu, tuple(held), np.column_stack(list(held.values())), begins))
+    return drives
 
 
 def _ticks(table: NumberTable, grid: StepGrid) -> np.ndarray:
@@ -494,10 +509,12 @@ def resolve_stimuli(
             with said_of(name):
                 positions = table(stimulus, name, None)
                 programmes[name] = resolve_programme(stimulus, positions, scenario, loaded)
-    constant = []
+    constant, solved = [], []
     for name, entry in loaded.items():
         simulation = entry.fmu.description.coSimulation
-        if simulation is not None and not entry.fmu.says("canHandleVariableCommunicationStepSize"):
+        if simulation is None:
+            solved.append(name)
+        elif not entry.fmu.says("canHandleVariableCommunicationStepSize"):
             constant.append(name)
     grid = make_grid(scenario, [end for _, end in programmes.values()], constant)
     grids = {name: grid.of_every(scenario.stride(name), setting.step_s) for name, setting in scenario.fmus.items()}
@@ -519,7 +536,7 @@ def resolve_stimuli(
                 new_drives = [resolve_constant(stimulus, interfaces)]
             else:
                 new_drives = resolve_rows(
-                    stimulus, lambda columns, s=stimulus, n=name: table(s, n, columns), grids, interfaces
+                    stimulus, lambda columns, s=stimulus, n=name: table(s, n, columns), grids, interfaces, solved
                 )
             for drive in new_drives:
                 drives.append((name, drive))

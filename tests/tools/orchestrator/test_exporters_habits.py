@@ -3,6 +3,7 @@
 import math
 import re
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -227,6 +228,45 @@ def test_a_table_of_inputs_is_read_as_fmpy_reads_it(version: int, interface: str
     # x' = t - x with x(0) = 0: the input holds over each step of 1 ms.
     assert run.table[f"{fmu.stem}.x"][-1] == pytest.approx(math.exp(-1.0), abs=1e-3)
     assert run.table[f"{fmu.stem}.y"].to_list()[::250] == [1.0, 1.0, 1.0, 2.0, 2.0]
+
+
+def carried(rows: list[tuple[float, float]], time: float) -> float:
+    """Return the solution of x' = u - x, x(0) = 0, for an input that is linear between rows."""
+    x = 0.0
+    for (begin, first), (end, last) in pairwise(rows):
+        length = min(end, time) - begin
+        if length > 0.0:
+            slope, gone = (last - first) / (end - begin), math.exp(-length)
+            x = x * gone + first * (1.0 - gone) + slope * (length - 1.0 + gone)
+    return x
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_solver_takes_inputs_at_all_times(version: int, tmp_path: Path) -> None:
+    """A ramp, a pulse between two steps, and a jump: the solution at the rows does not depend on the step."""
+    fmu = build_habit(Habit("driven", (), VARYING), version, "ModelExchange", tmp_path)
+    rows = [(0.0, 0.0), (0.3, 0.3), (0.305, 100.0), (0.31, 0.3), (0.6, -1.0), (0.6, 2.0), (2.0, 2.0)]
+    table = tmp_path / "u.csv"
+    table.write_text("time,u\n" + "".join(f"{time},{u}\n" for time, u in rows))
+    for step in (0.5, 0.1, 0.01):
+        run = library.simulate(fmu, stop=1.0, step=step, inputs=table)
+        expected = [carried(rows, time) for time in run.table["time_s"]]
+        assert run.table[f"{fmu.stem}.x"].to_list() == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize(("version", "interface"), EVERY)
+def test_an_initial_value_of_a_state_may_be_set(version: int, interface: str, tmp_path: Path) -> None:
+    begins = "variability='continuous' initial='exact'"
+    changes = (
+        ("variability='continuous'><Real />", f"{begins}><Real start='0'/>"),
+        ("causality='output' variability='continuous' />", f"causality='output' {begins} start='0'/>"),
+    )
+    fmu = build_habit(Habit("begun", changes=changes), version, interface, tmp_path)
+    run = library.simulate(fmu, stop=1.0, step=0.1, values=["x=3", "k=2"])
+    expected = [3.0 * math.exp(-2.0 * time) for time in run.table["time_s"]]
+    assert run.table[f"{fmu.stem}.x"].to_list() == pytest.approx(expected, abs=2e-5)
+    with pytest.raises(InputError, match=r"m of 'begun.*' is output, not a parameter or an input"):
+        library.simulate(fmu, values=["m=1"])
 
 
 def test_a_run_in_real_time_takes_its_time(tmp_path: Path) -> None:
