@@ -231,12 +231,14 @@ def test_ratio_of_a_sample_through_a_native_fmu_to_c(tmp_path: Path, capsys: pyt
     for name in ("two-sample-rodrigues", "adaptive-degree"):
         runs[f"{name}, numba"] = partial(run_algorithm, algorithm_named(name), renormalise=True)
         runs[f"{name}, native FMU"] = native_fmu(name, tmp_path / name)
-    costs, attitudes = {}, {}
-    for name, run in runs.items():
-        # The best of many short runs excludes other work of the machine.
-        costs[name], attitudes[name] = nanoseconds(run, increments, 200)
+    costs, attitudes = dict.fromkeys(runs, math.inf), {}
+    # The best of many short runs in turn excludes other work of the machine, which is the same for all.
+    for _ in range(25):
+        for name, run in runs.items():
+            cost, attitudes[name] = nanoseconds(run, increments, 5)
+            costs[name] = min(costs[name], cost)
     with capsys.disabled():
-        print(f"\n{SHORT} gyro samples, renormalised, best of 200\n{'':<34} {'ns a sample':>12} {'of C':>6}")
+        print(f"\n{SHORT} gyro samples, renormalised, best of 125\n{'':<34} {'ns a sample':>12} {'of C':>6}")
         for name, cost in costs.items():
             print(f"{name:<34} {cost:>12.1f} {cost / costs[c_name]:>6.2f}")
     for name in ("two-sample-rodrigues", "adaptive-degree"):

@@ -62,10 +62,11 @@ def scenario(folder: Path, steps: int, *, in_process: bool | None = True) -> Sce
 
 
 def seconds(folder: Path, steps: int, out: Path | None) -> float:
+    """Return the CPU time of a run: unlike the clock, it excludes other work of the machine."""
     gc.collect()
-    began = time.perf_counter()
+    began = time.process_time()
     run_scenario(scenario(folder, steps), out)
-    return time.perf_counter() - began
+    return time.process_time() - began
 
 
 def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
@@ -82,7 +83,7 @@ def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
     a, b, c = slaves
     a.setReal([0, 1, 2], [1.0, 2.0, 3.0])
     rows = [[0.0] * 7]
-    began = time.perf_counter()
+    began = time.process_time()
     for k in range(PLAIN_STEPS):
         t = k * STEP
         a.doStep(t, STEP)
@@ -91,7 +92,7 @@ def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
         c.setReal([0, 1, 2], b.getReal([3, 4, 5]))
         c.doStep(t, STEP)
         rows.append(b.getReal([3, 4, 5]) + c.getReal([3, 4, 5]) + a.getReal([3]))
-    elapsed = time.perf_counter() - began
+    elapsed = time.process_time() - began
     for slave in slaves:
         slave.terminate()
         slave.fmi2FreeInstance(slave.component)
@@ -101,15 +102,16 @@ def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
 @pytest.mark.benchmark_ratio
 def test_the_master_against_fmpys_list_api(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run_scenario(scenario(folder, 1))
-    elapsed, rows = plain_loop(folder, tmp_path / "unpacked")
-    plain = 1e6 * elapsed / PLAIN_STEPS
+    loops = [plain_loop(folder, tmp_path / f"unpacked-{turn}") for turn in range(3)]
+    rows = loops[0][1]
+    plain = 1e6 * min(elapsed for elapsed, _ in loops) / PLAIN_STEPS
     result = run_scenario(scenario(folder, PLAIN_STEPS)).table.drop("time_s").to_numpy()
     assert (result == rows).all()
     ours = 1e6 * min(seconds(folder, STEPS, None) for _ in range(3)) / STEPS
     disk = 1e6 * min(seconds(folder, STEPS, tmp_path / f"out-{turn}") for turn in range(3)) / STEPS
     with capsys.disabled():
         print(
-            f"\nthree coupled FMUs that compute next to nothing, seven recorded outputs, us a step: FMPy list API "
+            f"\nthree coupled FMUs that compute next to nothing, seven recorded outputs, CPU us a step: FMPy list API "
             f"{plain:.2f}, orchestrator {ours:.3f} ({plain / ours:.0f} times), to disk {disk:.3f}"
         )
     assert plain / ours > 100.0
