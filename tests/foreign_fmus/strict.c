@@ -1,7 +1,7 @@
 /* x' = u - k x with an event at 0.35 s, for FMI 2.0 and 3.0, model exchange and co-simulation (VERSION, EXCHANGE).
    Each call is accepted only in the modes in which the standard allows it; each step must begin where the last one
    ended and must not pass the stop time. The habits of exporters are macros: LATE, LOST, LIMITED, INTERNAL, FIXED,
-   CLOCK, EVENTS, NOT_A_NUMBER, DEADLY, DEAF, TALKING, HASTY, ENDING, PENDING, DISCARDING, READING, PRINTING, CHOOSY,
+   CLOCK, EVENTS, NOMINAL, NOT_A_NUMBER, DEADLY, DEAF, TALKING, HASTY, ENDING, PENDING, DISCARDING, READING, PRINTING, CHOOSY,
    ALLOCATING, PARTING. */
 #include <math.h>
 #include <stdio.h>
@@ -197,7 +197,11 @@ EXPORT Status F(GetContinuousStates)(Of c, double x[], size_t n) {
 EXPORT Status F(GetNominalsOfContinuousStates)(Of c, double x[], size_t n) {
     Model *m = c;
     ONLY(EVENT | CONTINUOUS, "GetNominalsOfContinuousStates")
+#ifdef NOMINAL
+    x[0] = NOMINAL;
+#else
     x[0] = 1.0;
+#endif
     return 0;
 }
 static Status derivatives(Model *m, double x[]) {
@@ -222,7 +226,7 @@ static Status settle(Model *m, double *next) {
 }
 static int ended(Model *m) {
 #ifdef ENDING
-    return m->v[TIME] > 0.45;
+    return m->v[TIME] > ENDING;
 #else
     return 0;
 #endif
@@ -354,8 +358,9 @@ EXPORT Status fmi3GetFloat64(Of c, const Reference r[], size_t n, double v[], si
 EXPORT Status fmi3UpdateDiscreteStates(Of c, Flag *again, Flag *terminate, Flag *nominals, Flag *values,
                                        Flag *defined, double *next) {
     Model *m = c;
-    *again = *terminate = *nominals = *values = 0;
+    *again = *nominals = *values = 0;
     Status status = settle(m, next);
+    *terminate = ended(m);
     *defined = m->v[TIME] < EVENT_AT;
     return status;
 }

@@ -126,6 +126,7 @@ class Slave:
         self.label = fmu.label
         self._log: deque[tuple[int, str]] = deque(maxlen=64)
         self._dead = self._freed = False
+        self._is_solved = bool(fmu.solver)
         try:
             if fmu.guest:
                 self._host: Library | Guest = Guest(fmu, name, self.hear)
@@ -280,8 +281,8 @@ class Slave:
     def ended_at(self, begin: float) -> float | None:
         """Return the time that the step reached if an FMU of FMI 2.0 discards it and asks for the end of the run.
 
-        Returns None if the step has not advanced: the FMU has then failed, even if it asks for the end. PythonFMU does
-        both when a script's step fails.
+        Returns None if the step has not advanced: an FMU with its own solver has then failed, even if it asks for the
+        end. PythonFMU does both when a script's step fails.
         """
         answers: list[bytes] = []
         for name, kind, size in (("Boolean", 3, 4), ("Real", 2, 8)):
@@ -295,7 +296,7 @@ class Slave:
                 return None
             answers += contents
         asks, (reached,) = any(answers[0]), struct.unpack("d", answers[1])
-        if asks and reached > begin:
+        if asks and (reached > begin or self._is_solved):
             return reached
         return None
 

@@ -374,13 +374,20 @@ class ExchangeSolver(Events):
             set_x=lambda x, n: self._vector("SetContinuousStates", x, n),
             get_dx=lambda x, n: self._vector(rates, x, n),
             get_z=lambda z, n: self._vector("GetEventIndicators", z, n),
-            get_nominals=lambda x, n: self._vector("GetNominalsOfContinuousStates", x, n),
+            get_nominals=self._nominals,
             set_time=self._set_time,
             input=_Inputs(),
             startTime=self.time,
             relativeTolerance=self._tolerance,
             maxNumSteps=MOST_SOLVER_STEPS,
         )
+
+    def _nominals(self, values: Any, count: int) -> None:
+        """Get the states' nominal values; some exporters write 0 for one that they do not know."""
+        self._vector("GetNominalsOfContinuousStates", values, count)
+        for k in range(count):
+            size = abs(values[k])
+            values[k] = size if 0.0 < size < math.inf else 1.0
 
     def _complete_step(self) -> bool:
         """Tell the FMU that a step of the solver is complete; return True if it asks for an event."""

@@ -83,11 +83,21 @@ def test_every_call_is_made_in_a_mode_that_allows_it(
 @pytest.mark.parametrize(("version", "interface"), EVERY)
 def test_an_fmu_may_ask_for_the_end_of_the_run(version: int, interface: str, tmp_path: Path) -> None:
     """It asks at 0.5 s, or at the solver's first step beyond 0.45 s: then the record ends at 0.4 s."""
-    run = run_of(Habit("ending", ("ENDING",)), version, interface, tmp_path)
+    run = run_of(Habit("ending", ("ENDING=0.45",)), version, interface, tmp_path)
     end_s = float(re.findall(r"^FMU 'plant' \(ending\S+\) ended the run at (\S+) s", run.ended)[0])
     assert 0.45 < end_s <= 0.5
     assert run.final_time_s == pytest.approx(0.5 if end_s == 0.5 else 0.4)
     assert run.table["plant.x"][-1] == pytest.approx(exact(run.final_time_s), abs=2e-5)
+    if interface == "ModelExchange":
+        run = run_of(Habit("ended", ("ENDING=-1.0",)), version, interface, tmp_path)
+        assert " ended the run at 0 s" in run.ended
+        assert run.table["time_s"].to_list() == [0.0]
+
+
+@pytest.mark.parametrize("nominal", [0.0, -1.0])
+def test_a_nominal_value_of_a_state_may_be_unknown(nominal: float, tmp_path: Path) -> None:
+    run = run_of(Habit("nominal", (f"NOMINAL={nominal}",)), 2, "ModelExchange", tmp_path)
+    assert run.table["plant.x"][-1] == pytest.approx(exact(1.0), abs=2e-5)
 
 
 REFUSED = {
