@@ -33,7 +33,8 @@ def hdf5_arrays(file: Any) -> list[Entry]:
         # MATLAB keeps the targets of references in #refs#
         if not is_array or name.startswith("#") or item.size * item.dtype.itemsize > LARGEST:
             return
-        unit = item.attrs.get("units", item.attrs.get("unit", ""))
+        stated = {key.lower(): value for key, value in item.attrs.items()}
+        unit = stated.get("units", stated.get("unit", ""))
         text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
         if item.dtype.names is None:
             add(name, item.shape, item.dtype, text, lambda: item[()])
@@ -44,6 +45,9 @@ def hdf5_arrays(file: Any) -> list[Entry]:
         if kind.base.kind in "iufb":
             entries.append((name, (*shape, *kind.shape), unit, load))
 
+    for name, value in file.attrs.items():
+        number = np.asarray(value)
+        add(name, number.shape, number.dtype, "", lambda number=number: number)
     file.visititems(visit)
     return entries
 

@@ -1,5 +1,7 @@
 """Find the columns of a record in a sheet: by the mapping, by names, by units, three at once."""
 
+import re
+
 from ..errors import InputError, nearest
 from ..records.columns import (
     ANGLES,
@@ -19,6 +21,9 @@ from .names import DATE, QUANTITY_OF, gyro_of, normal
 from .ranking import (
     Triad,
     force_units,
+    is_derived,
+    is_without_gravity,
+    may_be_channel,
     median_size,
     named_triads,
     quantities_of,
@@ -39,12 +44,17 @@ NO_READING = frozenset(
     ["std", "sigma", "noise", "bias", "error", "offset", "var", "rms", "max", "min", "cov", "gravity"]
 )
 """Words in the names of three columns that are not readings in any unit."""
+INSTRUMENTS = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}
 TRIADS_OF = {FORCE_QUANTITY: FORCE, RATE_QUANTITY: RATE}
 """Quantity -> its three columns of a record."""
 LEAST_PLAIN = 0.5
 """Median |f| below which numbers are gravity in no usual unit."""
+AXIS = re.compile(r"[xyz]\d*\b")
+"""Axis at the end of a word of a name."""
 MOST_SENSORS = 12
 """Largest number of sensors whose rows may be mixed in a table."""
+FEW_ROWS = 200
+"""Number of rows from which a table is likelier a series than a table of rests."""
 MOST_TRIADS = 3
 """Largest number of answers to a question about columns without names."""
 COLUMNS = QUANTITY_OF.keys() | {"position", DATE} | set(QUATERNION + APPROACH + UP + TEXTS)
@@ -77,6 +87,7 @@ def fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
             _take_triads(table, quantity, [field for field in filled if field not in fields.values()], candidates)
     fields |= _readings_beside(table, filled, candidates.keys() | fields.keys() | mapped)
     _refuse_parts(table, filled, candidates)
+    _ask_of_alike(table, candidates)
     for column, alike in candidates.items():
         if len(alike) == 1:
             fields[column] = alike[0]
@@ -89,6 +100,23 @@ def fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
         table.ask(f"columns.{column}", names[:4], why)
     _ask_of_crossed(table, fields)
     return fields
+
+
+def _ask_of_alike(table: UnderstoodTable, candidates: dict[str, list[Field]]) -> None:
+    """Ask at once for three channels that several columns each may be, those with the size of gravity first."""
+    for quantity, columns in TRIADS_OF.items():
+        groups = [candidates.get(column, []) for column in columns]
+        names = {field.head.text for group in groups for field in group}
+        if not len(groups[0]) == len(groups[1]) == len(groups[2]) > 1 or len(names) < 3 * len(groups[0]):
+            continue
+        triads = [Triad((x, y, z)) for x, y, z in zip(*groups, strict=True)]
+        if quantity == FORCE_QUANTITY:
+            triads.sort(key=lambda triad: not force_units(median_size(table, triad.fields)))
+        table.proposed[quantity] = triads[0].fields
+        answers = [triad.answer for triad in triads[: MOST_TRIADS + 1]]
+        table.ask(f"columns.{quantity}", answers, f"which columns are the {INSTRUMENTS[quantity]}")
+        for column in columns:
+            del candidates[column]
 
 
 def _ask_of_crossed(table: UnderstoodTable, fields: dict[str, Field]) -> None:
@@ -132,8 +160,8 @@ def _take_triads(
         candidates |= {column: [field] for column, field in zip(TRIADS_OF[quantity], triads[0].fields, strict=True)}
         return
     table.proposed[quantity] = triads[0].fields
-    instrument = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}[quantity]
-    table.ask(f"columns.{quantity}", [triad.answer for triad in triads], f"which columns are the {instrument}")
+    answers = [triad.answer for triad in triads]
+    table.ask(f"columns.{quantity}", answers, f"which columns are the {INSTRUMENTS[quantity]}")
 
 
 def _refuse_parts(table: UnderstoodTable, filled: list[Field], candidates: dict[str, list[Field]]) -> None:
@@ -239,10 +267,9 @@ def take_role(table: UnderstoodTable, fields: dict[str, Field], role: RecordKind
     missing = without_triads(table, [column for column in columns if column not in fields], fields)
     free = _channels_left_of(table, fields, quantity)
     if missing and len(free) < len(missing):
-        what = "gyros" if quantity == RATE_QUANTITY else "accelerometers"
         raise InputError(
-            f"{table.sheet.path}: none of its columns can be {what}; of two files one has the accelerometers and the "
-            "other the gyros: give that file, or import this one alone"
+            f"{table.sheet.path}: none of its columns can be {INSTRUMENTS[quantity]}; of two files one has the "
+            "accelerometers and the other the gyros: give that file, or import this one alone"
         )
     for column in missing:
         table.ask(f"columns.{column}", [field.label for field in free][:3], f"which column is {column}")
@@ -263,21 +290,31 @@ def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str,
     used = set(fields.values())
     for proposed in table.proposed.values():
         used.update(proposed)
-    free = []
+    is_series = len(table.rows) >= FEW_ROWS
+    free, without = [], []
     for field in table.filled:
-        if field not in used and field.texts and table.values(field.texts):
+        if is_without_gravity(field):
+            without.append(field.label)
+        elif field not in used and table.values(field.texts) and may_be_channel(table, field, is_series=is_series):
             free.append(field)
-    triads = [triad for triad in named_triads(free) if not triad.further and not triad.quantity]
+    triads = [triad for triad in named_triads(free) if not triad.quantity and not is_derived(triad)]
+    triads.sort(key=lambda triad: (triad.further, not force_units(median_size(table, triad.fields))))
     times = rising(table, free)[:1]
-    triads = triads or unnamed_triads(table, [field for field in free if not field.head.text and field not in times])
+    without_axis = [field for field in free if field not in times and not AXIS.search(normal(field.head.name))]
+    triads = triads or unnamed_triads(table, without_axis)
     left_over = list(missing)
     for quantity, columns in TRIADS_OF.items():
-        if not set(missing).issuperset(columns) or table.is_asked(f"columns.{quantity}") or not triads:
+        if not set(missing).issuperset(columns) or table.is_asked(f"columns.{quantity}"):
+            continue
+        if quantity == FORCE_QUANTITY and without:
+            what = f"{', '.join(without[:3])}: acceleration without gravity"
+            advice = "a record needs what the accelerometers read: export that too, or give --set columns.force=NAMES"
+            raise InputError(f"{table.sheet.path}: {what}; {advice}")
+        if not triads:
             continue
         table.proposed[quantity] = triads[0].fields
-        instrument = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}[quantity]
         answers = [triad.answer for triad in triads[:MOST_TRIADS]]
-        table.ask(f"columns.{quantity}", answers, f"which columns are the {instrument}")
+        table.ask(f"columns.{quantity}", answers, f"which columns are the {INSTRUMENTS[quantity]}")
         left_over = [column for column in left_over if column not in columns]
         triads = [triad for triad in triads if set(triad.fields).isdisjoint(table.proposed[quantity])]
     return left_over

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .array_reader import HDF5, NUMPY, UNNAMED
-from .layout import seconds_beside
+from .layout import are_beside, parts_of_seconds
+from .sheet import LOOKED_AT
 from .workbook import output_of_reader
 
 MOST_CHANNELS = 16
@@ -137,7 +138,7 @@ def _rows_of(shape: tuple[int, ...]) -> int:
 def _names_in(path: str, shape: tuple[int, ...], *, alone: bool) -> list[str]:
     """Return the names of an array's columns: its own, with the number of the column from 0."""
     folder, _, name = path.rpartition("/")
-    if name in ("x", "y", "z") and folder:
+    if name.lower() in ("x", "y", "z") and folder:
         name = f"{folder.rpartition('/')[2]} {name}"
     if _is_line(shape):
         return [name]
@@ -182,14 +183,18 @@ def labelled_channels(source: Any) -> list[Channel]:
 
 
 def joined_stamps(channels: list[Channel]) -> list[Channel]:
-    """Return columns with whole seconds and the nanoseconds beside them as one column of nanoseconds."""
-    places = seconds_beside([channel.name for channel in channels])
-    if not places:
-        return channels
-    whole, nano = (np.asarray(channels[place].values, dtype=np.int64) for place in places)
-    name = channels[places[0]].name.rpartition(".")[0] or "time"
-    others = [channel for place, channel in enumerate(channels) if place not in places]
-    return [Channel(name, whole * 10**9 + nano, "ns"), *others]
+    """Return columns with whole seconds and the part of a second beside them as one column of nanoseconds."""
+    for whole, part, digits, is_named in parts_of_seconds([channel.name for channel in channels]):
+        columns = [np.asarray(channels[place].values, dtype=np.float64) for place in (whole, part)]
+        if any(not np.isfinite(column).all() or (column != np.round(column)).any() for column in columns):
+            continue
+        seconds, parts = (column.astype(np.int64) for column in columns)
+        first = zip(*(column[:LOOKED_AT].astype(str).tolist() for column in (seconds, parts)), strict=True)
+        if is_named or are_beside(first, digits):
+            name = channels[whole].name.rpartition(".")[0] or "time"
+            others = [channel for place, channel in enumerate(channels) if place not in (whole, part)]
+            return [Channel(name, seconds * 10**9 + parts * 10 ** (9 - digits), "ns"), *others]
+    return channels
 
 
 def is_container(path: Path, begin: bytes) -> bool:
@@ -344,7 +349,7 @@ def _remark_of(output: io.StringIO) -> str:
 
 
 def _short(topic: str, column: str) -> str:
-    if column in ("x", "y", "z"):
+    if column.lower() in ("x", "y", "z"):
         return f"{topic} {column}"
     return column
 
@@ -363,8 +368,10 @@ def _tdms_parts(path: Path) -> list[Part]:
                 continue
             unit = str(channel.properties.get("unit_string", ""))
             same = channels.setdefault(len(values), [])
-            if not same and channel.properties.get("wf_increment"):
-                same.append(Channel("time", np.asarray(channel.time_track()), "s"))
+            step = channel.properties.get("wf_increment")
+            if not same and step:
+                begin = channel.properties.get("wf_start_offset", 0.0)
+                same.append(Channel("time", begin + np.arange(len(values)) * step, "s"))
             same.append(Channel(channel.name, values, unit))
         for rows, same in channels.items():
             names = tuple(one.name for one in same)

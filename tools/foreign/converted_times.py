@@ -15,7 +15,7 @@ from .mapping import OPEN, plural
 from .names import DATE, TIMES
 from .numbers import (
     clock,
-    parsed_moment,
+    moment,
 )
 from .understanding import CLOCK, UnderstoodTable
 
@@ -59,19 +59,22 @@ def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Se
     mapping = table.whole_mapping
     order = mapping.dates or "day-first"
     dates = texts.get(DATE, [""] * len(lines))
-    seconds = []
+    days, seconds = [], []
     for text, date, line in zip(texts[TIMES], dates, lines, strict=True):
-        at = clock(text, mapping.clock) if origin.form == CLOCK else parsed_moment(text, order, mapping.clock)
-        midnight = 0.0
-        if DATE in texts:
-            midnight = parsed_moment(date, order)
-        if at is None or midnight is None:
+        at: tuple[int, float | None] | None = (0, clock(text, mapping.clock))
+        if origin.form != CLOCK:
+            at = moment(text, order, mapping.clock)
+        midnight = moment(date, order) if DATE in texts else (0, 0.0)
+        if at is None or at[1] is None or midnight is None:
             what = f"column {origin.name!r}: {quoted(text.strip())} has another format than the times before"
             raise InputError(f"{table.sheet.path}: row {line}, {what}")
-        seconds.append(at + midnight)
+        days.append(at[0] + midnight[0])
+        seconds.append(at[1] + midnight[1])
     table.notes.append("times count from the first row")
-    table.start = Decimal(repr(seconds[0]))
-    values = _without_clock_changes(table, np.array(seconds), texts[TIMES], lines) - seconds[0]
+    table.start = days[0] * Decimal(DAY) + Decimal(repr(seconds[0]))
+    # days and seconds apart: doubles hold few digits of both together
+    days, seconds = DAY * np.array(days), np.array(seconds)
+    values = (days - days[0]) + (seconds - seconds[0]) + _clock_changes(table, days + seconds, texts[TIMES], lines)
     if origin.form == CLOCK and DATE not in texts:
         nights = np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * DAY)
         if nights.any():
@@ -90,14 +93,14 @@ def counted_times(table: UnderstoodTable, values: NDArray[np.float64]) -> NDArra
     return values * unit.factor
 
 
-def _without_clock_changes(
+def _clock_changes(
     table: UnderstoodTable, seconds: NDArray[np.float64], texts: Sequence[str], lines: Sequence[int]
 ) -> NDArray[np.float64]:
-    """Remove the hours of clock changes from local times (N,) [s]; ask if one jumps at a full hour."""
+    """Return the seconds (N,) that remove clock changes from local times; ask if one jumps at a full hour."""
     steps = np.diff(seconds)
     answer = table.mapping.clock_changes
     if not steps.size or answer == "none" or ZONE.search(texts[0].strip()):
-        return seconds
+        return 0.0 * seconds
     period = float(np.median(np.abs(steps)))
     near = max(3.0 * period, 2.0)
     is_change = np.abs(np.abs(steps - period) - HOUR) <= near
@@ -106,15 +109,15 @@ def _without_clock_changes(
         is_change &= np.abs((moments + 0.5 * HOUR) % HOUR - 0.5 * HOUR) <= near
     changes = np.flatnonzero(is_change)
     if period > 0.1 * HOUR or not changes.size:
-        return seconds
+        return 0.0 * seconds
     if answer in ("", OPEN):
         row = int(changes[0])
         why = f"row {lines[row]} is of {texts[row].strip()!r}, the next of {texts[row + 1].strip()!r}"
         table.ask("clock_changes", ("corrected", "none"), f"{why}: whether the clock was changed")
-        return seconds
+        return 0.0 * seconds
     jumps = np.zeros(len(seconds))
     jumps[changes + 1] = -HOUR * np.sign(steps[changes] - period)
-    return seconds + np.cumsum(jumps)
+    return np.cumsum(jumps)
 
 
 def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:

@@ -68,6 +68,8 @@ MOST_WORDS = 6
 """Largest number of different words in a column of numbers that a question names."""
 MOST_ODD, NOTATION = 2, re.compile(r"\d[.,]\d|^0x|^[\da-fA-F]{4,}$")
 """Largest number of texts in another notation, such as (1.5), 1.5- or 0x1F; more are refused."""
+SEEN = 50
+"""Number of texts of a column that show decimal marks before its meaning is known."""
 OTHER_MARK = {".": ",", ",": "."}
 """Decimal mark -> mark between thousands beside it."""
 
@@ -84,6 +86,12 @@ def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -
     if preset is not None:
         mapping = preset.filled_in(mapping, names)
     table = UnderstoodTable(sheet, layout, mapping, given=given)
+    marks = Marks()
+    for field in table.filled:
+        for text in field.texts[:SEEN]:
+            marks.see(bare(text))
+    # until the columns are known
+    table.decimal = sheet.stated.decimal or ("," if set(marks.decimal) == {","} else ".")
     if sheet.stated.remark:
         table.notes.append(sheet.stated.remark)
     ask_of_instances(table, "" if preset is None else preset.instance)

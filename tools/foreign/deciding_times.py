@@ -89,43 +89,32 @@ def _ask_for_time(table: UnderstoodTable) -> None:
     """Ask for the source of times in a table without a known column of times."""
     if table.mapping.time == "order" or table.kind is POSES:
         return
-    if table.is_asked("kind"):
-        _ask_which_time(table)
+    is_series, is_kind_open = len(table.rows) >= MANY_ROWS, table.is_asked("kind")
+    timed = [field.head.text for field in table.filled if field.quantity == TIME]
+    if not is_kind_open:
+        _refuse_period(table, "no column has the name of a time")
+        if table.kind is POSITION and not timed:
+            table.settled["time"] = "order"
+            table.notes.append("no time is written: the rows count in their order")
+            return
+    if TIME in table.mapping.units or (is_kind_open and not is_series):
         return
-    _refuse_period(table, "no column has the name of a time")
-    if table.kind is POSITION and not any(field.quantity == TIME for field in table.filled):
-        table.settled["time"] = "order"
-        table.notes.append("no time is written: the rows count in their order")
-        return
-    is_position, has_unit = table.kind is POSITION, TIME in table.mapping.units
-    timed = []
-    for field in table.filled:
-        if field.quantity == TIME:
-            timed.append(field.head.text)
-    if timed and not has_unit:
-        in_order = ""
-        if is_position:
-            in_order = "; rows in their order: --set time=order"
+    if timed and not is_kind_open:
+        in_order = "; rows in their order: --set time=order" if table.kind is POSITION else ""
         table.ask("columns.time_s", timed[:3], f"which column is the time{in_order}")
         return
-    why = "no column is known as a time: {}; else columns.time_s=NAME names it"
-    if not table.sheet.stated.time and not has_unit:
-        likely = table.sheet.stated.likely_rate or likely_of(table.mapping).get(TIME, "100 Hz")
-        table.ask("units.time", (likely,), why.format("rows at which rate"))
-
-
-def _ask_which_time(table: UnderstoodTable) -> None:
-    """Ask for the time of a series whose kind is open: a column that rises, or the rate of its rows."""
-    if len(table.rows) < MANY_ROWS or TIME in table.mapping.units:
+    if table.sheet.stated.time:
         return
-    risen = rising(table, table.filled)
+    rate = table.sheet.stated.likely_rate or likely_of(table.mapping).get(TIME, "100 Hz")
+    risen = [field for field in rising(table, table.filled) if field.quantity in ("", TIME)] if is_series else []
     if not risen:
-        table.ask("units.time", ("100 Hz",), "no column has the name of a time; which rate do the rows have")
+        why = "no column is known as a time: rows at which rate; else columns.time_s=NAME names it"
+        table.ask("units.time", (rate,), why)
         return
-    labels = [field.label for field in risen]
-    table.ask("columns.time_s", labels[:3], "which column is the time")
-    answers = dict.fromkeys([*time_units(table, risen[0]), "s", "ms", "us"])
-    table.ask("units.time", list(answers), "no unit of time is written")
+    table.ask("columns.time_s", [field.label for field in risen[:3]], "which column is the time; none: a rate is asked")
+    counts = table.values(risen[0].texts)
+    likely = [rate] if counts[-1] - counts[0] == len(counts) - 1 else time_units(table, risen[0])
+    table.ask("units.time", list(dict.fromkeys([*likely, "s", "ms", "us"])), "no unit of time is written")
 
 
 def _refuse_period(table: UnderstoodTable, where: str) -> None:

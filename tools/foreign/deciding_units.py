@@ -6,7 +6,7 @@ from dataclasses import replace
 from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, POSES, POSITION, RATE
 from .mapping import OPEN, TRIADS
-from .names import QUANTITY_OF, SAMPLE, TIMES
+from .names import QUANTITY_OF, SAMPLE, TIMES, normal
 from .numbers import sexagesimal, unit_behind
 from .ranking import angle_unit, force_units, likely_units, median_size
 from .understanding import CLOCK, MOMENT, Origin, UnderstoodTable
@@ -89,9 +89,14 @@ def _check_size(table: UnderstoodTable) -> None:
         table.notes.append(f"|f| is about {size:.3g} g in the unit that is given, not 1 g")
     if is_answered or table.mapping.integers not in ("", OPEN):
         return
-    if of_layout and not TRUE_SIZE[0] < size < TRUE_SIZE[1] and force_units(median_size(table, fields)):
+    near: list[str] = []
+    if force_units(size * ONE_G / unit.factor):
         near = likely_units(table, "force", fields, EXAMPLES["force"][:3], None)
-        table.ask("units.force", near, f"|f| is about {size:.3g} g in the unit of {table.mapping.preset}")
+    is_linear = all("linear" in normal(field.head.name).split() for field in fields)
+    if (of_layout or is_linear) and not TRUE_SIZE[0] < size < TRUE_SIZE[1] and (near or size >= LEAST_SIZE):
+        written = answers.get("force", "") or fields[0].head.unit
+        of_what = f"the unit of {table.mapping.preset}" if of_layout else f"{written}: gravity may not be in it"
+        table.ask("units.force", near or (written,), f"|f| is about {size:.3g} g in {of_what}")
     elif size < LEAST_SIZE and table.kind not in (POSITION, POSES) and len(fields[0].cells) >= FEWEST:
         names = ", ".join(field.label for field in fields)
         what = f"{names}: |f| is about {size:.3g} g: these accelerations have another unit, or no gravity"

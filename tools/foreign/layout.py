@@ -5,7 +5,7 @@ Two other shapes are made upright first: a column for each position, and a block
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise, zip_longest
 
@@ -13,9 +13,9 @@ from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
 from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, normal, of_name
-from .numbers import bare, has_degree_mark, is_missing, parsed_number, unit_behind
+from .numbers import bare, has_degree_mark, is_clock, is_missing, parsed_number, unit_behind
 from .sheet import LOOKED_AT, Row, Sheet, cell, has_text, is_data, is_value, is_word
-from .units import known_unit
+from .units import TIME, known_unit
 
 TAIL = 300
 """Number of lines at the end of a file that are searched for the last row of data."""
@@ -25,10 +25,10 @@ MOST_REMARKS = 60
 """Largest number of lines around the table that are kept."""
 LONGEST_REMARK = 300
 """Largest number of characters that are kept of such a line."""
-NANOSECONDS = re.compile(r"(?P<before>.* |)(nano ?secs?|nsecs?|nano ?seconds?)")
-SECONDS = ("sec", "secs", "seconds")
-"""Names of nanoseconds, and of whole seconds beside them."""
-NANOSECOND_DIGITS = 9
+PART_DIGITS = {1e-3: 3, 1e-6: 6, 1e-9: 9}
+"""Unit of a part of a second [s] -> its digits."""
+SECONDS = ("s", "sec", "secs", "seconds")
+"""Names of whole seconds."""
 OF_A_REST = (POSITION, *ANGLES, TEMPERATURE, TIMES, DATE)
 """Columns that the heading of a block may give for a rest."""
 LEAST_BLOCKS = 2
@@ -67,7 +67,7 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     for row in head:
         if row[0] < first:
             above.append(row)
-    rows = head[len(above) :]
+    above, rows = _with_name_of_index(above), head[len(above) :]
     width = Counter(_width(texts) for _, texts in rows).most_common(1)[0][0]
     units, names = mapping.units_row, mapping.names
     if units < 0:
@@ -117,6 +117,13 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     if last:
         around += sheet.rows(last + 1)
     return SheetLayout(names, units, first, last, from_one(headings), rows, _remarks(around))
+
+
+def _with_name_of_index(above: list[Row]) -> list[Row]:
+    """Return rows above the data with the name of pandas's index, alone in its row, in the row of names above it."""
+    if len(above) > 1 and _width(above[-1][1]) == 1 and not above[-2][1][0].strip() and _width(above[-2][1]) > 2:
+        return [*above[:-2], (above[-2][0], [above[-1][1][0], *above[-2][1][1:]])]
+    return above
 
 
 def has_table(sheet: Sheet, mapping: Mapping) -> bool:
@@ -284,39 +291,79 @@ def _printable(text: str) -> str:
     return " ".join(printable(text).split()).lstrip("# ")[:LONGEST_REMARK]
 
 
-def seconds_beside(names: Sequence[str]) -> tuple[int, ...]:
-    """Return the places of whole seconds and of the nanoseconds beside them among some names, if they are there."""
-    plain = [normal(name) for name in names]
-    for place, name in enumerate(plain):
-        match = NANOSECONDS.fullmatch(name)
-        for word in SECONDS:
-            if match is not None and (whole := match["before"] + word) in plain:
-                return plain.index(whole), place
-    return ()
+def parts_of_seconds(names: Sequence[str]) -> Iterator[tuple[int, int, int, bool]]:
+    """Yield the places of a time and of a part of a second that may stand beside it, by their names.
+
+    With them come the digits of the part, 0 for a fraction, and whether the time is in seconds by its name.
+    """
+    words = [normal(re.sub(r"[\[(].*?[\])]", "", name)).split() for name in names]
+    plain = [" ".join(all_words) for all_words in words]
+    for place, all_words in enumerate(words):
+        before, digits = all_words, -1
+        if any(word.startswith("frac") for word in all_words):
+            before, digits = [word for word in all_words if not word.startswith("frac")], 0
+        for count in (1, 2):
+            unit = known_unit("".join(all_words[-count:]))
+            if len(all_words) >= count and unit is not None and unit.quantity == TIME:
+                before, digits = all_words[:-count], PART_DIGITS.get(unit.factor, -1)
+        if digits < 0:
+            continue
+        seconds = [" ".join([*before, word]) for word in SECONDS]
+        for whole, name in enumerate(plain):
+            is_time = name == " ".join(before) or (not before and heading(names[whole]).column == TIMES)
+            if whole != place and (name in seconds or is_time):
+                yield whole, place, digits, name in seconds and digits > 0
+
+
+def of_seconds(whole: str, part: str, digits: int) -> str:
+    """Return a time of whole seconds with a part of a second; "" if they are none."""
+    whole, part = whole.strip().removesuffix(".0"), part.strip().removesuffix(".0")
+    if not digits and part.startswith(("0.", "0,")):
+        part, digits = part[2:], len(part) - 2
+    is_whole = whole.isdecimal() or (is_clock(whole) and whole.count(":") == 2)
+    if is_whole and part.isdecimal() and 0 < len(part) <= digits:
+        return f"{whole}.{part.zfill(digits)}"
+    return ""
+
+
+def are_beside(pairs: Iterable[tuple[str, str]], digits: int) -> bool:
+    """Return True if parts of a second prove themselves: whole seconds repeat, and in them only the parts grow."""
+    times = [(whole.strip(), of_seconds(whole, part, digits)) for whole, part in pairs if whole.strip()]
+    repeated = 0
+    for (second, time), (next_second, next_time) in pairwise(times):
+        if not time or not next_time or (second == next_second and next_time <= time):
+            return False
+        repeated += second == next_second
+    return repeated > 0
 
 
 def with_exact_seconds(sheet: Sheet) -> Sheet:
-    """Return a sheet whose whole seconds and the nanoseconds beside them are one time, as ROS writes them apart."""
-    for line, texts in islice(sheet.rows(), LOOKED_AT):
-        places = seconds_beside(texts)
-        if places:
-            return _with_joined(sheet, line, *places)
+    """Return a sheet whose whole seconds and the part of a second beside them are one time."""
+    rows = list(islice(sheet.rows(), LOOKED_AT))
+    for k, (line, texts) in enumerate(rows):
+        if is_data(texts):
+            break
+        for whole, part, digits, is_named in parts_of_seconds(texts):
+            below = [row for _, row in rows[k + 1 :] if is_data(row)]
+            pairs = [(cell(row, whole), cell(row, part)) for row in below]
+            if is_named or are_beside(pairs, digits):
+                return _with_joined(sheet, line, whole, part, digits)
     return sheet
 
 
-def _with_joined(sheet: Sheet, head: int, whole: int, nano: int) -> Sheet:
-    """Join two columns below the line of their names to one time in seconds; the nanoseconds' column goes."""
+def _with_joined(sheet: Sheet, head: int, whole: int, part: int, digits: int) -> Sheet:
+    """Join two columns below the line of their names to one time; the column of the part goes."""
     cells: list[list[str]] = []
     for line, texts in sheet.rows():
         cells += [[] for _ in range(line - 1 - len(cells))]
         joined = list(texts)
-        seconds, part = cell(texts, whole).strip(), cell(texts, nano).strip()
+        time = of_seconds(cell(texts, whole), cell(texts, part), digits)
         if line == head:
             joined[whole] = "time [s]"
-        elif line > head and seconds.isdecimal() and part.isdecimal() and len(part) <= NANOSECOND_DIGITS:
-            joined[whole] = f"{seconds}.{part.zfill(NANOSECOND_DIGITS)}"
-        if len(joined) > nano:
-            joined.pop(nano)
+        elif line > head and time:
+            joined[whole] = time
+        if len(joined) > part:
+            joined.pop(part)
         cells.append(joined)
     return replace(sheet, lines=(), cells=cells)
 

@@ -46,7 +46,7 @@ _AXES = {
     ANGLES[1]: "beta β inner innen innenachse innenwinkel innere innerer interieur interne внутреннии внутренняя бета",
 }
 _TRIADS = {
-    FORCES: "f,a,acc,accl,accel,accelerometer,acceleration,akzelerometer,beschl,beschleunigung,sf,ускорение,"
+    FORCES: "f,gf,a,acc,acce,accl,accel,accelerometer,acceleration,akzelerometer,beschl,beschleunigung,sf,ускорение,"
     "акселерометр,specific force,linear acceleration,total acceleration",
     RATES: "pqr,w,ω,omega,gyr,gyro,gyros,gyroscope,kreisel,drehrate,rate,omg,winkelgeschwindigkeit,гироскоп,"
     "angular rate,angular velocity,angular speed,rotation rate,rate gyro",
@@ -54,12 +54,13 @@ _TRIADS = {
     VELOCITIES: "dv,dvel,delta v,delta vel,delta velocity,velocity increment",
 }
 """Columns of three channels -> their names without the axis."""
-_STEMS = "accelerometer|acceleration|accel|accl|acc|gyroscope|gyro|gyr|omega|omg|rate|dtheta|dθ|dvel|dv|f|a|w|ω"
+_STEMS = "accelerometer|acceleration|accel|accl|acce|acc|gyroscope|gyro|gyr|omega|omg|rate|dtheta|dθ|dvel|dv|gf|f|a|w|ω"
 _PATTERNS = (
     (
         SAMPLE,
         ("", TIME),
-        r"samples?( ?(no|nr|number|index|count|counter))?|counter|packet ?(counter|no)|index|idx|frame|scan",
+        r"samples?( ?(no|nr|number|index|count|counter))?"
+        r"|(data ?)?(counter|cntr|cnt)|packet ?(counter|no|number)|index|idx|frame|scan",
     ),
     (
         TIMES,
@@ -277,6 +278,9 @@ def column_of(name: str, unit: LaboratoryUnit | None) -> str:
 
 def _triad(words: list[str], quantity: str) -> str:
     """Return the channel of three that words name: "acc x", "ax", "gyro 2", "x" with a unit of specific force."""
+    if len(words) == 2 and words[0] == "g":
+        # gFx: in units of gravity
+        words = ["".join(words)]
     if len(words) == 1:
         channel = re.fullmatch(rf"(?P<stem>{_STEMS}|g)?(?P<axis>[xyz123])", words[0])
         if channel is None:

@@ -6,6 +6,7 @@ Their order is z, -y, x; counts are increments of velocity and angle over a samp
 import re
 import zlib
 from collections.abc import Sequence
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 import polars as pl
@@ -15,7 +16,7 @@ from .sheet import HeaderFacts, Sheet
 
 LINE = re.compile(r"[%#]RAWIMU(?P<short>S?)(?P<extended>X?)A,")
 NAMES = ("week", "time", "dvel z", "dvel y", "dvel x", "dtheta z", "dtheta y", "dtheta x")
-UNITS = ("", "s", "LSB", "LSB", "LSB", "LSB", "LSB", "LSB")
+UNITS = ("", "ns", "LSB", "LSB", "LSB", "LSB", "LSB", "LSB")
 
 
 def is_novatel(lines: Sequence[str]) -> bool:
@@ -24,11 +25,11 @@ def is_novatel(lines: Sequence[str]) -> bool:
 
 
 def novatel_sheet(path: Path, lines: Sequence[str]) -> Sheet:
-    """Return the raw IMU logs of a file as columns of counts with x, y, z and the time of week [s].
+    """Return the raw IMU logs of a file as columns of counts with x, y, z and the time since the first GPS week [ns].
 
     Raises InputError for a line whose checksum is wrong, or that ends too early.
     """
-    rows: list[list[float]] = []
+    rows: list[list[int]] = []
     for number, line in enumerate(lines, 1):
         form = LINE.match(line)
         if not form:
@@ -41,12 +42,12 @@ def novatel_sheet(path: Path, lines: Sequence[str]) -> Sheet:
         if len(fields) != before + 9:
             raise InputError(f"{path}: row {number}: has {len(fields)} fields; {before + 9} are needed")
         try:
-            week, seconds = int(fields[before]), float(fields[before + 1])
+            week, nanoseconds = int(fields[before]), int(Decimal(fields[before + 1]) * 10**9)
             counts = [int(field) for field in fields[before + 3 :]]
-        except ValueError as error:
+        except (ValueError, InvalidOperation) as error:
             raise InputError(f"{path}: row {number}: holds something that is not a number ({error})") from error
         z, minus_y, x, turn_z, minus_turn_y, turn_x = counts
-        rows.append([week, week * 604800.0 + seconds, z, -minus_y, x, turn_z, -minus_turn_y, turn_x])
+        rows.append([week, week * 604800 * 10**9 + nanoseconds, z, -minus_y, x, turn_z, -minus_turn_y, turn_x])
     frame = pl.DataFrame(rows, schema=list(NAMES), orient="row")
     stated = HeaderFacts(header_row=1, first_row=2, units=UNITS)
     return Sheet(path, name="raw IMU logs", stated=stated, frame=frame)

@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from datetime import UTC, date, datetime
+from datetime import date, datetime
 
 MISSING = frozenset(
     ("", "n/a", "#n/a", "n.a.", "na", "nan", "#nv", "#na", "k.a.", "null", "none", "-", "--", "---", "–", "—", "...")
@@ -25,6 +25,8 @@ _DEGREES = re.compile(
 )
 _UNIT_BEHIND = re.compile(r"(?<=[\d.,])\s*(?![eE][+-]?\d)[^\W\d_]*°?[^\W\d_]{0,5}(?:/[^\s\d]{1,5}[²2]?|°)?$")
 _CLOCK = re.compile(r"(\d{1,3}):(\d{1,2})(?::(\d{1,2}(?:[.,:]\d*)?))?\s*(am|pm)?", re.IGNORECASE)
+_DAYS = re.compile(r"^(\d{1,5}) days? (?=\d+:)")
+_ZONE = re.compile(r"(?<=\d) ?(?:Z|(?P<sign>[+-])(?P<hours>\d\d):?(?P<minutes>\d\d))$")
 _MINUTES = re.compile(r"(\d{1,3}):(\d{1,2}[.,]\d+)")
 _DATE = re.compile(r"(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})")
 _NAMED = re.compile(r"(\d{1,2})[. -]+([^\W\d_]{3,9})[. -]+(\d{4}|\d{2})|([^\W\d_]{3,9})[. ]+(\d{1,2}),? (\d{4})")
@@ -185,6 +187,10 @@ def has_degree_mark(text: str) -> bool:
 def clock(text: str, form: str = "") -> float | None:
     """Return the seconds of a time of day, "10:15:30,5 pm"; `form`, h:m or m:s, defines a time of two parts."""
     text = text.strip()
+    after = _DAYS.match(text)
+    if after:
+        since = clock(text[after.end() :], form)
+        return None if since is None else int(after[1]) * 86400.0 + since
     short, time = _MINUTES.fullmatch(text), _CLOCK.fullmatch(text)
     if short:
         # only seconds have decimals
@@ -214,7 +220,8 @@ def _seconds(hours: str, minutes: str, seconds: str, most: int) -> float | None:
 
 def is_clock(text: str) -> bool:
     """Return True if a text has the form of a time of day."""
-    return _CLOCK.fullmatch(text.strip()) is not None or _MINUTES.fullmatch(text.strip()) is not None
+    text = _DAYS.sub("", text.strip(), count=1)
+    return _CLOCK.fullmatch(text) is not None or _MINUTES.fullmatch(text) is not None
 
 
 def two_parts(text: str) -> bool:
@@ -269,26 +276,42 @@ def _spelled(text: str) -> str:
     return _COMPACT.sub(r"\1-\2-\3 \4:\5:\6", text)
 
 
-def parsed_moment(text: str, order: str, form: str = "") -> float | None:
-    """Return the seconds since the start of 2020 for a date, or a date and time in one cell; None for any other
-    text."""
+def moment(text: str, order: str, form: str = "") -> tuple[int, float] | None:
+    """Return the days since the start of 2020 and the seconds of the day (UTC if a zone is written) of a date, or of a
+    date and time in one cell; None for any other text."""
     text = _spelled(text)
+    zone = _ZONE.search(text)
+    if zone is not None and ":" in text[: zone.start()]:
+        text = text[: zone.start()]
+        if zone["hours"]:
+            shift = int(zone["hours"]) * 3600.0 + int(zone["minutes"]) * 60.0
+        else:
+            shift = 0.0
+        if zone["sign"] == "-":
+            shift = -shift
+    else:
+        shift = 0.0
     on, seconds = day(text, order), 0.0
     if on is None and ("T" in text or " " in text):
-        parts = _BEFORE_CLOCK.split(text.rstrip("Z"), maxsplit=1)
+        parts = _BEFORE_CLOCK.split(text, maxsplit=1)
         if len(parts) == 2:
             on, seconds = day(parts[0], order), clock(parts[1], form)
     if on is None or seconds is None:
         try:
-            instant = datetime.fromisoformat(text)
+            on = datetime.fromisoformat(text)
         except ValueError:
             return None
-        if instant.tzinfo is not None:
-            instant = instant.astimezone(UTC)
-        on = instant
-        seconds = instant.hour * 3600.0 + instant.minute * 60.0 + instant.second + instant.microsecond * 1e-6
-    # few enough digits for microseconds
-    return (on.toordinal() - date(2020, 1, 1).toordinal()) * 86400.0 + seconds
+        seconds = on.hour * 3600.0 + on.minute * 60.0 + on.second + on.microsecond * 1e-6
+    return on.toordinal() - date(2020, 1, 1).toordinal(), seconds - shift
+
+
+def parsed_moment(text: str, order: str, form: str = "") -> float | None:
+    """Return the seconds since the start of 2020 for a date, or a date and time in one cell; None for any other
+    text."""
+    at = moment(text, order, form)
+    if at is None:
+        return None
+    return at[0] * 86400.0 + at[1]
 
 
 def date_of(text: str) -> str | None:

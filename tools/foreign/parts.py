@@ -27,6 +27,8 @@ from .ranking import named_triads
 from .sheet import HeaderFacts, Sheet, cell
 from .understanding import Field
 
+WHOLE = "(all)"
+"""Name of the table of all columns of a file."""
 GUESSES = ("numbers", "gyros", "accelerometers", "gyros and accelerometers")
 """Meanings of a table's columns by their names, by rank."""
 
@@ -41,7 +43,7 @@ class TableInFile:
     guess: str
 
     def __str__(self) -> str:
-        return f"{self.name or '(the file)'}: {self.rows} rows, {self.columns} columns, {self.guess}"
+        return f"{self.name or WHOLE}: {self.rows} rows, {self.columns} columns, {self.guess}"
 
 
 def tables_in(file: Path) -> list[TableInFile]:
@@ -71,16 +73,17 @@ def sheet_of_part(file: Path, name: str) -> Sheet:
     Raises InputError if there is no such table.
     """
     parts = parts_of(file, read_begin(file))
-    names = [part.name for part in parts]
     if name:
-        chosen = [part for part in parts if part.name == name.strip("/")]
+        chosen = [part for part in parts if (part.name or WHOLE) == (name.strip("/") or WHOLE)]
         if not chosen:
-            raise InputError(f"{file}: --from {name}: is not a table in it; {nearest(name, names)}")
+            raise InputError(
+                f"{file}: --from {name}: is not a table in it; {nearest(name, [part.name or WHOLE for part in parts])}"
+            )
     else:
         best = max(rank_of(part.names) for part in parts)
         chosen = [part for part in parts if rank_of(part.names) == best]
-    chosen.sort(key=lambda part: (-(heading_of_time(part)), -part.rows, part.name))
-    others = tuple(part.name or "(all)" for part in chosen) if len(chosen) > 1 else ()
+    chosen.sort(key=lambda part: (-(heading_of_time(part)), not part.name, -part.rows, part.name))
+    others = tuple(part.name or WHOLE for part in chosen) if len(chosen) > 1 else ()
     return _sheet(file, chosen[0], others)
 
 

@@ -24,13 +24,14 @@ from .understanding import Field, UnderstoodTable
 from .units import ANGLE, FORCE, RATE, TIME, VELOCITY, LaboratoryUnit, known_unit, scaled_unit
 
 _WORDS = {
-    FORCE: "acc accel accl accelerometer acceleration accelerations beschleunigung sf",
+    FORCE: "acc acce accel accl accelerometer acceleration accelerations beschleunigung sf",
     RATE: "gyr gyro gyros gyroscope rate omega omg ars kreisel drehrate",
 }
 """Quantity -> words of names that mean it, with further words beside them."""
 _OTHER = (
-    "std sigma noise bias error offset var rms max min cov covariance gravity free user mag magn magnetic magnetometer "
-    "field est estimated gps vel velocity pos position quat quaternion euler angle dt clipping temp temperature"
+    "std sigma noise bias error offset var rms max min cov covariance gravity free user lin mag magn magnetic "
+    "magnetometer field est estimated gps vel velocity pos position quat quaternion euler angle dt clipping temp "
+    "temperature"
 )
 """Words of names that are no readings of the instrument."""
 _NO_CHANNEL = (
@@ -38,6 +39,8 @@ _NO_CHANNEL = (
     "gravity lat lon latitude longitude altitude"
 )
 """Words of names that are neither accelerometers, gyros nor angles of a table."""
+_NO_GRAVITY = frozenset(("free", "user", "lin"))
+"""Words of accelerations without gravity."""
 LETTERS, DIGITS = ("x", "y", "z"), ("0", "1", "2", "3")
 AXES = (LETTERS, DIGITS[1:], DIGITS[:3])
 """Axes of three columns, in order."""
@@ -104,7 +107,7 @@ def named_triads(fields: Sequence[Field]) -> list[Triad]:
         if len(words) == 1:
             # gx, gy, gz
             words = re.sub(r"^([a-z])([xyz])$", r"\1 \2", words[0]).split()
-        axes = [word for word in words if word in LETTERS] or [word for word in words if word in DIGITS]
+        axes = [word for word in words if word in LETTERS] or [word for word in words if word.isdecimal()]
         if len(axes) == 1:
             stem = tuple(word for word in words if word != axes[0])
             groups.setdefault(stem, {})[axes[0]] = field
@@ -128,6 +131,17 @@ def may_be_channel(table: UnderstoodTable, field: Field, *, is_series: bool) -> 
     if not is_series:
         return True
     return len(set(field.texts)) >= FEWEST_VALUES and not rising(table, [field])
+
+
+def is_without_gravity(field: Field) -> bool:
+    """Return True if a name means acceleration without gravity: free, of the user, or linear in short."""
+    words = normal(field.head.name).split()
+    return not _NO_GRAVITY.isdisjoint(words) and FORCE in quantities_of(words)
+
+
+def is_derived(triad: Triad) -> bool:
+    """Return True if the names of three columns mean something that is no reading of the instrument."""
+    return not set(_OTHER.split()).isdisjoint(normal(triad.fields[0].head.name).split())
 
 
 def _quantity_of(stem: Sequence[str], of_unit: str) -> str:
@@ -307,6 +321,8 @@ def _force_answers(values: NDArray[np.float64], likely: list[str]) -> list[str]:
     if bool((values == np.round(values)).all()) and largest > LARGEST_PLAIN:
         counts = [text for text in near if "LSB" in text] or [f"{round(size)} LSB/g"]
         near = counts + [text for text in near if text not in counts]
+    else:
+        near.sort(key=lambda text: "LSB" in text)
     agreed = [text for text in likely if text in near]
     return agreed + near + [text for text in likely if not near]
 

@@ -44,6 +44,7 @@ OTHERS = {
     r"%PDF-": "is a PDF; export the table as CSV",
     r"(?i)<(\?xml|!doctype|html|table)\b": "is HTML or XML, whatever its name; save it from a spreadsheet as CSV",
     r'\{\s*["}]|\[\s*[{[]': "is JSON; save its table as CSV",
+    r"FMT, ?\d+,": "is a text log of ArduPilot; convert its .bin: mavlogdump.py --format csv --types IMU",
 }
 """First bytes (as Latin-1) of files that are not text with a table, with advice."""
 MARKERS = {
@@ -53,6 +54,8 @@ MARKERS = {
     b"\xfe\xff": "utf-16",
 }
 """Byte-order mark of a text -> its encoding."""
+SERIAL = re.compile(r"^(\d\d:\d\d:\d\d[.:]\d+) -> ")
+"""Times that a monitor of a serial port writes before each line."""
 LABVIEW = "LabVIEW Measurement"
 """First words of a LabVIEW measurement file (.lvm); its header has separator, marks, units and period."""
 END_OF_HEADER = "***End_of_Header***"
@@ -298,6 +301,10 @@ def lines_of(path: Path, text: str) -> list[str]:
 
 def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "") -> Sheet:
     """Return a text file as a sheet; the default separator gives most values."""
+    if 2 * sum(SERIAL.match(line) is not None for line in lines[:TRIED]) > len(lines[:TRIED]):
+        plain = text_sheet(path, [SERIAL.sub("", line) for line in lines], encoding, separator)
+        stamped = rf"\1{SEPARATORS[plain.separator]}"
+        return replace(plain, lines=[SERIAL.sub(stamped, line) for line in lines])
     sheet = Sheet(path, lines, encoding=encoding)
     if separator:
         if separator not in SEPARATORS:

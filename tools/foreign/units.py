@@ -95,7 +95,7 @@ WORDS = {
     "turn": "turns rev revs revolution revolutions",
     "m/s2": "mps2 ms-2 ms2 m/ss mss N/kg",
     "m/s": "mps ms-1",
-    "deg/s": "dps degps degs-1",
+    "deg/s": "dps degps degs-1 o/s",
     "mdeg/s": "mdps",
     "rad/s": "radps rads-1",
     "deg/h": "dph degh-1",

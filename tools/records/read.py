@@ -226,13 +226,10 @@ def table_in_memory(source: object) -> pl.DataFrame:
     if hasattr(source, "reset_index") and (has_names or getattr(getattr(index, "dtype", None), "kind", "") in "Mm"):
         source = source.reset_index()  # type: ignore[attr-defined]
     named = getattr(getattr(source, "dtype", None), "names", None) or getattr(source, "columns", None)
-    names = []
-    if isinstance(source, Mapping):
-        names = list(source)
-    elif named is not None:
-        names = [str(name) for name in named]
+    names = list(source if isinstance(source, Mapping) else () if named is None else named)
     try:
-        return pl.DataFrame({name: _column_in_memory(np.asarray(source[name])) for name in names})  # type: ignore[index]
+        columns = {_label(name): _column_in_memory(np.asarray(source[name])) for name in names}  # type: ignore[index]
+        return pl.DataFrame(columns)
     except (TypeError, ValueError, KeyError, pl.exceptions.PolarsError) as error:
         raise InputError(f"a table in memory cannot be used: {str(error).splitlines()[0]}") from error
 
@@ -240,6 +237,13 @@ def table_in_memory(source: object) -> pl.DataFrame:
 def read_undecided(path: Path, *, stamps: str | None = None) -> Record:
     """Read a record of any kind from a file without the decisions beside it; errors as `read_record`."""
     return with_stamps(_parsed(path, KINDS, any_times=times_unused(stamps), decided=False), stamps)
+
+
+def _label(name: object) -> str:
+    """Return the name of a column; a name of two levels has both words."""
+    if isinstance(name, tuple):
+        return " ".join(str(part) for part in name if str(part))
+    return str(name)
 
 
 def _column_in_memory(values: np.ndarray) -> Any:

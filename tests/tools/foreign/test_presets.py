@@ -279,7 +279,7 @@ def test_counts_without_names_are_told_by_the_steadiness_of_their_size(tmp_path:
     ]
     _, message = questions_of(written(tmp_path, "\n".join(rows), "log.txt"))
     assert "--set columns.force=2,3,4 or" in message
-    assert "--set columns.rate=5,6,7 or" in message
+    assert "--set columns.rate=5,6,7 (" in message
     assert "--set columns.time_s=1 (" in message
 
 
