@@ -13,7 +13,7 @@ from ...fmus.units import Unit
 from ..errors import InputError, said_of
 from ..files import bytes_of
 from ..orchestrator.archive import MOST_DESCRIPTION_BYTES, refuse_outside, xml_root
-from ..orchestrator.interface import BASE_UNITS, FmuVariable, Value, checked, plain_unit, scale_of
+from ..orchestrator.interface import BASE_UNITS, FmuVariable, Value, checked, scale_of
 
 BASE = "http://ssp-standard.org/SSP1/SystemStructure"
 NAMESPACES = {
@@ -239,10 +239,10 @@ def _transformed(binding: BoundValue, entry: Element, label: str) -> BoundValue:
     return binding
 
 
-def value_for(binding: BoundValue, variable: FmuVariable, scales: Mapping[str, Unit]) -> Value:
-    """A binding's value as the variable takes it, in the variable's unit.
+def value_for(binding: BoundValue, variable: FmuVariable) -> Value:
+    """A binding's value as the variable takes it.
 
-    An InputError for a text that is no such value, another type or dimension, or a value outside the variable's limits.
+    An InputError for a text that is no such value, another type, or a value outside the variable's limits.
     """
     text = (binding.table or {}).get(binding.text, binding.text)
     with said_of(f"{binding.where}: parameter '{binding.name}'"):
@@ -250,8 +250,6 @@ def value_for(binding: BoundValue, variable: FmuVariable, scales: Mapping[str, U
             value = _value(text, binding, variable)
         except (ValueError, KeyError, OverflowError) as error:
             raise InputError(f"'{text}' is not a value of {variable.name}, which is {variable.kind}") from error
-        if variable.kind == "Real" and binding.convert:
-            value = _converted(float(value), binding, variable, scales)
         return checked(value, variable)
 
 
@@ -285,19 +283,3 @@ def _ascii(text: str) -> str:
     if not text.isascii() or "_" in text:
         raise ValueError(text)
     return text
-
-
-def _converted(value: float, binding: BoundValue, variable: FmuVariable, scales: Mapping[str, Unit]) -> float:
-    """A value from the binding's unit into the variable's."""
-    if binding.unit is None or variable.unit is None:
-        return value
-    if binding.unit != variable.unit and plain_unit(binding.unit) == plain_unit(variable.unit):
-        return value
-    variable_scale, binding_scale = scales.get(variable.unit), binding.scale or scales.get(binding.unit)
-    if binding.unit == variable.unit and (variable_scale is None or binding_scale is None):
-        return value
-    if variable_scale is None or binding_scale is None or variable_scale.exponents != binding_scale.exponents:
-        raise InputError(f"is in {binding.unit}, but {variable.name} is in {variable.unit}")
-    if (variable_scale.factor, variable_scale.offset) == (binding_scale.factor, binding_scale.offset):
-        return value
-    return (binding_scale.factor * value + binding_scale.offset - variable_scale.offset) / variable_scale.factor

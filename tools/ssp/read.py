@@ -60,19 +60,18 @@ Node = tuple[Path_, str]
 
 @dataclass(frozen=True)
 class ConnectorUnit:
-    """Unit of a connector, by a name in some scales: the FMU's variable has it, or the system has `declared` it."""
+    """Unit of a connector: a name in some scales, `relative` if its offset does not apply."""
 
     name: str
     scales: Mapping[str, Unit]
-    declared: bool = False
+    relative: bool = False
 
 
 @dataclass(frozen=True)
 class Transformation:
-    """What connections do to a value: factor * value + offset, and whether units are converted.
+    """What connections do to a value: factor * value + offset, from the first unit on the way to the last one.
 
-    `first` and `unit` are the first and the last unit on the way. If a connector declares one, the factor and the
-    offset convert units too.
+    A step that does not `convert` takes the number as it is into the next unit.
     """
 
     factor: float = 1.0
@@ -81,55 +80,42 @@ class Transformation:
     first: ConnectorUnit | None = None
     unit: ConnectorUnit | None = None
 
-    @property
-    def is_declared(self) -> bool:
-        """True if the factor and the offset convert units."""
-        return self.unit is not None and self.unit.declared
-
-    def then(self, after: "Transformation") -> "Transformation":
-        """Return both, one after the other."""
-        offset = after.factor * self.offset + after.offset
-        convert = self.convert and after.convert
-        return replace(self, factor=after.factor * self.factor, offset=offset, convert=convert)
-
-    def into(self, unit: ConnectorUnit | None, where: str, *, convert: bool) -> "Transformation":
-        """Return it up to a connector with a unit, converted to this unit if the system declares one of the two.
+    def then(self, step: "Transformation", unit: ConnectorUnit | None, where: str) -> "Transformation":
+        """Return this transformation with a further step, which ends at a connector with a unit.
 
         Raises InputError for units of different dimensions.
         """
-        first = self.first or unit
-        if unit is None or self.unit is None:
-            return replace(self, first=first, unit=unit or self.unit)
-        if not (unit.declared or self.unit.declared):
-            return replace(self, unit=unit)
-        unit = replace(unit, declared=True)
-        if not convert:
-            return replace(self, unit=unit)
-        scaled = between(self.unit.name, unit.name, self.unit.scales, unit.scales, relative=False)
-        if scaled is None:
-            raise InputError(f"{where}: {self.unit.name} cannot be converted to {unit.name}")
-        return replace(self.then(Transformation(*scaled)), unit=unit)
+        factor, offset = step.factor * self.factor, step.factor * self.offset + step.offset
+        if step.convert and unit is not None and self.unit is not None:
+            relative = self.unit.relative or unit.relative
+            scaled = between(self.unit.name, unit.name, self.unit.scales, unit.scales, relative=relative)
+            if scaled is None:
+                raise InputError(f"{where}: {self.unit.name} cannot be converted to {unit.name}")
+            factor, offset = scaled[0] * factor, scaled[0] * offset + scaled[1]
+        return Transformation(factor, offset, first=self.first or unit, unit=unit or self.unit)
 
     def of(self, binding: BoundValue) -> BoundValue:
         """Return a bound value behind these connections."""
-        whole = Transformation(binding.factor, binding.offset, binding.convert)
-        if self.is_declared and binding.unit is not None:
-            scales = {} if binding.scale is None else {binding.unit: binding.scale}
-            unit = ConnectorUnit(binding.unit, scales, declared=True)
-            where = f"{binding.where}: parameter '{binding.name}'"
-            whole = replace(whole, unit=unit).into(self.first, where, convert=binding.convert)
-        whole = whole.then(self)
-        return replace(
-            binding, factor=whole.factor, offset=whole.offset, convert=whole.convert and not self.is_declared
-        )
+        begin = Transformation()
+        if binding.unit is not None and self.first is not None:
+            scales = dict(self.first.scales)
+            if binding.scale is not None:
+                scales[binding.unit] = binding.scale
+            begin = Transformation(unit=ConnectorUnit(binding.unit, scales))
+        mapping = Transformation(binding.factor, binding.offset, binding.convert)
+        whole = begin.then(mapping, self.first, f"{binding.where}: parameter '{binding.name}'")
+        whole = whole.then(replace(self, convert=False), None, "")
+        return replace(binding, factor=whole.factor, offset=whole.offset)
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Settings of a connection of the scenario."""
-        convert = self.convert and not self.is_declared
-        changes = {"factor": self.factor, "offset": self.offset, "convert": convert}
-        plain = {"factor": 1.0, "offset": 0.0, "convert": True}
-        return {key: value for key, value in changes.items() if value != plain[key]}
+        """Settings of a connection of the scenario, which converts no unit again."""
+        settings: dict[str, Any] = {}
+        if (self.factor, self.offset) != (1.0, 0.0):
+            settings = {"factor": self.factor, "offset": self.offset}
+        if self.first is not None and self.unit is not None:
+            settings["convert"] = False
+        return settings
 
 
 @dataclass(frozen=True)
@@ -289,7 +275,7 @@ def _scenario(path: Path, folder: Path, options: RunOptions) -> tuple[Scenario, 
     if "stop_s" not in run:
         run["stop_s"] = run.get("start_s", 0.0) + 1.0
         notes.append(f"{label} says no stop time: the run ends at {run['stop_s']:g} s; --stop says another")
-    for source, targets in _reached(system, interfaces).items():
+    for source, targets in _reached(system, _units(system, interfaces)).items():
         for target, transformation in targets if source[0] in names else ():
             start, end = f"{names[source[0]]}.{source[1]}", f"{names[target[0]]}.{target[1]}"
             ends = {"from": start, "to": end, "between": rules.get(f"{start} -> {end}")}
@@ -338,7 +324,7 @@ def _read_part(element: Element, place: "_Place", folder: Path, label: str, unit
         part.connectors[str(connector.get("name"))] = str(connector.get("kind"))
         for typed in connector:
             if typed.get("unit") in units:
-                part.units[str(connector.get("name"))] = ConnectorUnit(typed.get("unit", ""), units, declared=True)
+                part.units[str(connector.get("name"))] = ConnectorUnit(typed.get("unit", ""), units)
     part.bindings = read_bindings(element, folder, label, units)
     if local_name(element) == "Component":
         kind = element.get("type", FMU)
@@ -420,15 +406,13 @@ def _units(system: SystemPart, interfaces: Mapping[Path_, Interface]) -> dict[No
             arrays = {base: elements[0] for base, elements in interface.arrays.items()}
             for name, variable in {**arrays, **interface.variables}.items():
                 if variable.unit is not None:
-                    units[part.path, name] = ConnectorUnit(variable.unit, {**part.scales, **interface.scales})
+                    scales = {**part.scales, **interface.scales}
+                    units[part.path, name] = ConnectorUnit(variable.unit, scales, variable.relative)
     return units
 
 
-def _reached(
-    system: SystemPart, interfaces: Mapping[Path_, Interface]
-) -> dict[Node, list[tuple[Node, Transformation]]]:
+def _reached(system: SystemPart, units: Mapping[Node, ConnectorUnit]) -> dict[Node, list[tuple[Node, Transformation]]]:
     """The FMUs' connectors that each connector feeds, through connectors of systems, each with its transformation."""
-    units = _units(system, interfaces)
     following: dict[Node, list[tuple[Node, Transformation]]] = {}
     for part in system.walk():
         for start, end, transformation in part.edges:
@@ -436,8 +420,7 @@ def _reached(
 
     def beyond(so_far: Transformation, step: Transformation, end: Node) -> tuple[Node, Transformation]:
         """Return the end of a further connection, and the transformation up to it."""
-        where = f"a connection to {'.'.join(end[0])}.{end[1]}"
-        return end, so_far.then(step).into(units.get(end), where, convert=step.convert)
+        return end, so_far.then(step, units.get(end), f"a connection to {'.'.join(end[0])}.{end[1]}")
 
     systems = set()
     for part in system.walk():
@@ -539,18 +522,19 @@ def _parameters(
     system: SystemPart, interfaces: Mapping[Path_, Interface]
 ) -> tuple[dict[Path_, dict[str, Value]], list[str]]:
     """Return the values of all bindings by FMU, where outer systems override inner ones, and the unknown names."""
-    feeds = _reached(system, interfaces)
+    units = _units(system, interfaces)
+    feeds = _reached(system, units)
     values: dict[Path_, dict[str, Value]] = {at: {} for at in interfaces}
     ignored: list[str] = []
     for part in system.walk():
         for binding in part.bindings:
-            targets = _targets(part, binding.name, interfaces, feeds)
+            targets = _targets(part, binding.name, interfaces, feeds, units)
             if not targets:
                 ignored.append(binding.name)
             for (at, name), transformation in targets:
                 interface = interfaces[at]
                 transformed = transformation.of(binding)
-                values[at][name] = value_for(transformed, interface.variables[name], interface.scales)
+                values[at][name] = value_for(transformed, interface.variables[name])
     return values, ignored
 
 
@@ -559,13 +543,13 @@ def _targets(
     name: str,
     interfaces: Mapping[Path_, Interface],
     feeds: Mapping[Node, list[tuple[Node, Transformation]]],
+    units: Mapping[Node, ConnectorUnit],
 ) -> list[tuple[Node, Transformation]]:
     """The variables of FMUs that a parameter's hierarchical name means, and what connections do to the value."""
     if part.source is not None:
-        variable = interfaces[part.path].variables.get(name)
-        if variable is None:
+        if name not in interfaces[part.path].variables:
             return []
-        unit = None if variable.unit else part.units.get(name)
+        unit = units.get((part.path, name))
         return [((part.path, name), Transformation(first=unit, unit=unit))]
     if name in part.connectors:
         fed = feeds.get((part.path, name), [])
@@ -576,7 +560,7 @@ def _targets(
         return variables
     for inner, below in part.parts.items():
         if name.startswith(f"{inner}."):
-            variables = _targets(below, name[len(inner) + 1 :], interfaces, feeds)
+            variables = _targets(below, name[len(inner) + 1 :], interfaces, feeds, units)
             if variables:
                 return variables
     return []

@@ -169,8 +169,8 @@ def test_a_value_that_a_parameter_does_not_take(tmp_path, fmus, parameter, says)
 @pytest.mark.parametrize(
     ("written", "says"),
     [
-        ("kappa|Real|1|K", "is in K, but kappa is in rad"),
-        ("kappa|Real|1|furlong", "is in furlong, but kappa is in rad"),
+        ("kappa|Real|1|K", "parameter 'kappa': K cannot be converted to rad"),
+        ("kappa|Real|1|furlong", "parameter 'kappa': furlong cannot be converted to rad"),
         ("kappa|Real|2|rad", "kappa = 2.0 is outside its limits [-0.5, 0.5]"),
         ("kappa|Real|1e-3|x", "the exponent of rad is 0.5, not a whole number"),
     ],
