@@ -33,6 +33,8 @@ OF_A_REST = (POSITION, *ANGLES, TEMPERATURE, TIMES, DATE)
 """Columns that the heading of a block may give for a rest."""
 LEAST_BLOCKS = 2
 """Smallest number of headings with angles that make blocks; fewer are lines around a table."""
+LONGEST_PAIRS = 400
+"""A longer cell [characters] holds no names and values of a rest."""
 _PAIR = re.compile(
     r"(?P<name>[^\W\d_][^=:,;\d]*?)\s*[=:]?\s*(?P<value>[+-]?\d+(?:[.,]\d+)?)"
     r"(?:\s*(?P<unit>°C?|(?:deg|degC|rad|mrad|gon|arcmin|arcsec|C|K|s|ms|min|h)\b))?(?![\w.,°'′:]*\s?[\d'′\"])"
@@ -472,7 +474,7 @@ def _pairs(texts: list[str]) -> dict[str, tuple[str, str]]:
     column_of: dict[str, tuple[str, str]] = {}
     cells = []
     for text in texts:
-        if text.strip():
+        if text.strip() and len(text) <= LONGEST_PAIRS:
             cells.append(" ".join(text.split()))
     for text, behind in pairwise([*cells, ""]):
         pairs = []

@@ -363,7 +363,7 @@ def rising(table: UnderstoodTable, fields: Sequence[Field]) -> list[Field]:
     risen = []
     for field in fields:
         values = np.array(table.values(field.texts))
-        if len(values) > 2 and len(values) == len(field.texts) and (np.diff(values) > 0.0).all():
+        if len(values) > 2 and len(values) == len(field.texts) and (values[1:] > values[:-1]).all():
             risen.append(field)
     return risen
 

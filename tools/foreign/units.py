@@ -146,7 +146,7 @@ def known_unit(text: str) -> LaboratoryUnit | None:
 
 def _symbol(text: str) -> str:
     """Return the symbol of a unit that a text names; any other text is returned in one spelling."""
-    plain = re.sub(r"[\s/]*\bsquared$", "2", text.replace("_", "/"))
+    plain = re.sub(r"[\s/]*\bsquared$", "2", " ".join(text.split()).replace("_", "/"))
     plain = re.sub(r"[\s/]*\bper\b[\s/]*", "/", plain)
     name = re.sub(r"(?<=[a-z])[-.](?=[a-z])", "", spelled_unit(plain))
     whole = _one_symbol(name)

@@ -31,7 +31,7 @@ from ...fmus.native.compile import (
 from ..errors import InputError, nearest, said_of
 from ..files import LARGEST_RESULT, bytes_of
 from ..locks import own_folder
-from ..result import checked_sections
+from ..result import checked_sections, parsed_result
 from .archive import UnpackedFmu, unpack
 from .interface import FmuVariable, Interface, Value, interface_of, spread
 from .scenario import FmuSetting, RunOptions, Scenario
@@ -318,7 +318,8 @@ def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, 
     """
     if setting.parameters_from is None:
         return {}
-    from ...fmus.parameters import bench_parameters
+    from ...fmus.parameters import CALIBRATIONS, bench_parameters
+    from ..calibrated import Calibration
 
     label, component = setting.parameters_from, setting.component or interface.model
     content = sources.read(label)
@@ -327,8 +328,8 @@ def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, 
             document = json.loads(content.decode("utf-8"))
         except (ValueError, RecursionError) as error:
             raise InputError(f"is not JSON ({error})") from error
-        if not isinstance(document, dict):
-            raise InputError("is not a calibration result (schema trihedron.calibration/3)")
+        if isinstance(document, dict):
+            parsed_result(document, dict.fromkeys(CALIBRATIONS, Calibration), "the calibration")
         try:
             parameters = bench_parameters(document)
         except ValueError as error:

@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import time
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+import trihedron as th
 from trihedron.tools import cli
 
 FIELD = Path(os.environ.get("TRIHEDRON_DATA", Path(__file__).parents[4] / "shared" / "data")) / "field"
@@ -338,3 +340,18 @@ def test_drawn_files_keep_every_sign_count_and_hour(tmp_path, capsys):
         status, message, table = imported(path, capsys, f"columns.{column}.positive={first}")
         assert status == 0, message
         assert table[column].to_list() == angles.tolist()
+
+
+LONG = 20_000
+LONG_TEXTS = {"name": "x" * LONG, "digits": "7" * LONG, "spaces": f"c{' ' * LONG}d", "pairs": "a 1 b: " * (LONG // 7)}
+
+
+@pytest.mark.parametrize("kind", LONG_TEXTS)
+def test_a_very_long_cell_is_read_within_seconds_and_without_a_warning(kind: str, tmp_path: Path) -> None:
+    lines = [f"t,a,b,{LONG_TEXTS[kind]}", *(f"{row},1,2,{LONG_TEXTS[kind]}" for row in range(5))]
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    began = time.process_time()
+    with pytest.raises(th.InputError, match="facts are missing") as refusal:
+        th.import_record(tmp_path / "log.csv")
+    assert time.process_time() - began < 10.0
+    assert "\n" not in str(refusal.value)

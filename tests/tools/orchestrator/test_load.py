@@ -8,15 +8,18 @@ import sys
 import tempfile
 import zipfile
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+import trihedron as th
 from foreign_fmus import declaring, rewritten
 from foreign_fmus.foreign_failing import WAYS
+from generator.stands import random_bench, simulated
 from scenario_runs import FAILING, GAIN, refusal, run
 from trihedron.fmus import BuildError, host_compiler
 from trihedron.fmus.cache import cache_folder, others_can_write
-from trihedron.models.bench import TARGETS
 from trihedron.tools.compiled import COMPILES
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import archive as archives
@@ -301,17 +304,20 @@ def test_a_wrong_effect(tmp_path: Path, component: str, effect: str, says: str) 
 
 
 def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path) -> None:
-    symbols = [target if isinstance(target, str) else target.symbol for target in TARGETS]
-    estimate = {symbol: 1e-4 * (i + 1) for i, symbol in enumerate(symbols)}
-    calibration = {
-        "schema": "trihedron.calibration/2",
-        "verdict": "consistent",
-        "gravity_mps2": 9.80665,
-        "convention": "A1",
-        "baseline": "asymmetric",
-        "mountings": {"identity": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
-        "parameters": [{"symbol": symbol, "estimate": value} for symbol, value in estimate.items()],
-    }
+    rng = np.random.default_rng(11)
+    record = simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3)))
+    calibration = json.loads(th.calibrate(record, noise_bound=1e-5).json_text())
+    estimate = {entry["symbol"]: entry["estimate"] for entry in calibration["parameters"]}
+
+    def of_unit(symbol: str, **unit: str) -> dict[str, Any]:
+        """Return the calibration with another unit of a parameter, or with none."""
+        entries = [dict(entry) for entry in calibration["parameters"]]
+        for entry in entries:
+            if entry["symbol"] == symbol:
+                del entry["unit"]
+                entry |= unit
+        return {**calibration, "parameters": entries}
+
     (tmp_path / "c.json").write_text(json.dumps(calibration), encoding="utf-8")
     table = {"component": "TurntableMotion", "parameters_from": "c.json", "parameters": {"epsilon": 0.25}}
     block = {"component": "AccelerometerBlock", "parameters_from": "c.json"}
@@ -324,8 +330,11 @@ def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path) ->
     for content, says in (
         (calibration, "says nothing about AttitudeComputer; known: "),
         ({**calibration, "verdict": "falsified"}, "gives parameters; no values fit its readings: `trihedron diagnose`"),
-        ({**calibration, "gravity_mps2": -9.8}, " 4.9 to 14.7 is possible"),
-        ([], "is not a calibration result"),
+        ({**calibration, "gravity_mps2": -9.8}, "gravity_mps2: Input should be greater than or equal to 4.9, not -9.8"),
+        (of_unit("X17", unit="mg"), "the unit of X17 is 'mg', and must be g"),
+        (of_unit("X1", unit="deg"), "the unit of X1 is 'deg', and must be 1 or rad"),
+        (of_unit("X4"), "unit: is missing"),
+        ([], "the schema is None; a calibration has 'trihedron.calibration/3'"),
         ("9" * 5000, "is not JSON"),
     ):
         text = content if isinstance(content, str) else json.dumps(content)
