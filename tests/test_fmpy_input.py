@@ -114,7 +114,7 @@ def test_the_command_says_how_fmpy_runs_it(strapdown: Path, tmp_path: Path, caps
     assert cli.main(["fmpy-input", str(strapdown), "--out", str(out)]) == 0
     message, complaint = capsys.readouterr()
     # 197 increments, two a step
-    assert "the last row fills no step of two-sample-rodrigues" in complaint
+    assert "the last row does not complete a step of two-sample-rodrigues" in complaint
     assert "ends at 1.96 s" in complaint
     assert message.startswith(
         f"fmpy simulate AttitudeComputer.fmu --input-file {out} --stop-time 1.97 --output-interval 0.01"

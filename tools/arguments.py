@@ -90,9 +90,9 @@ def _bound(
         unknown = [word for word in keywords if word not in signature.parameters]
         if not unknown:
             raise TypeError(f"{name}: {error}") from None
-        known = [word for word in signature.parameters if word != "progress"]
         meant = options_of(signature).get(unknown[0].replace("_", "-"), unknown[0])
-        raise TypeError(f"{name}: unexpected argument {unknown[0]}; {nearest(meant, known)}") from None
+        advice = nearest(meant, list(signature.parameters))
+        raise TypeError(f"{name}: unexpected argument {unknown[0]}; {advice}") from None
 
 
 class _Names(dict[str, Any]):
@@ -108,8 +108,11 @@ def _adapters(function: Callable[..., Any]) -> dict[str, TypeAdapter[Any]]:
     hints = get_type_hints(function, localns=_Names(vars(inspect.getmodule(function)) | vars(builtins)))
     adapters = {}
     for name, p in inspect.signature(function).parameters.items():
-        if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD) and name in hints and _plain(hints[name]):
-            adapters[name] = TypeAdapter(_without_text(hints[name]))
+        if p.kind is not p.VAR_KEYWORD and name in hints and _plain(hints[name]):
+            hint = _without_text(hints[name])
+            if p.kind is p.VAR_POSITIONAL:
+                hint = tuple[hint, ...]  # pyright: ignore[reportInvalidTypeForm]
+            adapters[name] = TypeAdapter(hint)
     return adapters
 
 
@@ -178,8 +181,15 @@ def _of_arguments(text: str, names: Sequence[str], options: dict[str, str]) -> s
         # of another function, or of the command alone
         return match[0]
 
-    text = re.sub(r"`trihedron ([a-z]+(?:-[a-z]+)*)`", lambda match: f"`th.{match[1].replace('-', '_')}`", text)
+    text = re.sub(r"`trihedron (plan|instrument|reproduce) (?=[a-z])", r"`trihedron \1-", text)
+    text = re.sub(r"`trihedron ([a-z]+(?:-[a-z]+)*)(?: ([^\s`]+))?`", _call, text)
     return re.sub(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)", argument, text)
+
+
+def _call(match: re.Match[str]) -> str:
+    """Return a command, with its file if it has one, as a function."""
+    function = "import_record" if match[1] == "import" else match[1].replace("-", "_")
+    return f"`th.{function}({match[2]!r})`" if match[2] else f"`th.{function}`"
 
 
 # A fork copies one thread: what waits for the others of polars waits for ever

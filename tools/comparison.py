@@ -48,7 +48,7 @@ class Difference(Result):
     """
 
     column: Annotated[str, Quantity("column")]
-    largest: Annotated[float, Quantity("differs at most by", "", "up", 3)]
+    largest: Annotated[float, Quantity("largest difference", "", "up", 3)]
     rms: Annotated[float, Quantity("root mean square", "", "nearest")]
     time_s: Annotated[float, Quantity("at", "s", "exact", 9)]
     first: Annotated[float, Quantity("first", "", "nearest", 6)]

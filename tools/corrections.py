@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def apply(
-    found: "str | Path | calibrations.Calibration | diagnosis.Diagnosis",
+    result: "str | Path | calibrations.Calibration | diagnosis.Diagnosis",
     record: "records.Source | NDArray",
     *,
     noise_bound: float = 0.0,
@@ -30,7 +30,7 @@ def apply(
 
     Parameters
     ----------
-    found : path, Calibration or Diagnosis
+    result : path, Calibration or Diagnosis
         The result of `trihedron calibrate --json` or `trihedron diagnose --json`. With a calibration of several
         records, a new record gets the biases of the last one.
     record : path, table in memory, record or array of shape (N, 3)
@@ -48,9 +48,8 @@ def apply(
     InputError
         for a calibration that lacks an estimate, a diagnosis that names nothing, or a record that cannot be used
     """
-    result = found
-    if isinstance(found, str | Path):
-        result = diagnosis.read_diagnosis(Path(found)) or found
+    if isinstance(result, str | Path):
+        result = diagnosis.read_diagnosis(Path(result)) or result
     if not isinstance(result, diagnosis.Diagnosis):
         rows = records.record_of_array(record)
         if rows is not None:
@@ -162,5 +161,5 @@ def export_calibration(
         densities = (known[0].value, known[1].value, known[2].value, known[3].value)
         rate = measured.rate_hz if rate is None else rate
         notes = [f"{density.key}: upper end, not detected" for density in known if not density.detected]
-    request = calibrations.Request(densities, rate, topic, name, tuple(notes))
+    request = calibrations.ExportRequest(densities, rate, topic, name, tuple(notes))
     return calibrations.write_export(correction(calibration), to, Path(out), request)

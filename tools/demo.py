@@ -20,7 +20,7 @@ from ..fmus import components, version
 from ..models.bench import BIAS, GYRO_PARAMETERS, MATRIX, TARGETS, target_values
 from ..models.effects import EffectPlace
 from .calibrated import LATENCIES
-from .calibration import Bench, Calibration, calibrate_whole
+from .calibration import BenchOnEarth, Calibration, calibrate_whole
 from .diagnosis import Diagnosis, diagnose, export_extended
 from .document.blocks import Page, Section, Table
 from .document.notation import Cell, sentence, unit_text
@@ -292,11 +292,11 @@ def true_values(scenario: Scenario, component: str) -> dict[str, Any]:
     return {}
 
 
-def bench_place(scenario: Scenario) -> Bench:
+def bench_place(scenario: Scenario) -> BenchOnEarth:
     """Return the place of a scenario's table on Earth, and the bound of its encoders' error."""
     table = true_values(scenario, "TurntableMotion")
     latitude, azimuth = (math.degrees(table[name]) for name in ("latitude", "azimuth"))
-    return Bench(latitude, azimuth, encoder_bound=table["encoder_fluctuation_bound"])
+    return BenchOnEarth(latitude, azimuth, encoder_bound=table["encoder_fluctuation_bound"])
 
 
 def true_targets(scenario: Scenario) -> dict[str, float]:

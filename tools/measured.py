@@ -61,7 +61,7 @@ def import_record(
     Parameters
     ----------
     file : path
-        The file, or a table in memory.
+        The file; from Python also a table in memory.
     second : path, optional
         The gyros, where the first file has the accelerometers alone. The record has the faster clock of both.
     out : path, optional
@@ -291,7 +291,7 @@ def calibrate(
     targets: Targets = (),
     priors: Sequence[str] = (),
     explained_by: ExplainedBy = None,
-    bench: "calibrations.Bench | None" = None,
+    bench: "calibrations.BenchOnEarth | None" = None,
     rates: Rates = "instantaneous",
     rest_scatter: RestScatter = None,
     rests: RestsFile = None,
@@ -364,7 +364,7 @@ def calibrate(
         return result.model_copy(update={"made_of": run})
     _refuse(of_hand, run, "a record without a table")
     noise_sd = _deviation(run, noise_result, noise_bound, noise_sd)
-    place = calibrations.Bench.given(run, **({} if bench is None else vars(bench)))
+    place = calibrations.BenchOnEarth.given(run, **({} if bench is None else vars(bench)))
     if explained_by is not None and bench is None and (targets or priors or convention != "A1"):
         # These are of readings at rest; nobody asked for the gyros.
         place = None
@@ -432,7 +432,7 @@ def bench_at(
     gyro_noise: float | None = None,
     encoder_bound: float | None = None,
     rates: Rates = "instantaneous",
-) -> "calibrations.Bench | None":
+) -> "calibrations.BenchOnEarth | None":
     """Return the place of a bench and the accuracy of its turns; None if nothing is given.
 
     Parameters
@@ -461,7 +461,7 @@ def bench_at(
     InputError
         a number out of range, one without the place, or a place that is not the record's own
     """
-    return calibrations.Bench.given(
+    return calibrations.BenchOnEarth.given(
         record,
         latitude_deg=latitude_deg,
         azimuth_deg=azimuth_deg,
@@ -490,7 +490,7 @@ def diagnose(
     hypotheses: Sequence[str] = (),
     effects_from: EffectsFrom = None,
     extend: Extend = False,
-    bench: "calibrations.Bench | None" = None,
+    bench: "calibrations.BenchOnEarth | None" = None,
     against: str | Path | None = None,
     progress: Progress = False,
 ) -> "diagnosis.Diagnosis":
@@ -532,7 +532,7 @@ def diagnose(
     reading = {"channels": channels, "stamps": stamps, "without": without}
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, **reading)
     noise_sd = _deviation(run, noise_result, noise_bound, noise_sd)
-    place = calibrations.Bench.given(run, **({} if bench is None else vars(bench)))
+    place = calibrations.BenchOnEarth.given(run, **({} if bench is None else vars(bench)))
     is_table = isinstance(run, records.PositionRecord)
     run = motion.trusted(run, trust=trust, gyros=not is_table or place is not None, gravity=gravity)
     options = diagnosis.evidence_options(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from generator.tables import AZIMUTH, LATITUDE, PROGRAMME, Errors, Truth, bench_record
-from trihedron.tools.calibration import Bench, calibrate, calibrate_whole
+from trihedron.tools.calibration import BenchOnEarth, calibrate, calibrate_whole
 from trihedron.tools.records import position_record_of
 
 pytestmark = pytest.mark.acceptance
@@ -15,7 +15,7 @@ SIGMA = 1.2e-5
 
 
 def test_every_parameter_of_two_hundred_benches_is_inside_its_interval():
-    place = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
+    place = BenchOnEarth(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
     outside, wider, not_better = [], [], []
     for seed in range(RECORDS):
         truth = Truth.drawn(np.random.default_rng([22, seed]))

@@ -14,7 +14,7 @@ from ..diagnosis.result import Diagnosis
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of
 from ..instrument import entry_with, facts_of, moment, nearest_of_instrument
-from ..lot import Member, Value
+from ..lot import InstrumentValue, Member
 from ..noise import Noise
 from .jobs import Job
 
@@ -95,9 +95,9 @@ def folder_of(serial: str) -> str:
     return name if name.strip(".") else f"%{name}"
 
 
-def values_of(result: Any) -> dict[str, Value]:
+def values_of(result: Any) -> dict[str, InstrumentValue]:
     """Return the numbers of a result that a lot compares, by symbol."""
-    values: dict[str, Value] = {}
+    values: dict[str, InstrumentValue] = {}
     if isinstance(result, Diagnosis):
         result = result.stated
     if isinstance(result, Calibration):
@@ -113,11 +113,11 @@ def values_of(result: Any) -> dict[str, Value]:
     return values
 
 
-def _value(unit: str, estimate: float, low: float | None, high: float | None) -> Value:
+def _value(unit: str, estimate: float, low: float | None, high: float | None) -> InstrumentValue:
     ends = []
     for end in (low, high):
         ends.append(end if end is not None and math.isfinite(end) else None)
-    return Value(unit=unit, estimate=estimate, low=ends[0], high=ends[1])
+    return InstrumentValue(unit=unit, estimate=estimate, low=ends[0], high=ends[1])
 
 
 def _calibration_for(calibration: Path, facts: Mapping[str, str], label: str) -> Any:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from ..records.stamps import grid_of
 from .forces import Forces, directions_of
 from .small_turns import across, cross_matrices, rotations
-from .still import END, Series, StillRests
+from .still import END, StillRests, TimedReadings
 
 LONGEST = 120.0
 """Longer moves are left out: their rates may have drifted [s]."""
@@ -50,7 +50,7 @@ class Way:
     ends: NDArray[np.int_]
 
     @staticmethod
-    def of(series: Series, ends: NDArray[np.int_]) -> "Way":
+    def of(series: TimedReadings, ends: NDArray[np.int_]) -> "Way":
         """Return the way of pieces between rows (M, 2)."""
         assert series.rate is not None
         ends = ends.reshape(-1, 2)
@@ -236,7 +236,7 @@ class Turns:
         return (angle - self.angle) / self.error, slopes / self.error
 
 
-def moves_of(series: Series, rests: StillRests, broken: NDArray[np.bool_]) -> Moves:
+def moves_of(series: TimedReadings, rests: StillRests, broken: NDArray[np.bool_]) -> Moves:
     """Return the moves between rests without a gap and without a broken row (N,), each of at most two minutes."""
     gaps = np.concatenate([[0], np.cumsum(grid_of(series.time_s).is_gap | broken[1:])])
     end = max(1, round(END / series.period))

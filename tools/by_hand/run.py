@@ -25,7 +25,7 @@ from ..records.noise import noise_bound_of
 from ..rounding import digits, exactly
 from .forces import FACE_ERROR, Faces
 from .moves import Moves, Turns, Way, Windows, moves_of
-from .still import SCATTER, Series, StillRests, averaged, still_rests
+from .still import SCATTER, StillRests, TimedReadings, averaged, still_rests
 
 HandRecord: TypeAlias = StrapdownRecord | ForceRecord | PoseRecord
 Measured = TypeVar("Measured", bound=HandRecord)
@@ -185,7 +185,7 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
     return _without_limited(run, series)
 
 
-def _without_limited(run: Run, series: Series) -> Run:
+def _without_limited(run: Run, series: TimedReadings) -> Run:
     """Return a run without the rests in which an accelerometer is at an end of its range."""
     limited = limited_rests(series.force, run.rests.rows)
     usable = np.flatnonzero(~limited.any(axis=1))
@@ -198,17 +198,17 @@ def _without_limited(run: Run, series: Series) -> Run:
     return replace(run.those(usable), warnings=(*run.warnings, line))
 
 
-def series_of(record: StrapdownRecord | ForceRecord, request: HandRequest) -> Series:
+def series_of(record: StrapdownRecord | ForceRecord, request: HandRequest) -> TimedReadings:
     """Return the readings of a record in time, its rates at the rows."""
     force = record.specific_force / request.gravity
     if isinstance(record, ForceRecord):
-        return Series(record.time_s, force)
+        return TimedReadings(record.time_s, force)
     rate = rates_of(record)
     if record.increment is not None or request.rates == "averaged":
         # Means over intervals: those at the rows lie between two of them.
         means = rate if record.increment is not None else np.vstack([rate[:1], mean_rates(record, request.rates)])
         rate = np.vstack([0.5 * (means[:-1] + means[1:]), means[-1:]])
-    return Series(record.time_s, force, rate)
+    return TimedReadings(record.time_s, force, rate)
 
 
 def _of_poses(record: PoseRecord, request: HandRequest) -> Run:
@@ -251,7 +251,7 @@ def _with_noise(
     return Run(record, rests, deviation, bound, basis, faces, moves, turns, tuple(warnings))
 
 
-def truth_windows(record: StrapdownRecord | ForceRecord, series: Series) -> Windows | None:
+def truth_windows(record: StrapdownRecord | ForceRecord, series: TimedReadings) -> Windows | None:
     """Return windows of two seconds, side by side, between rows of known true attitude; None of too few."""
     if not isinstance(record, StrapdownRecord) or record.attitude is None:
         return None
@@ -322,7 +322,7 @@ def _faces_in(record: StrapdownRecord | ForceRecord, rests: StillRests) -> list[
     return faces
 
 
-def _with_parts(record: StrapdownRecord | ForceRecord, series: Series, rests: StillRests) -> StillRests:
+def _with_parts(record: StrapdownRecord | ForceRecord, series: TimedReadings, rests: StillRests) -> StillRests:
     """Return the rests, parted where the column `part` or `face` changes within one."""
     words = record.part or record.face
     if words is None:
@@ -337,7 +337,7 @@ def _with_parts(record: StrapdownRecord | ForceRecord, series: Series, rests: St
     return averaged(series, rows, rests.limit)
 
 
-def _rests_of_file(path: Path, series: Series) -> tuple[StillRests, Sequence[str]]:
+def _rests_of_file(path: Path, series: TimedReadings) -> tuple[StillRests, Sequence[str]]:
     """Return the rests of a file with the columns from_s, to_s and perhaps face, and their faces.
 
     Raises
@@ -398,7 +398,7 @@ def parted_at_cuts(record: Measured, gravity: float) -> Measured:
     return replace(record, time_s=record.time_s + shift) if shift.any() else record
 
 
-def turns_in(record: StrapdownRecord | ForceRecord, series: Series, request: HandRequest) -> Turns | None:
+def turns_in(record: StrapdownRecord | ForceRecord, series: TimedReadings, request: HandRequest) -> Turns | None:
     """Return the known turns by the columns `turn` and `part`; None without them, or where turns are given in words."""
     if request.turns or not isinstance(record, StrapdownRecord):
         return None

@@ -33,7 +33,7 @@ END = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class TimedReadings:
     """Readings in time.
 
     Attributes
@@ -94,12 +94,12 @@ class StillRests:
         return StillRests(rows, self.force[chosen], self.deviation[chosen], self.limit, rate, unrest)
 
 
-def still_rests(series: Series, limit: float | None = None) -> StillRests:
+def still_rests(series: TimedReadings, limit: float | None = None) -> StillRests:
     """Find the rests of a series and average them.
 
     Parameters
     ----------
-    series : Series
+    series : TimedReadings
     limit : float, optional
         Largest scatter of an accelerometer at rest in units of its noise; by default 3, and 5 where that leaves fewer
         than nine rests and 5 leaves more.
@@ -114,7 +114,7 @@ def still_rests(series: Series, limit: float | None = None) -> StillRests:
     return averaged(series, rows, SCATTER)
 
 
-def _still_rows(series: Series, limit: float) -> list[slice]:
+def _still_rows(series: TimedReadings, limit: float) -> list[slice]:
     """Return the rows of each rest, without its ends."""
     time = series.time_s
     if len(time) < 2 * LEAST_ROWS:
@@ -161,7 +161,7 @@ def _turns_as_the_stillest(rate: NDArray, still: NDArray[np.bool_], size: int) -
     return np.linalg.norm(means - usual, axis=1) <= SAME_RATE
 
 
-def averaged(series: Series, rows: Sequence[slice], limit: float | None) -> StillRests:
+def averaged(series: TimedReadings, rows: Sequence[slice], limit: float | None) -> StillRests:
     """Return the means over rests."""
     count = len(rows)
     force = np.zeros((count, 3))

@@ -1,4 +1,4 @@
-from .affine import Request as Request
+from .affine import ExportRequest as ExportRequest
 from .applied import Applied as Applied
 from .applied import AppliedEffect as AppliedEffect
 from .applied import apply_calibration as apply_calibration
@@ -20,7 +20,7 @@ from .estimates import joint_sets as joint_sets
 from .estimates import widening as widening
 from .exports import ExportedCalibration as ExportedCalibration
 from .exports import write_export as write_export
-from .gyros import Bench as Bench
+from .gyros import BenchOnEarth as BenchOnEarth
 from .gyros import calibrate_whole as calibrate_whole
 from .gyros import fit_whole as fit_whole
 from .gyros import judged_at_table as judged_at_table

@@ -17,7 +17,7 @@ FRAME = "axis 1 is accelerometer 1, axis 2 lies in the plane of accelerometers 1
 
 
 @dataclass(frozen=True)
-class Triad:
+class AffineTriad:
     """Three sensors: reading = `matrix` (3, 3) input + `bias` (3,), with standard errors, NaN where unknown."""
 
     matrix: NDArray[np.float64]
@@ -27,14 +27,14 @@ class Triad:
 
 
 @dataclass(frozen=True)
-class Model:
+class AffineModel:
     """A calibrated instrument in SI.
 
     Attributes
     ----------
     gravity : float
         of the calibration [m/s²]
-    accelerometers : Triad
+    accelerometers : AffineTriad
         A [1], lower triangular, and b [m/s²]
     plus, minus : (3,) array
         diagonal of A for positive and for negative inputs; A has their mean
@@ -51,10 +51,10 @@ class Model:
     """
 
     gravity: float
-    accelerometers: Triad
+    accelerometers: AffineTriad
     plus: NDArray[np.float64]
     minus: NDArray[np.float64]
-    gyros: Triad | None
+    gyros: AffineTriad | None
     sensitivity: NDArray[np.float64]
     sensitivity_sd: NDArray[np.float64]
     verdict: str
@@ -69,11 +69,11 @@ class Model:
         deviations = np.sqrt(np.diag(correction.covariance))
         matrix_sd = np.zeros((3, 3))
         matrix_sd[np.tril_indices(3)] = deviations[:6]
-        accelerometers = Triad(matrix, g * correction.bias, matrix_sd, g * deviations[6:])
+        accelerometers = AffineTriad(matrix, g * correction.bias, matrix_sd, g * deviations[6:])
         gyros, sensitivity, sensitivity_sd = None, np.zeros((3, 3)), np.zeros((3, 3))
         if correction.gyros is not None:
             known = correction.gyros
-            gyros = Triad(known.matrix, known.bias, known.matrix_sd, known.bias_sd)
+            gyros = AffineTriad(known.matrix, known.bias, known.matrix_sd, known.bias_sd)
             sensitivity, sensitivity_sd = known.sensitivity / g, known.sensitivity_sd / g
         return cls(
             gravity=g,
@@ -126,7 +126,7 @@ def _about(correction: Correction) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Request:
+class ExportRequest:
     """What an export is asked for beside the calibration.
 
     Attributes

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..files import whole_file
 from ..options import ExportTarget
 from ..result import Result
-from .affine import Model, Request
+from .affine import AffineModel, ExportRequest
 from .correction import Correction
 from .formats import FORMATS
 
@@ -49,13 +49,13 @@ class ExportedCalibration(Result):
     open: list[str]
 
 
-def write_export(correction: Correction, to: str, out: Path, request: Request) -> ExportedCalibration:
+def write_export(correction: Correction, to: str, out: Path, request: ExportRequest) -> ExportedCalibration:
     """Write a correction for another program; see `trihedron.export_calibration`."""
     if to not in TARGETS:
         raise InputError(f"--to {to}: is not known; give one of {', '.join(TARGETS)}")
     if not NAME.fullmatch(request.name):
         raise InputError(f"--name {request.name}: must be a name of C: letters, digits, underscores, a letter first")
-    model = Model.of(correction)
+    model = AffineModel.of(correction)
     written = FORMATS[to](model, request)
     places = _places(out, written.contents)
     for path, content in places.items():

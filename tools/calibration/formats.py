@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..rounding import digits, upwards
-from .affine import Model, Request
+from .affine import AffineModel, ExportRequest
 
 FIRST_DAY = datetime(1980, 1, 1)
 """Date in a workbook: the same calibration gives the same bytes."""
@@ -31,7 +31,7 @@ class Written:
     lost: Sequence[str] = ()
 
 
-def _lost(model: Model, *, gyros: bool = True) -> list[str]:
+def _lost(model: AffineModel, *, gyros: bool = True) -> list[str]:
     """Return the losses of a format with one matrix for the accelerometers."""
     lost = []
     if model.asymmetry:
@@ -74,7 +74,7 @@ def _triangular(matrix: NDArray) -> tuple[NDArray, NDArray]:
     return upper.T * signs, (turned * signs).T
 
 
-def kalibr(model: Model, request: Request) -> Written:
+def kalibr(model: AffineModel, request: ExportRequest) -> Written:
     """imu.yaml of kalibr: noise densities, and the matrices under the names of its results."""
     if request.densities is None or request.rate is None:
         raise InputError(
@@ -110,7 +110,7 @@ def kalibr(model: Model, request: Request) -> Written:
     return Written({"": text.encode()}, equation, [*_lost(model, gyros=False), bias])
 
 
-def imucal(model: Model, request: Request) -> Written:
+def imucal(model: AffineModel, request: ExportRequest) -> Written:
     """FerrarisCalibrationInfo of imucal, JSON 2.0.0; gyros in deg/s."""
     scale = np.linalg.norm(model.accelerometers.matrix, axis=1)
     gyros, bias = np.eye(3), np.zeros(3)
@@ -140,7 +140,7 @@ def imucal(model: Model, request: Request) -> Written:
     return Written({"": (json.dumps(content, indent=4) + "\n").encode()}, equation, _lost(model))
 
 
-def ros(model: Model, request: Request) -> Written:
+def ros(model: AffineModel, request: ExportRequest) -> Written:
     """A parameter file of ROS 2, with the names of imu_calib: the bias is subtracted after the matrix."""
     text = _comments(model.about)
     text += "/**:\n  ros__parameters:\n"
@@ -201,7 +201,7 @@ static inline void @_rate(const double reading[3], const double force[3], double
 """
 
 
-def c_header(model: Model, request: Request) -> Written:
+def c_header(model: AffineModel, request: ExportRequest) -> Written:
     """A header of C99 (and C++): the numbers, and a function for accelerometers and one for gyros."""
     guard = f"{request.name.upper()}_CALIBRATION_H"
     said = _comments(model.about, " *").replace("*/", "* /")
@@ -235,7 +235,7 @@ def c_header(model: Model, request: Request) -> Written:
     return Written({"": f"{text}\n#endif\n".encode()}, equation)
 
 
-def _arrays(model: Model) -> dict[str, tuple[NDArray, str]]:
+def _arrays(model: AffineModel) -> dict[str, tuple[NDArray, str]]:
     """Return all numbers of a model by name, with their units."""
     inverse = np.linalg.inv(model.accelerometers.matrix)
     arrays = {
@@ -261,7 +261,7 @@ def _arrays(model: Model) -> dict[str, tuple[NDArray, str]]:
     return arrays
 
 
-def _equation(model: Model) -> list[str]:
+def _equation(model: AffineModel) -> list[str]:
     """Return the equations with all numbers of a model."""
     equation = ["accelerometers: f = A_inverse (r - b) [m/s2]"]
     if model.asymmetry:
@@ -274,7 +274,7 @@ def _equation(model: Model) -> list[str]:
     return equation
 
 
-def matlab(model: Model, request: Request) -> Written:
+def matlab(model: AffineModel, request: ExportRequest) -> Written:
     """A .mat file (version 5) with one structure."""
     from scipy.io import savemat
 
@@ -290,7 +290,7 @@ def matlab(model: Model, request: Request) -> Written:
     return Written({"": title.ljust(116) + stream.getvalue()[116:]}, _equation(model))
 
 
-def _table(model: Model) -> list[list[str | int | float | None]]:
+def _table(model: AffineModel) -> list[list[str | int | float | None]]:
     """Return all numbers of a model as rows: name, row, column, value, unit."""
     rows: list[list[str | int | float | None]] = []
     for name, (values, unit) in _arrays(model).items():
@@ -304,7 +304,7 @@ def _table(model: Model) -> list[list[str | int | float | None]]:
 HEADER = ["name", "row", "column", "value", "unit"]
 
 
-def csv_table(model: Model, request: Request) -> Written:
+def csv_table(model: AffineModel, request: ExportRequest) -> Written:
     """A table with a row for each number, under comment lines."""
     lines = [",".join(HEADER)]
     for row in _table(model):
@@ -312,7 +312,7 @@ def csv_table(model: Model, request: Request) -> Written:
     return Written({"": (_comments(model.about) + "\n".join(lines) + "\n").encode()}, _equation(model))
 
 
-def workbook(model: Model, request: Request) -> Written:
+def workbook(model: AffineModel, request: ExportRequest) -> Written:
     """An Excel workbook: the matrices, all numbers as a table, and what every export says."""
     import xlsxwriter
 
@@ -354,7 +354,7 @@ def _undated(content: bytes) -> bytes:
     return stream.getvalue()
 
 
-def imu_tk(model: Model, request: Request) -> Written:
+def imu_tk(model: AffineModel, request: ExportRequest) -> Written:
     """Files of imu_tk's CalibratedTriad: T, K and B; both triads in axes in which T is upper triangular."""
     turned, upper = np.linalg.qr(np.linalg.inv(model.accelerometers.matrix))
     signs = np.sign(np.diag(upper))
@@ -387,7 +387,7 @@ def _imu_tk_triad(matrix: NDArray, bias: NDArray, about: Mapping[str, str]) -> b
     return "\n".join([*parts, _comments(about)]).encode()
 
 
-def px4(model: Model, request: Request) -> Written:
+def px4(model: AffineModel, request: ExportRequest) -> Written:
     """Parameters of PX4 as QGroundControl loads them: offset and scale of each accelerometer, offsets of the gyros."""
     matrix = model.accelerometers.matrix
     scale = np.diag(matrix) / np.sum(matrix**2, axis=1)
@@ -414,7 +414,7 @@ def px4(model: Model, request: Request) -> Written:
     return Written({"": "".join(lines).encode()}, equation, lost)
 
 
-FORMATS: dict[str, Callable[[Model, Request], Written]] = {
+FORMATS: dict[str, Callable[[AffineModel, ExportRequest], Written]] = {
     "kalibr": kalibr,
     "imucal": imucal,
     "ros": ros,

@@ -59,7 +59,7 @@ SAME_DEG = 1e-6
 
 
 @dataclass(frozen=True)
-class Bench:
+class BenchOnEarth:
     """A bench's place on the earth and the bounds of its turns.
 
     The place is the latitude and the azimuth of the outer axis, from north towards east [deg]. The bounds are that of a
@@ -92,7 +92,7 @@ class Bench:
         return float(noise_bound if self.encoder_bound is None else self.encoder_bound)
 
     @classmethod
-    def given(cls, record: PositionRecord | StrapdownRecord, **options: Any) -> "Bench | None":
+    def given(cls, record: PositionRecord | StrapdownRecord, **options: Any) -> "BenchOnEarth | None":
         """Return the bench by options and by the comment lines of a bench record; None where neither names the place.
 
         Raises an InputError for an option without the place, or for a place that contradicts the record's.
@@ -130,7 +130,7 @@ def said_of_place(raw: RawRecord | PositionRecord | StrapdownRecord) -> dict[str
     return numbers
 
 
-def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **options: Any) -> Calibration:
+def calibrate_whole(record: PositionRecord, bench: BenchOnEarth | None = None, **options: Any) -> Calibration:
     """Calibrate bench and accelerometers from a record's rests, and the gyros of a bench record with a known place.
 
     The options are the fields of `Asked`. Raises an InputError as `calibrate` does. With a place it also raises one for
@@ -172,7 +172,7 @@ def judged_at_table(raw: BenchRecord, gravity: float) -> "AtTable":
     )
 
 
-def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_bound: float) -> WithTurns:
+def fit_whole(alone: Linearisation, record: PositionRecord, bench: BenchOnEarth, noise_bound: float) -> WithTurns:
     """The model linearised at the fit to a bench record's rests, as they are linearised alone, and to its turns."""
     turns = turns_of(
         record,
@@ -186,7 +186,7 @@ def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_
 
 
 def with_gyros(
-    calibration: Calibration, record: PositionRecord, bench: Bench, system: WithTurns, request: Asked
+    calibration: Calibration, record: PositionRecord, bench: BenchOnEarth, system: WithTurns, request: Asked
 ) -> Calibration:
     """The calibration of a bench record's accelerometers taken together with its gyros, as the system fits them."""
     raw, alone = record.raw, calibration.linearised
@@ -240,7 +240,9 @@ def with_gyros(
     return calibration.model_copy(update=changed)
 
 
-def _with_latency(calibration: Calibration, record: PositionRecord, bench: Bench, system: WithTurns) -> Calibration:
+def _with_latency(
+    calibration: Calibration, record: PositionRecord, bench: BenchOnEarth, system: WithTurns
+) -> Calibration:
     """Return a calibration of the whole IMU with the accelerometers' latency, from their readings in motion."""
     moving = InMotion.of(
         record, calibration.linearised, calibration.gravity, bench.encoder_within(calibration.noise_bound)
@@ -356,7 +358,7 @@ def attitudes(
     return block.as_quat()[:, [3, 0, 1, 2]]
 
 
-def strapdown_by_table(calibration: Calibration, record: PositionRecord, bench: Bench | None) -> StrapdownRecord:
+def strapdown_by_table(calibration: Calibration, record: PositionRecord, bench: BenchOnEarth | None) -> StrapdownRecord:
     """Return the strapdown record of a bench record, with the true attitude by the calibrated table.
 
     Its comments give the attitude as inertial, and its largest error at a row. Raises an InputError for a calibration

@@ -314,7 +314,7 @@ def _indices(rows: NDArray) -> tuple[NDArray, NDArray]:
     return np.ravel(indices.first_order), np.ravel(indices.total_order)
 
 
-class Change(Result):
+class ScalarChange(Result):
     """The change of one scalar.
 
     Attributes
@@ -357,7 +357,7 @@ class Comparison(Result):
         probability that two campaigns that differ by chance alone differ significantly in anything
     better, worse : int
         number of better and of worse scalars
-    changes : list of Change
+    changes : list of ScalarChange
         change of each scalar
     """
 
@@ -368,9 +368,9 @@ class Comparison(Result):
     chance: float
     better: int
     worse: int
-    changes: list[Change]
+    changes: list[ScalarChange]
 
-    def of(self, verdict: Verdict) -> list[Change]:
+    def of(self, verdict: Verdict) -> list[ScalarChange]:
         """Return the changes of one verdict."""
         return [change for change in self.changes if change.verdict == verdict]
 
@@ -432,7 +432,7 @@ def _finite(before: NDArray, now: NDArray, *, pairs: bool) -> tuple[NDArray, NDA
     return before[finite], now[finite_now]
 
 
-def _happens(name: str, what: str, before: NDArray, now: NDArray, pairs: bool, better: str | None) -> Change:
+def _happens(name: str, what: str, before: NDArray, now: NDArray, pairs: bool, better: str | None) -> ScalarChange:
     """Compare how often an event occurs; arrays of 0, 1 and NaN."""
     before, now = _finite(before, now, pairs=pairs)
     part_before, part = _number(before, np.mean), _number(now, np.mean)
@@ -446,7 +446,7 @@ def _happens(name: str, what: str, before: NDArray, now: NDArray, pairs: bool, b
         direction = 0
         if part is not None and part_before is not None:
             direction = int(np.sign(part - part_before))
-    return Change(
+    return ScalarChange(
         name=name,
         what=what,
         before=part_before,
@@ -458,7 +458,7 @@ def _happens(name: str, what: str, before: NDArray, now: NDArray, pairs: bool, b
     )
 
 
-def _numbers(name: str, before: NDArray, now: NDArray, pairs: bool, better: str | None) -> Change:
+def _numbers(name: str, before: NDArray, now: NDArray, pairs: bool, better: str | None) -> ScalarChange:
     """Compare the values of a scalar."""
     before, now = _finite(before, now, pairs=pairs)
     p, direction = None, 0
@@ -477,7 +477,7 @@ def _numbers(name: str, before: NDArray, now: NDArray, pairs: bool, better: str 
         ranked = stats.mannwhitneyu(now, before, method="asymptotic")
         p = 1.0 if np.ptp(np.concatenate((now, before))) == 0.0 else float(ranked.pvalue)
         direction = int(np.sign(ranked.statistic - 0.5 * len(now) * len(before)))
-    return Change(
+    return ScalarChange(
         name=name,
         what="median",
         before=_number(before, np.median),
@@ -503,7 +503,7 @@ def _number(values: NDArray, statistic: Callable[[NDArray], Any]) -> float | Non
     return float(statistic(values))
 
 
-def _corrected(tests: Sequence[Change]) -> list[Change]:
+def _corrected(tests: Sequence[ScalarChange]) -> list[ScalarChange]:
     """Apply Holm's correction over all testable scalars, and return each with its verdict."""
     tested = []
     for k, test in enumerate(tests):

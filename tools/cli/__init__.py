@@ -53,7 +53,7 @@ QUIET = ("--quiet", "-q")
 
 def shown_default(value: object) -> str | None:
     """Return a default as a person would type it, or None where the option has no default."""
-    if value is None or value is False or value == ():
+    if value is None or value is False or value in ((), ""):
         return None
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 

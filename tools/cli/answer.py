@@ -137,7 +137,10 @@ def _print(outcome: Answer) -> None:
 
     text = Text(outcome.text)
     text.stylize(COLOURS[outcome.tone], 0, len(outcome.head))
-    Console(soft_wrap=True, highlight=False).print(text)
+    console = Console(highlight=False)
+    for line in text.split(allow_blank=True):
+        # A row of a table, and a command to copy, stay one line.
+        console.print(line, soft_wrap="  " in line.plain or "trihedron" in line.plain)
 
 
 def exit_status(command: Callable[[], int]) -> int:

@@ -235,7 +235,7 @@ def _refuse_of_several(options: Mapping[str, Sequence[str]]) -> None:
 
 @with_options_of(corrections.apply)
 def apply_command(
-    found: Path,
+    result: Path,
     record: Path,
     /,
     *,
@@ -256,14 +256,14 @@ def apply_command(
     latitude_deg
         Latitude for the error of the azimuth [deg]. Default: the record's comment line, else 55.75.
     """
-    distinct_files({"the calibration": found, "the record": record, "--out": out, "--json": json})
-    result = corrections.apply(found, record, noise_bound=noise_bound, **options)
-    text = document.text(reports.applied_page(result, latitude_deg))
+    distinct_files({"the calibration": result, "the record": record, "--out": out, "--json": json})
+    corrected = corrections.apply(result, record, noise_bound=noise_bound, **options)
+    text = document.text(reports.applied_page(corrected, latitude_deg))
     if out is not None:
-        if result.record is None:
+        if corrected.record is None:
             raise InputError(f"--out {out}: the diagnosis names nothing that a correction could remove")
-        records.write_record(result.record, out)
-    return replace(answer(text, json, result.to_json()), result=result)
+        records.write_record(corrected.record, out)
+    return replace(answer(text, json, corrected.to_json()), result=corrected)
 
 
 @with_options_of(corrections.export_calibration)

@@ -84,8 +84,9 @@ def _after_calibrate(call: Call, result: Any) -> str:
     if result.verdict == "falsified" and result.by_hand is None:
         return call.line("diagnose", *records, json="diagnosis.json")
     if result.verdict == "insufficient":
-        has_turns = result.by_hand is not None and result.by_hand.turn_error is not None
-        return call.line("plan hand", measured=records[-1]) if has_turns else ""
+        if result.by_hand is None:
+            return ""
+        return call.line("plan hand", measured=None if result.by_hand.turn_error is None else records[-1])
     file = call.arguments.get("json")
     if file is None:
         return call.again(json="calibration.json")

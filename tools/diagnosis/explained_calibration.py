@@ -12,7 +12,7 @@ from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
 from ..calibrated import Calibration, Sigma
 from ..calibration.calibration import Asked, without_guarantee
-from ..calibration.gyros import Bench as Place
+from ..calibration.gyros import BenchOnEarth as Place
 from ..calibration.gyros import calibrate_whole
 from ..errors import InputError, one_line
 from ..evidence.bench import bench_evidence

@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ...models.effects import EffectPlace
-from ..calibration.gyros import Bench as Place
+from ..calibration.gyros import BenchOnEarth as Place
 from ..errors import InputError
 from ..evidence.bench import bench_evidence
 from ..evidence.bench_in_motion import whole_evidence

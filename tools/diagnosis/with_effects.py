@@ -26,7 +26,7 @@ from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, blocks_of, coefficient_limits, estimated, linear_intervals
 from ..records import PositionRecord
 from ..rounding import exactly
-from ..sieve.breaks import BIASES, SCALES, Gap, Group, Part, Search, jumping_at
+from ..sieve.breaks import BIASES, SCALES, BreakSearch, ChangingGroup, ChangingPart, RowGap, jumping_at
 from .applied import coefficients_of, errors_of
 from .cause import Cause, causes_of, stated_within
 
@@ -131,7 +131,7 @@ class Way:
 
     cast: Cast
     fit: Fit | None = None
-    gaps: tuple[Gap, ...] = ()
+    gaps: tuple[RowGap, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -160,12 +160,12 @@ class Programme:
         return self.evidence.model
 
     @cached_property
-    def search(self) -> Search:
+    def search(self) -> BreakSearch:
         """The search for the gaps of the breaks."""
-        return Search(self.evidence, Work())
+        return BreakSearch(self.evidence, Work())
 
     @cached_property
-    def groups(self) -> tuple[Group, ...]:
+    def groups(self) -> tuple[ChangingGroup, ...]:
         """Parts that change together at each break; an InputError for some that the search does not know."""
         by_parts = {frozenset(part.key for part in group.parts): group for group in self.search.every_group}
         groups = [by_parts.get(frozenset(keys)) for keys in self.named.changes]
@@ -223,7 +223,7 @@ class Programme:
     def _targets_of_breaks(self, system: WithEffects, coefficients: Sequence[Target]) -> list[list[Target]]:
         """Return for each break its changes, and the biases and scale factors after it."""
         p, number = self.model.here.parametrisation, 0
-        so_far: dict[Part, NDArray] = {}
+        so_far: dict[ChangingPart, NDArray] = {}
         breaks = []
         for group in self.groups:
             targets = []
@@ -254,7 +254,7 @@ class Programme:
         return titled
 
 
-def _symbols_of(part: Part) -> tuple[str, ...]:
+def _symbols_of(part: ChangingPart) -> tuple[str, ...]:
     """Return the parameters that change by a part; none of angles."""
     if part in BIASES:
         return (BIAS_TARGETS[BIASES.index(part)],)

@@ -27,7 +27,7 @@ from ..calibration.model import Linearisation, least_singular, linearise
 from ..calibration.targets import NAMES
 from ..records import BenchRecord, PositionRecord
 from ..rounding import exactly
-from .bench_left_out import FOLDS, Linear, trials
+from .bench_left_out import FOLDS, LinearReadings, trials
 from .bench_model import (
     LARGEST_OF_BENCH,
     Cast,
@@ -423,7 +423,7 @@ class BenchReader(Reader):
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """Yield the trials of the whole set on left-out positions and blocks in time, then of each single effect."""
         rows = self.rows
-        return trials(Linear(rows.nominal, rows.residual, rows.bound), fit, self.named, self.model.numbers)
+        return trials(LinearReadings(rows.nominal, rows.residual, rows.bound), fit, self.named, self.model.numbers)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from ..bounded.programmes import MANY_ROWS, Growth, Interval, SolverError, any_c
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibrated import Calibration
 from ..calibration.calibration import Asked
-from ..calibration.gyros import Bench as Place
+from ..calibration.gyros import BenchOnEarth as Place
 from ..calibration.gyros import fit_whole, gyro_names, with_gyros
 from ..calibration.in_motion import FURTHER, InMotion, with_motion
 from ..calibration.model import Linearisation

@@ -30,7 +30,7 @@ Split = tuple[NDArray, NDArray, Prediction | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class LinearReadings:
     """A linear model of M readings: derivatives (M, P), residuals (M,) where it begins, and their bounds (M,) [g]."""
 
     jacobian: NDArray[np.float64]
@@ -49,9 +49,9 @@ class Linear:
     def _rank(self) -> int:
         return determined(self._unit)
 
-    def beside(self, columns: NDArray) -> "Linear":
+    def beside(self, columns: NDArray) -> "LinearReadings":
         """The model with more columns (M, k)."""
-        return Linear(np.hstack((self.jacobian, columns)), self.residual, self.bound)
+        return LinearReadings(np.hstack((self.jacobian, columns)), self.residual, self.bound)
 
     def split(self, parts: Sequence[NDArray], usable: NDArray) -> list[Split]:
         """Return the usable readings of each part, with their predictions from the others."""
@@ -73,7 +73,7 @@ class LeftOut:
     leverage: NDArray[np.float64]
 
     @staticmethod
-    def of(model: Linear, split: Sequence[Split]) -> "LeftOut | None":
+    def of(model: LinearReadings, split: Sequence[Split]) -> "LeftOut | None":
         """Return the prediction of each part from the others; None where they determine too little."""
         scored: list[tuple[NDArray, ...]] = []
         for left_out, fitted, without in split:
@@ -116,7 +116,7 @@ class LeftOut:
 
 
 def trials(
-    nominal: Linear, fit: Fit, name_in_record: Callable[[EffectPlace], EffectPlace], numbers: NDArray[np.int_]
+    nominal: LinearReadings, fit: Fit, name_in_record: Callable[[EffectPlace], EffectPlace], numbers: NDArray[np.int_]
 ) -> Iterator[Trial]:
     """Yield the trials of a set on left-out positions and blocks in time, then those of each effect beside the others.
 
@@ -130,7 +130,7 @@ def trials(
     if lasting.sum() == bench:
         yield Trial(places, None, None, jointly=True)
         return
-    with_all = Linear(fit.jacobian[:, lasting], fit.residual, fit.allowed)
+    with_all = LinearReadings(fit.jacobian[:, lasting], fit.residual, fit.allowed)
     turned = nominal.split(turns, usable)
     folds, parts = LeftOut.of(with_all, turned), LeftOut.of(with_all, nominal.split(blocks, usable))
     of_effects = lasting & (np.arange(len(fit.at)) >= bench)
@@ -151,7 +151,7 @@ def trials_of_each(fit: Fit, parts: Sequence[NDArray], moved: Moved) -> Iterator
     `moved` gives an effect's columns at places where they do not belong.
     """
     lasting, usable = without_outliers(fit)
-    with_all = Linear(fit.jacobian[:, lasting], fit.residual, fit.allowed)
+    with_all = LinearReadings(fit.jacobian[:, lasting], fit.residual, fit.allowed)
     for place, block, _ in fit.ways:
         of_effect = np.zeros(len(fit.at), dtype=bool)
         of_effect[len(fit.point) :][block] = place.effect != "outlier"
@@ -171,9 +171,9 @@ def without_outliers(fit: Fit) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
     return lasting, np.flatnonzero(~np.any(fit.jacobian[:, ~lasting] != 0.0, axis=1))
 
 
-def _without(fit: Fit, lasting: NDArray, removed: NDArray) -> Linear:
+def _without(fit: Fit, lasting: NDArray, removed: NDArray) -> LinearReadings:
     """Return the model without the removed columns (P + K,), with their effects subtracted at the sizes of the fit."""
-    return Linear(
+    return LinearReadings(
         fit.jacobian[:, lasting & ~removed], fit.residual + fit.jacobian[:, removed] @ fit.at[removed], fit.allowed
     )
 
@@ -184,7 +184,7 @@ def by_position(columns: NDArray, rng: np.random.Generator) -> NDArray[np.float6
     return columns.reshape(count, 3, -1)[rng.permutation(count)].reshape(3 * count, -1)
 
 
-def _shuffled(model: Linear, columns: NDArray, split: Sequence[Split], moved: Moved) -> Iterator[LeftOut]:
+def _shuffled(model: LinearReadings, columns: NDArray, split: Sequence[Split], moved: Moved) -> Iterator[LeftOut]:
     """Columns (M, k) of effects moved, beside a model without them."""
     rng = np.random.default_rng(len(columns) // 3)
     for _ in range(SHUFFLES):

@@ -69,7 +69,7 @@ SEARCHED = searched_places()
 
 
 @dataclass(frozen=True, eq=False)
-class InMotion:
+class SteppingAdditions:
     """Additions of an effect to groups of pieces from the first row on; the cells of its number follow from them.
 
     `hours` (N,) is the time of each row since the first; `resting` (N,) marks the rows of rests. `integral` (N, 3, K)
@@ -103,7 +103,7 @@ class InMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class Onsets(InMotion):
+class Onsets(SteppingAdditions):
     """An effect that sets in after a row: its number is the row."""
 
     @cached_property
@@ -211,7 +211,7 @@ class Slips(Onsets):
 
 
 @dataclass(frozen=True, eq=False)
-class TimeConstants(InMotion):
+class TimeConstants(SteppingAdditions):
     """An effect that fades with a time constant, numbered from the shortest of the search."""
 
     samples: dict[int, NDArray[np.float64]] = field(default_factory=dict)

@@ -95,7 +95,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
         _refuse_period(table, "no column has the name of a time")
         if table.kind is POSITION and not timed:
             table.settled["time"] = "order"
-            table.notes.append("no time is written: the rows count in their order")
+            table.notes.append("the file has no times: rows count as 1 s apart")
             return
     if TIME in table.mapping.units or (is_kind_open and not is_series):
         return
@@ -114,7 +114,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
     table.ask("columns.time_s", [field.label for field in risen[:3]], "which column is the time; none: a rate is asked")
     counts = table.values(risen[0].texts)
     likely = [rate] if counts[-1] - counts[0] == len(counts) - 1 else time_units(table, risen[0])
-    table.ask("units.time", list(dict.fromkeys([*likely, "s", "ms", "us"])), "no unit of time is written")
+    table.ask("units.time", list(dict.fromkeys([*likely, "s", "ms", "us"])), "the times have no unit")
 
 
 def _refuse_period(table: UnderstoodTable, where: str) -> None:

@@ -115,8 +115,8 @@ def _ask_for_unit(table: UnderstoodTable, quantity: str) -> None:
     answers = likely_units(table, quantity, fields, EXAMPLES[quantity][:3], None)
     size = ""
     if fields and quantity == "force":
-        size = f", |f| about {median_size(table, fields):.4g},"
-    table.ask(f"units.{quantity}", answers, f"no unit of {quantity}{size} is written")
+        size = f"; |f| is about {median_size(table, fields):.4g}"
+    table.ask(f"units.{quantity}", answers, f"{quantity} has no unit{size}")
 
 
 def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[LaboratoryUnit | None, str]:
@@ -176,8 +176,8 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
             answers = ("d", "s", "ms")
         size = ""
         if quantity == "force":
-            size = f", |f| about {median_size(table, fields):.4g},"
-        why = f"no unit of {head.text or origin.name!r}{size} is written"
+            size = f"; |f| is about {median_size(table, fields):.4g}"
+        why = f"{head.text or origin.name!r} has no unit{size}"
     table.ask(key, answers, why)
     return None, ""
 

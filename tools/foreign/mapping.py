@@ -185,7 +185,7 @@ class OpenQuestions(InputError):
         self.lines = [what, *(f"  {row}" for row in rows)]
         if len(questions) > 1:
             ready = [f"--set {shell_word(f'{question.key}={question.answers[0]}')}" for question in questions]
-            answers = f"the first answers: {' '.join(ready)}"
+            answers = f"the likeliest answers: {' '.join(ready)}"
             # A command that is cut short would answer other questions.
             if len(answers) <= LONGEST_MESSAGE:
                 self.lines.append(answers)

@@ -206,6 +206,11 @@ def facts_of(record: Record) -> dict[str, str]:
 def entries_of(folder: Path) -> Entries:
     """Return the entries of an instrument's folder in order of the dates.
 
+    Parameters
+    ----------
+    folder : path
+        the folder
+
     Returns
     -------
     Entries
@@ -238,7 +243,18 @@ def nearest_of_instrument(
     temperature: float | None = None,
     kind: Literal["calibration", "diagnosis"] | None = None,
 ) -> Entry:
-    """Return the entry nearest in date or temperature [°C]; by default the last one.
+    """Return the entry nearest in date or temperature; by default the last one.
+
+    Parameters
+    ----------
+    folder : path
+        the instrument's folder
+    date : str, optional
+        as 2026-11-23 or 2026-11-23T14:00
+    temperature : float, optional
+        [°C]
+    kind : str, optional
+        "calibration" or "diagnosis"; by default either
 
     Returns
     -------
@@ -272,6 +288,11 @@ def trend_of_instrument(folder: Path) -> Calibration:
 
     A constant is falsified at the first date whose interval is disjoint from an earlier one: intervals that meet
     pairwise have a common point.
+
+    Parameters
+    ----------
+    folder : path
+        the instrument's folder
 
     Returns
     -------

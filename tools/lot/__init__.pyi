@@ -1,10 +1,10 @@
-from .result import Dependence as Dependence
 from .result import Distribution as Distribution
+from .result import InstrumentValue as InstrumentValue
 from .result import Lot as Lot
+from .result import LotTrend as LotTrend
 from .result import Member as Member
 from .result import Odd as Odd
 from .result import SharedCause as SharedCause
-from .result import Value as Value
 from .statistics import lot_of as lot_of
 from .tolerance import Tolerance as Tolerance
 from .tolerance import read_tolerance as read_tolerance

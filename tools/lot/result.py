@@ -16,7 +16,7 @@ Against = Literal["serial", "date", "temperature"]
 Status = Literal["pass", "fail", "undecided"]
 
 
-class Value(Told):
+class InstrumentValue(Told):
     """A number of an instrument, with the ends of its interval where the record guarantees them."""
 
     unit: str
@@ -42,7 +42,7 @@ class Member(Told):
         why there is no result
     result : str or None
         file of the result, in the folder of the batch
-    values : dict of Value
+    values : dict of InstrumentValue
         by symbol
     causes : tuple of NamedEffect
         those of an explained diagnosis
@@ -57,7 +57,7 @@ class Member(Told):
     verdict: str | None = None
     failed: str | None = None
     result: str | None = None
-    values: Mapping[str, Value] = {}
+    values: Mapping[str, InstrumentValue] = {}
     causes: tuple[NamedEffect, ...] = ()
     status: Status | None = None
     reason: str | None = None
@@ -116,7 +116,7 @@ class SharedCause(Result):
     sentence: str
 
 
-class Dependence(Result):
+class LotTrend(Result):
     """A parameter that changes over the lot: a step at a serial number, or a trend with date or temperature.
 
     Attributes
@@ -160,7 +160,7 @@ class Lot(Told):
     distributions : tuple of Distribution
     odd : tuple of Odd
     shared : tuple of SharedCause
-    dependences : tuple of Dependence
+    dependences : tuple of LotTrend
     first_out : str or None
         serial number of the first instrument out of tolerance
     warnings : tuple of str
@@ -175,7 +175,7 @@ class Lot(Told):
     distributions: tuple[Distribution, ...] = ()
     odd: tuple[Odd, ...] = ()
     shared: tuple[SharedCause, ...] = ()
-    dependences: tuple[Dependence, ...] = ()
+    dependences: tuple[LotTrend, ...] = ()
     first_out: str | None = None
     warnings: tuple[str, ...] = ()
 

@@ -21,7 +21,7 @@ from ...models.effects import CATALOGUE
 from ..diagnosis.cause import NamedEffect
 from ..instrument import moment
 from ..rounding import digits
-from .result import Against, Dependence, Distribution, Lot, Member, Odd, SharedCause, Value
+from .result import Against, Distribution, InstrumentValue, Lot, LotTrend, Member, Odd, SharedCause
 from .tolerance import Tolerance
 
 CHANCE = 1e-2
@@ -42,7 +42,7 @@ INDEPENDENT = ("consistent", "explained")
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class LotColumn:
     """A parameter over the instruments of a lot that have it, in order of the serial numbers."""
 
     symbol: str
@@ -136,9 +136,9 @@ def last_records(members: Sequence[Member]) -> list[Member]:
     return list(last.values())
 
 
-def columns_of(instruments: Sequence[Member]) -> list[Column]:
+def columns_of(instruments: Sequence[Member]) -> list[LotColumn]:
     """Return the parameters that at least two instruments have."""
-    by_symbol: dict[str, list[tuple[Member, Value]]] = {}
+    by_symbol: dict[str, list[tuple[Member, InstrumentValue]]] = {}
     for member in instruments:
         for symbol, value in member.values.items():
             by_symbol.setdefault(symbol, []).append((member, value))
@@ -150,11 +150,11 @@ def columns_of(instruments: Sequence[Member]) -> list[Column]:
         lows = [value.estimate if value.low is None else value.low for _, value in pairs]
         highs = [value.estimate if value.high is None else value.high for _, value in pairs]
         column_members = [member for member, _ in pairs]
-        columns.append(Column(symbol, pairs[0][1].unit, column_members, estimates, np.array(lows), np.array(highs)))
+        columns.append(LotColumn(symbol, pairs[0][1].unit, column_members, estimates, np.array(lows), np.array(highs)))
     return columns
 
 
-def distribution_of(column: Column) -> Distribution:
+def distribution_of(column: LotColumn) -> Distribution:
     """Return the distribution of a parameter over its instruments."""
     halves = (column.highs - column.lows) / 2.0
     halves = halves[halves > 0.0]
@@ -173,7 +173,7 @@ def distribution_of(column: Column) -> Distribution:
 # Odd instruments
 
 
-def odd_values(columns: Sequence[Column]) -> list[Odd]:
+def odd_values(columns: Sequence[LotColumn]) -> list[Odd]:
     """Return the instruments whose whole interval lies outside the range of the lot.
 
     The range is that of a normal law with the lot's median and spread; as the spread itself is uncertain, the quantile
@@ -331,7 +331,7 @@ def _split_of(has: NDArray[np.bool_]) -> int | None:
 # Steps and trends
 
 
-def dependences_of(columns: Sequence[Column]) -> list[Dependence]:
+def dependences_of(columns: Sequence[LotColumn]) -> list[LotTrend]:
     """Return the parameters that change with serial number, date or temperature, the surest of these for each."""
     dependences = []
     for column in columns:
@@ -346,7 +346,7 @@ def dependences_of(columns: Sequence[Column]) -> list[Dependence]:
     return dependences
 
 
-def _remainder(column: Column, dependence: Dependence) -> float:
+def _remainder(column: LotColumn, dependence: LotTrend) -> float:
     """Return the mean distance of the estimates from a step or a trend, where the instruments tell its abscissa."""
     abscissa, members = _abscissa(column, dependence.against)
     estimates = column.estimates[members]
@@ -357,7 +357,7 @@ def _remainder(column: Column, dependence: Dependence) -> float:
     return float(np.abs(left - np.median(left)).mean())
 
 
-def _abscissa(column: Column, against: Against) -> tuple[NDArray[np.float64], list[int]]:
+def _abscissa(column: LotColumn, against: Against) -> tuple[NDArray[np.float64], list[int]]:
     """Return the place of each instrument by serial number, the date [years] or the temperature [°C].
 
     Also returns the numbers of the instruments that tell it.
@@ -371,7 +371,7 @@ def _abscissa(column: Column, against: Against) -> tuple[NDArray[np.float64], li
     return np.array(abscissa), members
 
 
-def _step_of(column: Column) -> Dependence | None:
+def _step_of(column: LotColumn) -> LotTrend | None:
     """Return the surest step of a parameter at a serial number, by the sum of ranks; None for too few instruments."""
     count = len(column.members)
     if count < 2 * LEAST_GROUP:
@@ -389,7 +389,7 @@ def _step_of(column: Column) -> Dependence | None:
     first = max(0, math.floor(len(moved) / 2.0 - width))
     size, low, high = float(np.median(moved)), float(moved[first]), float(moved[len(moved) - 1 - first])
     serial = column.members[at].serial
-    return Dependence(
+    return LotTrend(
         symbol=column.symbol,
         unit=column.unit,
         against="serial",
@@ -402,7 +402,7 @@ def _step_of(column: Column) -> Dependence | None:
     )
 
 
-def _trend_of(column: Column, against: Against) -> Dependence | None:
+def _trend_of(column: LotColumn, against: Against) -> LotTrend | None:
     """Return the trend of a parameter with date or temperature, by ranks; None for too few or equal ones."""
     abscissa, members = _abscissa(column, against)
     if len(members) < LEAST_INSTRUMENTS or abscissa.max() == abscissa.min():
@@ -414,7 +414,7 @@ def _trend_of(column: Column, against: Against) -> Dependence | None:
     _, chance = np.array(stats.kendalltau(abscissa, estimates), dtype=float).tolist()
     slope, _, low, high = np.array(stats.theilslopes(estimates, abscissa), dtype=float).tolist()
     per = "a year" if against == "date" else "a kelvin"
-    return Dependence(
+    return LotTrend(
         symbol=column.symbol,
         unit=column.unit,
         against=against,

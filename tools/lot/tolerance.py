@@ -9,10 +9,10 @@ from ..errors import InputError, nearest
 from ..files import bytes_of
 from ..result import Section, read_sections
 from ..rounding import digits
-from .result import Member, Status, Value
+from .result import InstrumentValue, Member, Status
 
 
-class Limits(Section):
+class AllowedRange(Section):
     """Least and greatest allowed value of a parameter, and the largest allowed half width of its interval."""
 
     low: float | None = None
@@ -20,7 +20,7 @@ class Limits(Section):
     half_width: float | None = Field(default=None, gt=0.0)
 
     @model_validator(mode="after")
-    def _limits_something(self) -> "Limits":
+    def _limits_something(self) -> "AllowedRange":
         if self.low is None and self.high is None and self.half_width is None:
             raise ValueError("give low, high or half_width")
         if self.low is not None and self.high is not None and self.low >= self.high:
@@ -33,7 +33,7 @@ class Tolerance(Section):
 
     schema_: Literal["trihedron.tolerance/1"] = Field(default="trihedron.tolerance/1", alias="schema")
     verdicts: list[str] = Field(default=["consistent"])
-    parameters: dict[str, Limits] = Field(default={})
+    parameters: dict[str, AllowedRange] = Field(default={})
 
     def judged(self, member: Member) -> Member:
         """Return a record with its status and the first reason; a record without a result is undecided."""
@@ -61,7 +61,7 @@ class Tolerance(Section):
                 raise InputError(f"--tolerance: no record has a parameter '{symbol}'; {nearest(symbol, list(known))}")
 
 
-def _status(symbol: str, limits: Limits, value: Value | None) -> tuple[Status, str]:
+def _status(symbol: str, limits: AllowedRange, value: InstrumentValue | None) -> tuple[Status, str]:
     """Return the status of a value, and the reason where it does not pass.
 
     It passes where the whole interval is allowed, and fails where no value of the interval is.

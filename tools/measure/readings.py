@@ -288,7 +288,7 @@ WAITING = 64
 """Largest number of waiting pieces of standard input; then its writer waits."""
 
 
-class Source(Protocol):
+class ByteSource(Protocol):
     """A stream of bytes."""
 
     name: str
@@ -373,7 +373,7 @@ class Stream:
             self._file.close()
 
 
-def source_of(name: str) -> Source:
+def source_of(name: str) -> ByteSource:
     """Return the source that `--from` names: - is standard input, all else a growing file or a named pipe."""
     if name == "-":
         return Stream(sys.stdin.buffer, "standard input")

@@ -15,7 +15,7 @@ from ..files import LARGEST_TEXT, bytes_of, make_folders, refuse_input, said_wri
 from ..locks import Taken, locked, refuse_irregular
 from ..records import PositionRecord, read_record, write_record
 from .programme import TableProgramme
-from .readings import RecordLines, Source, by_count
+from .readings import ByteSource, RecordLines, by_count
 from .session import Ending, Measured, Session, SessionOptions, measured
 from .visits import Present, RestVisit, Watch
 
@@ -309,7 +309,7 @@ class Measurement:
         self.files.positions(self.session.record())
         return False
 
-    def moment(self, source: Source, silent_s: float, *, ended: bool = False) -> Moment:
+    def moment(self, source: ByteSource, silent_s: float, *, ended: bool = False) -> Moment:
         """Return the present moment for views; news are given once."""
         news, self.news = tuple(self.news), []
         if silent_s < SILENT_S:
@@ -344,7 +344,7 @@ class Measurement:
         return diagnosis
 
 
-def carry_out(measurement: Measurement, source: Source, views: Sequence[View]) -> Measured:
+def carry_out(measurement: Measurement, source: ByteSource, views: Sequence[View]) -> Measured:
     """Measure until the source ends, the operator ends it, or the patience runs out without readings.
 
     Afterwards all positions are diagnosed, and the page is written beside the record. Raises InputError for a source
@@ -377,7 +377,7 @@ def carry_out(measurement: Measurement, source: Source, views: Sequence[View]) -
         )
 
 
-def _measure(measurement: Measurement, source: Source, views: Sequence[View]) -> Ending:
+def _measure(measurement: Measurement, source: ByteSource, views: Sequence[View]) -> Ending:
     """Feed incoming data and show each moment; return the reason for the end."""
     last, patience_s = monotonic(), measurement.session.asked.patience_s
     ending: Ending | None = None

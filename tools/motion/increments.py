@@ -18,7 +18,7 @@ from ..records import StrapdownRecord
 from ..records.limits import Limits, channel_limits
 from ..records.stamps import grid_of
 from ..result import Result
-from ..rounding import digits, exactly, upwards
+from ..rounding import exactly, upwards
 from .rests import check_turns, mean_rates
 
 JITTER = 0.01
@@ -202,9 +202,9 @@ def left_out_line(rows: int, algorithm: str, end: float) -> tuple[str, ...]:
     """Return a warning about last rows that fill no step of an algorithm, if any; the attitude ends at `end` [s]."""
     if not rows:
         return ()
-    words = f"the last {rows} rows fill" if rows > 1 else "the last row fills"
+    words = f"the last {rows} rows do" if rows > 1 else "the last row does"
     return (
-        f"{words} no step of {algorithm}: left out, the attitude ends at {digits(end, 9)} s; "
+        f"{words} not complete a step of {algorithm}; the attitude ends at {exactly(end, 9)} s. "
         "one-sample-rodrigues takes every row",
     )
 

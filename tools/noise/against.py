@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .likelihood import Fit, Likelihood
-from .pieces import Channel
+from .likelihood import Likelihood, NoiseFit
+from .pieces import ChannelAtRest
 from .processes import NUMBERS, SPECTRAL, Letter
 from .result import BIAS_TAKEN, Against, HeldOut, variance_after
 from .selection import Selection, select
@@ -35,11 +35,11 @@ BAND = 1.959964
 
 
 @dataclass(frozen=True, eq=False)
-class Change:
+class NoiseChange:
     """A set of processes whose coefficients change: the fit of these beside the unchanged ones."""
 
     letters: tuple[Letter, ...]
-    fit: Fit
+    fit: NoiseFit
 
     @property
     def sizes(self) -> dict[Letter, float]:
@@ -47,12 +47,12 @@ class Change:
         return {letter: self.fit.coefficient(letter) for letter in self.letters}
 
 
-def held_against(channel: Channel, step: float, selection: Selection, simulated: Sizes) -> Against:
+def held_against(channel: ChannelAtRest, step: float, selection: Selection, simulated: Sizes) -> Against:
     """Return the answer for one channel.
 
     Parameters
     ----------
-    channel : Channel
+    channel : ChannelAtRest
         readings at rest
     step : float
         time between readings [s]
@@ -65,7 +65,7 @@ def held_against(channel: Channel, step: float, selection: Selection, simulated:
     best = _largest(likelihood)
     rise = _changed(likelihood, simulated, ()).fit.cost - best
     verdict: Verdict = "consistent"
-    chosen: list[Change] = []
+    chosen: list[NoiseChange] = []
     if rise > FALSIFIED:
         chosen = smallest_changes(likelihood, simulated, best + EXPLAINED)
         verdict = VERDICTS.get(len(chosen), "ambiguous")
@@ -90,7 +90,7 @@ def _largest(likelihood: Likelihood) -> float:
     return min(likelihood.fit(SPECTRAL, trend).cost for trend in trends)
 
 
-def smallest_changes(likelihood: Likelihood, simulated: Sizes, limit: float) -> list[Change]:
+def smallest_changes(likelihood: Likelihood, simulated: Sizes, limit: float) -> list[NoiseChange]:
     """Return all sets of changes of the fewest numbers whose cost is within a limit, the likeliest first."""
     by_size: dict[int, list[tuple[Letter, ...]]] = {}
     for count in range(1, MOST + 1):
@@ -106,7 +106,7 @@ def smallest_changes(likelihood: Likelihood, simulated: Sizes, limit: float) -> 
     return []
 
 
-def _changed(likelihood: Likelihood, simulated: Sizes, letters: tuple[Letter, ...]) -> Change:
+def _changed(likelihood: Likelihood, simulated: Sizes, letters: tuple[Letter, ...]) -> NoiseChange:
     """Return the best fit with the coefficients of some processes free, the others as simulated."""
     fixed = np.zeros(len(likelihood.bins.power))
     for letter, size in simulated.items():
@@ -116,10 +116,10 @@ def _changed(likelihood: Likelihood, simulated: Sizes, letters: tuple[Letter, ..
     trend = 0.0 if "R" in letters else None
     constants = likelihood.constants.tolist() if "M" in letters else [0.0]
     fits = [likelihood.fit_beside(fixed, tuple(spectral), constant, trend) for constant in constants]
-    return Change(letters, min(fits, key=lambda fit: fit.cost))
+    return NoiseChange(letters, min(fits, key=lambda fit: fit.cost))
 
 
-def predicted_drifts(channel: Channel, step: float, simulated: Sizes, letters: Sequence[Letter]) -> list[HeldOut]:
+def predicted_drifts(channel: ChannelAtRest, step: float, simulated: Sizes, letters: Sequence[Letter]) -> list[HeldOut]:
     """Return how well the second half's drifts are predicted, by the simulation's noise and by the extended one.
 
     The coefficients that change are those of the first half, with the upper ends of their intervals.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from ..records.noise import allan_deviation_of_sums, sums_of
-from .likelihood import Fit, Likelihood
+from .likelihood import Likelihood, NoiseFit
 from .processes import difference_gain
 from .result import AllanCurve
 
@@ -30,7 +30,9 @@ def averaging_rows(longest: int) -> list[int]:
     return sorted(set(rows))
 
 
-def allan_curve(pieces: Sequence[NDArray[np.float64]], step: float, likelihood: Likelihood, fit: Fit) -> AllanCurve:
+def allan_curve(
+    pieces: Sequence[NDArray[np.float64]], step: float, likelihood: Likelihood, fit: NoiseFit
+) -> AllanCurve:
     """Return the overlapping Allan deviation of a channel with 95 % intervals, and the band of the fitted processes.
 
     The degrees of freedom are those of the processes, by the spectrum: the Allan variance is a weighted mean of the
@@ -73,7 +75,9 @@ def allan_curve(pieces: Sequence[NDArray[np.float64]], step: float, likelihood: 
     )
 
 
-def of_processes(likelihood: Likelihood, fit: Fit, rows: int, longest: int, pieces: int = 1) -> tuple[float, float]:
+def of_processes(
+    likelihood: Likelihood, fit: NoiseFit, rows: int, longest: int, pieces: int = 1
+) -> tuple[float, float]:
     """Return the Allan deviation that fitted processes have in a stretch, and the degrees of freedom of its square.
 
     Parameters

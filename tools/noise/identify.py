@@ -8,13 +8,13 @@ from ..orchestrator.scenario import Scenario
 from ..progress import tracked
 from .against import held_against
 from .allan import allan_curve
-from .likelihood import Fit
-from .pieces import AtRest, Channel, TimeSeries, at_rest
+from .likelihood import NoiseFit
+from .pieces import AtRest, ChannelAtRest, TimeSeries, at_rest
 from .processes import PROCESSES, Letter, Sensor
 from .result import Against, AllanCurve, ChannelNoise, Coefficient, Drift, Noise, NoiseSource, SpectralLine
 from .selection import Selection, select
 from .simulated import simulated_noise
-from .spectrum import Line, bins_of
+from .spectrum import LineInSpectrum, bins_of
 
 UNITS: dict[Sensor, str] = {"gyro": "rad/s", "accelerometer": "m/s²"}
 NOT_TOLD = 300.0
@@ -100,7 +100,7 @@ def identify(
     )
 
 
-def _unchanging(channel: Channel) -> ChannelNoise:
+def _unchanging(channel: ChannelAtRest) -> ChannelNoise:
     """Return a channel without coefficients: it never changes, so nothing of its noise is known."""
     return ChannelNoise(
         channel=channel.name,
@@ -116,7 +116,9 @@ def _unchanging(channel: Channel) -> ChannelNoise:
     )
 
 
-def _of_channel(channel: Channel, step: float, selection: Selection, lines: Sequence[Line]) -> ChannelNoise:
+def _of_channel(
+    channel: ChannelAtRest, step: float, selection: Selection, lines: Sequence[LineInSpectrum]
+) -> ChannelNoise:
     """Return the noise of one channel."""
     return ChannelNoise(
         channel=channel.name,
@@ -132,11 +134,11 @@ def _of_channel(channel: Channel, step: float, selection: Selection, lines: Sequ
     )
 
 
-def _lines(lines: Sequence[Line]) -> list[SpectralLine]:
+def _lines(lines: Sequence[LineInSpectrum]) -> list[SpectralLine]:
     return [SpectralLine(frequency_hz=line.frequency_hz, amplitude=line.amplitude) for line in lines]
 
 
-def _coefficients(channel: Channel, selection: Selection) -> list[Coefficient]:
+def _coefficients(channel: ChannelAtRest, selection: Selection) -> list[Coefficient]:
     """Return the coefficients of a channel: of all processes but a trend or correlated noise that is not detected."""
     fit, likelihood = selection.fit, selection.likelihood
     coefficients = []
@@ -159,7 +161,7 @@ def _coefficients(channel: Channel, selection: Selection) -> list[Coefficient]:
     return coefficients
 
 
-def _time_constant(fit: Fit, letter: Letter) -> float | None:
+def _time_constant(fit: NoiseFit, letter: Letter) -> float | None:
     """Return the time constant of correlated noise or a warm-up [s]; None of any other process."""
     if letter == "M":
         return fit.constant

@@ -54,7 +54,7 @@ class Trend:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class NoiseFit:
     """Processes fitted to a spectrum.
 
     Attributes
@@ -103,7 +103,7 @@ def _end(rise: Callable[[float], float], step: float) -> float:
     return root_scalar(rise, bracket=(inside, outside), method="brentq", xtol=1e-4).root
 
 
-def _cost_of(fit: Fit) -> float:
+def _cost_of(fit: NoiseFit) -> float:
     return fit.cost
 
 
@@ -117,7 +117,7 @@ class Likelihood:
         self.unit = float(np.exp(np.average(np.log(np.maximum(bins.power, 1e-300)), weights=bins.count)))
         self.templates: dict[tuple[Letter, float], NDArray[np.float64]] = {}
         self.shapes: dict[float, NDArray[np.float64]] = {}
-        self.fits: dict[tuple[Letter, ...], Fit] = {}
+        self.fits: dict[tuple[Letter, ...], NoiseFit] = {}
 
     @cached_property
     def constants(self) -> NDArray[np.float64]:
@@ -153,14 +153,14 @@ class Likelihood:
         """Return the templates (B, p) of some processes."""
         return np.stack([self.column(letter, constant) for letter in letters], axis=1)
 
-    def spectrum(self, fit: Fit, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    def spectrum(self, fit: NoiseFit, angle: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the variance of cosine coefficients at ω [rad per reading] by fitted processes."""
         spectrum = np.zeros(angle.shape)
         for letter, power in zip(fit.letters, fit.power, strict=True):
             spectrum += power * template(letter, angle, self.bins.step, fit.constant)
         return spectrum
 
-    def fit(self, letters: tuple[Letter, ...], trend: Letter | None = None) -> Fit:
+    def fit(self, letters: tuple[Letter, ...], trend: Letter | None = None) -> NoiseFit:
         """Return the best fit of a set of processes, over the correlation times and then the trends of that letter."""
         if letters not in self.fits:
             self.fits[letters] = self._without_trend(letters)
@@ -170,14 +170,14 @@ class Likelihood:
         constants = [0.0] if trend == "R" else self.warm_ups
         return min((self.fit_at(letters, best.constant, constant) for constant in constants), key=_cost_of)
 
-    def _without_trend(self, letters: tuple[Letter, ...]) -> Fit:
+    def _without_trend(self, letters: tuple[Letter, ...]) -> NoiseFit:
         """Return the best fit of a set of processes over the correlation times."""
         if "M" not in letters:
             return self.fit_at(letters, 0.0, None)
         best = min((self.fit_at(letters, float(constant), None) for constant in self.constants), key=_cost_of)
         return self._refined(best, float(self.constants[1] / self.constants[0]))
 
-    def _refined(self, best: Fit, ratio: float) -> Fit:
+    def _refined(self, best: NoiseFit, ratio: float) -> NoiseFit:
         """Return the fit with a better correlation time, by halving the step of the grid."""
         step = math.sqrt(ratio)
         for _ in range(4):
@@ -188,7 +188,7 @@ class Likelihood:
             step = math.sqrt(step)
         return best
 
-    def fit_at(self, letters: tuple[Letter, ...], constant: float, trend: float | None) -> Fit:
+    def fit_at(self, letters: tuple[Letter, ...], constant: float, trend: float | None) -> NoiseFit:
         """Return the fit of a set of processes with one correlation time and one trend, by its constant."""
         columns = self.columns(letters, constant)
         power, count = self.bins.power / self.unit, self.bins.count
@@ -208,7 +208,7 @@ class Likelihood:
                 break
         fitted = None if trend is None else Trend.of(size, trend)
         cost += float(count.sum()) * math.log(self.unit)
-        return Fit(letters, theta, constant, fitted, cost)
+        return NoiseFit(letters, theta, constant, fitted, cost)
 
     def _least_squares(
         self, columns: NDArray[np.float64], power: NDArray[np.float64], spectrum: NDArray[np.float64]
@@ -243,7 +243,7 @@ class Likelihood:
         power[self.bins.is_single] = (self.bins.single - size * self.shape(trend)) ** 2
         return power / self.unit
 
-    def interval(self, fit: Fit, letter: Letter) -> tuple[float, float]:
+    def interval(self, fit: NoiseFit, letter: Letter) -> tuple[float, float]:
         """Return the ends of the 95 % interval of a coefficient, by the profile of the likelihood.
 
         The low end is 0 where the record does not exclude the process. The process may be one that the fit lacks.
@@ -264,7 +264,7 @@ class Likelihood:
         low, high = _end(rise, -STEP), _end(rise, STEP)
         return math.sqrt(start * math.exp(low)), math.sqrt(start * math.exp(high))
 
-    def _cost_with(self, best: Fit, place: int, theta: float, trend: float | None) -> float:
+    def _cost_with(self, best: NoiseFit, place: int, theta: float, trend: float | None) -> float:
         """Return the least cost with one process of a fit fixed at a size θ; of Markov over its correlation times."""
         others = np.delete(self.columns(best.letters, best.constant), place, axis=1)
         start = others @ np.delete(best.power, place)
@@ -281,7 +281,7 @@ class Likelihood:
 
     def fit_beside(
         self, fixed: NDArray[np.float64], letters: tuple[Letter, ...], constant: float = 0.0, trend: float | None = None
-    ) -> Fit:
+    ) -> NoiseFit:
         """Return the fit of a set of processes beside a fixed spectrum (B,), with one correlation time and trend.
 
         The fit's cost is that of both.
@@ -292,7 +292,7 @@ class Likelihood:
         if trend is not None:
             spectrum = fixed / self.unit + columns @ theta
             named = Trend.of(self._trend_size(spectrum, trend), trend)
-        return Fit(letters, theta, constant, named, cost)
+        return NoiseFit(letters, theta, constant, named, cost)
 
     def _beside(
         self,
@@ -334,7 +334,7 @@ class Likelihood:
             part *= 0.5
         return 0.0, cost
 
-    def _trend_interval(self, fit: Fit) -> tuple[float, float]:
+    def _trend_interval(self, fit: NoiseFit) -> tuple[float, float]:
         """Return the ends of the 95 % interval of a trend's size, the spectrum as it is fitted."""
         assert fit.trend is not None
         spectrum = self.columns(fit.letters, fit.constant) @ fit.power * self.unit
@@ -343,7 +343,7 @@ class Likelihood:
         half = math.sqrt(LEVEL) * deviation
         return fit.trend.size - half, fit.trend.size + half
 
-    def worst_bin(self, fit: Fit) -> float:
+    def worst_bin(self, fit: NoiseFit) -> float:
         """Return the largest deviation of a bin from the fit, in standard deviations of a normal variable."""
         spectrum = self.columns(fit.letters, fit.constant) @ fit.power
         power = self.bins.power / self.unit
@@ -353,7 +353,7 @@ class Likelihood:
         spread = 2.0 / (9.0 * self.bins.count)
         return float(np.max(np.abs(np.cbrt(power / spectrum) - (1.0 - spread)) / np.sqrt(spread)))
 
-    def with_power(self, fit: Fit, power: NDArray[np.float64]) -> Fit:
+    def with_power(self, fit: NoiseFit, power: NDArray[np.float64]) -> NoiseFit:
         """Return a fit with other sizes, and its cost."""
         other = replace(fit, power=power)
         spectrum = self.columns(fit.letters, fit.constant) @ power

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
-from ..by_hand.still import Series, still_rests
+from ..by_hand.still import TimedReadings, still_rests
 from ..errors import InputError
 from ..motion.rests import quiet_rests, rates_of, sampling_of
 from ..records import RawRecord, StrapdownRecord, find_rests
@@ -55,7 +55,7 @@ KNOCKS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class ChannelAtRest:
     """One channel at rest: its name, its sensor, its stretches (n,) in rad/s or m/s²."""
 
     name: str
@@ -91,7 +91,7 @@ class AtRest:
 
     Attributes
     ----------
-    channels : tuple of Channel
+    channels : tuple of ChannelAtRest
         gyros, if there are any, then accelerometers
     step : float
         time between readings [s]
@@ -101,7 +101,7 @@ class AtRest:
         true if the gyros gave increments
     """
 
-    channels: tuple[Channel, ...]
+    channels: tuple[ChannelAtRest, ...]
     step: float
     static: bool
     increments: bool
@@ -152,7 +152,7 @@ def at_rest(records: Sequence[TimeSeries], skip: float = 0.0) -> AtRest:
     channels = []
     for place, channel in enumerate(first.channels):
         pieces = [piece for part in parts for piece in part.channels[place].pieces]
-        channels.append(Channel(channel.name, channel.sensor, tuple(pieces)))
+        channels.append(ChannelAtRest(channel.name, channel.sensor, tuple(pieces)))
     static = all(part.static for part in parts)
     return AtRest(tuple(channels), first.step, static, first.increments)
 
@@ -184,7 +184,7 @@ def _of_record(record: TimeSeries, skip: float) -> AtRest:
         for axis in range(3):
             pieces = tuple(np.ascontiguousarray(values[stretch, axis]) for stretch in kept)
             _check_range(pieces, f"{record.path}: {sensor} {axis + 1}")
-            channels.append(Channel(f"{sensor} {axis + 1}", sensor, pieces))
+            channels.append(ChannelAtRest(f"{sensor} {axis + 1}", sensor, pieces))
     return AtRest(tuple(channels), grid.period, static, getattr(record, "increment", None) is not None)
 
 
@@ -228,7 +228,7 @@ def _still_rows(record: TimeSeries, period: float) -> tuple[list[slice], bool]:
 def _rests_of(record: StrapdownRecord | ForceRecord, period: float) -> list[slice]:
     """Return the rows of the rests of a block that moves, among them long ones whose readings drift."""
     if isinstance(record, ForceRecord):
-        return list(still_rests(Series(record.time_s, record.specific_force / STANDARD_GRAVITY)).rows)
+        return list(still_rests(TimedReadings(record.time_s, record.specific_force / STANDARD_GRAVITY)).rows)
     rests = quiet_rests(record, sampling_of(record))
     shortest = round(STILL_STRETCH / period)
     parts = [rows for rows in rests.rows if rows.stop - rows.start < shortest]

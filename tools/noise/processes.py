@@ -40,7 +40,7 @@ MICRO_G = 1e6 / STANDARD_GRAVITY
 
 
 @dataclass(frozen=True)
-class Unit:
+class CoefficientUnit:
     """A coefficient's SI unit, its unit on data sheets, and the factor from the first to the second."""
 
     si: str
@@ -54,10 +54,12 @@ class Process:
 
     letter: Letter
     names: dict[Sensor, str]
-    units: dict[Sensor, Unit]
+    units: dict[Sensor, CoefficientUnit]
 
 
-def _process(letter: Letter, gyro: str, accelerometer: str, of_gyro: Unit, of_accelerometer: Unit) -> Process:
+def _process(
+    letter: Letter, gyro: str, accelerometer: str, of_gyro: CoefficientUnit, of_accelerometer: CoefficientUnit
+) -> Process:
     return Process(
         letter, {"gyro": gyro, "accelerometer": accelerometer}, {"gyro": of_gyro, "accelerometer": of_accelerometer}
     )
@@ -68,50 +70,50 @@ PROCESSES: dict[Letter, Process] = {
         "N",
         "angle random walk",
         "velocity random walk",
-        Unit("rad/s/√Hz", "deg/√h", DEGREES * ROOT_HOUR),
-        Unit("m/s²/√Hz", "µg/√Hz", MICRO_G),
+        CoefficientUnit("rad/s/√Hz", "deg/√h", DEGREES * ROOT_HOUR),
+        CoefficientUnit("m/s²/√Hz", "µg/√Hz", MICRO_G),
     ),
     "Q": _process(
         "Q",
         "angle quantisation",
         "velocity quantisation",
-        Unit("rad", "arcsec", DEGREES * 3600.0),
-        Unit("m/s", "mm/s", 1e3),
+        CoefficientUnit("rad", "arcsec", DEGREES * 3600.0),
+        CoefficientUnit("m/s", "mm/s", 1e3),
     ),
     "B": _process(
         "B",
         "bias instability",
         "bias instability",
-        Unit("rad/s", "deg/h", DEGREES * HOUR),
-        Unit("m/s²", "µg", MICRO_G),
+        CoefficientUnit("rad/s", "deg/h", DEGREES * HOUR),
+        CoefficientUnit("m/s²", "µg", MICRO_G),
     ),
     "K": _process(
         "K",
         "rate random walk",
         "acceleration random walk",
-        Unit("rad/s²/√Hz", "deg/h/√h", DEGREES * HOUR * ROOT_HOUR),
-        Unit("m/s³/√Hz", "µg/√h", MICRO_G * ROOT_HOUR),
+        CoefficientUnit("rad/s²/√Hz", "deg/h/√h", DEGREES * HOUR * ROOT_HOUR),
+        CoefficientUnit("m/s³/√Hz", "µg/√h", MICRO_G * ROOT_HOUR),
     ),
     "M": _process(
         "M",
         "correlated noise",
         "correlated noise",
-        Unit("rad/s", "deg/h", DEGREES * HOUR),
-        Unit("m/s²", "µg", MICRO_G),
+        CoefficientUnit("rad/s", "deg/h", DEGREES * HOUR),
+        CoefficientUnit("m/s²", "µg", MICRO_G),
     ),
     "R": _process(
         "R",
         "rate ramp",
         "acceleration ramp",
-        Unit("rad/s²", "deg/h/h", DEGREES * HOUR * HOUR),
-        Unit("m/s³", "µg/h", MICRO_G * HOUR),
+        CoefficientUnit("rad/s²", "deg/h/h", DEGREES * HOUR * HOUR),
+        CoefficientUnit("m/s³", "µg/h", MICRO_G * HOUR),
     ),
     "W": _process(
         "W",
         "warm-up",
         "warm-up",
-        Unit("rad/s", "deg/h", DEGREES * HOUR),
-        Unit("m/s²", "µg", MICRO_G),
+        CoefficientUnit("rad/s", "deg/h", DEGREES * HOUR),
+        CoefficientUnit("m/s²", "µg", MICRO_G),
     ),
 }
 """Processes in the order in which they are named."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
-from .likelihood import Fit, Likelihood
+from .likelihood import Likelihood, NoiseFit
 from .processes import NUMBERS, SPECTRAL, TRENDS, Letter
 from .spectrum import Bins
 
@@ -27,9 +27,9 @@ class Selection:
 
     Attributes
     ----------
-    fit : Fit
+    fit : NoiseFit
         the chosen set: of those admissible with the fewest numbers the likeliest
-    admissible : tuple of Fit
+    admissible : tuple of NoiseFit
         all of them, the chosen one first
     likelihood : Likelihood
         of the band of the fit
@@ -41,8 +41,8 @@ class Selection:
         true where the spectrum above the band is not that of the set: a filter, or vibration
     """
 
-    fit: Fit
-    admissible: tuple[Fit, ...]
+    fit: NoiseFit
+    admissible: tuple[NoiseFit, ...]
     likelihood: Likelihood
     band_hz: float
     worst_bin: float
@@ -73,7 +73,7 @@ def select(bins: Bins) -> Selection:
     return Selection(chosen, admissible, used, end / (2.0 * math.pi * bins.step), used.worst_bin(chosen), filtered)
 
 
-def _in_whole_band(fit: Fit, of_band: Likelihood, whole: Likelihood) -> Fit | None:
+def _in_whole_band(fit: NoiseFit, of_band: Likelihood, whole: Likelihood) -> NoiseFit | None:
     """Return the set fitted to the whole band, with quantisation where it needs that; None if it is not the same."""
     trend = None if fit.trend is None else fit.trend.letter
     wide = whole.fit(fit.letters, trend)
@@ -90,7 +90,7 @@ def _in_whole_band(fit: Fit, of_band: Likelihood, whole: Likelihood) -> Fit | No
     return wide
 
 
-def _admissible(likelihood: Likelihood) -> tuple[Fit, ...]:
+def _admissible(likelihood: Likelihood) -> tuple[NoiseFit, ...]:
     """Return all admissible sets of the fewest numbers, the likeliest first."""
     needed = NEEDED_WITH_TRENDS if likelihood.bins.has_trends else NEEDED
     largest = min(likelihood.fit(SPECTRAL, trend).cost for trend in _trends(likelihood))

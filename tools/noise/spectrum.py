@@ -42,7 +42,7 @@ SMALLEST = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class LineInSpectrum:
     """A line of the spectrum: its frequency [Hz], and the amplitude of its sine in the unit of the readings."""
 
     frequency_hz: float
@@ -114,7 +114,7 @@ class Bins:
         )
 
 
-def bins_of(pieces: Sequence[NDArray[np.float64]], step: float) -> tuple[Bins, tuple[Line, ...]]:
+def bins_of(pieces: Sequence[NDArray[np.float64]], step: float) -> tuple[Bins, tuple[LineInSpectrum, ...]]:
     """Return the spectrum of the pieces of one channel without its lines, and the lines.
 
     Parameters
@@ -125,7 +125,7 @@ def bins_of(pieces: Sequence[NDArray[np.float64]], step: float) -> tuple[Bins, t
         time between readings [s]
     """
     parts = []
-    lines: list[Line] = []
+    lines: list[LineInSpectrum] = []
     for piece in pieces:
         coefficients = _coefficients(piece, step)
         masked = line_mask(coefficients)
@@ -285,7 +285,7 @@ def _levels(squares: NDArray[np.float64], masked: NDArray[np.bool_], edges: NDAr
     return level
 
 
-def lines_of(coefficients: NDArray[np.float64], masked: NDArray[np.bool_], step: float) -> list[Line]:
+def lines_of(coefficients: NDArray[np.float64], masked: NDArray[np.bool_], step: float) -> list[LineInSpectrum]:
     """Return the strongest lines: runs of masked coefficients, with the amplitude of one sine of their energy."""
     size = len(coefficients) + 1
     edges = np.flatnonzero(np.diff(np.concatenate([[False], masked, [False]]).astype(np.int8)))
@@ -294,6 +294,6 @@ def lines_of(coefficients: NDArray[np.float64], masked: NDArray[np.bool_], step:
         squares = coefficients[first:end] ** 2
         energy = float(squares.sum())
         number = float(squares @ np.arange(first + 1, end + 1)) / energy
-        lines.append(Line(number / (2.0 * size * step), math.sqrt(2.0 * energy / size)))
+        lines.append(LineInSpectrum(number / (2.0 * size * step), math.sqrt(2.0 * energy / size)))
     lines.sort(key=lambda line: -line.amplitude)
     return [line for line in lines[:MOST_LINES] if line.amplitude > SIDE_LOBE * lines[0].amplitude]

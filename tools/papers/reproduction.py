@@ -168,6 +168,8 @@ def reproduce_attitude(numbers: Iterable[int] | None = None, *, progress: bool =
     ----------
     numbers : iterable of int, optional
         rows to compute; all by default
+    progress : bool
+        show a bar where standard error is a terminal
 
     Returns
     -------

@@ -8,7 +8,7 @@ from .forms import clearance as clearance
 from .forms import sheets as sheets
 from .forms import value as value
 from .hand import HandPlan as HandPlan
-from .hand import HandRequest as HandRequest
+from .hand import HandPlanRequest as HandPlanRequest
 from .hand import density_of as density_of
 from .hand import plan_by_hand as plan_by_hand
 from .imu import ImuPlan as ImuPlan

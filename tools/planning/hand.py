@@ -47,7 +47,7 @@ USED = 1e-3
 
 
 @dataclass(frozen=True)
-class HandRequest:
+class HandPlanRequest:
     """Request for a calibration by hand: accuracies and properties of the instrument.
 
     Attributes
@@ -153,7 +153,7 @@ class TurnDeterminacy:
         """The largest standard error of a turn of 90° [rad], over all axes."""
         return worst_turn(self.covariance)[0]
 
-    def with_turn(self, turn: "Turn", sd: float) -> Self:
+    def with_turn(self, turn: "PlannedTurn", sd: float) -> Self:
         """Return the determinacy after a turn between two rests, whose directions err by `sd` [rad] each."""
         rows = _cross(turn.after) @ _along_the_way(turn) @ np.kron(np.eye(3), turn.axis[None, :])
         noise = (MOVE_SD**2 + 2.0 * sd**2) * np.eye(3)
@@ -162,7 +162,7 @@ class TurnDeterminacy:
 
 
 @dataclass(frozen=True)
-class Turn:
+class PlannedTurn:
     """A turn by `angle` [rad] about `axis` (3,), both axes of the instrument; `after` (3,) is the direction up then."""
 
     axis: NDArray[np.float64]
@@ -177,14 +177,14 @@ def _cross(vector: NDArray) -> NDArray[np.float64]:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def _along_the_way(turn: Turn) -> NDArray[np.float64]:
+def _along_the_way(turn: PlannedTurn) -> NDArray[np.float64]:
     """Return the integral (3, 3) over a turn that carries an error per angle to its end."""
     axis, angle = turn.axis, turn.angle
     along = np.outer(axis, axis)
     return angle * along + np.sin(angle) * (np.eye(3) - along) - (1.0 - np.cos(angle)) * _cross(axis)
 
 
-def turns_to(up: NDArray, target: NDArray) -> list[Turn]:
+def turns_to(up: NDArray, target: NDArray) -> list[PlannedTurn]:
     """Return the turns that bring the direction up (3,) to another one: the shortest.
 
     From a direction to itself it is a half turn about the vertical; to the opposite one there is a turn about each axis
@@ -192,18 +192,18 @@ def turns_to(up: NDArray, target: NDArray) -> list[Turn]:
     """
     cosine = float(np.clip(up @ target, -1.0, 1.0))
     if cosine > 1.0 - 1e-9:
-        return [Turn(up, np.pi, target, "turn by 180° about the vertical")]
+        return [PlannedTurn(up, np.pi, target, "turn by 180° about the vertical")]
     if cosine > -1.0 + 1e-9:
         axis = np.cross(target, up)
         angle = float(np.arccos(cosine))
         degrees = digits(np.degrees(angle), 3).removesuffix(".0")
         words = f"turn by {degrees}°, the shortest way"
-        return [Turn(axis / np.linalg.norm(axis), angle, target, words)]
+        return [PlannedTurn(axis / np.linalg.norm(axis), angle, target, words)]
     turns = []
     for number, axis in enumerate(np.eye(3), start=1):
         if abs(axis @ up) < 1e-9:
-            turns.append(Turn(axis, np.pi, target, f"turn by 180° about axis {number}"))
-    return turns or [Turn(_level(up), np.pi, target, "turn over by 180°")]
+            turns.append(PlannedTurn(axis, np.pi, target, f"turn by 180° about axis {number}"))
+    return turns or [PlannedTurn(_level(up), np.pi, target, "turn over by 180°")]
 
 
 def _level(up: NDArray) -> NDArray[np.float64]:
@@ -295,12 +295,12 @@ class Progress:
     gyros: TurnDeterminacy
     up: NDArray[np.float64] | None = None
 
-    def moved(self, turn: Turn | None, up: NDArray, sd: float) -> "Progress":
+    def moved(self, turn: PlannedTurn | None, up: NDArray, sd: float) -> "Progress":
         """Return the knowledge after a turn and a rest."""
         gyros = self.gyros if turn is None else self.gyros.with_turn(turn, sd)
         return Progress(self.forces.with_pose(up, sd), gyros, up)
 
-    def lack(self, request: HandRequest) -> float:
+    def lack(self, request: HandPlanRequest) -> float:
         """Return the largest ratio of a predicted error to the wanted one."""
         ratios = [self.forces.worst / request.worst_error]
         if request.turn_error is not None:
@@ -317,7 +317,7 @@ class Progress:
         return dict(zip((*NAMES, *OF_GYROS), values, strict=True))
 
 
-def plan_by_hand(request: HandRequest) -> HandPlan:
+def plan_by_hand(request: HandPlanRequest) -> HandPlan:
     """Return the poses and turns that bring every wanted error about.
 
     Raises
@@ -387,7 +387,7 @@ def _step(trial: tuple[Progress, str, str], rest_s: float) -> HandStep:
     )
 
 
-def _out_of_reach(request: HandRequest, known: Progress, count: int) -> str:
+def _out_of_reach(request: HandPlanRequest, known: Progress, count: int) -> str:
     """Return what to ask for instead of what cannot be reached."""
     reached = [f"--accuracy {digits(1e3 * known.forces.worst, 2)}mg"]
     if request.turn_error is not None:
@@ -401,7 +401,7 @@ def _out_of_reach(request: HandRequest, known: Progress, count: int) -> str:
     )
 
 
-def _measured(request: HandRequest) -> tuple[Progress, str, list[str]]:
+def _measured(request: HandPlanRequest) -> tuple[Progress, str, list[str]]:
     """Return the knowledge from the rests of a record, its name and warnings; of the moves the shortest turns."""
     known = Progress(Determinacy.before(), TurnDeterminacy())
     if request.measured is None:

@@ -24,7 +24,7 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base, integrated_readings, moments_of, nominal_input
 from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..bounded.programmes import Polytope
-from ..calibration import Bench
+from ..calibration import BenchOnEarth
 from ..calibration.calibration import Asked, checked_noise_bound, fit_record, wanted_targets
 from ..calibration.estimates import a_priori_values
 from ..calibration.gyros import fit_whole, gyro_targets, widened
@@ -139,7 +139,7 @@ def programme_record(programme: Sequence[TableVisit], earth: NDArray) -> BenchRe
 class Planned:
     """The bench for which a programme is planned, and σ as a fraction of g."""
 
-    bench: Bench
+    bench: BenchOnEarth
     noise_bound: float
 
     def linearised(self, programme: Sequence[TableVisit]) -> WithTurns:

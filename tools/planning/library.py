@@ -267,7 +267,7 @@ def plan_imu(
     >>> import trihedron as th
     >>> th.plan_imu(30.0).worst_ratio  # doctest: +SKIP
     """
-    bench = calibrations.Bench(latitude_deg, azimuth_deg, gyro_noise, encoder_bound)
+    bench = calibrations.BenchOnEarth(latitude_deg, azimuth_deg, gyro_noise, encoder_bound)
     return planning.imu_programme(
         minutes,
         planning.Planned(bench, noise_bound),
@@ -325,5 +325,5 @@ def plan_hand(
     if noise is not None:
         noise_density = planning.density_of(noises.read_noise(noise))
     return planning.plan_by_hand(
-        planning.HandRequest(accuracy, turn_accuracy, tuple(targets), noise_density, measured, trust)
+        planning.HandPlanRequest(accuracy, turn_accuracy, tuple(targets), noise_density, measured, trust)
     )

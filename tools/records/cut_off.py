@@ -72,7 +72,7 @@ class CutOff:
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class CountedReadings:
     """Readings about one mean, counted: `edges` (k + 1,) of the values in ascending order, `counts` (k,) of each.
 
     `at` names the ends of the channel's range that the first and the last value are.
@@ -113,7 +113,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Explanation:
+class LimitedNormal:
     """Normal noise with limits at some ends: twice the negative logarithm of its likelihood, the rows beyond them."""
 
     ends: tuple[End, ...]
@@ -121,10 +121,10 @@ class Explanation:
     beyond: float
 
     @staticmethod
-    def of(groups: Sequence[Group], ends: tuple[End, ...]) -> "Explanation":
+    def of(groups: Sequence[CountedReadings], ends: tuple[End, ...]) -> "LimitedNormal":
         """Return the explanation of all groups, each with a mean and a noise of its own."""
         fits = [group.fit(ends) for group in groups]
-        return Explanation(ends, sum(cost for cost, _ in fits), sum(beyond for _, beyond in fits))
+        return LimitedNormal(ends, sum(cost for cost, _ in fits), sum(beyond for _, beyond in fits))
 
 
 def log_between(edges: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -158,12 +158,12 @@ def cut_off(pieces: Sequence[NDArray[np.float64]]) -> CutOff | None:
     if not groups:
         return None
     independent = _independent(windows)
-    best = whole = Explanation.of(groups, ())
+    best = whole = LimitedNormal.of(groups, ())
     sets: list[tuple[End, ...]] = [(end,) for end in candidates]
     if len(candidates) == 2:
         sets.append(("lower", "upper"))
     for ends in sets:
-        one = Explanation.of(groups, ends)
+        one = LimitedNormal.of(groups, ends)
         if one.cost < best.cost - (SECOND_END / independent if len(ends) == 2 else 0.0):
             best = one
     least = sum(group.least for group in groups)
@@ -230,7 +230,7 @@ def _windows(pieces: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]
     return windows
 
 
-def _groups(windows: Sequence[NDArray[np.float64]], lowest: float, highest: float) -> list[Group]:
+def _groups(windows: Sequence[NDArray[np.float64]], lowest: float, highest: float) -> list[CountedReadings]:
     """Return the windows with alike means that reach an end of the range, counted together."""
     means = np.array([window.mean() for window in windows])
     spread = float(np.median([window.std() for window in windows]))
@@ -251,7 +251,7 @@ def _groups(windows: Sequence[NDArray[np.float64]], lowest: float, highest: floa
     return groups
 
 
-def _group(codes: NDArray[np.float64], counts: NDArray[np.int_], width: float, at: frozenset[End]) -> Group:
+def _group(codes: NDArray[np.float64], counts: NDArray[np.int_], width: float, at: frozenset[End]) -> CountedReadings:
     """Return counted readings in bins of a least width; the first and the last value have a bin of their own."""
     middles = 0.5 * (codes[1:] + codes[:-1])
     kept = [0]
@@ -263,7 +263,7 @@ def _group(codes: NDArray[np.float64], counts: NDArray[np.int_], width: float, a
     first, last = 2.0 * codes[0] - middles[0], 2.0 * codes[-1] - middles[-1]
     edges = np.concatenate([[first], middles[kept], [last]])
     starts = np.concatenate([[0], np.array(kept) + 1])
-    return Group(edges, np.add.reduceat(counts, starts).astype(np.float64), at)
+    return CountedReadings(edges, np.add.reduceat(counts, starts).astype(np.float64), at)
 
 
 def _independent(windows: Sequence[NDArray[np.float64]]) -> float:
@@ -277,7 +277,7 @@ def _independent(windows: Sequence[NDArray[np.float64]]) -> float:
     return (1.0 - correlation) / (1.0 + correlation)
 
 
-def _piles_up(groups: Sequence[Group]) -> bool:
+def _piles_up(groups: Sequence[CountedReadings]) -> bool:
     """Return true if an end holds more readings than the value next to it."""
     at_lower = sum(group.counts[0] - group.counts[1] for group in groups if "lower" in group.at)
     at_upper = sum(group.counts[-1] - group.counts[-2] for group in groups if "upper" in group.at)

@@ -17,8 +17,8 @@ from .pages import page_of as page_of
 from .pages import shown as shown
 from .pages import write_report as write_report
 from .papers import write_reproduction as write_reproduction
-from .pictures.records import allan_curve as allan_curve
 from .pictures.records import allan_picture as allan_picture
+from .pictures.records import allan_points as allan_points
 from .pictures.records import attitude_picture as attitude_picture
 from .pictures.records import bench_tour as bench_tour
 from .pictures.records import plan_picture as plan_picture

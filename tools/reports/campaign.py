@@ -11,7 +11,7 @@ import numpy as np
 from ..calibration.targets import NAMES
 from ..campaign.file import Campaign
 from ..campaign.store import PAGE, Store, open_result
-from ..campaign.summary import CHANCE, CampaignResult, Change, Comparison, Results, rate, summarise
+from ..campaign.summary import CHANCE, CampaignResult, Comparison, Results, ScalarChange, rate, summarise
 from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import Cell, minus, unit_text
 from ..document.page import write_page
@@ -191,7 +191,7 @@ def comparison_page(comparison: Comparison) -> Page:
     return Page("Two campaigns", verdict, answer)
 
 
-def _change_table(changes: Sequence[Change]) -> Table:
+def _change_table(changes: Sequence[ScalarChange]) -> Table:
     ordered = sorted(changes, key=lambda change: (RANK[change.verdict], 1.0 if change.p is None else change.p))
     return table_of(ordered, CHANGED)
 
@@ -334,8 +334,7 @@ SHOWN = {
 """Hidden effects of each mode, in words."""
 WHOSE = "an effect of all records and one of a record alone"
 CAPTION = (
-    "Rows: what was hidden. Columns: what was made of it. Blue is right, grey left open with the truth among the "
-    "candidates."
+    "Rows: the hidden effect. Columns: the diagnosis. Blue: right. Grey: open, with the truth among the candidates."
 )
 
 
@@ -383,18 +382,16 @@ def _outcome_counts(suite: Suite) -> str:
 def _counts_section(suite: Suite) -> Section:
     """Return rejected effects, false alarms, and errors of the estimated sizes."""
     lines = []
-    if suite.redrawn and not suite.strapdown:
-        lines.append(f"{suite.redrawn} effects were put aside, as no possible size would do at their positions")
     alarms = suite.false_alarms
     if alarms["clean"]:
-        lines.append(f"false alarms on clean records: {alarms['alarms']} of {alarms['clean']}")
+        lines.append(f"False alarms on clean records: {alarms['alarms']} of {alarms['clean']}.")
     errors: Any = suite.size_errors
     if errors["estimates"]:
         figures = [f"rms error {digits(100.0 * errors['rms'])} %", f"largest {upwards(100.0 * errors['largest'], 3)} %"]
         if not suite.strapdown:
             figures.insert(0, f"mean error {digits(100.0 * errors['mean'])} %")
         inside = f"{errors['inside_intervals']} of {errors['cases_with_intervals']}"
-        lines.append(f"estimated sizes: {', '.join(figures)}; inside their intervals {inside}")
+        lines.append(f"Estimated sizes: {', '.join(figures)}. Inside their intervals: {inside}.")
     return Section("Verdicts on the records", lines)
 
 
@@ -409,7 +406,7 @@ def _confusion_sections(suite: Suite) -> list[Section]:
         for outcome, count in row.most_common():
             words.append(f"{'right' if outcome == name else outcome} {count}")
         rows.append([name, sum(row.values()), ", ".join(words)])
-    table = Table(["hidden", "cases", "what was made of it"], rows)
+    table = Table(["hidden", "cases", "diagnosis"], rows)
     return [Section("Verdicts by effect", [], suites.confusion_picture(counts), CAPTION, table)]
 
 
@@ -430,9 +427,9 @@ def _size_sections(suite: Suite) -> list[Section]:
         counts: Any = suite.size_errors
         sections.append(
             Section(
-                "How right the sizes are",
-                f"In {counts['inside_intervals']} of {counts['cases_with_intervals']} cases named by their own "
-                "name the true parameters are inside their intervals.",
+                "Errors of the sizes",
+                f"In {counts['inside_intervals']} of {counts['cases_with_intervals']} cases that are named rightly, "
+                "the true parameters are inside their intervals.",
                 suites.size_errors_picture(sizes, errors),
                 "Relative error of each estimated size; the band is the mean with twice its standard error.",
             )
@@ -454,7 +451,7 @@ def _detection_section(suite: Suite) -> Section:
         rows.append([digits(bin_.low), last, bin_.cases, detected, named])
     curves = {"falsified": falsified, "named rightly": named_rightly}
     return Section(
-        "From which size it is seen",
+        "Detection by size",
         ["Sizes are relative to that from which an effect is surely detected at its positions."],
         suites.rates_picture(curves, "size over that of sure detection", "cases", "surely detected from here"),
         "How often an effect is detected and named, over its size.",
@@ -484,7 +481,7 @@ def _all_failures(suite: Suite) -> Section:
             row = [outcome.case, outcome.positions, outcome.reference, outcome.titles(named=False) or NOTHING]
             row += [outcome.verdict, outcome.outcome, outcome.titles(named=True), outcome.why]
             rows.append(row)
-    header = ["case", "positions", "reference", "hidden", "verdict", "outcome", "named", "what it says"]
+    header = ["case", "positions", "reference", "hidden", "verdict", "outcome", "named", "diagnosis"]
     return Section("Cases that were not named rightly", table=Table(header, rows))
 
 
@@ -503,7 +500,7 @@ def _about_bench(suite: Suite) -> list[str]:
         f"{suite.cases} cases: {what}; {fewest} to {most} positions in random order, noise {suite.noise}.",
         "The bench runs in time, with its slews, dwells and temperature; the diagnosis gets the record, σ and the "
         "mountings, and nothing else.",
-        f"{suite.redrawn} drawn effects were put aside, as no possible size would do at their positions.",
+        f"Effects drawn again, since no possible size would show at their positions: {suite.redrawn}.",
     ]
 
 

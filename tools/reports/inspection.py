@@ -105,7 +105,7 @@ def rest_lines(inspection: Inspection) -> list[str]:
         lines.append("the rests are too short to tell the noise of their means")
         return lines
     if rests.force_bound is None or rests.rate_bound is None:
-        lines.append(f"the noise of a mean at rest: not told by fewer than {FEWEST_FOR_NOISE} rests; measure more")
+        lines.append(f"the noise of a mean at rest needs {FEWEST_FOR_NOISE} rests")
         return lines
     widening = deviation_widening(len(rests), BY_CHANCE)
     force = np.median(rests.force_bound, axis=0).max() / inspection.gravity
@@ -121,13 +121,13 @@ def pose_lines(poses: PosesSeen | None) -> list[str]:
     """Return lines on the predicted errors by the poses of the rests, and on missing poses."""
     if poses is None:
         return []
-    line = f"poses: |f| in a pose that was not measured errs by {digits(1e3 * poses.worst_error_g, 2)} mg at worst"
+    line = f"predicted error of |f| in the worst pose: {digits(1e3 * poses.worst_error_g, 2)} mg (1 standard error)"
     if not poses.missing:
-        return [f"{line} (1 standard error, predicted): the poses are enough"]
+        return [f"{line}: the poses are enough"]
     after = digits(1e3 * poses.error_with_these_g, 2)
     return [
-        f"{line} (1 standard error, predicted)",
-        f"poses that are missing: {'; '.join(poses.missing)}; with these {after} mg",
+        line,
+        f"missing poses, with which it is {after} mg: {'; '.join(poses.missing)}",
     ]
 
 
@@ -334,7 +334,11 @@ def attitude_comparison_page(result: AttitudeComparison) -> Page:
     columns = ("algorithm", "order", "updates", "rows_left_out", "apart", "rms", "maximum", "refused")
     words = {"refused": lambda text: text or None}
     table = table_of(result.algorithms, columns, words)
-    verdict = f"{len(result.algorithms)} algorithms compared with {result.reference}."
+    worst = max(result.algorithms, key=lambda algorithm: algorithm.apart or 0.0)
+    verdict = (
+        f"{len(result.algorithms)} algorithms; farthest from {result.reference}: {worst.algorithm}, "
+        f"{digits(math.degrees(worst.apart or 0.0))}°."
+    )
     return Page("Attitude algorithms", verdict, [Section("Algorithms", table=table)], warnings=care_lines(result))
 
 

@@ -14,7 +14,7 @@ from ..document.page import write_page
 from ..orchestrator import Simulation
 from ..orchestrator.interface import suffix_for
 from ..rounding import digits
-from .pictures.records import MOST_LINES, TRUTH, Line, lines_picture
+from .pictures.records import MOST_LINES, TRUTH, DrawnLine, lines_picture
 from .sources import versions
 
 CONSTANT = "Columns that are constant throughout are not drawn."
@@ -83,7 +83,7 @@ def _drawn(
             drawn.append([])
             for name in group:
                 values = table.select(pl.col(name).cast(pl.Float64)).collect()[name].to_numpy()
-                line = Line.of(short(split(name, units)[0]), times, values)
+                line = DrawnLine.of(short(split(name, units)[0]), times, values)
                 if not line.constant:
                     drawn[-1].append(line)
                 row: list[Cell] = [name]
@@ -109,14 +109,14 @@ def spread_over_time(table: pl.LazyFrame, caption: str) -> list[Section]:
     `table` has rows of many runs, with columns `run` and `time_s`.
     """
     numbers = [name for name, kind in table.collect_schema().items() if kind.is_numeric()]
-    by_unit: dict[str, list[list[Line]]] = {}
+    by_unit: dict[str, list[list[DrawnLine]]] = {}
     for name in [name for name in numbers if name not in ("run", "time_s")][:MOST_PANELS]:
         value = pl.col(name).cast(pl.Float64)
         quantiles = [value.quantile(at, "linear").alias(name) for name, at in SPREAD.items()]
         quantiles_at_times = table.group_by("time_s").agg(quantiles).sort("time_s").collect()
         stem, unit = split(name, {})
         lines = [
-            Line.of(
+            DrawnLine.of(
                 f"{short(stem)}, {name}", quantiles_at_times["time_s"].to_numpy(), quantiles_at_times[name].to_numpy()
             )
             for name in SPREAD
@@ -151,13 +151,13 @@ def compared_page(result: Compared) -> Page:
         row += [difference.one_only or None, "yes" if difference.within else "no"]
         rows.append(row)
     header = list(differences.header)
-    header += ["rows of one only", "allowed"]
+    header += ["rows of one only", "within limit"]
     table = Table(header, rows)
 
     differing = [difference.column for difference in result.columns if difference.largest > 0.0]
 
     def pictures() -> list[Section]:
-        return _drawn(result.differences.lazy().select("time_s", *differing), {}, "Second less first")[0]
+        return _drawn(result.differences.lazy().select("time_s", *differing), {}, "Second minus first")[0]
 
     return Page(
         plain(f"{Path(result.second).name} against {Path(result.first).name}"),
@@ -174,10 +174,10 @@ def _compared(result: Compared, beyond: int) -> str:
     """Return the subject of a comparison, and the number of columns with too large differences."""
     what = f"{result.first} and {result.second}, {result.rows} rows ({MATCHED[result.matched]})"
     if beyond:
-        return f"{what}; {beyond} of {len(result.columns)} columns differ by more than is allowed"
+        return f"{what}; {beyond} of {len(result.columns)} columns differ beyond the limit"
     if result.verdict == "different":
-        return f"{what}; what both have is within what is allowed, but one has rows or columns that the other has not"
-    return f"{what}; every column is within what is allowed"
+        return f"{what}; common values are within the limit, but one has rows or columns that the other lacks"
+    return f"{what}; every column is within its limit"
 
 
 def _apart(result: Compared) -> list[str]:

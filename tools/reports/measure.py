@@ -107,7 +107,7 @@ def measured_page(result: Measured) -> Page:
     """Return the result of a session: positions, promise, rests that do not count, verdict, files."""
     lines = []
     if result.left_out:
-        lines.append(f"{result.left_out} lines were left out: they are no rows of a record")
+        lines.append(f"Lines that are no rows of a record, left out: {result.left_out}.")
     for rest in result.rests:
         if not rest.counts:
             lines.append(f"rest {rest.rest} does not count: {rest.why}")
@@ -118,7 +118,7 @@ def measured_page(result: Measured) -> Page:
         else:
             ratios.append(target.guaranteed_error / target.promised)
     if undetermined:
-        lines.append(f"not determined: {', '.join(undetermined)}")
+        lines.append(f"Not determined yet: {', '.join(undetermined)}.")
     else:
         outcome = "reached" if result.promise_reached else "not reached"
         worst = upwards(max(ratios), 3)
@@ -128,9 +128,7 @@ def measured_page(result: Measured) -> Page:
         lines.append(f"diagnosis of {result.diagnosed} positions: {result.verdict}{causes}")
     elif result.falsified:
         lines.append("the positions contradict the model")
-    for file in (result.record, result.positions_file):
-        if file is not None:
-            lines.append(file)
     verdict = f"{result.done} of {result.planned} positions measured, {result.rows} readings"
     warnings = [result.trouble] if result.trouble else []
-    return Page("Measurement", verdict, [Section("Measurement", lines)], warnings=warnings)
+    files = [file for file in (result.record, result.positions_file) if file is not None]
+    return Page("Measurement", verdict, [Section("Result", lines, files=files)], warnings=warnings)

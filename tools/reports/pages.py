@@ -247,19 +247,17 @@ def import_page(result: "Imported") -> Page:
         rows += f" of {result.readings} readings"
     lines = [f"read as {result.written_as}"]
     width = max(len(column.column) for column in result.columns)
+    origin = max(len(f"{column.source!r} in {column.unit}") for column in result.columns)
     for column in result.columns:
         sign = "-" if column.sign < 0 else ""
         unit = f" in {column.unit}" if column.unit else ""
-        lines.append(f"  {column.column:<{width}}  {sign}{column.source!r}{unit}")
+        values = ", ".join(_cell_text(row[column.column]) for row in result.first_rows if column.column in row)
+        lines.append(f"  {column.column:<{width}}  {f'{sign}{column.source!r}{unit}':<{origin}}  {values}".rstrip())
     for reason in result.left_out:
         lines.append(f"left out: {reason}")
     lines += result.notes
     for key, value in result.about.items():
         lines.append(f"kept: {key}: {value}")
-    lines.append("its first rows:")
-    for row in result.first_rows:
-        cells = [f"{name} {_cell_text(value)}" for name, value in row.items()]
-        lines.append("  " + ", ".join(cells))
     for file in (result.record_file, result.mapping_file):
         if file is not None:
             lines.append(file)
@@ -267,7 +265,7 @@ def import_page(result: "Imported") -> Page:
 
 
 def _cell_text(value: float | str) -> str:
-    return value if isinstance(value, str) else digits(value, 9)
+    return value if isinstance(value, str) else digits(value, 6)
 
 
 def simulation_page(result: "Simulation") -> Page:

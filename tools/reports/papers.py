@@ -121,15 +121,15 @@ def word_length_page(result: WordLength) -> Page:
     """Return a table of attitude errors for each motion, and its result."""
     errors = {}
     for entry in result.errors:
-        errors[entry.motion, entry.rounding, entry.arithmetic] = np.degrees(entry.error)
+        errors[entry.motion, entry.rounding, entry.arithmetic] = 1e6 * np.degrees(entry.error)
     columns: list[str] = list(ARITHMETICS)
     columns.append(DOUBLE)
     header = ["increments rounded"]
     header += columns
     answer = []
     for motion, sentence in (
-        (REPEATING, "the motion repeats exactly in samples: rounding errors repeat with it and add up"),
-        (INCOMMENSURATE, "incommensurate frequencies: rounding errors do not repeat"),
+        (REPEATING, "The motion repeats exactly in samples. Rounding errors add up. Largest errors [µdeg]:"),
+        (INCOMMENSURATE, "The frequencies are incommensurate. Rounding errors do not repeat. Largest errors [µdeg]:"),
     ):
         rows: list[list[Cell]] = []
         for rounding in ROUNDINGS:
@@ -137,19 +137,22 @@ def word_length_page(result: WordLength) -> Page:
             for name in columns:
                 row.append(digits(errors[motion, rounding, name], 2))
             rows.append(row)
-        answer.append(Section(motion, [sentence], table=Table(header, rows)))
+        answer.append(Section(f"Motion: {motion}", [sentence], table=Table(header, rows)))
     floor = errors[REPEATING, "independently", DOUBLE]
     feedback = errors[REPEATING, "feedback", "pairs"]
     pairs = errors[REPEATING, "pairs", "pairs"]
     lines = [
-        f"independently rounded increments alone cost {digits(floor, 2)} deg, in 64-bit arithmetic too",
-        f"an attitude in pairs of 32-bit numbers comes to {digits(feedback, 2)} deg with error feedback of the "
-        f"increments, to {digits(pairs, 2)} with increments in pairs",
-        f"carrying 1 - λ0* instead of λ0* alone buys {digits(_gain(errors, 'carried'), 2)} times, "
-        f"keeping the low part of the attitude {digits(_gain(errors, 'compensated'), 2)} times",
+        f"Increments that are rounded one by one cost {digits(floor, 2)} µdeg, in 64-bit arithmetic too.",
+        f"An attitude in pairs of 32-bit numbers errs by {digits(feedback, 2)} µdeg if each increment takes over the "
+        f"rounding error of the one before, and by {digits(pairs, 2)} µdeg with increments in pairs.",
+        f"To carry 1 - λ0* in place of λ0* divides the error by {digits(_gain(errors, 'carried'), 2)}; to keep the low "
+        f"part of the attitude, too, by {digits(_gain(errors, 'compensated'), 2)}.",
+        "single: all in 32 bits. carried: with 1 - λ0*. compensated: with the low part of λ, too. pairs: λv* a pair. "
+        "double: 64 bits.",
     ]
     answer.append(Section("Result", lines))
-    verdict = "update (22), variant 1 of Table 1: largest attitude error against 64-bit words [deg]"
+    worst = digits(errors[REPEATING, "independently", "single"], 2)
+    verdict = f"In 32-bit words, update (22) errs by {worst} µdeg in variant 1 of Table 1; pairs of words mend it."
     return Page("Word length", verdict, answer)
 
 

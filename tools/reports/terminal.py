@@ -12,7 +12,7 @@ from ..diagnosis.shortlist import rows_in_words
 from ..document.notation import sentence, unit_text
 from ..evidence.pairs import in_words
 from ..rounding import NONE, digits, exactly, interval, residual, upwards
-from ..sieve import Table
+from ..sieve import TableRows
 from . import beyond
 from .evidence import proviso_of
 from .noise import noise_text
@@ -293,7 +293,7 @@ def advice_text(result: Diagnosis) -> str:
 
 def unexplained_advice(result: Diagnosis) -> str:
     """Return what to look at, and what to measure again: the rows that misfit most, if the record has rows."""
-    table = None if result.calibration.linearised is None else Table.of(result.evidence)
+    table = None if result.calibration.linearised is None else TableRows.of(result.evidence)
     if table is None:
         return "look at the residuals on the report; record again with longer rests and more moves."
     if any("--mounting" in text for text in result.warnings):

@@ -11,4 +11,4 @@ from .sigma import too_small_bounds as too_small_bounds
 from .simple import Simple as Simple
 from .simple import calibration_of as calibration_of
 from .steps import with_rounding as with_rounding
-from .table import Table as Table
+from .table import TableRows as TableRows

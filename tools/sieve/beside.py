@@ -16,10 +16,10 @@ from ..evidence.bench_visits import is_linear, signature_columns, untold_reading
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, contains
 from ..rounding import Stated
-from .change import ROW, Change, Mending
+from .change import ROW, Mending, RowChange
 from .removal import Removal, TooMany
 from .simple import Simple
-from .table import SECOND_ORDER, Table
+from .table import SECOND_ORDER, TableRows
 
 FEWEST_ROWS = 24
 """Records of fewer rows do not tell a row from an effect."""
@@ -34,12 +34,12 @@ CLEAR = 10.0
 OUTLIER = "outlier"
 BREAKS = ("bias-step", "scale-step", "mounting-slip")
 """Effects that are breaks: the search for a break and a wrong row names them."""
-OPEN = Change(ROW, "The cause stays open.")
+OPEN = RowChange(ROW, "The cause stays open.")
 
 
 def rows_beside_effects(evidence: Evidence) -> tuple[Simple, ...]:
     """Return pairs of a wrong row and an effect that make the model fit; empty if there are too many."""
-    table = Table.of(evidence)
+    table = TableRows.of(evidence)
     if table is None or len(table) < FEWEST_ROWS or not isinstance(evidence.model, Bench):
         return ()
     faults: list[Simple] = []
@@ -79,7 +79,7 @@ def _places(fault: Simple) -> Sequence[EffectPlace]:
     return () if fault.fit is None else fault.fit.places
 
 
-def _beside_linear(evidence: Evidence, table: Table) -> Iterator[Simple]:
+def _beside_linear(evidence: Evidence, table: TableRows) -> Iterator[Simple]:
     """Yield wrong rows beside linear effects."""
     contexts = evidence.model.readings.rows(table.linear.point)
     for place in evidence.model.classes.places:
@@ -96,7 +96,7 @@ def _beside_linear(evidence: Evidence, table: Table) -> Iterator[Simple]:
             yield from _faults(remaining, fit, int(table.numbers[row]), _change(table, remaining, fit, row, own))
 
 
-def _beside_bent(evidence: Evidence, table: Table) -> Iterator[Simple]:
+def _beside_bent(evidence: Evidence, table: TableRows) -> Iterator[Simple]:
     """Yield wrong rows beside effects that are not linear."""
     work = Work(MOST_WORK)
     for row in np.argsort(-table.excess, kind="stable")[:MOST_TRIED].tolist():
@@ -119,7 +119,7 @@ def _without(evidence: Evidence, row: int) -> Evidence | None:
     return remaining if remaining.model.falsified else None
 
 
-def _rows_beside(table: Table, columns: NDArray, told: NDArray) -> list[int]:
+def _rows_beside(table: TableRows, columns: NDArray, told: NDArray) -> list[int]:
     """Return the rows (from 0) whose removal makes the model fit, next to an effect of these columns (3 N, K).
 
     `told` (3 N,) marks the readings that the record lets the effect determine.
@@ -133,7 +133,7 @@ def _rows_beside(table: Table, columns: NDArray, told: NDArray) -> list[int]:
     return [row for rows in standing for row in rows]
 
 
-def _faults(remaining: Evidence, fit: Fit, number: int, change: Change) -> Iterator[Simple]:
+def _faults(remaining: Evidence, fit: Fit, number: int, change: RowChange) -> Iterator[Simple]:
     """Yield the pair of a wrong row, by its number, and the effect of a fit; nothing if one reading alone is wrong."""
     if change.reading is not None:
         # The catalogue's own search names a reading that is off beside an effect.
@@ -157,7 +157,7 @@ def _faults(remaining: Evidence, fit: Fit, number: int, change: Change) -> Itera
     )
 
 
-def _change(table: Table, remaining: Evidence, fit: Fit, row: int, own: NDArray | None) -> Change:
+def _change(table: TableRows, remaining: Evidence, fit: Fit, row: int, own: NDArray | None) -> RowChange:
     """Return the change that makes the row fit.
 
     `fit` is that of the other rows. `own` (3,) is the effect's part of the row's readings at the written angles [g];

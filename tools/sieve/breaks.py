@@ -42,7 +42,7 @@ ROW, SPARE = 4, 5
 
 
 @dataclass(frozen=True)
-class Part:
+class ChangingPart:
     """One number of bench or block that may change: a function that jumps, with its place and its factor.
 
     `key` is its name in results.
@@ -59,12 +59,12 @@ class Part:
         return EffectPlace("lookup", self.where, law=f"{times}hours jumps at {hours!r}")
 
 
-BIASES = tuple(Part(where, "", f"bias_{p}_g", "g") for p, where in enumerate(ACCELEROMETERS, start=1))
-SCALES = tuple(Part(where, f"n{p}", f"scale_factor_{p}", "") for p, where in enumerate(ACCELEROMETERS, start=1))
-COMMON_SCALE = Part(ALL_ACCELEROMETERS, SCALE, "scale_factor", "")
-ANGLES = tuple(Part(MOUNTING, f"turn {k}", f"mounting_{k}_rad", "rad") for k in (1, 2, 3))
-OUTER_ZERO = Part(AXES[0], "", "alpha_zero_rad", "rad")
-INNER_ZERO = Part(AXES[1], "", "beta_zero_rad", "rad")
+BIASES = tuple(ChangingPart(where, "", f"bias_{p}_g", "g") for p, where in enumerate(ACCELEROMETERS, start=1))
+SCALES = tuple(ChangingPart(where, f"n{p}", f"scale_factor_{p}", "") for p, where in enumerate(ACCELEROMETERS, start=1))
+COMMON_SCALE = ChangingPart(ALL_ACCELEROMETERS, SCALE, "scale_factor", "")
+ANGLES = tuple(ChangingPart(MOUNTING, f"turn {k}", f"mounting_{k}_rad", "rad") for k in (1, 2, 3))
+OUTER_ZERO = ChangingPart(AXES[0], "", "alpha_zero_rad", "rad")
+INNER_ZERO = ChangingPart(AXES[1], "", "beta_zero_rad", "rad")
 PUT_BACK = "Possible cause: the block was taken off and put back, or it slipped."
 SWITCHED = "Possible cause: a restart or a knock."
 ANOTHER_GRAVITY = "Possible cause: another value of gravity, another unit or range."
@@ -72,7 +72,7 @@ LOST_COUNTS = "Possible cause: an encoder that lost counts or slipped."
 
 
 @dataclass(frozen=True)
-class Group:
+class ChangingGroup:
     """Parts that change together at a break.
 
     `words` begin the sentence, `supposed` ends it; `catalogued` is the effect of the catalogue that is the same, `same`
@@ -80,10 +80,10 @@ class Group:
     """
 
     words: str
-    parts: tuple[Part, ...]
+    parts: tuple[ChangingPart, ...]
     supposed: str
     catalogued: str = ""
-    same: tuple[Part, ...] = ()
+    same: tuple[ChangingPart, ...] = ()
 
     @property
     def numbers(self) -> int:
@@ -95,7 +95,7 @@ class Group:
         """The places that change."""
         return tuple(dict.fromkeys(part.where for part in self.parts))
 
-    def is_part_of(self, group: "Group") -> bool:
+    def is_part_of(self, group: "ChangingGroup") -> bool:
         """Return true if another group can always make the same change."""
         parts = set(group.parts)
         return set(self.parts) <= parts or bool(self.same and set(self.same) <= parts)
@@ -105,25 +105,29 @@ class Group:
         return tuple(part.jumping(hours) for part in self.parts)
 
 
-def groups_of(rows: Rows) -> tuple[Group, ...]:
+def groups_of(rows: Rows) -> tuple[ChangingGroup, ...]:
     """Return the groups, those with the fewest numbers first."""
-    groups = [Group(f"the bias of accelerometer {p}", (BIASES[p - 1],), SWITCHED, "bias-step") for p in (1, 2, 3)]
-    groups += [Group(f"the scale factor of accelerometer {p}", (SCALES[p - 1],), "", "scale-step") for p in (1, 2, 3)]
+    groups = [
+        ChangingGroup(f"the bias of accelerometer {p}", (BIASES[p - 1],), SWITCHED, "bias-step") for p in (1, 2, 3)
+    ]
+    groups += [
+        ChangingGroup(f"the scale factor of accelerometer {p}", (SCALES[p - 1],), "", "scale-step") for p in (1, 2, 3)
+    ]
     inner, same = "the zero of the inner axis", []
     for k, angle in enumerate(ANGLES):
         if is_inner_axis(rows, k):
             same.append(angle)
             inner += f", or (no record tells them apart) the mounting about axis {k + 1} of the block,"
         else:
-            groups.append(Group(f"the mounting about axis {k + 1} of the block", (angle,), PUT_BACK))
-    groups.append(Group("the zero of the outer axis", (OUTER_ZERO,), LOST_COUNTS))
-    groups.append(Group(inner, (INNER_ZERO,), LOST_COUNTS, same=tuple(same)))
+            groups.append(ChangingGroup(f"the mounting about axis {k + 1} of the block", (angle,), PUT_BACK))
+    groups.append(ChangingGroup("the zero of the outer axis", (OUTER_ZERO,), LOST_COUNTS))
+    groups.append(ChangingGroup(inner, (INNER_ZERO,), LOST_COUNTS, same=tuple(same)))
     alike = "the scale factor of all accelerometers alike"
-    groups.append(Group(alike, (COMMON_SCALE,), ANOTHER_GRAVITY, same=SCALES))
-    groups.append(Group("the biases", BIASES, SWITCHED))
-    groups.append(Group("the scale factors", SCALES, ""))
-    groups.append(Group("the mounting", ANGLES, PUT_BACK, "mounting-slip"))
-    groups.append(Group("the biases and the mounting", BIASES + ANGLES, PUT_BACK))
+    groups.append(ChangingGroup(alike, (COMMON_SCALE,), ANOTHER_GRAVITY, same=SCALES))
+    groups.append(ChangingGroup("the biases", BIASES, SWITCHED))
+    groups.append(ChangingGroup("the scale factors", SCALES, ""))
+    groups.append(ChangingGroup("the mounting", ANGLES, PUT_BACK, "mounting-slip"))
+    groups.append(ChangingGroup("the biases and the mounting", BIASES + ANGLES, PUT_BACK))
     return tuple(groups)
 
 
@@ -131,8 +135,8 @@ def breaks(evidence: Evidence) -> tuple[Simple, ...]:
     """Return the smallest breaks that make the model fit."""
     if not isinstance(evidence.model, Bench | BenchInMotion) or evidence.model.radius < NEAR:
         return ()
-    search, found = Search(evidence, Work()), []
-    contained: list[Group] = []
+    search, found = BreakSearch(evidence, Work()), []
+    contained: list[ChangingGroup] = []
     for group in search.groups:
         if any(smaller.is_part_of(group) for smaller in contained):
             continue
@@ -143,7 +147,7 @@ def breaks(evidence: Evidence) -> tuple[Simple, ...]:
 
 
 @dataclass(frozen=True)
-class Gap:
+class RowGap:
     """A gap between two rows: their numbers, from 0, of the order of time, and a time [h] between them."""
 
     before: int
@@ -152,10 +156,10 @@ class Gap:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class FittingBreaks:
     """Gaps, one for each break, and the fit of the exact model."""
 
-    gaps: tuple[Gap, ...]
+    gaps: tuple[RowGap, ...]
     fit: Fit
 
 
@@ -194,7 +198,7 @@ ALONE = Beside()
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class BreakSearch:
     """The search for breaks in the rows of a bench, linear about a fit in which rows that misfit have little weight."""
 
     evidence: Evidence
@@ -217,12 +221,12 @@ class Search:
         return frozenset(place.effect for place in self.model.places)
 
     @property
-    def every_group(self) -> tuple[Group, ...]:
+    def every_group(self) -> tuple[ChangingGroup, ...]:
         """All groups of parts that may change together."""
         return groups_of(self.rows)
 
     @property
-    def groups(self) -> tuple[Group, ...]:
+    def groups(self) -> tuple[ChangingGroup, ...]:
         """The groups that are not in the catalogue; the search for effects covers the others."""
         groups = [group for group in self.every_group if group.catalogued not in self.listed]
         if isinstance(self.evidence.model, BenchInMotion):
@@ -241,13 +245,13 @@ class Search:
         return self.model.readings.circumstances.hours
 
     @cached_property
-    def gaps(self) -> list[Gap]:
+    def gaps(self) -> list[RowGap]:
         """All gaps with enough rows on each side."""
         hours, gaps = self.hours[self.order], []
         fewest = FEWEST_ROWS if len(hours) >= MANY_ROWS else FEWEST_OF_FEW
         for after in range(fewest, len(hours) - fewest + 1):
             if hours[after] > hours[after - 1]:
-                gaps.append(Gap(after - 1, after, float(0.5 * (hours[after] + hours[after - 1]))))
+                gaps.append(RowGap(after - 1, after, float(0.5 * (hours[after] + hours[after - 1]))))
         return gaps
 
     @cached_property
@@ -273,13 +277,13 @@ class Search:
         largest = float(np.abs(self.problem.residual).max())
         return self.model.limit - 1.0 + min(MOST_SLACK, self.model.curvature * largest**2)
 
-    def columns(self, group: Group) -> list[NDArray[np.float64]]:
+    def columns(self, group: ChangingGroup) -> list[NDArray[np.float64]]:
         """Return the columns that a change at each gap adds to the rows (M, k), in units of their bounds."""
         places = group.jumping(FROM_THE_FIRST)
         columns = signature_columns(places, self.rows) / self.model.rows.bound[:, None]
         return [columns * np.repeat(self.hours > gap.hours, 3)[:, None] for gap in self.gaps]
 
-    def promising(self, group: Group) -> list[Gap]:
+    def promising(self, group: ChangingGroup) -> list[RowGap]:
         """Gaps at which no bound refuses a change of the linear model, those that leave least first."""
         blocks = self.columns(group)
         problem = Problem.of(self.problem.residual, self.problem.nominal, blocks, alike=len(blocks))
@@ -289,21 +293,23 @@ class Search:
             radii[number] = linear_radius(problem, EffectSet((number,)))
         return [self.gaps[number] for number in sorted(radii, key=lambda number: radii[number])]
 
-    def standing(self, group: Group) -> list[Standing]:
+    def standing(self, group: ChangingGroup) -> list[FittingBreaks]:
         """Return the gaps at which a change makes the exact model fit, with its fits, the least radius first."""
         standing, failed = [], 0
         for gap in self.promising(group):
             fit = self.fitted(group.jumping(gap.hours))
             if fit is not None:
-                standing.append(Standing((gap,), fit))
+                standing.append(FittingBreaks((gap,), fit))
             failed += fit is None
             if failed == MOST_EXACT:
                 break
         return sorted(standing, key=lambda one: one.fit.radius)
 
-    def gaps_with(self, groups: Sequence[Group], effects: Sequence[EffectPlace]) -> Iterator[tuple[Gap, ...]]:
+    def gaps_with(
+        self, groups: Sequence[ChangingGroup], effects: Sequence[EffectPlace]
+    ) -> Iterator[tuple[RowGap, ...]]:
         """Yield the gaps of breaks, in the order of time, with which the exact model fits beside linear effects."""
-        options: list[tuple[Group, Gap]] = []
+        options: list[tuple[ChangingGroup, RowGap]] = []
         columns: list[NDArray] = []
         for group in dict.fromkeys(groups):
             options += [(group, gap) for gap in self.gaps]
@@ -327,7 +333,9 @@ class Search:
             return None
         return fits[0] if fits else None
 
-    def simple(self, groups: Sequence[Group], standing: Sequence[Standing], beside: Beside = ALONE) -> Simple:
+    def simple(
+        self, groups: Sequence[ChangingGroup], standing: Sequence[FittingBreaks], beside: Beside = ALONE
+    ) -> Simple:
         """Return breaks of some groups, with the causes beside them, as a fault of the record; best gaps first."""
         (best, *others), room = standing, self.evidence.model.room
         fit = replace(best.fit, also=tuple(one.fit for one in others)).centred(room)
@@ -369,14 +377,14 @@ class Search:
             beside=beside.effects,
         )
 
-    def numbers_of(self, group: Group, gap: Gap) -> int:
+    def numbers_of(self, group: ChangingGroup, gap: RowGap) -> int:
         """Return the numbers of a break; near an end of the record at least those of the rows beyond it."""
         beyond = min(gap.after, len(self.hours) - gap.after)
         if 3 * beyond - len(group.parts) < SPARE:
             return max(group.numbers, ROW * beyond)
         return group.numbers
 
-    def row_after(self, gap: Gap) -> int:
+    def row_after(self, gap: RowGap) -> int:
         """The first row after a gap, as in the file; of a series the number of its rest."""
         return self.number_at(gap.after)
 
@@ -415,7 +423,7 @@ class Search:
         return f"{rows} ({exactly(round(begin))} s to {exactly(round(end))} s)"
 
 
-def jumping_at(groups: Sequence[Group], gaps: Sequence[Gap]) -> tuple[EffectPlace, ...]:
+def jumping_at(groups: Sequence[ChangingGroup], gaps: Sequence[RowGap]) -> tuple[EffectPlace, ...]:
     """Return the changes of groups at gaps, as effects."""
     places: list[EffectPlace] = []
     for group, gap in zip(groups, gaps, strict=True):
@@ -423,7 +431,7 @@ def jumping_at(groups: Sequence[Group], gaps: Sequence[Gap]) -> tuple[EffectPlac
     return tuple(places)
 
 
-def said(group: Group, sizes: Sequence[Stated]) -> str:
+def said(group: ChangingGroup, sizes: Sequence[Stated]) -> str:
     """Changes in words, each with its unit."""
     by_unit: dict[str, list[str]] = {}
     for part, size in zip(group.parts, sizes, strict=True):

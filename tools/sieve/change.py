@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..bounded.programmes import chebyshev_radius, least_squares
 from ..rounding import digits
 from .exchange import NEAR, WrongRows
-from .table import SECOND_ORDER, Table
+from .table import SECOND_ORDER, TableRows
 
 SCAN = np.radians(np.arange(-180.0, 180.0, 0.25))
 """Changes of an angle that are tried [rad]."""
@@ -27,7 +27,7 @@ READING, DISCRETE, ANGLE, BOTH, ROW = 2, 2, 2, 3, 4
 
 
 @dataclass(frozen=True)
-class Change:
+class RowChange:
     """A change with which a row fits: the numbers that it needs, in words, and as the result has it.
 
     `words` follow "Row 20 is wrong; all others fit." `reading`: the accelerometer, from 1, if its reading alone is
@@ -40,19 +40,19 @@ class Change:
     reading: int | None = None
 
 
-NOTHING = Change(ROW, "No angle mends it. Possible cause: a disturbed rest.")
+NOTHING = RowChange(ROW, "No angle mends it. Possible cause: a disturbed rest.")
 
 
 @dataclass(frozen=True, eq=False)
 class Mending:
     """A row (from 0) that is wrong, and all rows that are; the table is linear about the fit of the others."""
 
-    table: Table
+    table: TableRows
     row: int
     wrong: NDArray[np.int_]
 
     @cached_property
-    def best(self) -> Change:
+    def best(self) -> RowChange:
         """The simplest change with which the row fits."""
         for changes in (self.discrete(), self.readings(), self.angles()):
             every = list(changes)
@@ -88,17 +88,17 @@ class Mending:
 
     # Changes
 
-    def discrete(self) -> Iterator[Change]:
+    def discrete(self) -> Iterator[RowChange]:
         """Yield changes without a free number."""
         yield from self.copied()
         for exchange in self.alone.exchanges():
             shifts = _wrapped(exchange.angles[0] - self.written)
             if shifts.any():
-                yield Change(DISCRETE, f"It fits with {exchange.words} ({_in_words(shifts)}).", _keys(shifts))
+                yield RowChange(DISCRETE, f"It fits with {exchange.words} ({_in_words(shifts)}).", _keys(shifts))
             else:
-                yield Change(DISCRETE, f"It fits with {exchange.words}.", exchange.keys)
+                yield RowChange(DISCRETE, f"It fits with {exchange.words}.", exchange.keys)
 
-    def copied(self) -> Iterator[Change]:
+    def copied(self) -> Iterator[RowChange]:
         """Yield the change to another row whose readings or angles this row may hold."""
         linear = self.table.linear
         apart = np.abs(linear.reading - self.reading).max(axis=1)
@@ -106,7 +106,7 @@ class Mending:
         same = np.flatnonzero(apart <= 2.0 * self.bound.max())
         for row in same[np.argsort(apart[same], kind="stable")][:1]:
             number = int(self.table.numbers[row])
-            yield Change(DISCRETE, f"Its readings are those of row {number}.", {"readings_of_row": number})
+            yield RowChange(DISCRETE, f"Its readings are those of row {number}.", {"readings_of_row": number})
         if len(same):
             return
         at = linear.positions
@@ -116,10 +116,12 @@ class Mending:
         for row in np.flatnonzero(near <= NEAR):
             if self.alone.fit(angles[row][None], self.alone.reading):
                 number = int(self.table.numbers[row])
-                yield Change(DISCRETE, f"Its readings belong to the angles of row {number}.", {"angles_of_row": number})
+                yield RowChange(
+                    DISCRETE, f"Its readings belong to the angles of row {number}.", {"angles_of_row": number}
+                )
                 return
 
-    def readings(self) -> Iterator[Change]:
+    def readings(self) -> Iterator[RowChange]:
         """One of the three readings is wrong, the two others fit."""
         rows = self.alone.derivatives(self.written[None])
         error = (self.reading - self.predicted(self.written[None])[0]) / self.bound
@@ -128,16 +130,16 @@ class Mending:
             if self.alone.radius_with(rows[kept], error[kept]) <= self.table.limit + SECOND_ORDER:
                 size = float(error[k] * self.bound[k])
                 words = f"f{k + 1} alone does not fit, by about {digits(size, 3)} g."
-                yield Change(READING, words, {f"f{k + 1}_g": size}, reading=k + 1)
+                yield RowChange(READING, words, {f"f{k + 1}_g": size}, reading=k + 1)
 
-    def angles(self) -> Iterator[Change]:
+    def angles(self) -> Iterator[RowChange]:
         """One angle is wrong."""
         for axis in range(len(ANGLES)):
             shift = self._angle(axis)
             if shift is not None:
                 shifts = np.zeros(2)
                 shifts[axis] = shift
-                yield Change(ANGLE, f"It fits with {_in_words(_wrapped(shifts))}.", _keys(_wrapped(shifts)))
+                yield RowChange(ANGLE, f"It fits with {_in_words(_wrapped(shifts))}.", _keys(_wrapped(shifts)))
 
     def _angle(self, axis: int) -> float | None:
         """Return the error of an angle [rad] whose correction makes the row fit; None where none does."""
@@ -157,7 +159,7 @@ class Mending:
         return None
 
     @cached_property
-    def both_angles(self) -> Change | None:
+    def both_angles(self) -> RowChange | None:
         """Return other angles that fit the row: the readings belong to some attitude, though not to this one."""
         grid = np.radians(np.arange(0.0, 360.0, 5.0))
         every = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -170,7 +172,7 @@ class Mending:
         if np.abs(error).max() > NEAR or self._free(angles, [0, 1])[0] > self.table.limit + SECOND_ORDER:
             return None
         words = "Its readings are those of some attitude, though of none that one angle more or less gives."
-        return Change(BOTH, words, _keys(_wrapped(angles - self.written)))
+        return RowChange(BOTH, words, _keys(_wrapped(angles - self.written)))
 
     def _about(self, angles: NDArray, axis: int) -> tuple[NDArray, NDArray]:
         """Errors (3,) at angles (2,), and derivatives (3,) of the prediction by one of them."""
@@ -190,11 +192,11 @@ class Mending:
         return radius, least_squares(wide, errors)[matrix.shape[1] :]
 
 
-def _either(changes: list[Change]) -> Change:
+def _either(changes: list[RowChange]) -> RowChange:
     """Several changes that each do, in one breath."""
     words = " Or: ".join(change.words for change in changes)
     first = changes[0]
-    return Change(first.numbers, words, first.keys, first.reading)
+    return RowChange(first.numbers, words, first.keys, first.reading)
 
 
 def _wrapped(shifts: NDArray) -> NDArray[np.float64]:

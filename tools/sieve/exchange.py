@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..calibration.model import Positions, predicted_reading, reading_jacobian
 from .removal import held_by
-from .table import SECOND_ORDER, Table
+from .table import SECOND_ORDER, TableRows
 
 NEAR = 1e-3
 """Rows that fit with a change miss by less than this [g] before the parameters are fitted to them."""
@@ -59,7 +59,7 @@ class WrongRows:
     The readings of the K rows must fit together with those of all right rows.
     """
 
-    table: Table
+    table: TableRows
     rows: NDArray[np.int_]
     wrong: NDArray[np.int_]
 

@@ -81,7 +81,7 @@ class Residual:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class LeadingFunctions:
     """Functions and effects of few coefficients, breaks and readings of a record, over the bounds of its rows."""
 
     evidence: Evidence

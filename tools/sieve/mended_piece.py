@@ -19,8 +19,8 @@ from ..motion.carry import carried_attitude
 from ..motion.norm import NAMES, inputs_of, norm_block
 from ..records import BenchRecord
 from ..rounding import digits, exactly
-from .change import DISCRETE, READING, ROW, Change, Mending
-from .table import Table
+from .change import DISCRETE, READING, ROW, Mending, RowChange
+from .table import TableRows
 
 WITHIN = 2.0
 """A piece fits with a change if it then misses the fit of the others by at most this number of bounds."""
@@ -51,7 +51,7 @@ class Stretch(Protocol):
 
 
 @dataclass(frozen=True)
-class Trial:
+class TriadChange:
     """A change of the three channels of an instrument: in words, as results have it, and as a function of (..., 3)."""
 
     words: str
@@ -59,23 +59,23 @@ class Trial:
     changed: Changed = np.asarray
 
 
-def trials_of(letter: str, unit: str) -> Iterator[Trial]:
+def trials_of(letter: str, unit: str) -> Iterator[TriadChange]:
     """Yield signs, exchanges and ranges of three channels: "w" of gyros, "f" of accelerometers."""
     for k in range(3):
         signs = np.where(np.arange(3) == k, -1.0, 1.0)
         name = f"{letter}{k + 1}"
-        yield Trial(f"the sign of {name} turned", {f"{name}_{unit}": "sign"}, lambda v, signs=signs: v * signs)
+        yield TriadChange(f"the sign of {name} turned", {f"{name}_{unit}": "sign"}, lambda v, signs=signs: v * signs)
     for i, j in combinations(range(3), 2):
         order = np.arange(3)
         order[[i, j]] = [j, i]
         pair = [f"{letter}{i + 1}_{unit}", f"{letter}{j + 1}_{unit}"]
         words = f"{letter}{i + 1} and {letter}{j + 1} exchanged"
-        yield Trial(words, {"exchanged": pair}, lambda v, order=order: v[..., order])
+        yield TriadChange(words, {"exchanged": pair}, lambda v, order=order: v[..., order])
     for times, words in ((2.0, "doubled"), (0.5, "halved"), (np.pi / 180.0, "in degrees"), (180.0 / np.pi, "in rad")):
-        yield Trial(f"{letter}1 to {letter}3 {words}", {"times": times}, lambda v, times=times: v * times)
+        yield TriadChange(f"{letter}1 to {letter}3 {words}", {"times": times}, lambda v, times=times: v * times)
 
 
-def change_of(evidence: Evidence, remaining: Evidence, piece: Stretch) -> Change:
+def change_of(evidence: Evidence, remaining: Evidence, piece: Stretch) -> RowChange:
     """Return the simplest change with which a wrong piece fits the model of the others."""
     if isinstance(evidence.model, BenchInMotion):
         return _of_bench(evidence, remaining.model, piece)
@@ -83,7 +83,7 @@ def change_of(evidence: Evidence, remaining: Evidence, piece: Stretch) -> Change
     return copied(model.found.record, piece, model.motion.time_s) or PieceOfCarried(model, remaining.model, piece).best
 
 
-def copied(record: Any, piece: Stretch, time_s: NDArray) -> Change | None:
+def copied(record: Any, piece: Stretch, time_s: NDArray) -> RowChange | None:
     """Return the stretch whose readings a piece repeats, digit by digit; None if it repeats none."""
     turning = record.rate if record.rate is not None else record.increment
     values = record.specific_force if piece.kind == "rest" else turning
@@ -95,7 +95,7 @@ def copied(record: Any, piece: Stretch, time_s: NDArray) -> Change | None:
             continue
         if (values[first : first + len(rows)] == rows).all(axis=1).mean() >= COPIED:
             begin = exactly(round(float(time_s[first]), 2))
-            return Change(DISCRETE, f"Its readings are those from {begin} s on.", {"readings_from_s": float(begin)})
+            return RowChange(DISCRETE, f"Its readings are those from {begin} s on.", {"readings_from_s": float(begin)})
     return None
 
 
@@ -108,7 +108,7 @@ class PieceOfCarried:
     piece: Stretch
 
     @property
-    def best(self) -> Change:
+    def best(self) -> RowChange:
         """The simplest change with which the piece fits."""
         if self.piece.kind == "rest":
             return self.of_rest
@@ -116,19 +116,19 @@ class PieceOfCarried:
         for trial in trials_of("w", "radps"):
             changed = np.linalg.norm(self.error(trial.changed) - without)
             if changed >= LEAST_CHANGE and self.misfit(trial.changed) <= WITHIN:
-                return Change(DISCRETE, f"It fits with {trial.words}.", trial.keys)
+                return RowChange(DISCRETE, f"It fits with {trial.words}.", trial.keys)
         offsets = [self.offset(p) for p in range(3)]
         single = [p for p, (_, misfit) in enumerate(offsets) if misfit <= WITHIN]
         if len(single) == 1:
             p, size = single[0], offsets[single[0]][0]
             words = f"It fits with w{p + 1} {'larger' if size > 0.0 else 'smaller'} by {digits(abs(size), 3)} rad/s."
-            return Change(READING, words, {f"w{p + 1}_radps": size})
+            return RowChange(READING, words, {f"w{p + 1}_radps": size})
         if self.piece.kind == "window":
             apart = self.error(np.asarray) / ARCMIN
             size = digits(float(np.linalg.norm(apart)), 3)
             words = f"In it gyros and true attitude differ by {size} arcmin; no single change of a gyro mends that."
-            return Change(ROW, words, {"true_attitude_arcmin": apart.tolist()})
-        return Change(ROW, DISTURBED)
+            return RowChange(ROW, words, {"true_attitude_arcmin": apart.tolist()})
+        return RowChange(ROW, DISTURBED)
 
     # Fit of the others
 
@@ -194,7 +194,7 @@ class PieceOfCarried:
     # A rest
 
     @property
-    def of_rest(self) -> Change:
+    def of_rest(self) -> RowChange:
         """The simplest change with which a rest fits."""
         reference, number = self.model.reference, self.piece.number - 1
         assert isinstance(reference, Gravity)
@@ -209,31 +209,31 @@ class PieceOfCarried:
         error = np.abs(reading - predicted) / (WITHIN * self.bound)
         for trial in trials_of("f", "mps2"):
             if np.abs(trial.changed(reading) - predicted).max() <= WITHIN * self.bound:
-                return Change(DISCRETE, f"It fits with {trial.words}.", trial.keys)
+                return RowChange(DISCRETE, f"It fits with {trial.words}.", trial.keys)
         for k in range(3):
             if error[k] > 1.0 >= np.delete(error, k).max():
                 size = float(reading[k] - predicted[k])
-                return Change(
+                return RowChange(
                     READING, f"f{k + 1} alone does not fit, by about {digits(size, 3)} g.", {f"f{k + 1}_g": size}
                 )
-        return Change(ROW, KNOCKED)
+        return RowChange(ROW, KNOCKED)
 
 
-def _of_bench(evidence: Evidence, others: BenchInMotion, piece: Stretch) -> Change:
+def _of_bench(evidence: Evidence, others: BenchInMotion, piece: Stretch) -> RowChange:
     """Return the change of a wrong piece of a bench in motion; `others` is the model of the record without it."""
     model: BenchInMotion = evidence.model
     repeated = copied(model.raw, piece, model.raw.time_s)
     if repeated is not None:
         return repeated
     if piece.kind == "rest":
-        table = Table.of(Evidence(model.rests, BenchReader(model.rests), evidence.source))
+        table = TableRows.of(Evidence(model.rests, BenchReader(model.rests), evidence.source))
         assert table is not None
         row = piece.number - 1
         return Mending(table.about(np.array([row])), row, np.array([row])).best
     turns, point, own = model.whole.turns, others.baseline.central, others.whole.own
     covering = np.flatnonzero((turns.first <= piece.begin) & (turns.last >= piece.end))
     if not len(covering):
-        return Change(ROW, DISTURBED)
+        return RowChange(ROW, DISTURBED)
     turn = covering[np.argmin((turns.last - turns.first)[covering])]
     targets = others.whole.parametrisation.selection[0] @ point[:own]
     error = turns.residual(targets, point[own : len(others.point) - 1]).reshape(-1, 3)[turn]
@@ -241,13 +241,13 @@ def _of_bench(evidence: Evidence, others: BenchInMotion, piece: Stretch) -> Chan
     swept = _swept(model.raw, piece)
     for trial in trials_of("w", "radps"):
         if (np.abs(trial.changed(swept) - swept + error) <= bound).all():
-            return Change(DISCRETE, f"It fits with {trial.words}.", trial.keys)
+            return RowChange(DISCRETE, f"It fits with {trial.words}.", trial.keys)
     wrong = np.flatnonzero(np.abs(error) > bound)
     if len(wrong) == 1:
         k = int(wrong[0])
         words = f"The integral of w{k + 1} alone does not fit, by {digits(float(error[k]), 3)} rad."
-        return Change(READING, words, {f"w{k + 1}_rad": float(error[k])})
-    return Change(ROW, DISTURBED)
+        return RowChange(READING, words, {f"w{k + 1}_rad": float(error[k])})
+    return RowChange(ROW, DISTURBED)
 
 
 def _swept(raw: BenchRecord, piece: Stretch) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from ..evidence.bench import Bench
 from ..evidence.bench_visits import signature_columns
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
-from .breaks import NEAR, Beside, Gap, Group, Search, Standing
+from .breaks import NEAR, Beside, BreakSearch, ChangingGroup, FittingBreaks, RowGap
 from .removal import held_by
 from .simple import Simple
 
@@ -34,8 +34,8 @@ def other_breaks(evidence: Evidence, fits: Sequence[Fit]) -> tuple[Simple, ...]:
     """
     if not isinstance(evidence.model, Bench) or evidence.model.radius < NEAR:
         return ()
-    search = Search(evidence, Work(MOST_WORK))
-    faults: dict[tuple[Group, Beside], Simple] = {}
+    search = BreakSearch(evidence, Work(MOST_WORK))
+    faults: dict[tuple[ChangingGroup, Beside], Simple] = {}
     try:
         for fit in fits[:MOST_FITS]:
             for other in _in_place_of_steps(search, fit):
@@ -52,11 +52,11 @@ class Other:
     """A break of a group in place of a step of a fitted set, beside effects of the set; with the gaps to try."""
 
     fit: Fit
-    group: Group
+    group: ChangingGroup
     beside: Beside
-    gaps: Sequence[Gap]
+    gaps: Sequence[RowGap]
 
-    def may_stand(self, search: Search, gap: Gap) -> bool:
+    def may_stand(self, search: BreakSearch, gap: RowGap) -> bool:
         """Return true if the model linear about the set fits with the break."""
         fit, count = self.fit, len(self.fit.point)
         kept, residual = list(range(count)), fit.residual
@@ -70,17 +70,17 @@ class Other:
         matrix = np.hstack((fit.jacobian[:, kept], columns)) / fit.allowed[:, None]
         return held_by(matrix, residual / fit.allowed)[0] <= search.model.limit + SLACK
 
-    def standing(self, search: Search) -> list[Standing]:
+    def standing(self, search: BreakSearch) -> list[FittingBreaks]:
         """Return the gaps at which the break makes the exact model fit, with its fits, the least radius first."""
         standing = []
         for gap in self.gaps:
             if self.may_stand(search, gap):
                 fit = search.fitted((*self.group.jumping(gap.hours), *self.beside.effects))
-                standing += [] if fit is None else [Standing((gap,), fit)]
+                standing += [] if fit is None else [FittingBreaks((gap,), fit)]
         return sorted(standing, key=lambda one: one.fit.radius)
 
 
-def _in_place_of_steps(search: Search, fit: Fit) -> Iterator[Other]:
+def _in_place_of_steps(search: BreakSearch, fit: Fit) -> Iterator[Other]:
     """Yield breaks that may replace a step of a set, or the step and another effect."""
     by_name = {group.catalogued: group for group in search.every_group if group.catalogued}
     values = dict(zip(fit.places, fit.values(), strict=True))

@@ -12,9 +12,9 @@ from ...models.effects.last_stage import place_of
 from ..bounded.sets import Work
 from ..errors import InputError
 from ..evidence.evidence import Evidence
-from .change import Change, Mending
+from .change import Mending, RowChange
 from .simple import Simple
-from .table import Table
+from .table import TableRows
 
 MOST_ROWS = 3
 MOST_SETS = 6
@@ -28,7 +28,7 @@ AGAIN = 2
 
 def wrong_rows(evidence: Evidence) -> tuple[Simple, ...]:
     """Return the smallest sets of rows without which the model fits."""
-    table = Table.of(evidence)
+    table = TableRows.of(evidence)
     if table is None:
         return ()
     most = most_rows(table)
@@ -42,26 +42,26 @@ def wrong_rows(evidence: Evidence) -> tuple[Simple, ...]:
 
 def fault_of_row(evidence: Evidence, row: int) -> Simple | None:
     """Return the fault of a row (from 0) that is wrong for other reasons; None if the others do not fit."""
-    table = Table.of(evidence)
+    table = TableRows.of(evidence)
     if table is None:
         return None
     wrong = np.array([row])
     return _of_whole_rows(evidence, wrong, _changes_of(table, wrong))
 
 
-def _changes_of(table: Table, wrong: NDArray[np.int_]) -> list[Change]:
+def _changes_of(table: TableRows, wrong: NDArray[np.int_]) -> list[RowChange]:
     """Return the change that makes each of the rows fit."""
     about = table.about(wrong)
     return [Mending(about, int(row), wrong).best for row in wrong]
 
 
-def most_rows(table: Table) -> int:
+def most_rows(table: TableRows) -> int:
     """Return the number of rows that may be removed so that the others still prove something."""
     spare = len(table.target) - table.matrix.shape[1]
     return min(MOST_ROWS, spare // (3 * FREED))
 
 
-def standing_sets(table: Table, most: int) -> list[NDArray[np.int_]]:
+def standing_sets(table: TableRows, most: int) -> list[NDArray[np.int_]]:
     """Return the smallest sets of rows (from 0) whose removal makes the exact model fit."""
     for _ in range(AGAIN):
         standing = []
@@ -78,7 +78,7 @@ def standing_sets(table: Table, most: int) -> list[NDArray[np.int_]]:
     return []
 
 
-def _faults(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> list[Simple]:
+def _faults(evidence: Evidence, wrong: NDArray, changes: Sequence[RowChange]) -> list[Simple]:
     """Return the fault of these rows, and, for several of one accelerometer, an error of it near these inputs."""
     assert evidence.source is not None
     channels = [change.reading for change in changes if change.reading is not None]
@@ -88,7 +88,7 @@ def _faults(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> li
     return [] if fault is None else [fault, *_near_inputs(fault, changes)]
 
 
-def _of_whole_rows(evidence: Evidence, wrong: NDArray, changes: Sequence[Change]) -> Simple | None:
+def _of_whole_rows(evidence: Evidence, wrong: NDArray, changes: Sequence[RowChange]) -> Simple | None:
     """Return rows that are set aside; None if the others do not fit."""
     assert evidence.source is not None
     record = evidence.source.record
@@ -121,7 +121,7 @@ def _unit(evidence: Evidence) -> str:
 
 
 def _of_readings(
-    evidence: Evidence, wrong: NDArray, changes: Sequence[Change], channels: Sequence[int]
+    evidence: Evidence, wrong: NDArray, changes: Sequence[RowChange], channels: Sequence[int]
 ) -> list[Simple]:
     """Single readings that do not fit, as effects."""
     places = [place_of(int(row) + 1, channel) for row, channel in zip(wrong, channels, strict=True)]
@@ -144,7 +144,7 @@ def _of_readings(
     return [fault, *_near_inputs(fault, changes)]
 
 
-def _near_inputs(fault: Simple, changes: Sequence[Change]) -> list[Simple]:
+def _near_inputs(fault: Simple, changes: Sequence[RowChange]) -> list[Simple]:
     """Return wrong readings of one accelerometer as an equally possible error of it near these inputs.
 
     Other wrong rows remain wrong.
@@ -165,7 +165,7 @@ def _near_inputs(fault: Simple, changes: Sequence[Change]) -> list[Simple]:
     return faults
 
 
-def _sentence(unit: str, numbers: Sequence[int], changes: Sequence[Change], ending: str) -> str:
+def _sentence(unit: str, numbers: Sequence[int], changes: Sequence[RowChange], ending: str) -> str:
     """Describe the wrong rows or rests, and the changes with which each of them fits."""
     if len(numbers) == 1:
         return f"{unit} {numbers[0]} is wrong{ending}. {changes[0].words}"
@@ -176,7 +176,7 @@ def _sentence(unit: str, numbers: Sequence[int], changes: Sequence[Change], endi
     return " ".join([head, *(f"{unit} {row}: {text}" for row, text in zip(numbers, words, strict=True))])
 
 
-def _changes(numbers: Sequence[int], changes: Sequence[Change]) -> Mapping[str, Any]:
+def _changes(numbers: Sequence[int], changes: Sequence[RowChange]) -> Mapping[str, Any]:
     """Return the change of the only row, or the changes of each row by its number."""
     if len(numbers) == 1:
         return changes[0].keys

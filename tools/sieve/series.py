@@ -60,7 +60,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class SeriesPieces:
     """The pieces of a series, and linear errors about a fit that few of them can draw.
 
     `matrix` (M, P) and `target` (M,) are over the bounds; `belongs` (M, K) marks the pieces that each error needs;
@@ -76,7 +76,7 @@ class Series:
     single: NDArray[np.bool_]
 
     @staticmethod
-    def of(evidence: Evidence) -> "Series | None":
+    def of(evidence: Evidence) -> "SeriesPieces | None":
         """Return the pieces of a strapdown or bench record; None of a record that is none, or too long."""
         model = evidence.model
         if evidence.source is None:
@@ -181,7 +181,7 @@ def wrong_pieces(evidence: Evidence) -> tuple[Simple, ...]:
     """Return the smallest sets of rests and moves of a series without which the model fits."""
     if evidence.model.radius < CERTAIN:
         return ()
-    series = Series.of(evidence)
+    series = SeriesPieces.of(evidence)
     if series is None or not series.is_of_few:
         return ()
     faults: dict[tuple[int, ...], Simple] = {}
@@ -198,7 +198,7 @@ def wrong_pieces(evidence: Evidence) -> tuple[Simple, ...]:
     return tuple(faults.values())
 
 
-def _fault(series: Series, numbers: Sequence[int], remaining: Evidence) -> Simple:
+def _fault(series: SeriesPieces, numbers: Sequence[int], remaining: Evidence) -> Simple:
     """Return the fault of these pieces, with the change that makes each of them fit."""
     pieces = [series.pieces[number] for number in numbers]
     sentences, changes, labels, needed = [], {}, [], 0
@@ -245,7 +245,7 @@ def _marks(pieces: Sequence[Piece], first: NDArray, last: NDArray, repeats: int)
     return np.repeat(marks, repeats, axis=0)
 
 
-def _of_carried(evidence: Evidence, robust: Carried) -> Series:
+def _of_carried(evidence: Evidence, robust: Carried) -> SeriesPieces:
     """Return the pieces of a block that is carried, about a robust fit."""
     parts = robust.rows.parts
     if isinstance(robust.reference, Gravity):
@@ -260,7 +260,7 @@ def _of_carried(evidence: Evidence, robust: Carried) -> Series:
     for part in parts:
         belongs.append(_marks(pieces, part.pieces.first, part.pieces.last, part.error.shape[1]))
         single.append(np.full(part.error.size, part.label not in overlapping))
-    return Series(
+    return SeriesPieces(
         evidence,
         robust.motion.time_s,
         pieces,
@@ -271,7 +271,7 @@ def _of_carried(evidence: Evidence, robust: Carried) -> Series:
     )
 
 
-def _of_bench(evidence: Evidence, model: BenchInMotion) -> Series:
+def _of_bench(evidence: Evidence, model: BenchInMotion) -> SeriesPieces:
     """Return the pieces of a bench in motion, about a robust fit."""
     point, nothing = model.point, np.zeros(0)
     for _ in range(ROUNDS):
@@ -287,4 +287,6 @@ def _of_bench(evidence: Evidence, model: BenchInMotion) -> Series:
     first = np.concatenate([seen.span[:, 0] + 1, turns.first + 1])
     last = np.concatenate([seen.span[:, 1], turns.last])
     single = np.ones(len(at.residual), dtype=bool)
-    return Series(evidence, model.raw.time_s, pieces, at.jacobian, at.residual, _marks(pieces, first, last, 3), single)
+    return SeriesPieces(
+        evidence, model.raw.time_s, pieces, at.jacobian, at.residual, _marks(pieces, first, last, 3), single
+    )

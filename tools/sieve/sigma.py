@@ -15,7 +15,7 @@ from ..evidence.fit import Fit
 from ..records import PositionRecord
 from ..rounding import upwards
 from .beside import bent_fits
-from .leading import Candidates, Residual
+from .leading import LeadingFunctions, Residual
 from .simple import Simple
 
 MOST = 2.0
@@ -40,7 +40,7 @@ def too_small_bounds(evidence: Evidence) -> tuple[Simple, ...]:
     """
     if evidence.source is None or not isinstance(evidence.source.record, PositionRecord):
         return ()
-    candidates = Candidates(evidence)
+    candidates = LeadingFunctions(evidence)
     residual = candidates.residual
     if evidence.model.radius <= MOST and candidates.is_noise(residual):
         return _alone(evidence)
@@ -52,7 +52,7 @@ def too_small_bounds(evidence: Evidence) -> tuple[Simple, ...]:
     return _with_bent_effect(evidence, candidates)
 
 
-def _one_effect_fits(evidence: Evidence, candidates: Candidates, residual: Residual) -> bool:
+def _one_effect_fits(evidence: Evidence, candidates: LeadingFunctions, residual: Residual) -> bool:
     """Return whether the effect that explains most makes the model fit with the noise bound as it is."""
     places = list(candidates.effects)
     if not places:
@@ -71,7 +71,7 @@ def _alone(evidence: Evidence) -> tuple[Simple, ...]:
     return (_simple(wider, 1, wider.model.radius, sentence, sigma),)
 
 
-def _with_effect(evidence: Evidence, candidates: Candidates, residual: Residual) -> tuple[Simple, ...]:
+def _with_effect(evidence: Evidence, candidates: LeadingFunctions, residual: Residual) -> tuple[Simple, ...]:
     """Return a larger noise bound with the effect that explains most, and its near equivalents."""
     places = list(candidates.effects)
     if not places:
@@ -108,7 +108,7 @@ def _beside(evidence: Evidence, place: EffectPlace) -> Simple | None:
     return replace(simple, where=("sigma", place.where), fit=again)
 
 
-def _with_bent_effect(evidence: Evidence, candidates: Candidates) -> tuple[Simple, ...]:
+def _with_bent_effect(evidence: Evidence, candidates: LeadingFunctions) -> tuple[Simple, ...]:
     """Return a larger noise bound with an effect that is not linear in its sizes, and leaves noise."""
     wider = _with_bound(evidence, MOST_WITH_EFFECT * evidence.model.calibration.noise_bound)
     if wider is None or not isinstance(wider.model, Bench) or not wider.model.falsified:

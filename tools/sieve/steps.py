@@ -7,7 +7,7 @@ from ..errors import InputError
 from ..evidence.bench import Bench
 from ..evidence.evidence import Evidence
 from ..records import PositionRecord
-from .leading import Candidates, Residual
+from .leading import LeadingFunctions, Residual
 
 LEAST = 1.8
 """Steps that move readings by fewer σ are not looked at: a larger σ says as much."""
@@ -31,7 +31,7 @@ def with_rounding(evidence: Evidence) -> Evidence:
     stepped, sigma = source.record.with_steps, model.calibration.noise_bound
     if stepped.steps.error < LEAST * sigma:
         return evidence
-    candidates = Candidates(evidence)
+    candidates = LeadingFunctions(evidence)
     residual = candidates.residual
     misfit = _misfit(evidence, residual)
     is_noise = candidates.is_noise(residual) and misfit.turns_gravity(sigma)
@@ -46,7 +46,7 @@ def with_rounding(evidence: Evidence) -> Evidence:
     return wider
 
 
-def _is_rounding(evidence: Evidence, candidates: Candidates, stepped: PositionRecord) -> bool:
+def _is_rounding(evidence: Evidence, candidates: LeadingFunctions, stepped: PositionRecord) -> bool:
     """Return True if wide steps explain the remainder of the best effect."""
     model, columns = evidence.model, list(candidates.effects.values())
     sigma, remaining = model.calibration.noise_bound, candidates.residual

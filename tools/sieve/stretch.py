@@ -9,7 +9,7 @@ from .exchange import Exchange, WrongRows
 from .removal import Parts, Removal, TooMany
 from .rows import MOST_ROWS
 from .simple import Simple
-from .table import Table
+from .table import TableRows
 
 PART = 5
 """A stretch that nothing mends is claimed up to this part of the rows."""
@@ -21,7 +21,7 @@ MENDED = 4
 
 def wrong_stretches(evidence: Evidence) -> tuple[Simple, ...]:
     """Return the shortest stretch without which the model fits, longer than single wrong rows."""
-    table = Table.of(evidence)
+    table = TableRows.of(evidence)
     if table is None:
         return ()
     window = shortest_stretch(table.removal(), len(table), MOST_ROWS + 1, len(table) // MENDED_PART)

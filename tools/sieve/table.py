@@ -26,7 +26,7 @@ SECOND_ORDER = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class TableRows:
     """Readings at table positions, linear about a point.
 
     `limit` is the largest radius of a model that fits, `numbers` (N,) are those of the rows in the file.
@@ -37,7 +37,7 @@ class Table:
     numbers: NDArray[np.int_]
 
     @staticmethod
-    def of(evidence: Evidence) -> "Table | None":
+    def of(evidence: Evidence) -> "TableRows | None":
         """The rests of evidence about a robust fit; None of a record of no table."""
         model = evidence.model
         if not isinstance(model, Bench) or evidence.source is None:
@@ -52,7 +52,7 @@ class Table:
             certain = admissible(at.alpha, at.beta, matrices, bounds=model.bounds)
             certain &= (nominal_input(at.alpha, at.beta, matrices) >= 0.0) == (linear.sign > 0)
             linear = replace(linear, bound=bound + widening(linear, certain, bound, model.bounds))
-        return Table(linear, model.limit, record.numbers)
+        return TableRows(linear, model.limit, record.numbers)
 
     def __len__(self) -> int:
         return len(self.linear.reading)

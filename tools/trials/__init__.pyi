@@ -10,8 +10,8 @@ from .bench import measured_on_days as measured_on_days
 from .bench import plain_bench as plain_bench
 from .bench import true_elementary as true_elementary
 from .block import Block as Block
+from .block import BlockNoise as BlockNoise
 from .block import Instruments as Instruments
-from .block import Noise as Noise
 from .block import Reference as Reference
 from .block import TrueMotion as TrueMotion
 from .block import draw_motion as draw_motion

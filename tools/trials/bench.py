@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import ELEMENTARY
-from ..calibration.gyros import Bench as Place
+from ..calibration.gyros import BenchOnEarth as Place
 from ..calibration.model import PRESETS
 from ..diagnosis.cause import NamedEffect
 from ..evidence.fit import composed

@@ -79,7 +79,7 @@ BEFORE_A_CAMERA = Schedule(moves=(14, 22), first_rest=(20.0, 30.0), rest=(0.5, 2
 
 
 @dataclass(frozen=True)
-class Noise:
+class BlockNoise:
     """Errors of three instruments."""
 
     white: float
@@ -99,8 +99,8 @@ class Instruments:
     gyros: Mapping[str, object]
     accelerometers: Mapping[str, object]
     """parameters of the components"""
-    gyro_noise: Noise
-    accelerometer_noise: Noise
+    gyro_noise: BlockNoise
+    accelerometer_noise: BlockNoise
     """[rad/s], [g]"""
     truth_noise: float
     """bound of each component of the error of the true attitude, a rotation vector [rad]"""
@@ -290,8 +290,8 @@ def draw_instruments(rng: np.random.Generator, *, delivered: bool) -> Instrument
     return Instruments(
         gyros=gyros,
         accelerometers=accelerometers,
-        gyro_noise=Noise(math.radians(between(2e-3, 1.5e-2)), math.radians(between(2.0, 20.0) / 3600.0)),
-        accelerometer_noise=Noise(between(2e-5, 4e-4), between(4e-6, 6e-5)),
+        gyro_noise=BlockNoise(math.radians(between(2e-3, 1.5e-2)), math.radians(between(2.0, 20.0) / 3600.0)),
+        accelerometer_noise=BlockNoise(between(2e-5, 4e-4), between(4e-6, 6e-5)),
         truth_noise=math.radians(rng.uniform(0.005, 0.02)),
         increments=bool(rng.random() < 0.5),
     )

@@ -25,7 +25,7 @@ from ..options import ExportTarget
 from ..records.limits import runs_of
 from ..rounding import digits, interval, residual
 from .equivalents import PLACE, command_line, python_lines
-from .lines import GROUPS, Channels, lines_of, plain
+from .lines import GROUPS, SeriesChannels, lines_of, plain
 
 OPTIONS: dict[str, type] = {
     "noise_bound": float,
@@ -236,7 +236,7 @@ def lines(path: str, begin: float | None, end: float | None, points: int) -> dic
     record = record_at(path)
     assert record.time_s is not None
     channels = {field: getattr(record, field, None) for _, field, *_ in GROUPS}
-    return lines_of(Channels(record.time_s, channels), begin, end, points)
+    return lines_of(SeriesChannels(record.time_s, channels), begin, end, points)
 
 
 def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:
@@ -324,7 +324,7 @@ def typed(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Asked:
+class FilesCommand:
     """A command about files with decisions, its options as the page has them."""
 
     command: str
@@ -337,7 +337,7 @@ Advise: TypeAlias = Callable[[str, Sequence[str], Mapping[str, Any], Any], str]
 """Gives the command that follows, by command, files, options and result."""
 
 
-def answer(asked: Asked, advise: Advise | None = None) -> dict[str, Any]:
+def answer(asked: FilesCommand, advise: Advise | None = None) -> dict[str, Any]:
     """Return the answer of a command, and the ways to have it without the page.
 
     Raises

@@ -15,7 +15,7 @@ from ..errors import InputError, one_line
 from ..files import write_text
 from ..workers import OneProcess
 from . import answers
-from .lines import Channels, channels_of_file, lines_of
+from .lines import SeriesChannels, channels_of_file, lines_of
 
 WAIT_S = 600.0
 """So long a look at a record may take."""
@@ -56,7 +56,7 @@ class OpenFile:
     problem: str = ""
     decisions: Mapping[str, Any] = field(default_factory=dict)
     earlier: list[Mapping[str, Any]] = field(default_factory=list)
-    preview: Channels | None = None
+    preview: SeriesChannels | None = None
     given: Mapping[str, str] = field(default_factory=dict)
     imported: Mapping[str, Any] | None = None
     looked_at: threading.Event = field(default_factory=threading.Event)
@@ -69,7 +69,7 @@ class OpenFile:
 
 
 @dataclass(frozen=True)
-class Request:
+class DeskRequest:
     """A calculation that is asked for: a command about some of the files, with options as texts."""
 
     command: str
@@ -97,7 +97,7 @@ class Desk:
         self.before: Mapping[str, Any] | None = None
         self.refusal = ""
         self.number = self.answered = 0
-        self._request: Request | None = None
+        self._request: DeskRequest | None = None
         self._began = 0.0
         self._running: Future[Any] | None = None
         for path in paths:
@@ -231,7 +231,7 @@ class Desk:
                 "refusal": self.refusal,
             }
 
-    def run(self, request: Request) -> None:
+    def run(self, request: DeskRequest) -> None:
         """Begin a calculation in place of one that is running.
 
         Raises
@@ -248,7 +248,7 @@ class Desk:
             if file.about is None:
                 raise InputError(f"{file.path.name}: is not a record: {file.problem}")
         paths = [str(file.path) for file in chosen]
-        asked = answers.Asked(request.command, paths, [file.of_content for file in chosen], request.options)
+        asked = answers.FilesCommand(request.command, paths, [file.of_content for file in chosen], request.options)
         with self._lock:
             self._stop()
             changed = self._request != request
@@ -258,7 +258,7 @@ class Desk:
             self.number += 1
         future.add_done_callback(lambda done: self._ended(done, request, same_request=not changed))
 
-    def _ended(self, future: Future[Any], request: Request, *, same_request: bool) -> None:
+    def _ended(self, future: Future[Any], request: DeskRequest, *, same_request: bool) -> None:
         """Take the answer of a calculation that is still the wanted one, with the numbers of its files."""
         with self._lock:
             if future is not self._running:

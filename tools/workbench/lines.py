@@ -28,7 +28,7 @@ FEWEST = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Channels:
+class SeriesChannels:
     """Channels of a series.
 
     Attributes
@@ -43,7 +43,7 @@ class Channels:
     fields: Mapping[str, NDArray[np.float64] | None]
 
 
-def channels_of_file(path: Path) -> Channels | None:
+def channels_of_file(path: Path) -> SeriesChannels | None:
     """Return the channels of a series in a file as they stand, unchecked, for a first picture; None of another file."""
     try:
         table = pl.read_csv(path, comment_prefix="#", schema_overrides={"time_s": pl.Float64})
@@ -59,15 +59,15 @@ def channels_of_file(path: Path) -> Channels | None:
     except (OSError, pl.exceptions.PolarsError):
         return None
     is_series = "specific_force" in fields and bool(np.all(np.diff(time_s) > 0.0))
-    return Channels(time_s, fields) if is_series else None
+    return SeriesChannels(time_s, fields) if is_series else None
 
 
-def lines_of(series: Channels, begin: float | None, end: float | None, points: int) -> dict[str, Any]:
+def lines_of(series: SeriesChannels, begin: float | None, end: float | None, points: int) -> dict[str, Any]:
     """Return the channels of a series between two times, as plain values.
 
     Parameters
     ----------
-    series : Channels
+    series : SeriesChannels
     begin, end : float, optional
         [s]; without these all of it
     points : int

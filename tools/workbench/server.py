@@ -11,7 +11,7 @@ from ..errors import InputError, one_line
 from ..files import bytes_of, whole_file
 from ..live.loopback import LoopbackHandler, LoopbackServer, template_of, text_of
 from . import answers
-from .desk import COMMANDS, Desk, Request
+from .desk import COMMANDS, Desk, DeskRequest
 from .table_view import TableView
 
 MOST_BYTES = 1 << 20
@@ -205,7 +205,7 @@ def _done(desk: Desk, asked: Mapping[str, Any]) -> dict[str, Any]:
         files, options = asked.get("files"), asked.get("options", {})
         if not isinstance(files, list) or not all(type(k) is int for k in files) or not isinstance(options, dict):
             raise InputError("files and options are needed")
-        desk.run(Request(str(asked.get("command")), tuple(files), options))
+        desk.run(DeskRequest(str(asked.get("command")), tuple(files), options))
     elif what == "decide" and isinstance(asked.get("decisions"), dict) and type(asked.get("file")) is int:
         desk.decide(asked["file"], asked["decisions"])
     elif what == "import" and isinstance(asked.get("given"), dict) and type(asked.get("file")) is int:

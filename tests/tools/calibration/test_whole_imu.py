@@ -16,7 +16,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded import Polytope
 from trihedron.tools.calibrated import LATENCIES, Calibration, Gyros
 from trihedron.tools.calibration import (
-    Bench,
+    BenchOnEarth,
     Turns,
     calibrate,
     calibrate_whole,
@@ -44,7 +44,7 @@ from trihedron.tools.reports.calibration import verdict_sentence
 from trihedron.tools.trials import Hidden, draw_whole
 
 SIGMA = 1.2e-5
-PLACE = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
+PLACE = BenchOnEarth(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
 ERRORS = Errors(rate=5e-5, encoder=2e-6)
 
 
@@ -68,7 +68,7 @@ constant = 20.0
 """
 
 
-def calibration_of(record: BenchRecord, bench: Bench = PLACE) -> Calibration:
+def calibration_of(record: BenchRecord, bench: BenchOnEarth = PLACE) -> Calibration:
     return calibrate_whole(position_record_of(record), bench, noise_bound=SIGMA)
 
 
@@ -83,7 +83,7 @@ def outside(result: Calibration, truth: Truth) -> list[str]:
     return [e.symbol for e, x in pairs if e.low is None or e.high is None or not e.low <= x <= e.high]
 
 
-def turns(record: BenchRecord, bench: Bench = PLACE) -> Turns:
+def turns(record: BenchRecord, bench: BenchOnEarth = PLACE) -> Turns:
     earth = earth_in_base(np.radians(bench.latitude_deg), np.radians(bench.azimuth_deg))
     return turns_of(position_record_of(record), mounting=np.eye(3), earth=earth, encoder_bound=2e-6, noise_bound=1e-5)
 
@@ -267,7 +267,7 @@ def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
     scenario = read_scenario(tmp_path / "short.toml")
     table = scenario.fmus["table"].parameters
     place = np.degrees([table["latitude"], table["azimuth"]]).tolist()
-    bench = Bench(*place, encoder_bound=table["encoder_fluctuation_bound"])
+    bench = BenchOnEarth(*place, encoder_bound=table["encoder_fluctuation_bound"])
     calibration = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
     assert calibration.verdict == "consistent"
     assert inside_intervals(calibration, true_targets(scenario)) == 42

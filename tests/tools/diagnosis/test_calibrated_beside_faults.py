@@ -24,7 +24,7 @@ from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.records import PositionRecord, write_record
-from trihedron.tools.sieve.breaks import Search
+from trihedron.tools.sieve.breaks import BreakSearch
 
 COUNT = 40
 SEEDS = [seed if seed < 5 else pytest.param(seed, marks=pytest.mark.acceptance) for seed in range(COUNT)]
@@ -78,7 +78,7 @@ def drawn(kind: str, rng: np.random.Generator) -> Faulty:
         group = str(rng.choice(list(PARTS)))
         stand = changed(stand, group, sizes(rng, NUMBERS.get(group, 1), 15.0), rng)
         reading = joined_readings(session, [stand], [row])
-        search = Search(bench_evidence(session.record(), noise_bound=SIGMA), Work())
+        search = BreakSearch(bench_evidence(session.record(), noise_bound=SIGMA), Work())
         (gap,) = [gap for gap in search.gaps if gap.after == row]
         parts = {part for one in search.every_group for part in one.parts if part.key.startswith(PARTS[group])}
         places += [part.jumping(gap.hours) for part in parts]

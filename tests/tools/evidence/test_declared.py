@@ -12,14 +12,14 @@ from generator.tables import AZIMUTH, INNER_TURNS, LATITUDE, OUTER_TURNS, STILL_
 from generator.tables import bench_record as made_record
 from scenario_runs import SCENARIOS
 from trihedron.tools.calibration import PRESETS
-from trihedron.tools.calibration.gyros import Bench
+from trihedron.tools.calibration.gyros import BenchOnEarth
 from trihedron.tools.diagnosis.kinds import evidence_of, evidence_options
 from trihedron.tools.evidence.bench_in_motion import BenchInMotion
 from trihedron.tools.records import BenchRecord
 from trihedron.tools.records.rests import position_record_of
 
 SIGMA = 1.2e-5
-PLACE = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
+PLACE = BenchOnEarth(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
 SHORT = Programme(STILL_POSITIONS[::2] + OUTER_TURNS + INNER_TURNS, dwell=4.0)
 FEW_MILLIMETRES = 1e-4
 HERE = 9.7805
@@ -69,7 +69,7 @@ def test_a_bench_of_our_own_fmus_stands_at_20_ms(name, tmp_path):
     (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
     shutil.copy(SCENARIOS / "imu-calibration-positions.csv", tmp_path)
     th.simulate(tmp_path / "bench.toml", out=tmp_path / "run")
-    place = Bench(np.degrees(0.973), np.degrees(0.35), encoder_bound=2.424e-6)
+    place = BenchOnEarth(np.degrees(0.973), np.degrees(0.35), encoder_bound=2.424e-6)
     options = {"noise_bound": 1e-5, "gravity": G, "mounting": "identity", "bench": place}
     record = th.read_record(tmp_path / "run" / "run.parquet")
     assert isinstance(record, BenchRecord)

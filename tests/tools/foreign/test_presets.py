@@ -261,7 +261,7 @@ def test_a_table_without_names_is_one_round_of_questions_on_few_lines(tmp_path: 
     assert main(["import", str(path), "--out", str(tmp_path / "record.csv")]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert sum(line.startswith("  ") for line in lines) == 5
-    ready = next(line for line in lines if line.startswith("the first answers: "))
+    ready = next(line for line in lines if line.startswith("the likeliest answers: "))
     words = ready.partition(": ")[2].replace("'", "").split("--set ")[1:]
     answers = dict(word.strip().split("=", 1) for word in words)
     record = th.import_record(path, answers=answers).record

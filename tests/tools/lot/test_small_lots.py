@@ -8,7 +8,7 @@ import pytest
 
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis.cause import NamedEffect
-from trihedron.tools.lot import Lot, Member, Value, lot_of
+from trihedron.tools.lot import InstrumentValue, Lot, Member, lot_of
 
 PARAMETERS = 18
 
@@ -21,7 +21,7 @@ def drawn_lot(rng: np.random.Generator, count: int, moved: float = 0.0) -> Lot:
     for number, row in enumerate(estimates):
         values = {}
         for k, value in enumerate(row.tolist()):
-            values[f"X{k + 1}"] = Value(unit="g", estimate=value, low=value - 1e-3, high=value + 1e-3)
+            values[f"X{k + 1}"] = InstrumentValue(unit="g", estimate=value, low=value - 1e-3, high=value + 1e-3)
         date = f"2026-{1 + number % 12:02d}-{1 + number:02d}"
         temperature = float(rng.uniform(15.0, 30.0))
         member = {"record": f"{number}.csv", "serial": f"U-{number}", "date": date, "temperature_degC": temperature}

@@ -16,7 +16,7 @@ from simulated_table import HEADER, SimulatedTable, text_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.measure import Measurement, Session, SessionOptions, read_programme, source_of
 from trihedron.tools.measure.programme import TableProgramme
-from trihedron.tools.measure.readings import Source
+from trihedron.tools.measure.readings import ByteSource
 from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.reports import promise_text, visit_text
 
@@ -281,7 +281,7 @@ def test_a_programme_with_a_position_that_the_plan_lacks_is_refused(number: int,
         read_programme(path)
 
 
-def all_of(source: Source, size: int) -> bytes:
+def all_of(source: ByteSource, size: int) -> bytes:
     """Return this number of bytes, as they come."""
     readings, ends = b"", time.monotonic() + 20.0
     while len(readings) < size and time.monotonic() < ends:

@@ -17,7 +17,7 @@ from trihedron.tools.motion import calibrate_by_norm, inspect_record, norm_block
 from trihedron.tools.motion.rests import reading_steps
 from trihedron.tools.records import StrapdownRecord, write_record
 from trihedron.tools.records.sigma import deviation_widening
-from trihedron.tools.reports import allan_curve, allan_picture
+from trihedron.tools.reports import allan_picture, allan_points
 from trihedron.tools.rounding import exactly
 
 GAMMA = np.array([[4e-3, 0.0, 0.0], [2e-3, -5e-3, 0.0], [-3e-3, 6e-3, 8e-3]])
@@ -209,7 +209,7 @@ def test_a_single_rest_has_one_length_and_nine_rests_no_standard_errors(tmp_path
 
 def test_the_allan_curve_of_white_noise_falls_as_its_root():
     rng = np.random.default_rng(5)
-    times, deviation = allan_curve(rng.standard_normal((40000, 3)), [slice(0, 40000)], PERIOD)
+    times, deviation = allan_points(rng.standard_normal((40000, 3)), [slice(0, 40000)], PERIOD)
     short = times < 1.0
     assert deviation[short] == pytest.approx(np.sqrt(PERIOD / times[short])[:, None] * np.ones(3), rel=0.1)
 
@@ -411,5 +411,5 @@ def test_poses_that_are_enough_are_said_to_be_and_others_are_named():
     assert few.poses.worst_error_g > 1e-2
     assert few.poses.error_with_these_g < 1e-3
     shown = str(few)
-    assert f"poses that are missing: {few.poses.missing[0]}" in shown
+    assert f"mg: {few.poses.missing[0]}" in shown
     assert shown.count(f"missing: {few.poses.missing[0]}") == 1

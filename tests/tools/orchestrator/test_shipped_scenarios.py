@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import trihedron as th
 from scenario_runs import SCENARIOS
-from trihedron.tools.calibration import Bench, calibrate
+from trihedron.tools.calibration import BenchOnEarth, calibrate
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import read_scenario, run_scenario
@@ -107,7 +107,7 @@ def test_the_hour_of_the_whole_imu_gives_its_reference_results(tmp_path):
     for row, expected in zip(reference["at"], reference["readings"], strict=True):
         outputs = [run.table[name][row] for name in reference["columns"]]
         assert outputs == pytest.approx(expected, abs=ROUNDING)
-    bench = Bench(math.degrees(0.973), math.degrees(0.35), encoder_bound=2.424e-6)
+    bench = BenchOnEarth(math.degrees(0.973), math.degrees(0.35), encoder_bound=2.424e-6)
     result = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
     assert result.gyros is not None
     assert result.positions == reference["positions"]

@@ -13,8 +13,8 @@ from trihedron.tools.planning.hand import (
     MOVE_SD,
     OF_GYROS,
     TURN_PRIOR_SD,
-    HandRequest,
-    Turn,
+    HandPlanRequest,
+    PlannedTurn,
     TurnDeterminacy,
     plan_by_hand,
     turns_to,
@@ -29,7 +29,7 @@ def turned(axis: np.ndarray, angle: float) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
-def carried_by(matrix: np.ndarray, turn: Turn, up: np.ndarray) -> np.ndarray:
+def carried_by(matrix: np.ndarray, turn: PlannedTurn, up: np.ndarray) -> np.ndarray:
     """Return the direction up (3,) behind a turn as gyros with I + M carry it, in many small steps."""
     steps = 2000
     rate = (np.eye(3) + matrix) @ turn.axis
@@ -60,7 +60,7 @@ def test_a_turn_ends_where_it_says_and_errors_of_gyros_move_its_end_as_predicted
 
 
 def test_errors_of_gyros_fitted_over_the_moves_of_a_plan_are_the_predicted_ones():
-    plan = plan_by_hand(HandRequest(turn_accuracy="8arcmin"))
+    plan = plan_by_hand(HandPlanRequest(turn_accuracy="8arcmin"))
     turns, ups = [], [np.array(step.up) for step in plan.steps]
     for before, after in pairwise(ups):
         turns.append((before, turns_to(before, after)[0]))

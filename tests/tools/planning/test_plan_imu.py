@@ -6,7 +6,7 @@ import pytest
 import trihedron as th
 from scenario_runs import SCENARIOS
 from trihedron.tools.calibrated import LATENCIES
-from trihedron.tools.calibration import Bench
+from trihedron.tools.calibration import BenchOnEarth
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.orchestrator import read_scenario
@@ -48,7 +48,7 @@ def test_the_planned_motion_is_that_of_the_table(tmp_path):
 
 
 def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
-    planned = Planned(Bench(50.0, 10.0, gyro_noise=1e-5, encoder_bound=2e-6), 1e-5)
+    planned = Planned(BenchOnEarth(50.0, 10.0, gyro_noise=1e-5, encoder_bound=2e-6), 1e-5)
     places = list(zip(np.tile(20.0 + 45.0 * np.arange(8), 3), np.repeat([25.0, 145.0, 265.0], 8), strict=True))
     places += [(0.0, 0.0), (720.0, 0.0), (0.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 450.0), (0.0, 90.0)]
     some = [TableVisit(*place, 5.0, 100.0) for place in places]
@@ -150,7 +150,7 @@ def test_thirty_minutes_are_planned_far_better_than_usual_and_the_promise_holds(
         text = text.replace(old, new)
     (tmp_path / "planned.toml").write_text(text, encoding="utf-8")
     run = th.simulate(tmp_path / "planned.toml", out=tmp_path / "run")
-    bench = Bench(place["latitude_deg"], float(np.degrees(0.35)), gyro_noise=1e-5, encoder_bound=2.424e-6)
+    bench = BenchOnEarth(place["latitude_deg"], float(np.degrees(0.35)), gyro_noise=1e-5, encoder_bound=2.424e-6)
     calibration = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
     assert calibration.verdict == "consistent"
     assert calibration.gyros is not None

@@ -108,7 +108,7 @@ def test_a_comparison_draws_the_columns_that_differ_and_nothing_else(tmp_path: P
     page = page_of(th.compare(tmp_path / "first.csv", tmp_path / "second.csv"))
     assert page is not None
     (pictured,) = [section for section in page.sections if section.picture is not None]
-    assert pictured.title == "Second less first, in m/s²"
+    assert pictured.title == "Second minus first, in m/s²"
     assert pictured.picture is not None
     (axes,) = pictured.picture.figure().axes
     (line,) = axes.lines

@@ -15,9 +15,9 @@ from trihedron.tools.records import StrapdownRecord, allan_deviation, read_recor
 from trihedron.tools.reports import write_suite
 from trihedron.tools.trials import (
     Block,
+    BlockNoise,
     Hidden,
     Instruments,
-    Noise,
     Options,
     Reference,
     Suite,
@@ -36,7 +36,7 @@ from trihedron.tools.trials.case import hideable_in_block
 from trihedron.tools.trials.draw import size_in_block
 
 G = 9.80665
-QUIET = Instruments({}, {}, Noise(0.0, 0.0), Noise(0.0, 0.0), 0.0, increments=True)
+QUIET = Instruments({}, {}, BlockNoise(0.0, 0.0), BlockNoise(0.0, 0.0), 0.0, increments=True)
 
 
 def read(
@@ -102,12 +102,12 @@ def test_without_errors_the_block_reads_the_motion():
 
 def test_white_noise_has_its_density():
     motion = draw_motion(np.random.default_rng(3), BETWEEN_RESTS, 0.01)
-    measured = read(motion, replace(QUIET, gyro_noise=Noise(2e-4, 0.0)))
+    measured = read(motion, replace(QUIET, gyro_noise=BlockNoise(2e-4, 0.0)))
     assert measured.increment is not None
     error = (measured.increment - motion.increment) / motion.period
     # One-sided density d at 100 Hz: standard deviation d √50.
     assert error.std(axis=0) == pytest.approx(np.full(3, 2e-4 * np.sqrt(50.0)), rel=0.02)
-    assert np.abs(error).max() <= Noise(2e-4, 0.0).bound(motion.period)
+    assert np.abs(error).max() <= BlockNoise(2e-4, 0.0).bound(motion.period)
 
 
 def test_what_is_hidden_is_in_the_readings():
@@ -200,7 +200,7 @@ def test_a_few_cases_are_named_and_clean_ones_are_not(tmp_path):
     assert all(outcome.inside for outcome in hidden.results)
     clean = run_suite(Options("clean", strapdown=True), 1, 35)
     assert clean.outcomes == {"right": 1}
-    assert "false alarms on clean records: 0 of 1" in str(clean)
+    assert "False alarms on clean records: 0 of 1" in str(clean)
     files = write_suite(hidden, tmp_path)
     assert Suite.model_validate_json(files[0].read_text()) == hidden
     assert files[1].read_text().count("\n") == 2

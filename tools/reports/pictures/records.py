@@ -132,7 +132,7 @@ FEWEST_PAIRS = 4
 """Smallest number of pairs of neighbouring averages without overlap; fewer show chance."""
 
 
-def allan_curve(values: NDArray, rows: Sequence[slice], period: float) -> tuple[NDArray, NDArray]:
+def allan_points(values: NDArray, rows: Sequence[slice], period: float) -> tuple[NDArray, NDArray]:
     """Return averaging times (m,) [s] and Allan deviations (m, 3) of readings (N, 3), all rests together.
 
     The longest time has four pairs of averages in the rests; there is none if the rests have too few rows.
@@ -159,7 +159,7 @@ def allan_picture(inspection: "Inspection") -> Drawn:
     figure, panels = sheet(5.2, 2, sharex=True)
     sensors = ((rates_of(record), "gyros, rad/s"), (record.specific_force, "accelerometers, m/s²"))
     for axes, (values, title) in zip(panels.flat, sensors, strict=True):
-        times, deviation = allan_curve(values, rests.rows, period)
+        times, deviation = allan_points(values, rests.rows, period)
         axes.set_title(f"Allan deviation of the {title}")
         visible = deviation > 0.0
         if not visible.any():
@@ -339,7 +339,7 @@ LARGEST_DRAWN = 1e300
 
 
 @dataclass(frozen=True)
-class Line:
+class DrawnLine:
     """A line with the points that are drawn; `ends` are its first, least, largest and last value."""
 
     name: str
@@ -348,7 +348,7 @@ class Line:
     ends: tuple[float, float, float, float]
 
     @classmethod
-    def of(cls, name: str, time: np.ndarray, value: np.ndarray) -> "Line":
+    def of(cls, name: str, time: np.ndarray, value: np.ndarray) -> "DrawnLine":
         """Return the line of values (N,) at times (N,) [s]; it has a gap at an unknown value."""
         finite = value[np.isfinite(value)]
         least, largest = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
@@ -363,7 +363,7 @@ class Line:
 
 
 @drawn
-def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
+def lines_picture(panels: Sequence[Sequence[DrawnLine]], unit: str) -> Drawn:
     """Draw a panel for each group of lines, one above the other, all over the same time; SVG."""
     columns_of, names, rows_of_names = [], [], 0
     for lines in panels:

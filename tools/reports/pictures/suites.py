@@ -64,7 +64,7 @@ def confusion_picture(table: Mapping[str, Mapping[str, int]]) -> Drawn:
     axes.set_xticks(np.arange(len(columns)), [short(name, 30) for name in columns], **turned)
     axes.tick_params(axis="x", length=0, labelcolor=INK.light, labelsize=8)
     named_rows(axes, [short(row, 44) for row in rows], lines=True, labelsize=8)
-    axes.set(xlim=(-0.6, max(len(columns), 2) - 0.4), xlabel="what was made of it", ylabel="hidden")
+    axes.set(xlim=(-0.6, max(len(columns), 2) - 0.4), xlabel="diagnosis", ylabel="hidden")
     return figure, "How often each hidden effect was given each name or verdict"
 
 
