@@ -14,6 +14,9 @@ from .interface import FmuVariable, Interface, between, refer_to
 from .load import Loaded
 from .scenario import Connection, Scenario
 
+WIDENED = (("Integer", "Real"), ("Integer", "Enumeration"), ("Enumeration", "Integer"))
+"""Types of an output and an input that differ, where the input takes every value."""
+
 
 @dataclass(frozen=True)
 class Wire:
@@ -82,7 +85,7 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
     if len(outputs) != len(inputs):
         raise InputError(f"{ends}: {len(outputs)} and {len(inputs)} elements; their lengths must agree")
     for output, input_ in zip(outputs, inputs, strict=True):
-        if output.kind != input_.kind:
+        if output.kind != input_.kind and (output.kind, input_.kind) not in WIDENED:
             raise InputError(f"{ends}: types differ, {output.kind} and {input_.kind}")
         relative = output.relative or input_.relative
         conversion: tuple[float, float] | None = (1.0, 0.0)
@@ -90,7 +93,7 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
             conversion = between(output.unit, input_.unit, source.scales, target.scales, relative=relative)
         if conversion is None:
             raise InputError(f"{ends}: units differ, {output.unit} and {input_.unit}")
-        if output.kind == "Integer":
+        if output.kind == "Integer" and input_.kind != "Real":
             (low, high), (least, most) = output.value_type.whole_span, input_.value_type.whole_span
             if low < least or high > most:
                 raise InputError(f"{ends}: {input_.access} does not take every {output.access}")

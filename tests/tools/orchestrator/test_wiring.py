@@ -34,7 +34,8 @@ EARTH_RATE = 7.292115e-5
         ("clock.endet -> gain.u[1]", "'clock' has no variable 'endet'; did you mean 'ended'?"),
         ("clock.ended -> gain.u[3]", "'gain' has no variable 'u[3]'; u has elements 1 to 2"),
         ("clock.ended -> gain.u", "1 and 2 elements"),
-        ("clock.count -> gain.u[1]", "types differ, Integer and Real"),
+        ("clock.ended -> gain.count", "types differ, Real and Integer"),
+        ("clock.count -> gain.mark", "types differ, Integer and Boolean"),
         ("clock.ended -> gain.y[1]", "'gain.y[1]' is not an input (output); did you mean 'u[1]'?"),
         ("gain.u[1] -> gain.u[2]", "'gain.u[1]' is not an output (input)"),
         ("clock -> gain.u[1]", "'clock' must name an FMU and a variable"),
@@ -44,6 +45,14 @@ def test_a_wrong_connection(foreign: Path, connection: str, says: str) -> None:
     message = refusal(foreign, PAIR, connections=wires(connection))
     assert message.startswith("connections[1]: ")
     assert says in message
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_real_input_takes_whole_numbers(foreign: Path, compiled: bool) -> None:
+    sections = {"run": {"stop_s": 1.0, "step_s": 0.25}, "connections": wires("clock.count -> gain.u[1]")}
+    table = run(foreign, PAIR, compiled=compiled, **sections).table
+    assert table["gain.y[1]"].to_list() == table["clock.count"].to_list()
+    assert table["clock.count"][-1] == 4
 
 
 def test_an_input_has_one_source(foreign: Path) -> None:
