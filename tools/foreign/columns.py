@@ -1,6 +1,7 @@
 """Find the columns of a record in a sheet: by the mapping, by names, by units, three at once."""
 
 import re
+from collections.abc import Sequence
 
 from ..errors import InputError, nearest
 from ..records.columns import (
@@ -53,8 +54,6 @@ AXIS = re.compile(r"[xyz]\d*\b")
 """Axis at the end of a word of a name."""
 MOST_SENSORS = 12
 """Largest number of sensors whose rows may be mixed in a table."""
-FEW_ROWS = 200
-"""Number of rows from which a table is likelier a series than a table of rests."""
 MOST_TRIADS = 3
 """Largest number of answers to a question about columns without names."""
 COLUMNS = QUANTITY_OF.keys() | {"position", DATE} | set(QUATERNION + APPROACH + UP + TEXTS)
@@ -102,6 +101,21 @@ def fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
     return fields
 
 
+def _propose(table: UnderstoodTable, quantity: str, triads: Sequence[Triad], why: str = "") -> None:
+    """Ask which three columns are an instrument; the first are taken for it in further questions."""
+    table.proposed[quantity] = triads[0].fields
+    answers = [triad.answer for triad in triads]
+    table.ask(f"columns.{quantity}", answers, why or f"which columns are the {INSTRUMENTS[quantity]}")
+
+
+def ask_for_each(table: UnderstoodTable, columns: Sequence[str], free: Sequence[str]) -> None:
+    """Ask for columns one by one; each question has another first answer."""
+    for k, column in enumerate(columns):
+        first = k % len(free) if free else 0
+        answers = [*free[first:], *free[:first]][:3]
+        table.ask(f"columns.{column}", answers or ("NAME",), f"which column is {column}")
+
+
 def _ask_of_alike(table: UnderstoodTable, candidates: dict[str, list[Field]]) -> None:
     """Ask at once for three channels that several columns each may be, those with the size of gravity first."""
     for quantity, columns in TRIADS_OF.items():
@@ -112,9 +126,7 @@ def _ask_of_alike(table: UnderstoodTable, candidates: dict[str, list[Field]]) ->
         triads = [Triad((x, y, z)) for x, y, z in zip(*groups, strict=True)]
         if quantity == FORCE_QUANTITY:
             triads.sort(key=lambda triad: not force_units(median_size(table, triad.fields)))
-        table.proposed[quantity] = triads[0].fields
-        answers = [triad.answer for triad in triads[: MOST_TRIADS + 1]]
-        table.ask(f"columns.{quantity}", answers, f"which columns are the {INSTRUMENTS[quantity]}")
+        _propose(table, quantity, triads[: MOST_TRIADS + 1])
         for column in columns:
             del candidates[column]
 
@@ -125,10 +137,9 @@ def _ask_of_crossed(table: UnderstoodTable, fields: dict[str, Field]) -> None:
         return
     forces, rates = (Triad(tuple(fields[column] for column in columns)) for columns in (FORCE, RATE))  # type: ignore
     if median_size(table, forces.fields) < LEAST_PLAIN and force_units(median_size(table, rates.fields)):
-        table.proposed |= {FORCE_QUANTITY: rates.fields, RATE_QUANTITY: forces.fields}
         why = f"|f| of {forces.answer} is not a gravity, that of {rates.answer} is"
-        table.ask("columns.force", (rates.answer, forces.answer), why)
-        table.ask("columns.rate", (forces.answer, rates.answer), "which columns are the gyros")
+        _propose(table, FORCE_QUANTITY, [rates, forces], why)
+        _propose(table, RATE_QUANTITY, [forces, rates])
         for column in FORCE + RATE:
             del fields[column]
 
@@ -159,9 +170,7 @@ def _take_triads(
     if len(triads) == 1 and all(field.quantity == quantity for field in triads[0].fields):
         candidates |= {column: [field] for column, field in zip(TRIADS_OF[quantity], triads[0].fields, strict=True)}
         return
-    table.proposed[quantity] = triads[0].fields
-    answers = [triad.answer for triad in triads]
-    table.ask(f"columns.{quantity}", answers, f"which columns are the {INSTRUMENTS[quantity]}")
+    _propose(table, quantity, triads)
 
 
 def _refuse_parts(table: UnderstoodTable, filled: list[Field], candidates: dict[str, list[Field]]) -> None:
@@ -237,11 +246,9 @@ def without_only_triad(table: UnderstoodTable, fields: dict[str, Field], left: l
         fields.update(zip(FORCE, triad.fields, strict=True))
         table.notes.append(f"{triad.answer} are taken as accelerometers: the size of their readings is gravity")
     else:
-        table.proposed[FORCE_QUANTITY] = triad.fields
-        why = "which columns are the accelerometers"
-        if not force_units(median_size(table, triad.fields)):
-            why += "; gyros alone are not a record"
-        table.ask("columns.force", [triad.answer], why)
+        has_gravity = bool(force_units(median_size(table, triad.fields)))
+        why = "which columns are the accelerometers; gyros alone are not a record"
+        _propose(table, FORCE_QUANTITY, [triad], "" if has_gravity else why)
     return [field for field in left if field not in triad.fields]
 
 
@@ -271,10 +278,7 @@ def take_role(table: UnderstoodTable, fields: dict[str, Field], role: RecordKind
             f"{table.sheet.path}: none of its columns can be {INSTRUMENTS[quantity]}; of two files one has the "
             "accelerometers and the other the gyros: give that file, or import this one alone"
         )
-    for column in missing:
-        table.ask(f"columns.{column}", [field.label for field in free][:3], f"which column is {column}")
-        # each question has another first answer
-        free = free[1:] + free[:1]
+    ask_for_each(table, missing, [field.label for field in free])
 
 
 def _channels_left_of(table: UnderstoodTable, fields: dict[str, Field], quantity: str) -> list[Field]:
@@ -290,12 +294,11 @@ def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str,
     used = set(fields.values())
     for proposed in table.proposed.values():
         used.update(proposed)
-    is_series = len(table.rows) >= FEW_ROWS
     free, without = [], []
     for field in table.filled:
         if is_without_gravity(field):
             without.append(field.label)
-        elif field not in used and table.values(field.texts) and may_be_channel(table, field, is_series=is_series):
+        elif field not in used and table.values(field.texts) and may_be_channel(table, field):
             free.append(field)
     triads = [triad for triad in named_triads(free) if not triad.quantity and not is_derived(triad)]
     triads.sort(key=lambda triad: (triad.further, not force_units(median_size(table, triad.fields))))
@@ -312,9 +315,7 @@ def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str,
             raise InputError(f"{table.sheet.path}: {what}; {advice}")
         if not triads:
             continue
-        table.proposed[quantity] = triads[0].fields
-        answers = [triad.answer for triad in triads[:MOST_TRIADS]]
-        table.ask(f"columns.{quantity}", answers, f"which columns are the {INSTRUMENTS[quantity]}")
+        _propose(table, quantity, triads[:MOST_TRIADS])
         left_over = [column for column in left_over if column not in columns]
         triads = [triad for triad in triads if set(triad.fields).isdisjoint(table.proposed[quantity])]
     return left_over

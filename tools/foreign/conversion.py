@@ -29,7 +29,7 @@ from ..records.columns import (
 )
 from ..records.read import significant_digits, written_resolution
 from .converted_times import counted_times, numbered_times, written_times
-from .frames import MAY_LACK, MOST_LEFT_OUT, ask_of_gaps, numeric_frame, values_of_frame
+from .frames import MAY_LACK, ask_of_gaps, numeric_frame, values_of_frame
 from .layout import COMMENT
 from .mapping import OPEN, plural
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES
@@ -186,8 +186,7 @@ def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dic
             lines.append(line)
             for column, text in cells.items():
                 texts[column].append(text)
-    if len(left_out.get("a number is missing", ())) > MOST_LEFT_OUT * count and table.mapping.incomplete in ("", OPEN):
-        ask_of_gaps(table, empty, count)
+    if ask_of_gaps(table, empty, len(left_out.get("a number is missing", ())), count):
         return texts, [], left_out
     return texts, lines, left_out
 

@@ -27,13 +27,14 @@ from ..records.columns import (
 )
 from .columns import (
     TRIADS_OF,
+    ask_for_each,
     ask_of_instances,
     fields_of_columns,
     take_role,
     without_only_triad,
     without_triads,
 )
-from .deciding_times import MANY_ROWS, decide_time, origin_of, written_times
+from .deciding_times import decide_time, origin_of, written_times
 from .deciding_units import decide_units
 from .layout import COMMENT, layout_of
 from .mapping import OPEN, Mapping
@@ -46,6 +47,7 @@ from .numbers import (
 )
 from .presets import preset_of
 from .ranking import (
+    MANY_ROWS,
     bits_of_offset,
     may_be_channel,
     numbers_in,
@@ -187,11 +189,8 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     if required and len(table.rows) >= MANY_ROWS and not of_table and not of_block:
         missing += RATE
     missing = without_triads(table, missing, fields)
-    for column in missing:
-        if not any(column in triad and table.is_asked(f"columns.{key}") for key, triad in TRIADS_OF.items()):
-            table.ask(f"columns.{column}", free[:3] or ("NAME",), f"which column is {column}")
-            # each question has another first answer
-            free = free[1:] + free[:1]
+    asked = [column for key, triad in TRIADS_OF.items() if table.is_asked(f"columns.{key}") for column in triad]
+    ask_for_each(table, [column for column in missing if column not in asked], free)
 
 
 def _channels_left(table: UnderstoodTable, fields: dict[str, Field], columns: list[Field]) -> list[Field]:
@@ -199,11 +198,10 @@ def _channels_left(table: UnderstoodTable, fields: dict[str, Field], columns: li
     used = set(columns)
     used.update(table.proposed.get(FORCE_QUANTITY, ()))
     has_forces = fields.keys() >= set(FORCE) or FORCE_QUANTITY in table.proposed
-    is_series = len(table.rows) >= MANY_ROWS
     left = []
     for field in table.filled:
         is_force = has_forces and field.quantity == FORCE_QUANTITY
-        if field not in used and not is_force and may_be_channel(table, field, is_series=is_series):
+        if field not in used and not is_force and may_be_channel(table, field):
             left.append(field)
     return left
 

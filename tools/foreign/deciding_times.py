@@ -22,6 +22,7 @@ from .numbers import (
     two_parts,
 )
 from .ranking import (
+    MANY_ROWS,
     likely_of,
     rising,
     time_units,
@@ -37,9 +38,6 @@ from .understanding import (
     UnderstoodTable,
 )
 from .units import TIME, is_rate
-
-MANY_ROWS = 200
-"""Number of rows from which a table is likelier a series than a table of rests."""
 
 
 def decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:

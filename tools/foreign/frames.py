@@ -25,14 +25,17 @@ MAY_LACK = (*QUATERNION, *UP, *TEXTS[1:])
 """Columns whose fields may be empty."""
 
 
-def ask_of_gaps(table: UnderstoodTable, empty: Counter[str], count: int) -> None:
-    """Ask about rows without a number if they are many, by the column that lacks most of them."""
+def ask_of_gaps(table: UnderstoodTable, empty: Counter[str], left_out: int, count: int) -> bool:
+    """Ask about rows without a number if they are many of all, by the column that lacks most; return True if asked."""
+    if left_out <= MOST_LEFT_OUT * count or table.mapping.incomplete not in ("", OPEN):
+        return False
     worst, lacking = empty.most_common(1)[0]
     why = f"{lacking} of {count} rows have no number in {table.origins[worst].name!r}"
     if worst in (*table.kind.optional, DATE):
         table.ask(f"columns.{worst}", ("none",), f"{why}; --set 'incomplete=leave out' leaves out the rows")
     else:
         table.ask("incomplete", ("leave out",), why)
+    return True
 
 
 def numeric_frame(table: UnderstoodTable) -> pl.DataFrame | None:
@@ -101,9 +104,7 @@ def values_of_frame(
     left_out = {}
     if not complete.all():
         left_out["a number is missing"] = lines[~complete].tolist()
-    count = int(np.count_nonzero(~complete))
-    if count > MOST_LEFT_OUT * len(frame) and table.mapping.incomplete in ("", OPEN):
-        ask_of_gaps(table, lacking, len(frame))
+    if ask_of_gaps(table, lacking, int(np.count_nonzero(~complete)), len(frame)):
         return {}, lines[:0], left_out
     values = {}
     for column, series in columns.items():

@@ -39,6 +39,8 @@ _NO_CHANNEL = (
     "gravity lat lon latitude longitude altitude"
 )
 """Words of names that are neither accelerometers, gyros nor angles of a table."""
+MANY_ROWS = 200
+"""Number of rows from which a table is likelier a series than a table of rests."""
 _NO_GRAVITY = frozenset(("free", "user", "lin"))
 """Words of accelerations without gravity."""
 LETTERS, DIGITS = ("x", "y", "z"), ("0", "1", "2", "3")
@@ -120,7 +122,7 @@ def named_triads(fields: Sequence[Field]) -> list[Triad]:
     return triads
 
 
-def may_be_channel(table: UnderstoodTable, field: Field, *, is_series: bool) -> bool:
+def may_be_channel(table: UnderstoodTable, field: Field) -> bool:
     """Return True if a column may be a channel or an angle: of a long series, it varies and does not only rise."""
     words = normal(field.head.name).split()
     stems = {re.sub(r"[xyz]$", "", word) for word in words}
@@ -128,7 +130,7 @@ def may_be_channel(table: UnderstoodTable, field: Field, *, is_series: bool) -> 
         return False
     if field.quantity in (TIME, "temperature"):
         return False
-    if not is_series:
+    if len(table.rows) < MANY_ROWS:
         return True
     return len(set(field.texts)) >= FEWEST_VALUES and not rising(table, [field])
 
