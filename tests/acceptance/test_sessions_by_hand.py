@@ -90,7 +90,7 @@ def test_standard_errors_of_free_poses_are_right_within_ten_percent() -> None:
         of_poses.append(
             np.abs(norm_equations(fitted, readings)[0]).max() / present(present(result.by_hand).pose_error).worst
         )
-    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.1)
+    assert rms(ratios) == pytest.approx(1.0, abs=0.1)
     assert np.quantile(of_poses, 0.9) < 3.0
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bounded.programmes import chebyshev_radius
 from ..calibrated import (
     UNITS,
     ByHand,
@@ -24,13 +23,13 @@ from ..calibrated import (
 )
 from ..motion.determinacy import DETERMINED, LEAST_SD, PRIOR_SD, UNSEEN, USABLE, closing_poses
 from ..motion.norm import NAMES, UNITS_OF, norm_equations
+from ..motion.possible import BOX, Possible, central_parameters, nearest_possible, possible_forces
 from ..records import ForceRecord, PoseRecord
 from ..rounding import digits, upwards
 from .forces import Forces, Norms, fitted_forces, scatter_of
 from .gyros import PRIOR as GYRO_PRIOR
 from .gyros import GyroFit, fitted_gyros, in_axes_of_forces
 from .moves import BIAS, MATRIX, Moves, Windows
-from .possible import BOX, Possible, possible_forces
 from .run import HandRecord, HandRequest, Run, run_of
 
 WORDS = (
@@ -57,9 +56,10 @@ LARGE = 0.2
 """A larger parameter gets a warning."""
 MORE = 3.0
 """Scatter of the norms over the assumed scatter from which a warning follows."""
+SMALL = 1e-6
+"""Bound of a reading with which second order does not count [g]."""
 HALF_PRIOR = 0.5
 """A parameter is determined where its error is below this part of the prior's."""
-CENTRINGS = 6
 GYRO_SYMBOLS = (
     *("B1", "B2", "B3"),
     *(f"M{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)),
@@ -91,18 +91,34 @@ class Bounds:
     """Result of bounds of the readings' errors: the least bound with which the model stands [g], and by σ the possible
     values.
 
-    `possible` is None where nothing tells σ.
+    `estimate` (6 + 3 R,) is least squares, or the possible values nearest to it; `possible` is None where nothing tells
+    σ.
     """
 
     least: float
+    estimate: NDArray[np.float64]
     possible: Possible | None
 
     @classmethod
-    def of(cls, x: NDArray, norms: Norms, bound: float | None) -> "Bounds":
+    def of(cls, forces: Forces, norms: Norms, bound: float | None) -> "Bounds":
         """Return the bounds by the norms at rest near an estimate (6 + 3 R,)."""
+        x = forces.x
         if not len(norms.reading):
-            return cls(0.0, None)
-        return cls(least_bound(x, norms), None if bound is None else possible_forces(x, norms, bound))
+            return cls(0.0, x, None)
+        rows = norms.reading, np.full(norms.reading.shape, SMALL if bound is None else bound), norms.run
+        radius, centre = central_parameters(x, *rows)
+        least = radius * (SMALL if bound is None else bound)
+        if bound is None:
+            return cls(least, x, None)
+        possible = possible_forces(x, *rows)
+        if possible.radius <= 1.0:
+            x = nearest_possible(x, forces.covariance, centre, *rows)
+        return cls(least, x, possible)
+
+    def those(self, columns: NDArray[np.int_]) -> "Bounds":
+        """Return the bounds with some of the parameters."""
+        possible = None if self.possible is None else self.possible.those(columns)
+        return Bounds(self.least, self.estimate[columns], possible)
 
 
 def fit_of(run: Run) -> HandFit:
@@ -149,7 +165,7 @@ def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
     """
     run = run_of(record, request)
     fit = fit_of(run)
-    bounds = Bounds.of(fit.forces.x, fit.norms, run.bound)
+    bounds = Bounds.of(fit.forces, fit.norms, run.bound)
     return calibration_of(run, fit, bounds, request.gravity, gain_of(run))
 
 
@@ -171,7 +187,7 @@ def calibration_of(run: Run, fit: HandFit, bounds: Bounds, gravity: float, gain:
         gravity_mps2=float(gravity),
         estimator="least squares",
         no_estimate="",
-        parameters=[*_of_forces(fit.forces, bounds.possible), *_of_gyros(gyros)],
+        parameters=[*_of_forces(fit.forces, bounds), *_of_gyros(gyros)],
         units=UNITS | {"by_hand": "as each key says"},
         priors=_priors(bounds.possible),
         by_hand=basis,
@@ -179,18 +195,6 @@ def calibration_of(run: Run, fit: HandFit, bounds: Bounds, gravity: float, gain:
         provenance=provenance_of(run.record),
         warnings=[*run.record.warnings, *run.warnings, *_remarks(run, fit)],
     )
-
-
-def least_bound(x: NDArray, norms: Norms) -> float:
-    """Return the least bound of all readings' errors with which some parameters stand [g]."""
-    radius, prior = np.inf, norms.prior
-    for _ in range(CENTRINGS):
-        residual, slopes, back = norms.equations(x)
-        radius, step, _ = chebyshev_radius(slopes, -residual, np.abs(back).sum(axis=1), low=-prior, high=prior)
-        x = x + step
-        if np.abs(step).max() < 1e-9:
-            break
-    return float(radius)
 
 
 def _verdict(run: Run, fit: HandFit, possible: Possible | None, worst: float) -> Verdict:
@@ -234,22 +238,20 @@ def name_of(symbol: str) -> str:
     return f"scale factor error of {sensor}" if row == axis else f"misalignment of {sensor} towards axis {axis}"
 
 
-def _of_forces(forces: Forces, possible: Possible | None) -> list[Parameter]:
+def _of_forces(forces: Forces, bounds: Bounds) -> list[Parameter]:
     """Return the parameters of the accelerometers: the possible values nearest to those of least squares."""
-    parameters = []
+    parameters, possible = [], bounds.possible
     for number, symbol in enumerate(NAMES):
         low = high = None
-        estimate = float(forces.x[number])
         if possible is not None and possible.ends is not None and np.isfinite(possible.ends[0, number]):
             low, high = possible.ends[:, number].tolist()
-            estimate = min(max(estimate, low), high)
         parameters.append(
             Parameter(
                 symbol=symbol,
                 name=name_of(symbol),
                 unit=UNITS_OF[symbol],
                 determined=bool(forces.determinacy.determined[number]),
-                estimate=estimate,
+                estimate=float(bounds.estimate[number]),
                 standard_error=float(forces.errors[number]),
                 low=low,
                 high=high,

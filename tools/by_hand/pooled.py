@@ -53,8 +53,7 @@ class PooledFit:
 
     def bounds_of(self, number: int) -> Bounds:
         """Return the bounds of all runs together, with the parameters of one run."""
-        possible = self.bounds.possible
-        return replace(self.bounds, possible=None if possible is None else possible.those(self.columns[number]))
+        return self.bounds.those(self.columns[number])
 
 
 def calibrate_runs_by_hand(
@@ -180,7 +179,7 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
         covariance = forces.covariance[np.ix_(of_run, of_run)]
         pooled = Forces(forces.x[of_run], covariance, fit.forces.case, fit.forces.case_error)
         fits.append(with_gyros(run, replace(fit, forces=pooled)))
-    bounds = Bounds.of(forces.x, norms, runs[0].bound)
+    bounds = Bounds.of(forces, norms, runs[0].bound)
     test = _test_of(forces, norms, alone)
     if bounds.possible is not None and runs[0].basis == "given":
         most = 1.0
@@ -191,7 +190,7 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
 
 
 def _bounds_alone(run: Run, fit: HandFit) -> Bounds:
-    return Bounds.of(fit.forces.x, fit.norms, run.bound)
+    return Bounds.of(fit.forces, fit.norms, run.bound)
 
 
 def _most_alone(runs: Sequence[Run], alone: Sequence[HandFit]) -> float:

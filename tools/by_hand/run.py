@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from ...fmus.parameters import GRAVITIES
 from ..errors import InputError
 from ..motion.determinacy import LEAST_SD
-from ..motion.rests import mean_rates, rates_of, sampling_of
+from ..motion.rests import QUIET, mean_rates, rates_of, sampling_of
 from ..motion.truth import known_rows, usable_in, windows_between
 from ..records import ForceRecord, PoseRecord, StrapdownRecord
 from ..records.columns import face_of, part_of, turn_of
@@ -25,7 +25,7 @@ from ..records.noise import noise_bound_of
 from ..rounding import digits, exactly
 from .forces import FACE_ERROR, Faces
 from .moves import Moves, Turns, Way, Windows, moves_of
-from .still import SCATTER, StillRests, TimedReadings, averaged, still_rests
+from .still import StillRests, TimedReadings, averaged, still_rests
 
 HandRecord: TypeAlias = StrapdownRecord | ForceRecord | PoseRecord
 Measured = TypeVar("Measured", bound=HandRecord)
@@ -158,13 +158,13 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
     if not len(rests) and windows is None:
         raise InputError(
             f"{record.path}: no rests: let the block rest for two seconds and more in each of a dozen poses, or give "
-            f"--rest-scatter (now {exactly(request.rest_scatter or SCATTER)}) or --rests FILE"
+            f"--rest-scatter (now {exactly(request.rest_scatter or QUIET)}) or --rests FILE"
         )
     if len(rests):
         _check_alive(record, rests.force)
-    if rests.limit is not None and request.rest_scatter is None and rests.limit > SCATTER:
+    if rests.limit is not None and request.rest_scatter is None and rests.limit > QUIET:
         warnings.append(
-            f"rests: a limit of {SCATTER:g} times the noise of the accelerometers leaves too few; found with "
+            f"rests: a limit of {QUIET:g} times the noise of the accelerometers leaves too few; found with "
             f"{rests.limit:g} times"
         )
     words = request.faces or faces_of_file or _faces_in(record, rests)

@@ -1,8 +1,4 @@
-"""Rests of a block in a hand or on a desk: one rule for series with gyros and without.
-
-A window of half a second is still when each accelerometer scatters in it at most three times as much as its noise.
-Neighbouring rows belong to one rest where one still window holds both, so that a jump between two poses parts them.
-"""
+"""Rests of a block in a hand or on a desk, by its accelerometers: a hand that trembles turns the gyros at rest, too."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,13 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..motion.rests import LAG, SETTLING, SHORTEST, WINDOW, channel_noise, parting_gaps, window_scatter, window_sums
+from ..motion.rests import LEAST_ROWS, QUIET, still_stretches, still_windows, window_scatter, window_sums
 from ..records.columns import LARGEST_FORCE
-from ..records.limits import runs_of
 from ..records.stamps import grid_of
 
-SCATTER = 3.0
-"""Largest scatter of an accelerometer at rest over its noise."""
 WIDER = 5.0
 """The limit of a second pass, where the first leaves fewer than `FEWEST` rests."""
 FEWEST = 9
@@ -24,10 +17,6 @@ SAME_RATE = np.radians(2.0)
 """Largest excess turn of a still window over the stillest ones [rad/s]."""
 STILLEST = 0.1
 """Part of the still windows that shows the gyros' readings at rest: those in which they scatter least."""
-LAST_DIGITS = 1e-7
-"""In a record without noise larger changes, over the largest reading, are no rounding of sums."""
-LEAST_ROWS = 8
-"""Fewest rows of a window."""
 END = 2.0
 """Length of the ends of a rest that show gravity's direction before and after a move [s]."""
 
@@ -106,47 +95,23 @@ def still_rests(series: TimedReadings, limit: float | None = None) -> StillRests
     """
     if limit is not None:
         return averaged(series, _still_rows(series, limit), limit)
-    rows = _still_rows(series, SCATTER)
+    rows = _still_rows(series, QUIET)
     if len(rows) < FEWEST:
         wider = _still_rows(series, WIDER)
         if len(wider) > len(rows):
             return averaged(series, wider, WIDER)
-    return averaged(series, rows, SCATTER)
+    return averaged(series, rows, QUIET)
 
 
 def _still_rows(series: TimedReadings, limit: float) -> list[slice]:
     """Return the rows of each rest, without its ends."""
-    time = series.time_s
-    if len(time) < 2 * LEAST_ROWS:
+    if len(series.time_s) < 2 * LEAST_ROWS:
         return []
-    period = series.period
-    size = max(LEAST_ROWS, round(WINDOW / period))
-    if len(time) < 2 * size:
-        return []
-    lag = max(1, min(round(LAG / period), size // 4))
     most = LARGEST_FORCE / 9.0
-    channels = np.clip(series.force, -most, most).T
-    still = np.ones(len(time) - size + 1, dtype=bool)
-    noises = [channel_noise(values, size, lag) for values in channels]
-    if not np.isfinite(noises).any():
-        # a record without noise: at rest nothing but last digits changes
-        noises = [LAST_DIGITS * max(float(np.abs(values).max()), 1.0) for values in channels]
-    for values, noise in zip(channels, noises, strict=True):
-        still &= window_scatter(values, size) <= limit * noise
+    still, _ = still_windows([*np.clip(series.force, -most, most).T], series.period, limit)
     if series.rate is not None and still.any():
-        still &= _turns_as_the_stillest(series.rate, still, size)
-    begun = np.concatenate([[0], np.cumsum(still)])
-    at = np.arange(len(time) - 1)
-    # A window that holds rows k and k + 1 begins between k + 2 - size and k.
-    joined = begun[np.minimum(at + 1, len(still))] > begun[np.clip(at + 2 - size, 0, len(still))]
-    joined[parting_gaps(time)] = False
-    begins, ends = runs_of(joined)
-    dropped = round(SETTLING / period)
-    rows = []
-    for first, last in zip(begins.tolist(), ends.tolist(), strict=True):
-        if time[last] - time[first] >= SHORTEST - 0.5 * period:
-            rows.append(slice(first + dropped, last + 1 - dropped))
-    return rows
+        still &= _turns_as_the_stillest(series.rate, still, len(series.time_s) - len(still) + 1)
+    return still_stretches(series.time_s, still, series.period)
 
 
 def _turns_as_the_stillest(rate: NDArray, still: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:

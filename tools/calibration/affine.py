@@ -107,8 +107,8 @@ def _about(correction: Correction) -> dict[str, str]:
         about["gyros"] = "not calibrated"
     else:
         about["gyros"] = "w = G omega + D f + c (readings w, angular rate omega)"
-        if correction.gyros.lag:
-            about["lag_ms"] = f"{digits(1e3 * correction.gyros.lag, 3)}, which stays in the readings of the gyros"
+        if lag_of(correction):
+            about["lag_ms"] = f"{lag_of(correction)}, which stays in the readings of the gyros"
     about["verdict"] = correction.verdict
     if correction.pose_error is not None:
         about["standard_error"] = f"{digits(1e3 * correction.pose_error, 2)} mg of |f| at rest in the worst pose"
@@ -123,6 +123,11 @@ def _about(correction: Correction) -> dict[str, str]:
     if correction.temperature is not None:
         about["temperature_degC"] = " to ".join(digits(value, 4) for value in correction.temperature)
     return about
+
+
+def lag_of(correction: Correction) -> str:
+    """Return the lag of the gyros in milliseconds; empty where there is none."""
+    return digits(1e3 * correction.gyros.lag, 3) if correction.gyros is not None and correction.gyros.lag else ""
 
 
 @dataclass(frozen=True)

@@ -274,6 +274,11 @@ def _equation(model: AffineModel) -> list[str]:
     return equation
 
 
+def _about(model: AffineModel) -> dict[str, str]:
+    """Return what every export says, with the equations in the names of the arrays."""
+    return dict(model.about) | {"correction": "; ".join(_equation(model))}
+
+
 def matlab(model: AffineModel, request: ExportRequest) -> Written:
     """A .mat file (version 5) with one structure."""
     from scipy.io import savemat
@@ -282,7 +287,7 @@ def matlab(model: AffineModel, request: ExportRequest) -> Written:
     for name in ("b", "b_standard_error", "c", "c_standard_error", "scale_plus", "scale_minus"):
         if name in fields:
             fields[name] = fields[name][:, None]
-    fields["about"] = _comments(model.about, "").strip()
+    fields["about"] = _comments(_about(model), "").strip()
     stream = io.BytesIO()
     savemat(stream, {request.name: fields}, appendmat=False)
     # The first 116 bytes are a text, in which scipy writes the time.
@@ -309,7 +314,7 @@ def csv_table(model: AffineModel, request: ExportRequest) -> Written:
     lines = [",".join(HEADER)]
     for row in _table(model):
         lines.append(",".join("" if cell is None else str(cell) for cell in row))
-    return Written({"": (_comments(model.about) + "\n".join(lines) + "\n").encode()}, _equation(model))
+    return Written({"": (_comments(_about(model)) + "\n".join(lines) + "\n").encode()}, _equation(model))
 
 
 def workbook(model: AffineModel, request: ExportRequest) -> Written:
@@ -321,7 +326,7 @@ def workbook(model: AffineModel, request: ExportRequest) -> Written:
     book.set_properties({"created": FIRST_DAY, "title": "Calibration of an inertial instrument"})
     bold = book.add_format({"bold": True})
     about = book.add_worksheet("about")
-    for row, (key, text) in enumerate([*model.about.items(), *(("equation", line) for line in _equation(model))]):
+    for row, (key, text) in enumerate(_about(model).items()):
         about.write_string(row, 0, key, bold)
         about.write_string(row, 1, text)
     matrices = book.add_worksheet("matrices")

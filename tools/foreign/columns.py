@@ -7,6 +7,7 @@ from ..errors import InputError, nearest
 from ..records.columns import (
     ANGLES,
     APPROACH,
+    FACE,
     FORCE,
     INCREMENT,
     QUATERNION,
@@ -18,7 +19,7 @@ from ..records.columns import (
 )
 from .deciding_units import ONE_G, TRUE_SIZE
 from .mapping import OPEN
-from .names import DATE, QUANTITY_OF, gyro_of, normal
+from .names import DATE, POSITION, QUANTITY_OF, gyro_of, normal
 from .ranking import (
     Triad,
     force_units,
@@ -74,8 +75,9 @@ def fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
     filled = table.filled
     candidates: dict[str, list[Field]] = {}
     for field in filled:
-        if field.head.column and field.head.column not in mapped and field not in fields.values():
-            candidates.setdefault(field.head.column, []).append(field)
+        column = FACE if field.head.column in ("", POSITION) and are_faces(field.texts) else field.head.column
+        if column and column not in mapped and field not in fields.values():
+            candidates.setdefault(column, []).append(field)
     if candidates.keys() >= set(FORCE) and candidates.keys().isdisjoint(RATE + ANGLES):
         for field in filled:
             gyro = gyro_of(field.head)
@@ -129,6 +131,11 @@ def _ask_of_alike(table: UnderstoodTable, candidates: dict[str, list[Field]]) ->
         _propose(table, quantity, triads[: MOST_TRIADS + 1])
         for column in columns:
             del candidates[column]
+
+
+def are_faces(texts: Sequence[str]) -> bool:
+    """Return true where each text is a face with its sense and the letter of its axis, as +X or y-."""
+    return bool(texts) and all(re.fullmatch(r"[+-][xyz]|[xyz][+-]", text.strip().lower()) for text in texts)
 
 
 def _ask_of_crossed(table: UnderstoodTable, fields: dict[str, Field]) -> None:

@@ -7,6 +7,7 @@ from .attitude import heading_and_tilt as heading_and_tilt
 from .attitude import rate_at_rest as rate_at_rest
 from .attitude import run_attitude as run_attitude
 from .attitude import split_error as split_error
+from .by_norm import calibrate_by_norm as calibrate_by_norm
 from .carry import GyroModel as GyroModel
 from .carry import carried_attitude as carried_attitude
 from .compare import ARITHMETICS as ARITHMETICS
@@ -24,7 +25,6 @@ from .increments import left_out_line as left_out_line
 from .inspect import AtTable as AtTable
 from .inspect import Inspection as Inspection
 from .inspect import inspect_record as inspect_record
-from .norm import calibrate_by_norm as calibrate_by_norm
 from .norm import norm_block as norm_block
 from .rest_noise import RestNoise as RestNoise
 from .rest_noise import factor_for as factor_for

@@ -14,8 +14,9 @@ from ..calibrated import Calibration, Verdict
 from ..errors import InputError
 from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
+from .by_norm import calibrate_by_norm
 from .determinacy import DETERMINED, LEAST_SD, Determinacy, closing_poses
-from .norm import calibrate_by_norm, inputs_of, norm_equations, norm_values, standard_deviations
+from .norm import inputs_of, norm_equations, norm_values, standard_deviations
 from .rest_noise import RestNoise, factor_for, gyro_noise, rest_lengths
 from .rests import RecordSampling, Rests, quiet_rests, rates_of, sampling_of
 from .trust import TrustCheck, judged, trust_of, turning_of

@@ -4,7 +4,7 @@ Nothing is resampled: period, jitter, gaps and saturated samples are stated. At 
 nothing but their noise.
 """
 
-from itertools import pairwise
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ WINDOW = 0.5
 LAG = 0.05
 """Noise is taken from differences over this time [s]: long enough for filters to forget, short for a hand."""
 QUIET = 3.0
-"""Scatter over noise that no channel of a quiet window reaches."""
+"""Largest scatter of a channel at rest over its noise."""
 QUIETEST = 0.1
 """Part of the windows that shows the noise."""
 IRREGULAR = 0.1
@@ -61,6 +61,8 @@ TOO_FINE = 1e-6
 """Part of the range of the readings below which a step is a last digit: a record without noise has no other."""
 LAST_DIGITS = 1e-12
 """Part of its largest value by which a channel without noise changes by rounding alone."""
+LEAST_ROWS = 8
+"""Fewest rows of a window."""
 MOST_DIVISIONS = 60
 
 
@@ -284,35 +286,25 @@ class Rests(Result):
 
 
 def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
-    """Find the rests of a record and average them.
+    """Find the rests of a record in which gyros and accelerometers are still, and average them.
 
-    A window is quiet when each channel scatters in it less than three times as much as its noise. The noise comes from
-    differences over 0.05 s in the windows where they are least: a slow move has small differences and a large scatter.
-    In a record without noise a window is quiet when nothing changes in it. Rests are quiet stretches of a second and
-    more without a gap, whose readings do not walk; there are none at all where nothing is quiet. Rests that a person
-    decided replace these.
+    The bounds of the means are the noise within the rests, so that the gyros must be still, too: a trembling hand would
+    be in them. Rests whose readings walk are left out. Rests that a person decided replace these.
     """
     rate = rates_of(record)
     # A knock would be all that sums of squares hold.
     channels = [*rate.T, *np.clip(record.specific_force, -LARGEST_FORCE, LARGEST_FORCE).T]
-    size = max(8, round(WINDOW / sampling.period))
-    lag = max(1, min(round(LAG / sampling.period), size // 4))
-    if len(record) < 2 * size:
-        return _averaged(record, sampling, (), np.zeros(6), turning=0)
-    noise = np.empty(6)
-    quiet = np.ones(len(record) - size + 1, dtype=bool)
-    # One channel after the other: sums over an hour at 1 kHz are large.
-    for k, values in enumerate(channels):
-        noise[k] = channel_noise(values, size, lag)
-        quiet &= window_scatter(values, size) <= QUIET * noise[k]
-    if not np.isfinite(noise).any():
-        least = [LAST_DIGITS * np.abs(values).max() for values in channels]
-        changes = np.any([np.abs(np.diff(v, prepend=v[0])) > e for v, e in zip(channels, least, strict=True)], axis=0)
-        quiet = window_sums(changes[1:], size - 1) == 0
+    quiet, noise = still_windows(channels, sampling.period, QUIET)
     if record.decisions is not None and record.decisions.rests is not None:
         still, turning, walking = rows_of_rests(record.time_s, record.decisions.rests, str(record.path)), 0, []
     else:
-        still, turning, walking = _still_stretches(record, sampling, channels, quiet, noise)
+        still, walking = [], []
+        for rows in still_stretches(record.time_s, quiet, sampling.period, sampling.broken):
+            walks = _walks(np.column_stack([values[rows] for values in channels]), noise)
+            (walking if walks else still).append(rows)
+        turns = _steady_turns(rate, record.specific_force, still, noise[:3])
+        turning = len(walking) + int(turns.sum())
+        still = [rows for rows, turns_on in zip(still, turns, strict=True) if not turns_on]
     limited = limited_rests(record.specific_force, still)
     usable, clipped = [], []
     for rows, axes in zip(still, limited, strict=True):
@@ -325,35 +317,53 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     return rests.model_copy(update={"walking_rows": tuple(walking)})
 
 
-def _still_stretches(
-    record: StrapdownRecord,
-    sampling: RecordSampling,
-    channels: list[NDArray],
-    quiet: NDArray[np.bool_],
-    noise: NDArray,
-) -> tuple[list[slice], int, list[slice]]:
-    """Return the rows of each stretch of quiet windows in which nothing turns, the number of those that turn, and the
-    rows of those whose readings walk."""
-    size = len(record) - len(quiet) + 1
-    begun = np.concatenate([[0], np.cumsum(quiet)])
-    at = np.arange(len(record))
-    resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]
-    resting &= ~sampling.broken
-    jumps = _jumps(channels, quiet, noise, size)
-    ends = np.union1d(parting_gaps(record.time_s) + 1, jumps)
-    still, walking = [], []
-    dropped = round(SETTLING / sampling.period)
-    for first, stop in _stretches(resting, ends):
-        if record.time_s[stop - 1] - record.time_s[first] < SHORTEST:
-            continue
-        rows = slice(first + dropped, stop - dropped)
-        if _walks(np.column_stack([values[rows] for values in channels]), noise):
-            walking.append(rows)
-        else:
-            still.append(rows)
-    turns = _steady_turns(rates_of(record), record.specific_force, still, noise[:3])
-    turning = len(walking) + int(turns.sum())
-    return [rows for rows, out in zip(still, turns, strict=True) if not out], turning, walking
+def still_windows(channels: Sequence[NDArray], period: float, limit: float) -> tuple[NDArray[np.bool_], NDArray]:
+    """Return the windows of half a second in which each channel is still, by their first rows, and the noises.
+
+    A channel is still where it scatters at most `limit` times its noise. The noise comes from differences over 0.05 s
+    in the windows where they are least: a slow move has small differences and a large scatter. In a record without
+    noise nothing but last digits changes at rest. No window is still in a record of less than two windows.
+    """
+    size = max(LEAST_ROWS, round(WINDOW / period))
+    if len(channels[0]) < 2 * size:
+        return np.zeros(0, dtype=bool), np.zeros(len(channels))
+    lag = max(1, min(round(LAG / period), size // 4))
+    noise = np.array([channel_noise(values, size, lag) for values in channels])
+    if not np.isfinite(noise).any():
+        least = [LAST_DIGITS * np.abs(values).max() for values in channels]
+        changes = np.any([np.abs(np.diff(v)) > e for v, e in zip(channels, least, strict=True)], axis=0)
+        return window_sums(changes, size - 1) == 0, noise
+    still = np.ones(len(channels[0]) - size + 1, dtype=bool)
+    # One channel after the other: sums over an hour at 1 kHz are large.
+    for values, usual in zip(channels, noise, strict=True):
+        still &= window_scatter(values, size) <= limit * usual
+    return still, noise
+
+
+def still_stretches(
+    time: NDArray, still: NDArray[np.bool_], period: float, broken: NDArray[np.bool_] | None = None
+) -> list[slice]:
+    """Return the rows of each rest by its still windows, without its ends and without broken rows (N,).
+
+    Neighbouring rows belong to one rest where one still window holds both, so that a jump between two poses parts them.
+    """
+    if not len(still):
+        return []
+    size = len(time) - len(still) + 1
+    begun = np.concatenate([[0], np.cumsum(still)])
+    at = np.arange(len(time) - 1)
+    # A window that holds rows k and k + 1 begins between k + 2 - size and k.
+    joined = begun[np.minimum(at + 1, len(still))] > begun[np.clip(at + 2 - size, 0, len(still))]
+    joined[parting_gaps(time)] = False
+    if broken is not None:
+        joined &= ~(broken[1:] | broken[:-1])
+    begins, ends = runs_of(joined)
+    dropped = round(SETTLING / period)
+    rests = []
+    for first, last in zip(begins.tolist(), ends.tolist(), strict=True):
+        if time[last] - time[first] >= SHORTEST - 0.5 * period:
+            rests.append(slice(first + dropped, last + 1 - dropped))
+    return rests
 
 
 def channel_noise(values: NDArray, size: int, lag: int) -> float:
@@ -382,38 +392,12 @@ def window_sums(values: NDArray, size: int) -> NDArray:
     return sums[size:] - sums[:-size]
 
 
-def _stretches(resting: NDArray, breaks: NDArray[np.int_]) -> list[tuple[int, int]]:
-    """Return starts and ends of quiet stretches between moves, gaps and jumps, given by their next rows."""
-    edges = np.concatenate([[0], breaks, [len(resting)]])
-    stretches = []
-    for low, high in pairwise(edges):
-        begins, ends = runs_of(resting[low:high])
-        stretches += zip((low + begins).tolist(), (low + ends).tolist(), strict=True)
-    return stretches
-
-
 def parting_gaps(time: NDArray) -> NDArray[np.int_]:
     """Rows before the gaps that end a rest; of stamps with a gap every few rows only the long ones do."""
     grid = grid_of(time)
     if len(grid.gaps) <= IRREGULAR * len(time):
         return grid.gaps
     return grid.gaps[np.diff(time)[grid.gaps] > WINDOW]
-
-
-def _jumps(channels: list[NDArray], quiet: NDArray[np.bool_], noise: NDArray, size: int) -> NDArray[np.int_]:
-    """Return the first rows behind a jump: no quiet window spans it, and the means on its sides differ."""
-    begun = np.concatenate([[0], np.cumsum(quiet)])
-    at = np.arange(size, len(quiet))
-    apart = begun[at] == begun[at - size + 1]
-    at = at[apart & quiet[at - size] & quiet[at]]
-    differs = np.zeros(len(at), dtype=bool)
-    if not len(at):
-        return at
-    for values, usual in zip(channels, noise, strict=True):
-        sums = np.concatenate([[0.0], np.cumsum(values - values.mean())])
-        change = np.abs(sums[at + size] - 2.0 * sums[at] + sums[at - size]) / size
-        differs |= change > QUIET * usual
-    return at[differs]
 
 
 def _walks(values: NDArray, noise: NDArray) -> bool:

@@ -512,10 +512,10 @@ def applied_page(result: Applied, latitude_deg: float | None = None) -> Page:
     lines += _levelling_lines(result, _latitude(result, latitude_deg))
     if result.gyros is not None and result.correction.gyros is not None:
         gyros = result.correction.gyros
-        lags = [f"their lag of {exactly(1e3 * gyros.lag, 3)} ms stays"]
+        lags = [f"their lag of {exactly(1e3 * gyros.lag, 3)} ms stays"] if gyros.lag else []
         if gyros.force_lag is not None:
             lags.append(f"that of the accelerometers, {exactly(1e3 * gyros.force_lag, 3)} ms, too")
-        lines.append(f"gyros, too: w = (I + M)^-1 (reading - B - S n), as calibrated; {', '.join(lags)}")
+        lines.append("; ".join(["gyros, too: w = (I + M)^-1 (reading - B - S n), as calibrated", *lags]))
     if result.levelled_at == "rows":
         lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
     return Page("Correction", lines[0], [Section("Correction", lines[1:])], warnings=result.warnings)

@@ -1,10 +1,12 @@
 """`calibrate` without a table: accelerometers alone, moves from rest to rest, faces; open parameters and refusals."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
+from scipy.optimize import lsq_linear
 
 import trihedron as th
 from by_hand import GRAVITY, NAMES, Instrument, present
@@ -163,3 +165,35 @@ def affine(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _equation(x: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     matrix, bias = affine(x)
     return matrix, reading - bias
+
+
+def ends_of_norms(x: np.ndarray, reading: np.ndarray, bound: float) -> np.ndarray:
+    """Return the least and largest |f| (K, 2) of readings (K, 3) with errors within a bound, by nine parameters."""
+    matrix = np.eye(3)
+    matrix[np.tril_indices(3)] += x[:6]
+    inverse = np.linalg.inv(matrix)
+    corners = bound * np.array(list(product((-1.0, 1.0), repeat=3)))
+    ends = []
+    for row in reading - x[6:]:
+        least = np.linalg.norm(inverse @ lsq_linear(inverse, np.zeros(3), (row - bound, row + bound)).x)
+        ends.append((least, np.linalg.norm((row + corners) @ inverse.T, axis=1).max()))
+    return np.array(ends)
+
+
+@pytest.mark.parametrize(("seed", "count"), [(6, 20), (4, 40), (13, 40), (2, 80), (26, 80)])
+def test_estimates_with_a_bound_keep_every_reading_within_it_together(seed: int, count: int) -> None:
+    """Every error is at its bound: least squares then leave more than it, and no parameter beyond its interval."""
+    instrument, bound, rng = Instrument(seed), 1e-3, np.random.default_rng(seed)
+    table = poses(instrument, directions(rng, count), rng.choice([-bound, bound], (count, 3)))
+    result = th.calibrate(table, noise_bound=bound, gravity=GRAVITY)
+    reading = np.column_stack([table[f"f{axis}_mps2"] for axis in (1, 2, 3)]) / GRAVITY
+    estimate, plain = (np.array([getattr(result[s], of) for s in NAMES]) for of in ("estimate", "least_squares"))
+    ends = ends_of_norms(plain, reading, bound)
+    assert ends[:, 0].max() > 1.0 or ends[:, 1].min() < 1.0
+    ends = ends_of_norms(estimate, reading, bound)
+    assert ends[:, 0].max() <= 1.0 + 1e-8
+    assert ends[:, 1].min() >= 1.0 - 1e-8
+    known = truth(instrument)
+    for symbol in NAMES:
+        assert result[symbol].possible(present(result[symbol].estimate))
+        assert result[symbol].possible(known[symbol])

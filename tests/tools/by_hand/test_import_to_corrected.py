@@ -74,3 +74,22 @@ def test_columns_that_may_be_gyros_are_asked_for(tmp_path: Path, monkeypatch: py
     pl.DataFrame(rows, schema=list(names), orient="row").write_csv("log.csv")
     assert run("import", "log.csv", "--out", "record.csv") == 2
     assert not Path("record.csv").exists()
+
+
+@pytest.mark.parametrize("head", ["Lage", "Position", "Orientierung"])
+def test_a_workbook_whose_positions_are_faces(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, head: str
+) -> None:
+    xlsxwriter = pytest.importorskip("xlsxwriter", reason="xlsxwriter is not installed")
+    monkeypatch.chdir(tmp_path)
+    reading = Instrument(4).readings(GRAVITY * np.vstack([np.eye(3), -np.eye(3)])) / 9.80665
+    book = xlsxwriter.Workbook("lagen.xlsx")
+    sheet = book.add_worksheet()
+    sheet.write_row(0, 0, [head, "ax [g]", "ay [g]", "az [g]"])
+    for number, face in enumerate(("+X", "+Y", "+Z", "-X", "-Y", "-Z")):
+        sheet.write_row(number + 1, 0, [face, *reading[number].tolist()])
+    book.close()
+    assert run("import", "lagen.xlsx", "--out", "record.csv") == 0
+    assert run("calibrate", "record.csv", "--json", "faces.json") == 0
+    assert "The axes of the case, by its faces" in capsys.readouterr().out
+    assert run("apply", "faces.json", "record.csv", "--out", "corrected.csv") == 0

@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from ..bounded.programmes import Polytope, SolverError, chebyshev_radius
-from ..motion.norm import COLUMNS, LARGEST, ROWS, norm_block
-from .forces import Norms
+from .determinacy import COLUMNS, PRIOR_SD, ROWS
+from .norm import LARGEST, norm_block, norm_equations
 
 PAIRS = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))
 """The six entries of Q − 1, in the order of Γ's."""
@@ -25,6 +26,12 @@ START_OF_RUN = np.array([1.0, 1.0, 1.0, 0.5]) * BOX
 ROUNDS = 12
 ROUNDING = 1e-12
 """Largest error of the evaluation of a row by rounding."""
+INSIDE = 1e-6
+"""Part of its bound by which a reading may be off through rounding."""
+CENTRINGS, SETTLED = 6, 1e-9
+"""Most rounds to the central parameters, and a change that ends them."""
+EMPTY = 1e-12
+"""Remainder of the nearest point below which there is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,23 +55,25 @@ class Possible:
         return self if self.ends is None else replace(self, ends=self.ends[:, columns])
 
 
-def possible_forces(x: NDArray, norms: Norms, bound: float) -> Possible:
+def possible_forces(x: NDArray, reading: NDArray, bound: NDArray, run: NDArray) -> Possible:
     """Return the possible parameters near an estimate.
 
     Parameters
     ----------
     x : (6 + 3 R,) array
         estimate
-    norms : Norms
-        mean readings
-    bound : float
-        σ: no reading errs by more [g]
+    reading : (K, 3) array
+        mean readings [g]
+    bound : (K, 3) array
+        largest errors of the readings [g]
+    run : (K,) array of int
+        run of each reading
     """
     matrix = norm_block(x)[0]
     inverse = np.linalg.inv(matrix)
     # Readings about the estimate; an error of a reading is the inverse times as large there.
-    about = (norms.reading - x[6:].reshape(-1, 3)[norms.run]) @ inverse.T
-    equations = _Equations(about, norms.run, inverse, bound)
+    about = (reading - x[6:].reshape(-1, 3)[run]) @ inverse.T
+    equations = _Equations(about, run, inverse, bound)
     start = equations.start
     limit, radius, ends = start, np.inf, None
     for _ in range(ROUNDS):
@@ -90,9 +99,73 @@ def possible_forces(x: NDArray, norms: Norms, bound: float) -> Possible:
     return Possible(radius, ends)
 
 
+def central_parameters(x: NDArray, reading: NDArray, bound: NDArray, run: NDArray) -> tuple[float, NDArray[np.float64]]:
+    """Return the least largest error of a reading over its bound, and parameters that make no larger one.
+
+    The arguments are those of `possible_forces`.
+    """
+    radius, limit = np.inf, np.concatenate([PRIOR_SD[:6], np.tile(PRIOR_SD[6:], (len(x) - 6) // 3)])
+    for _ in range(CENTRINGS):
+        residual, slopes, _ = norm_equations(x, reading, run)
+        low, high = _ends_of_residual(x, reading, bound, run)
+        target, allowed = 0.5 * (low + high) - residual, 0.5 * (high - low)
+        radius, step, _ = chebyshev_radius(slopes, target, allowed, low=-limit, high=limit)
+        x = x + step
+        if np.abs(step).max() < SETTLED:
+            break
+    return float(radius), x
+
+
+def nearest_possible(
+    x: NDArray, covariance: NDArray, centre: NDArray, reading: NDArray, bound: NDArray, run: NDArray
+) -> NDArray[np.float64]:
+    """Return the parameters nearest to an estimate by its covariance that keep each reading within its bound.
+
+    They are sought from the central parameters, which are returned where there are no others. The nearest point of a
+    polyhedron comes from nonnegative least squares (C. L. Lawson, R. J. Hanson, 1974). The other arguments are those of
+    `possible_forces`.
+    """
+    if _least_room(x, reading, bound, run) >= 0.0:
+        return x
+    triangle, nearest = np.linalg.cholesky(covariance), centre
+    for _ in range(ROUNDS):
+        residual, slopes, _ = norm_equations(nearest, reading, run)
+        low, high = _ends_of_residual(nearest, reading, bound, run)
+        residual = residual + slopes @ (x - nearest)
+        rows = np.vstack([slopes, -slopes]) @ triangle
+        ends = np.concatenate([low - residual, residual - high])
+        scale = np.linalg.norm(rows, axis=1)
+        target = np.append(np.zeros(len(x)), 1.0)
+        system = np.vstack([(rows / scale[:, None]).T, ends / scale])
+        left = system @ nnls(system, target)[0] - target
+        if not left[-1] < -EMPTY:
+            return centre
+        before, nearest = nearest, x - triangle @ (left[:-1] / left[-1])
+        if np.abs(nearest - before).max() < SETTLED:
+            break
+    return nearest if _least_room(nearest, reading, bound, run) >= 0.0 else centre
+
+
+def _ends_of_residual(x: NDArray, reading: NDArray, bound: NDArray, run: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the least and the largest |n| − 1 (K,) that errors of the readings within their bounds explain."""
+    _, _, back = norm_equations(x, reading, run)
+    allowed = (np.abs(back) * bound).sum(axis=1)
+    # The errors that change a norm most turn the input, too, which lengthens it.
+    errors = (np.sign(back) * bound) @ np.linalg.inv(norm_block(x)[0]).T
+    longer = 0.5 * (np.square(errors).sum(axis=1) - allowed**2)
+    return -allowed - longer, allowed - longer
+
+
+def _least_room(x: NDArray, reading: NDArray, bound: NDArray, run: NDArray) -> float:
+    """Return the least distance of |n| − 1 from its ends over its bound, and a part of it for rounding."""
+    residual = norm_equations(x, reading, run)[0]
+    low, high = _ends_of_residual(x, reading, bound, run)
+    return float((np.minimum(residual - low, high - residual) / -low).min()) + INSIDE
+
+
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """Equations about an estimate: readings (K, 3) there, the run (K,) of each, L (3, 3) of the estimate, and σ [g].
+    """Equations about an estimate: readings (K, 3) there, the run (K,) of each, L (3, 3), and bounds (K, 3) [g].
 
     The numbers are six of Q − 1, then three of q and one of c of each run.
     """
@@ -100,7 +173,7 @@ class _Equations:
     about: NDArray[np.float64]
     run: NDArray[np.int_]
     inverse: NDArray[np.float64]
-    bound: float
+    bound: NDArray[np.float64]
 
     @property
     def start(self) -> NDArray[np.float64]:
@@ -112,7 +185,7 @@ class _Equations:
         rows, middle = self._rows(len(limit))
         low = _least(limit)
         size, slopes = self._sizes(limit)
-        largest = 2.0 * self.bound * (size + np.abs(slopes) @ limit) + self._square(limit) + ROUNDING
+        largest = 2.0 * (size + np.abs(slopes) @ limit) + self._square(limit) + ROUNDING
         return float(chebyshev_radius(rows, middle, largest, low=low, high=limit)[0])
 
     def ends(self, limit: NDArray, weights: NDArray) -> NDArray[np.float64] | None:
@@ -123,12 +196,12 @@ class _Equations:
         """
         rows, middle = self._rows(len(limit))
         size, slopes = self._sizes(limit)
-        least = middle - 2.0 * self.bound * size - self._square(limit) - ROUNDING
-        most = middle + 2.0 * self.bound * size + ROUNDING
-        matrix = np.vstack([np.eye(len(limit)), rows - 2.0 * self.bound * slopes, rows + 2.0 * self.bound * slopes])
+        least = middle - 2.0 * size - self._square(limit) - ROUNDING
+        most = middle + 2.0 * size + ROUNDING
+        matrix = np.vstack([np.eye(len(limit)), rows - 2.0 * slopes, rows + 2.0 * slopes])
         free = np.full(len(rows), np.inf)
         low, high = _least(limit), limit
-        scale = np.concatenate([np.maximum(limit, ROUNDING), np.full(2 * len(rows), self.bound)])
+        scale = np.concatenate([np.maximum(limit, ROUNDING), np.tile(self.bound.max(axis=1), 2)])
         polytope = Polytope(matrix, scale, begin=np.arange(len(matrix)))
         polytope.confine(np.concatenate([low, -free, least]), np.concatenate([high, most, free]))
         ends = np.zeros((2, len(weights)))
@@ -141,7 +214,7 @@ class _Equations:
         return ends
 
     def _sizes(self, limit: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return a linear function above |Lᵀ(Q r − q)|₁ of each row: its value (K,) at zero and its slopes."""
+        """Return a linear function above σ |Lᵀ(Q r − q)| of each row: its value (K,) at zero and its slopes."""
         at_zero = self.about @ self.inverse
         slopes = np.zeros((len(self.about), 3, len(limit)))
         for number, (row, column) in enumerate(PAIRS):
@@ -157,12 +230,13 @@ class _Equations:
             least >= 0.0, 1.0, np.where(most <= 0.0, -1.0, (most + least) / np.maximum(most - least, 1e-300))
         )
         level = np.where((least >= 0.0) | (most <= 0.0), 0.0, most - gain * most)
-        return (gain * at_zero + level).sum(axis=1), np.einsum("ki,kin->kn", gain, slopes)
+        size = (self.bound * (gain * at_zero + level)).sum(axis=1)
+        return size, np.einsum("ki,kin->kn", self.bound * gain, slopes)
 
-    def _square(self, limit: NDArray) -> float:
-        """Return the largest ρQρ."""
+    def _square(self, limit: NDArray) -> NDArray[np.float64]:
+        """Return the largest ρQρ of each row (K,)."""
         size = 1.0 + float(np.linalg.norm(_matrix_of(limit), 2))
-        return size * float(np.square(np.abs(self.inverse) @ np.full(3, self.bound)).sum())
+        return size * np.square(self.bound @ np.abs(self.inverse).T).sum(axis=1)
 
     def _rows(self, width: int) -> tuple[NDArray, NDArray]:
         """Return rows (K, 6 + 4 R) of the equations, and their right-hand sides (K,)."""
