@@ -1,6 +1,7 @@
 """The one check of records with gyros: every command refuses wrong ones and accepts correct ones."""
 
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import trihedron as th
 from field_files import field_file
 from generator import G
 from generator.carried import strapdown_record
@@ -29,6 +31,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.measured import attitude_of_record, check
 from trihedron.tools.motion import trust_of, trusted
 from trihedron.tools.records import BenchRecord, StrapdownRecord, read_record, write_record
+from trihedron.tools.workbench.desk import Desk, Request
 
 WRONG = (*GYROS, *ATTITUDES, *FORCES)
 PLACE = "--latitude-deg 55.75 --azimuth-deg 20"
@@ -97,6 +100,7 @@ SHORT_PROGRAMME = Programme(
 )
 
 
+OTHERS = ("degrees", "reversed", "swapped", "inverse", "feet")
 ONE_OF_EACH = ("twice", "spike", "scalar-last", "force-one-twice")
 """A wrong size of gyros, rows, attitude, size of accelerometers. What is said of all others is the same for any
 command: it is asked of the check itself, and of all commands before a release."""
@@ -155,6 +159,37 @@ def test_every_command_refuses_every_wrong_reading(command, readings, files, tmp
             assert EXPECTED.get(name, "") in (tmp_path / "out.json").read_text(), name
         else:
             assert not list(tmp_path.iterdir()), name
+
+
+IN_PYTHON = {
+    "calibrate": th.calibrate,
+    "diagnose": th.diagnose,
+    "noise": th.noise,
+    "attitude": th.attitude_of_record,
+}
+
+
+@pytest.mark.parametrize("reading", [*ONE_OF_EACH, *(pytest.param(r, marks=pytest.mark.acceptance) for r in OTHERS)])
+def test_python_and_the_page_of_open_say_the_line_of_the_command(reading, files, capsys):
+    path = files / wrong_file(reading, files)
+    desk = Desk([path])
+    try:
+        desk.wait_for(0, 60.0)
+        for name, function in IN_PYTHON.items():
+            assert cli.main([name, str(path)]) == 2
+            line = capsys.readouterr().err.strip().removeprefix("trihedron: ")
+            for record in (path, read_record(path)):
+                with pytest.raises(InputError) as refusal:
+                    function(record)
+                assert str(refusal.value) == line.replace("--channels ", "channels ").replace("--trust", "trust")
+            if name in ("calibrate", "diagnose"):
+                answered, end = desk.answered, time.monotonic() + 120.0
+                desk.run(Request(name, (0,), {}))
+                while desk.answered == answered and time.monotonic() < end:
+                    time.sleep(0.05)
+                assert desk.refusal == line
+    finally:
+        desk.close()
 
 
 @pytest.mark.parametrize("command", OF_SEVERAL)
