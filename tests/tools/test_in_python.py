@@ -388,3 +388,15 @@ def test_two_files_without_gyros_are_refused_and_no_time_is_proposed_for_a_gyro(
         (tmp_path / name).write_text("Time,AccX,AccY,AccZ,position\n" + rows, encoding="utf-8")
     with pytest.raises(InputError, match="none of its columns can be gyros"):
         th.import_record(tmp_path / "a.csv", tmp_path / "b.csv", out=tmp_path / "o.csv")
+
+
+def test_advice_names_functions_and_arguments(tmp_path, monkeypatch):
+    """A command with its file is a call; `progress` is suggested as any argument; several values are checked, too."""
+    monkeypatch.chdir(tmp_path)
+    th.new("scenario", "bench.toml")
+    with pytest.raises(InputError, match=r"did you mean `th\.simulate\('bench\.toml'\)`"):
+        th.calibrate("bench.toml")
+    with pytest.raises(TypeError, match="did you mean 'progress'"):
+        LOOSE.noise("bench.toml", progres=True)
+    with pytest.raises(InputError, match=r"plan\(\): targets should be a valid string"):
+        LOOSE.plan(("X4",))

@@ -135,7 +135,7 @@ AFTER: dict[str, Callable[[Call, Any], str]] = {
     "apply": _after_apply,
     "batch": _after_batch,
     "measure": _after_measure,
-    "plan target": lambda *_: "trihedron plan positions 12 --out plan12",
+    "plan target": lambda *_: "trihedron plan positions 12 --starts 1 --cuts 0 --out plan12",
     "plan positions": _after_plan,
     "plan imu": _after_plan,
     "doctor": lambda _, result: "trihedron demo" if result.works else "trihedron doctor",

@@ -57,11 +57,12 @@ def write_page(path: Path, page: Page) -> None:
 
 def _prose(text: str) -> Markup:
     """Return a paragraph; text between backquotes is code."""
-    parts = _said(text).split("`")
+    parts = plain(text).split("`")
     if len(parts) % 2 == 0:
-        return escape("`".join(parts))
+        return escape(_said(text))
+    # A number of a command stays as it is typed.
     return Markup("").join(
-        Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(parts)
+        Markup("<code>{}</code>").format(part) if k % 2 else escape(typographic(part)) for k, part in enumerate(parts)
     )
 
 

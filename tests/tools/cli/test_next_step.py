@@ -133,6 +133,10 @@ def test_accelerometers_alone_lead_to_a_calibration_and_a_record_at_rest_to_its_
     following = next_of(run("trihedron calibrate turned.csv --json turned.json", capsys))
     assert following == "trihedron apply turned.json turned.csv --out corrected.csv"
     run(following, capsys)
+    faces = np.repeat(np.vstack([np.eye(3), -np.eye(3)]), 400, axis=0)
+    rows = np.column_stack([np.arange(2400) / 100.0, 9.81 * faces + rng.normal(0.0, 5e-3, (2400, 3))])
+    pl.DataFrame(rows, schema=names).write_csv("faces.csv")
+    assert next_of(run("trihedron calibrate faces.csv", capsys)) == "trihedron plan hand"
     names[1:1] = ["w1_radps", "w2_radps", "w3_radps"]
     rates = rng.normal(0.0, 1e-3, (3000, 3))
     pl.DataFrame(np.column_stack([time, rates, force]), schema=names).write_csv("static.csv")

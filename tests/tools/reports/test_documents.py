@@ -396,3 +396,8 @@ def test_a_diagnosis_from_its_file_is_shown_without_its_record(name):
     assert again._repr_html_()
     for cause in result.best.causes if result.best is not None else ():
         assert cause.place.title in str(again)
+
+
+def test_a_number_of_a_command_stays_as_it_is_typed():
+    page = html_of(lambda: Page("t", "v", [Section("s", ["Give `--noise-bound 6.28e-05`: 6.28e-05 g."])]))
+    assert "<code>--noise-bound 6.28e-05</code>: 6.28·10⁻⁵ g" in page
