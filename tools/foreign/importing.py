@@ -268,7 +268,7 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
         if lines[0].strip().startswith(LABVIEW):
             return [labview_sheet(file, lines, encoding)]
         return [upright(with_exact_seconds(text_sheet(file, lines, encoding, mapping.separator)))]
-    sheets = [upright(sheet) for sheet in workbook_sheets(file, content)]
+    sheets = [upright(with_exact_seconds(sheet)) for sheet in workbook_sheets(file, content)]
     if mapping.sheet not in ("", OPEN):
         return [sheet_of_workbook(sheets, file, mapping.sheet)]
     tables = []

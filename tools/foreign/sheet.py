@@ -44,6 +44,7 @@ OTHERS = {
     r"%PDF-": "is a PDF; export the table as CSV",
     r"(?i)<(\?xml|!doctype|html|table)\b": "is HTML or XML, whatever its name; save it from a spreadsheet as CSV",
     r'\{\s*["}]|\[\s*[{[]': "is JSON; save its table as CSV",
+    r"Type,Local Number,Message": "mixes the messages of a FIT file; save those of a sensor as a table, a row each",
     r"FMT, ?\d+,": "is a text log of ArduPilot; convert its .bin: mavlogdump.py --format csv --types IMU",
 }
 """First bytes (as Latin-1) of files that are not text with a table, with advice."""

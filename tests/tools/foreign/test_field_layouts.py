@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import polars as pl
 import pytest
 
 import trihedron as th
@@ -140,6 +141,23 @@ def test_linear_acceleration_is_asked_for_where_its_size_is_not_gravity(tmp_path
     assert keys == {"units.force"}
     assert "gravity may not be in it" in message
     assert_read(th.import_record(written(tmp_path, table(["Time (s)", *names], [TIME, FORCE, RATE]), "ros.csv")).record)
+
+
+def test_seconds_beside_milliseconds_in_a_workbook_and_in_parquet(tmp_path: Path):
+    frame = pd.DataFrame(
+        np.column_stack([SECONDS, PARTS, FORCE, RATE]), columns=["timestamp", "timestamp_ms", *INERTIAL]
+    )
+    frame.to_excel(tmp_path / "log.xlsx", index=False)
+    pl.DataFrame({name: frame[name].to_numpy() for name in frame}).write_parquet(tmp_path / "log.parquet")
+    for name in ("log.xlsx", "log.parquet"):
+        assert_read(th.import_record(tmp_path / name).record)
+
+
+def test_messages_of_a_fit_file_are_refused(tmp_path: Path):
+    row = 'Data,3,accelerometer_data,timestamp,"1132345678",s,timestamp_ms,"370",ms,accel_x,"1|2|3",counts'
+    text = "\n".join(["Type,Local Number,Message,Field 1,Value 1,Units 1", *[row] * 30])
+    with pytest.raises(th.InputError, match="messages of a FIT file"):
+        th.import_record(written(tmp_path, text, "fit.csv"))
 
 
 def test_a_text_log_of_ardupilot_is_refused_with_the_command(tmp_path: Path):
