@@ -273,10 +273,13 @@ class KnownBefore(Part):
 class Provenance(Part):
     """Source of a calibration: the record's file and its SHA-256 (empty without a file), bounds of (1.7).
 
-    `angle_steps_deg` are the steps of both encoders whose rounding is in the bounds; None where it is not.
+    `angle_steps_deg` are the steps of both encoders whose rounding is in the bounds; None where it is not. `decisions`
+    are those of a person about the record.
     """
 
-    omitted: ClassVar[frozenset[str]] = frozenset({"kind", "temperature_degC", "angle_steps_deg", "comments"})
+    omitted: ClassVar[frozenset[str]] = frozenset(
+        {"kind", "temperature_degC", "angle_steps_deg", "comments", "decisions"}
+    )
 
     trihedron: str = Field(default_factory=version)
     record: str
@@ -286,6 +289,7 @@ class Provenance(Part):
     temperature: Range | None = Field(default=None, alias="temperature_degC")
     angle_steps_deg: Annotated[list[Size], Field(min_length=2, max_length=2)] | None = None
     comments: dict[str, str] = Field(default={})
+    decisions: str = ""
 
 
 class PoseError(Part):

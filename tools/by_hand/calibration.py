@@ -121,22 +121,22 @@ class Bounds:
         return Bounds(self.least, self.estimate[columns], possible)
 
 
-def fit_of(run: Run) -> HandFit:
-    """Fit accelerometers by the norm of gravity, and the gyros with these."""
+def fit_of(run: Run, near: HandFit | None = None) -> HandFit:
+    """Fit accelerometers by the norm of gravity, and the gyros with these; `near` is a fit of much the same run."""
     norms = Norms.of(run.rests.force, run.deviation)
     forces = fitted_forces(norms, run.faces)
     scatter, chance = scatter_of(forces, norms)
     if scatter > 1.0 and (not run.basis or chance < CHANCE):
         norms = replace(norms, deviation=norms.deviation * scatter)
         forces = fitted_forces(norms, run.faces)
-    return with_gyros(run, HandFit(norms, forces, None, scatter, chance))
+    return with_gyros(run, HandFit(norms, forces, None, scatter, chance), None if near is None else near.gyros)
 
 
-def with_gyros(run: Run, fit: HandFit) -> HandFit:
+def with_gyros(run: Run, fit: HandFit, near: GyroFit | None = None) -> HandFit:
     """Return the fit of a run with its gyros, by its accelerometers."""
     if run.moves is None:
         return fit
-    return replace(fit, gyros=fitted_gyros(run.rests, fit.deviation, fit.forces, run.moves, run.turns))
+    return replace(fit, gyros=fitted_gyros(run.rests, fit.deviation, fit.forces, run.moves, run.turns, near))
 
 
 def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
@@ -166,7 +166,7 @@ def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
     run = run_of(record, request)
     fit = fit_of(run)
     bounds = Bounds.of(fit.forces, fit.norms, run.bound)
-    return calibration_of(run, fit, bounds, request.gravity, gain_of(run))
+    return calibration_of(run, fit, bounds, request.gravity, gain_of(run, fit))
 
 
 def calibration_of(run: Run, fit: HandFit, bounds: Bounds, gravity: float, gain: HandGain | None) -> Calibration:
@@ -340,8 +340,10 @@ def _rms(values: NDArray) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
-def gain_of(run: Run) -> HandGain | None:
+def gain_of(run: Run, whole: HandFit) -> HandGain | None:
     """Return the errors of rests and moves that were left out, in five contiguous parts; None of too few rests.
+
+    `whole` is the fit of the whole run; the fits of its parts begin there.
 
     Of a run with a true attitude its windows are left out, and no rests.
     """
@@ -354,15 +356,16 @@ def gain_of(run: Run) -> HandGain | None:
     for left_out in np.array_split(np.arange(count), FOLDS):
         used = np.setdiff1d(np.arange(count), left_out)
         if windows is None:
-            fit, unseen = fit_of(run.those(used)), run.those(left_out)
+            fit, unseen = fit_of(run.those(used), whole), run.those(left_out)
             before.append(np.linalg.norm(unseen.rests.force, axis=1) - 1.0)
             after.append(norm_equations(fit.forces.x, unseen.rests.force)[0])
             pieces = unseen.moves
         else:
-            fit, pieces = fit_of(replace(run, moves=windows.those(used))), windows.those(left_out)
+            fit = fit_of(replace(run, moves=windows.those(used)), whole)
+            pieces = windows.those(left_out)
         if pieces is not None and fit.gyros is not None and len(pieces):
-            moves_before.append(_as_read(pieces, fit))
             moves_after.append(pieces.rows(fit.forces, fit.gyros.values).error)
+            moves_before.append(_as_read(pieces, fit))
     rest_sizes = [_rms(np.concatenate(part)) if part else None for part in (before, after)]
     sizes = [_rms(np.linalg.norm(np.vstack(part), axis=1)) if part else None for part in (moves_before, moves_after)]
     return HandGain(
@@ -440,6 +443,7 @@ def provenance_of(record: HandRecord) -> Provenance:
         kind=kind,
         temperature_degC=extent,
         comments=dict(record.about),
+        decisions=str(record.decisions or ""),
     )
 
 

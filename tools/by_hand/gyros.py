@@ -204,7 +204,12 @@ class GyroRows:
 
 
 def fitted_gyros(
-    rests: StillRests, deviation: float, forces: Forces, pieces: Moves | Windows, turns: Turns | None = None
+    rests: StillRests,
+    deviation: float,
+    forces: Forces,
+    pieces: Moves | Windows,
+    turns: Turns | None = None,
+    near: GyroFit | None = None,
 ) -> GyroFit:
     """Fit the gyros of a run.
 
@@ -218,6 +223,8 @@ def fitted_gyros(
         the accelerometers
     pieces : Moves or Windows
     turns : Turns, optional
+    near : GyroFit, optional
+        of much the same pieces: the iteration begins there
     """
     sensitivity = sensitivity_of(rests, forces) if len(rests) else None
     chosen: list[int] = [*range(MATRIX.stop)]
@@ -226,7 +233,9 @@ def fitted_gyros(
     if isinstance(pieces, Windows):
         chosen.append(LAG)
     values = np.zeros(GYROS)
-    if len(rests) and rests.rate is not None:
+    if near is not None:
+        values[chosen] = near.values[chosen]
+    elif len(rests) and rests.rate is not None:
         values[BIAS] = np.median(rests.rate[quiet_rests(rests)], axis=0)
     rows = GyroRows(rests, deviation, pieces, turns, np.array(chosen))
     values, covariance, last, piece_error = rows.solved(forces, values)

@@ -1,7 +1,7 @@
 """Gyros along pieces of a series: moves between rests, windows with a true attitude, turns of a known angle.
 
 reading = (I + M) ω + S n + B in the axes of the accelerometers, late by L. The attitude is carried row by row, in all
-pieces at once; its change by each parameter is an integral along the way.
+pieces at once; its change by each parameter is an integral along the way. Near these parameters the change is used.
 """
 
 from dataclasses import dataclass, replace
@@ -23,91 +23,129 @@ GYROS = 22
 BIAS, MATRIX, SENSITIVITY, LAG = slice(0, 3), slice(3, 12), slice(12, 21), 21
 TURN_ERROR = np.radians(2.0)
 """Error of a hand's turn of a known angle [rad]."""
+BLOCK = 50_000
+"""Intervals that are carried at once."""
+NEAR = 1e-4
+"""Smaller changes of a rotation are taken as linear in the parameters; their squares are below all errors [rad]."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Way:
-    """Rows of gyros along pieces, side by side and filled up with zeros.
+    """Intervals between neighbouring rows along pieces of a series, piece after piece.
 
     Attributes
     ----------
-    turn : (T, M, 3) array
-        integral of the readings over each interval [rad]
-    rise : (T, M, 3) array
-        increase of the rates over each interval [rad/s]
-    step : (T, M) array
-        length of each interval [s]; 0 behind the end of a piece
-    force : (T, M, 3) array
-        mean specific force over each interval [g]
+    series : TimedReadings
+        with rates
     ends : (M, 2) array of int
         first and last row of each piece
     """
 
-    turn: NDArray[np.float64]
-    rise: NDArray[np.float64]
-    step: NDArray[np.float64]
-    force: NDArray[np.float64]
+    series: TimedReadings
     ends: NDArray[np.int_]
-
-    @staticmethod
-    def of(series: TimedReadings, ends: NDArray[np.int_]) -> "Way":
-        """Return the way of pieces between rows (M, 2)."""
-        assert series.rate is not None
-        ends = ends.reshape(-1, 2)
-        longest, count = int((ends[:, 1] - ends[:, 0]).max(initial=0)), len(ends)
-        turn, rise, force = np.zeros((3, longest, count, 3))
-        step = np.zeros((longest, count))
-        for number, (first, last) in enumerate(ends.tolist()):
-            size = last - first
-            seconds = np.diff(series.time_s[first : last + 1])
-            rate, values = series.rate[first : last + 1], series.force[first : last + 1]
-            turn[:size, number] = 0.5 * (rate[1:] + rate[:-1]) * seconds[:, None]
-            rise[:size, number] = np.diff(rate, axis=0)
-            step[:size, number] = seconds
-            force[:size, number] = 0.5 * (values[1:] + values[:-1])
-        return Way(turn, rise, step, force, ends)
+    _expansion: "Expansion | None" = None
 
     def those(self, chosen: NDArray) -> "Way":
         """Return the way of some of the pieces."""
-        longest = int(np.diff(self.ends[chosen], axis=1).max(initial=0))
-        parts = (self.turn, self.rise, self.step, self.force)
-        turn, rise, step, force = (part[:longest, chosen] for part in parts)
-        return Way(turn, rise, step, force, self.ends[chosen])
+        known = self._expansion
+        return Way(self.series, self.ends[chosen], None if known is None else known.those(chosen))
+
+    @cached_property
+    def sizes(self) -> NDArray[np.int_]:
+        """The number of intervals (M,) of each piece."""
+        return self.ends[:, 1] - self.ends[:, 0]
+
+    @cached_property
+    def rows(self) -> NDArray[np.int_]:
+        """The row (T,) at the end of each interval."""
+        before = np.cumsum(self.sizes) - self.sizes
+        return np.arange(self.sizes.sum()) + np.repeat(self.ends[:, 0] + 1 - before, self.sizes)
+
+    @cached_property
+    def step(self) -> NDArray[np.float64]:
+        """The length (T,) of each interval [s]."""
+        return self.series.time_s[self.rows] - self.series.time_s[self.rows - 1]
+
+    @cached_property
+    def turn(self) -> NDArray[np.float64]:
+        """The integral (T, 3) of the readings over each interval [rad]."""
+        assert self.series.rate is not None
+        return 0.5 * (self.series.rate[self.rows] + self.series.rate[self.rows - 1]) * self.step[:, None]
+
+    @cached_property
+    def force(self) -> NDArray[np.float64]:
+        """The integral (T, 3) of the specific force over each interval [g s]."""
+        return 0.5 * (self.series.force[self.rows] + self.series.force[self.rows - 1]) * self.step[:, None]
+
+    def sums(self, values: NDArray) -> NDArray[np.float64]:
+        """Return the sums (M, ...) of values (T, ...) along each piece."""
+        sums = np.zeros((len(self.ends), *values.shape[1:]))
+        longer = self.sizes > 0
+        sums[longer] = np.add.reduceat(values, (np.cumsum(self.sizes) - self.sizes)[longer]) if longer.any() else 0.0
+        return sums
 
     @cached_property
     def angle(self) -> NDArray[np.float64]:
         """The total angle (M,) that the readings turn, to and fro [rad]."""
-        return np.linalg.norm(self.turn, axis=2).sum(axis=0)
+        return self.sums(np.linalg.norm(self.turn, axis=1))
 
     def true_turns(self, gyros: NDArray) -> NDArray[np.float64]:
-        """Return the turns (T, M, 3) of the block over the intervals [rad], for gyros of parameters (22,)."""
+        """Return the turns (T, 3) of the block over the intervals [rad], for gyros of parameters (22,)."""
         inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
-        added = gyros[BIAS] + self.force @ gyros[SENSITIVITY].reshape(3, 3).T
-        return (self.turn + gyros[LAG] * self.rise - added * self.step[:, :, None]) @ inverse.T
+        turn = self.turn - self.step[:, None] * gyros[BIAS]
+        if gyros[SENSITIVITY].any():
+            turn -= self.force @ gyros[SENSITIVITY].reshape(3, 3).T
+        if gyros[LAG]:
+            turn += gyros[LAG] * self.rise
+        return turn @ inverse.T
+
+    @cached_property
+    def rise(self) -> NDArray[np.float64]:
+        """The increase (T, 3) of the rates over each interval [rad/s]."""
+        assert self.series.rate is not None
+        return self.series.rate[self.rows] - self.series.rate[self.rows - 1]
 
     def carried(self, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the rotations (M, 3, 3) from the end's axes to the beginning's, and their changes (M, 3, 22).
 
-        A change is a small turn in the beginning's axes.
+        A change is a small turn in the beginning's axes. Near the last parameters it gives the rotations.
         """
+        rotation = None if self._expansion is None else self._expansion.near(gyros)
+        if self._expansion is None or rotation is None:
+            # Blocks of pieces stay in the processor's cache.
+            blocks = np.array_split(self.ends, max(1, int(self.sizes.sum()) // BLOCK))
+            parts = [Way(self.series, ends)._expanded(gyros) for ends in blocks]
+            rotation, changes = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+            self._expansion = Expansion(gyros.copy(), rotation, changes)
+        return rotation, self._expansion.changes
+
+    def _expanded(self, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the rotations and their changes, carried along all intervals."""
         inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
         true = self.true_turns(gyros)
-        count = true.shape[1]
-        small = rotations(true)
-        # Integrals along the way, in the axes of its beginning: each interval's step, turn, force, rise.
-        columns = np.zeros((*self.step.shape, 10))
-        columns[:, :, 0] = self.step
-        columns[:, :, 1:4] = true
-        columns[:, :, 4:7] = self.force * self.step[:, :, None]
-        columns[:, :, 7:10] = self.rise @ inverse.T
+        count, first = len(self.ends), np.cumsum(self.sizes) - self.sizes
+        attitude = rotations(true)
+        by_size = np.argsort(-self.sizes, kind="stable")
+        remaining = np.searchsorted(-self.sizes[by_size], -np.arange(self.sizes.max(initial=0)), side="left")
         rotation = np.tile(np.eye(3), (count, 1, 1))
+        for number, active in enumerate(remaining.tolist()):
+            rows = first[by_size[:active]] + number
+            rotation[:active] = attitude[rows] = rotation[:active] @ attitude[rows]
+        ordered = np.empty_like(rotation)
+        ordered[by_size] = rotation
+        # A turn within an interval acts at its middle.
+        middle = attitude.copy()
+        middle[1:] += attitude[:-1]
+        middle[first[self.sizes > 0]] = attitude[first[self.sizes > 0]] + np.eye(3)
+        middle *= 0.5
+        # Integrals along the way, in the axes of its beginning: each interval's step, turn, force, rise.
+        columns = np.empty((len(true), 10))
+        columns[:, 0], columns[:, 1:4], columns[:, 4:7] = self.step, true, self.force
+        columns[:, 7:] = self.rise @ inverse.T
         integrals = np.zeros((count, 9, 10))
-        for number in range(len(true)):
-            after = rotation @ small[number]
-            # A turn within the interval acts at its middle.
-            middle = (0.5 * (rotation + after)).reshape(count, 9, 1)
-            integrals += middle * columns[number][:, None, :]
-            rotation = after
+        flat = middle.reshape(-1, 9)
+        for number, (begin, size) in enumerate(zip(first.tolist(), self.sizes.tolist(), strict=True)):
+            integrals[number] = flat[begin : begin + size].T @ columns[begin : begin + size]
         integrals = integrals.reshape(count, 3, 3, 10)
         turned = np.einsum("mikc,kj->mijc", integrals, inverse)
         changes = np.zeros((count, 3, GYROS))
@@ -115,7 +153,27 @@ class Way:
         changes[:, :, MATRIX] = -turned[:, :, :, 1:4].reshape(count, 3, 9)
         changes[:, :, SENSITIVITY] = -turned[:, :, :, 4:7].reshape(count, 3, 9)
         changes[:, :, LAG] = np.einsum("mikk->mi", integrals[:, :, :, 7:10])
-        return rotation, changes
+        return ordered, changes
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """Rotations (M, 3, 3) over pieces and their changes (M, 3, 22) at some parameters (22,) of the gyros."""
+
+    gyros: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    changes: NDArray[np.float64]
+
+    def those(self, chosen: NDArray) -> "Expansion":
+        """Return the expansion of some of the pieces."""
+        return Expansion(self.gyros, self.rotation[chosen], self.changes[chosen])
+
+    def near(self, gyros: NDArray) -> NDArray[np.float64] | None:
+        """Return the rotations for other gyros; None where a piece turns by more than `NEAR`."""
+        turn = self.changes @ (gyros - self.gyros)
+        if np.abs(turn).max(initial=0.0) > NEAR:
+            return None
+        return rotations(turn) @ self.rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,11 +282,10 @@ class Turns:
     def rows(self, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the errors (T,) of the turns over that of an angle, and their slopes (T, 22)."""
         inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
-        true = self.way.true_turns(gyros).sum(axis=0)
+        way = self.way
+        true, seconds, force = way.sums(way.true_turns(gyros)), way.sums(way.step), way.sums(way.force)
         angle = np.linalg.norm(true, axis=1)
         axis = true / np.where(angle > 0.0, angle, 1.0)[:, None] @ inverse
-        seconds = self.way.step.sum(axis=0)
-        force = (self.way.force * self.way.step[:, :, None]).sum(axis=0)
         slopes = np.zeros((len(self), GYROS))
         slopes[:, BIAS] = -axis * seconds[:, None]
         slopes[:, MATRIX] = -(axis[:, :, None] * true[:, None, :]).reshape(-1, 9)
@@ -254,7 +311,7 @@ def moves_of(series: TimedReadings, rests: StillRests, broken: NDArray[np.bool_]
         after.append(series.force[coming].mean(axis=0))
     rows = np.array(ends, dtype=int).reshape(-1, 2)
     return Moves(
-        Way.of(series, rows),
+        Way(series, rows),
         np.array(pairs, dtype=int).reshape(-1, 2),
         np.array(before).reshape(-1, 3),
         np.array(after).reshape(-1, 3),

@@ -260,7 +260,7 @@ def truth_windows(record: StrapdownRecord | ForceRecord, series: TimedReadings) 
     if len(ends) < FEWEST_WINDOWS:
         return None
     begin, end = (Rotation.from_quat(record.attitude[rows], scalar_first=True) for rows in ends.T)
-    return Windows(Way.of(series, ends), (begin.inv() * end).as_matrix())
+    return Windows(Way(series, ends), (begin.inv() * end).as_matrix())
 
 
 def _verticals(record: HandRecord, rests: StillRests) -> Faces | None:
@@ -416,7 +416,7 @@ def turns_in(record: StrapdownRecord | ForceRecord, series: TimedReadings, reque
             known.append(turn)
     if not ends:
         return None
-    return _checked(record, Way.of(series, np.array(ends)), known)
+    return _checked(record, Way(series, np.array(ends)), known)
 
 
 def turns_told(record: HandRecord, moves: Moves, request: HandRequest) -> Turns | None:
@@ -429,7 +429,7 @@ def turns_told(record: HandRecord, moves: Moves, request: HandRequest) -> Turns 
     """
     if not request.turns:
         return None
-    vectors = moves.way.turn.sum(axis=0)
+    vectors = moves.way.sums(moves.way.turn)
     angles = np.linalg.norm(vectors, axis=1)
     steady = angles >= STEADY * moves.way.angle
     if len(request.turns) == 1 and _is_number(request.turns[0]):
@@ -477,7 +477,7 @@ def _is_number(text: str) -> bool:
 def _checked(record: HandRecord, way: Way, known: Sequence[tuple[int, float]], whole: float = 360.0) -> Turns:
     """Return known turns; raise an InputError for one that the gyros contradict."""
     angles = []
-    rate = way.turn.sum(axis=0)
+    rate = way.sums(way.turn)
     for number, (axis, angle) in enumerate(known):
         read = math.degrees(float(rate[number, axis - 1]))
         size = whole if math.isnan(angle) else abs(angle)

@@ -6,11 +6,16 @@ from numpy.typing import NDArray
 
 def rotations(turn: NDArray) -> NDArray[np.float64]:
     """Return rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
-    angle = np.linalg.norm(turn, axis=-1)[..., None, None]
-    cross = cross_matrices(turn)
-    first = np.sinc(angle / np.pi)
-    second = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
-    return np.eye(3) + first * cross + second * (cross @ cross)
+    square = np.square(turn).sum(axis=-1)
+    angle = np.sqrt(square) / np.pi
+    second = 0.5 * np.sinc(0.5 * angle) ** 2
+    matrix = cross_matrices(np.sinc(angle)[..., None] * turn)
+    scaled = second[..., None] * turn
+    for row in range(3):
+        for column in range(3):
+            matrix[..., row, column] += scaled[..., row] * turn[..., column]
+        matrix[..., row, row] += 1.0 - second * square
+    return matrix
 
 
 def cross_matrices(vector: NDArray) -> NDArray[np.float64]:

@@ -346,6 +346,7 @@ def provenance_of(record: PositionRecord, bounds: tuple[float, float]) -> Proven
         temperature_degC=extent,
         angle_steps_deg=list(record.steps.degrees) if record.steps.error else None,
         comments=dict(record.about),
+        decisions=str(record.decisions or ""),
     )
 
 

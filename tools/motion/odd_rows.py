@@ -64,9 +64,10 @@ def odd_rows_of_forces(record: Series) -> tuple[str, ...]:
     forces = record.specific_force
     if isinstance(record, StrapdownRecord) and record.velocity_increment is not None:
         forces = record.velocity_increment / period
-    off = np.abs(forces - scipy.ndimage.median_filter(forces, (2 * LONGEST + 3, 1)))
-    alone = off > ALONE * np.sort(off, axis=1)[:, 1:2]
-    spikes = unlike_rows(forces, STANDARD_GRAVITY) & alone
+    spikes = unlike_rows(forces, STANDARD_GRAVITY)
+    if spikes.any():
+        off = np.abs(forces - scipy.ndimage.median_filter(forces, (2 * LONGEST + 3, 1)))
+        spikes &= off > ALONE * np.sort(off, axis=1)[:, 1:2]
     lines = _lines(record, "accelerometer", forces, spikes, STANDARD_GRAVITY)
     lost = lost_rows(np.linalg.norm(forces, axis=1), period, 0.0)
     if lost.any() and not lines:
@@ -101,9 +102,14 @@ def unlike_rows(channels: NDArray[np.float64], least: float) -> NDArray[np.bool_
     spikes = np.zeros(channels.shape, dtype=bool)
     if count < LONGEST + 5:
         return spikes
+    # A spike is farther from the row before it than from the median of its neighbours, less their spread.
+    steps = (np.abs(np.diff(channels, axis=0)) > (1.0 - 1.0 / UNLIKE) * least).any(axis=1)
+    jumps = 1 + np.flatnonzero(steps)
+    if not len(jumps):
+        return spikes
     scatter = np.median(np.abs(np.diff(channels, 2, axis=0)), axis=0)
     for length in range(1, LONGEST + 1):
-        starts = np.arange(2, count - length - 1)
+        starts = jumps[(jumps >= 2) & (jumps < count - length - 1)]
         around = channels[starts + np.array([[-2], [-1], [length], [length + 1]])]
         inside = channels[starts + np.arange(length)[:, None]]
         off = np.abs(inside - np.median(around, axis=0)).min(axis=0)
@@ -120,8 +126,10 @@ def overflowed_rows(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     if len(change) < 3 or not values.min() < 0.0 < values.max():
         return overflowed
     before, jump, behind = change[:-2], change[1:-1], change[2:]
-    steps = np.abs([before, behind])
     is_jump = np.abs(jump) > RANGE_PART * np.ptp(values)
+    if not is_jump.any():
+        return overflowed
+    steps = np.abs([before, behind])
     is_jump &= (steps.max(axis=0) < STEADY * np.abs(jump)) & (steps.min(axis=0) > TOWARDS * np.median(np.abs(change)))
     # an overflow goes on as it came, from the other end
     is_jump &= (np.sign(before) == -np.sign(jump)) & (np.sign(behind) == -np.sign(jump))
@@ -136,6 +144,8 @@ def overflowed_rows(values: NDArray[np.float64]) -> NDArray[np.bool_]:
 def lost_rows(values: NDArray[np.float64], period: float, least: float) -> NDArray[np.bool_]:
     """Rows (N,) that are exactly 0 between readings far from 0, which times the rows are `least` and more."""
     lost = np.zeros(len(values), dtype=bool)
+    if values.all():
+        return lost
     scatter = float(np.median(np.abs(np.diff(values, 2)))) if len(values) > 2 else 0.0
     begins, ends = runs_of(values == 0.0)
     inner = (begins >= 2) & (ends <= len(values) - 2)

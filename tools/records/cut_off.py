@@ -207,8 +207,12 @@ def _flat(pieces: Sequence[NDArray[np.float64]], at_rest: NDArray[np.float64]) -
     usual = float(np.median(spread))
     if usual <= ROUNDING * float(np.abs(at_rest).max()) or steps_hide_noise(pieces):
         return np.zeros(len(pieces), dtype=bool)
-    stays = [max(np.mean(piece == at_rest.max()), np.mean(piece == at_rest.min())) for piece in pieces]
-    return (spread < FLAT * usual) & (np.array(stays) > 1.0 - FLAT)
+    lowest, highest = at_rest.min(), at_rest.max()
+    flat = spread < FLAT * usual
+    for number in np.flatnonzero(flat).tolist():
+        piece = pieces[number]
+        flat[number] = max(np.mean(piece == highest), np.mean(piece == lowest)) > 1.0 - FLAT
+    return flat
 
 
 def steps_hide_noise(pieces: Sequence[NDArray[np.float64]]) -> bool:
