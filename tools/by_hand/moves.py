@@ -56,10 +56,14 @@ class Way:
         return self.ends[:, 1] - self.ends[:, 0]
 
     @cached_property
+    def begins(self) -> NDArray[np.int_]:
+        """The number (M,) of the first interval of each piece."""
+        return np.cumsum(self.sizes) - self.sizes
+
+    @cached_property
     def rows(self) -> NDArray[np.int_]:
         """The row (T,) at the end of each interval."""
-        before = np.cumsum(self.sizes) - self.sizes
-        return np.arange(self.sizes.sum()) + np.repeat(self.ends[:, 0] + 1 - before, self.sizes)
+        return np.arange(self.sizes.sum()) + np.repeat(self.ends[:, 0] + 1 - self.begins, self.sizes)
 
     @cached_property
     def step(self) -> NDArray[np.float64]:
@@ -69,19 +73,23 @@ class Way:
     @cached_property
     def turn(self) -> NDArray[np.float64]:
         """The integral (T, 3) of the readings over each interval [rad]."""
-        assert self.series.rate is not None
-        return 0.5 * (self.series.rate[self.rows] + self.series.rate[self.rows - 1]) * self.step[:, None]
+        return self._integral(self.series.rate)
 
     @cached_property
     def force(self) -> NDArray[np.float64]:
         """The integral (T, 3) of the specific force over each interval [g s]."""
-        return 0.5 * (self.series.force[self.rows] + self.series.force[self.rows - 1]) * self.step[:, None]
+        return self._integral(self.series.force)
+
+    def _integral(self, values: NDArray | None) -> NDArray[np.float64]:
+        assert values is not None
+        return 0.5 * (values[self.rows] + values[self.rows - 1]) * self.step[:, None]
 
     def sums(self, values: NDArray) -> NDArray[np.float64]:
         """Return the sums (M, ...) of values (T, ...) along each piece."""
         sums = np.zeros((len(self.ends), *values.shape[1:]))
         longer = self.sizes > 0
-        sums[longer] = np.add.reduceat(values, (np.cumsum(self.sizes) - self.sizes)[longer]) if longer.any() else 0.0
+        if longer.any():
+            sums[longer] = np.add.reduceat(values, self.begins[longer])
         return sums
 
     @cached_property
@@ -122,8 +130,7 @@ class Way:
     def _expanded(self, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the rotations and their changes, carried along all intervals."""
         inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
-        true = self.true_turns(gyros)
-        count, first = len(self.ends), np.cumsum(self.sizes) - self.sizes
+        true, count, first = self.true_turns(gyros), len(self.ends), self.begins
         attitude = rotations(true)
         by_size = np.argsort(-self.sizes, kind="stable")
         remaining = np.searchsorted(-self.sizes[by_size], -np.arange(self.sizes.max(initial=0)), side="left")
@@ -134,18 +141,15 @@ class Way:
         ordered = np.empty_like(rotation)
         ordered[by_size] = rotation
         # A turn within an interval acts at its middle.
-        middle = attitude.copy()
-        middle[1:] += attitude[:-1]
-        middle[first[self.sizes > 0]] = attitude[first[self.sizes > 0]] + np.eye(3)
-        middle *= 0.5
+        before = np.roll(attitude, 1, axis=0)
+        before[first[self.sizes > 0]] = np.eye(3)
+        middle = (0.5 * (before + attitude)).reshape(-1, 9)
         # Integrals along the way, in the axes of its beginning: each interval's step, turn, force, rise.
-        columns = np.empty((len(true), 10))
-        columns[:, 0], columns[:, 1:4], columns[:, 4:7] = self.step, true, self.force
-        columns[:, 7:] = self.rise @ inverse.T
+        columns = np.column_stack([self.step, true, self.force, self.rise @ inverse.T])
         integrals = np.zeros((count, 9, 10))
-        flat = middle.reshape(-1, 9)
-        for number, (begin, size) in enumerate(zip(first.tolist(), self.sizes.tolist(), strict=True)):
-            integrals[number] = flat[begin : begin + size].T @ columns[begin : begin + size]
+        for number, begin in enumerate(first.tolist()):
+            rows = slice(begin, begin + self.sizes[number])
+            integrals[number] = middle[rows].T @ columns[rows]
         integrals = integrals.reshape(count, 3, 3, 10)
         turned = np.einsum("mikc,kj->mijc", integrals, inverse)
         changes = np.zeros((count, 3, GYROS))

@@ -5,7 +5,7 @@ The answers are those of the functions of the library, on which the commands are
 """
 
 import inspect
-import os
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from ..document.notation import unit_text
 from ..errors import InputError, one_line
 from ..files import json_text, write_text
 from ..options import ExportTarget
-from ..records.limits import runs_of
+from ..records.limits import channel_limits, runs_of
 from ..rounding import digits, interval, residual
 from .equivalents import PLACE, command_line, python_lines
 from .lines import GROUPS, SeriesChannels, lines_of, plain
@@ -54,12 +54,14 @@ ENDINGS |= {"csv": ".csv", "xlsx": ".xlsx"}
 """Target of an export -> ending of its file."""
 MOST_ROWS = 2000
 """Most rows of a table that are shown."""
-MOST_MARKS = 200
+MOST_MARKS, MOST_OPEN = 200, 3
 FIRST_ROWS, DIGITS, MOST_CHARACTERS = 6, 8, 40
 """Rows of an imported file that are shown, digits of their numbers, characters of a cell."""
 KEPT: dict[tuple[Any, ...], records.Record] = {}
 """Records that were read, by file and the way of reading."""
 MOST_KEPT = 8
+MARKS: dict[str, list[dict[str, Any]]] = {}
+"""What is marked in a series, by the digest of its content."""
 LAST: "list[Shown]" = []
 """The last result, for its page and its files."""
 
@@ -100,14 +102,9 @@ def outcome(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
     try:
         return function(*arguments), ""
     except (InputError, OSError) as error:
-        return None, _named_here(one_line(str(error)))
+        return None, one_line(str(error))
     except Exception as error:
         return None, one_line(f"a fault of the program: {type(error).__name__}: {error}")
-
-
-def _named_here(text: str) -> str:
-    """Return a text with the files of the working folder by their names."""
-    return text.replace(f"{Path.cwd()}{os.sep}", "")
 
 
 def record_at(path: str, stamps: str | None = None) -> records.Record:
@@ -117,7 +114,7 @@ def record_at(path: str, stamps: str | None = None) -> records.Record:
     if key not in KEPT:
         while len(KEPT) >= MOST_KEPT:
             del KEPT[next(iter(KEPT))]
-        KEPT[key] = records.read_undecided(Path(path), stamps=stamps)
+        KEPT[key] = records.read_undecided(_typed_path(path), stamps=stamps)
     return KEPT[key]
 
 
@@ -131,12 +128,12 @@ def described(path: str) -> dict[str, Any]:
     """
     record = record_at(path)
     is_table = isinstance(record, records.PositionRecord | records.PoseRecord)
-    warnings = [_named_here(line) for line in record.warnings]
+    warnings = list(record.warnings)
     decisions = None
     try:
-        decisions = records.read_decisions(Path(path), record.sha256)
+        decisions = records.read_decisions(record.path, record.sha256)
     except InputError as error:
-        warnings.append(f"{_named_here(str(error))}; your first decision here replaces it")
+        warnings.append(f"{error}; your first decision here replaces it")
     about: dict[str, Any] = {
         "word": record.word,
         "rows": len(record),
@@ -168,21 +165,25 @@ def understood(path: str, given: Mapping[str, str], out: str = "") -> dict[str, 
     InputError
         for a file that holds no table of measurements, or an answer that is none
     """
+    words = ["trihedron", "import", str(_typed_path(path)), "--out", f"{Path(path).stem}.record.csv"]
+    for key, value in given.items():
+        words += ["--set", f"{key}={value}"]
+    command = shlex.join(words)
     try:
-        imported = foreign.make_record(Path(path), out=Path(out) if out else None, answers=given)
+        imported = foreign.make_record(_typed_path(path), out=Path(out) if out else None, answers=given)
     except foreign.OpenQuestions as error:
         questions = []
         for question in error.questions:
             questions.append({"key": question.key, "answers": list(question.answers), "why": question.why})
         rows = [[text[:MOST_CHARACTERS] for text in row] for row in error.rows[:FIRST_ROWS]]
-        return {"questions": questions, "columns": [], "header": list(error.header), "rows": rows, "file": ""}
+        return {"questions": questions, "columns": [], "header": list(error.header), "rows": rows, "command": command}
     columns = []
     for column in imported.columns:
         unit = f" [{column.unit}]" if column.unit else ""
         columns.append(f"{column.column} from {column.source}{unit}{' reversed' if column.sign < 0 else ''}")
     first = imported.record.to_polars().head(FIRST_ROWS)
     rows = [[_cell(value) for value in row] for row in first.iter_rows()]
-    return {"questions": [], "columns": columns, "header": first.columns, "rows": rows, "file": out}
+    return {"questions": [], "columns": columns, "header": first.columns, "rows": rows, "command": command}
 
 
 def _cell(value: object) -> str:
@@ -255,7 +256,9 @@ def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -
             found.append({**rest, "face": face, "refused": refused, **size})
     except InputError as error:
         reason = str(error)
-    return {"rests": found, "reason": reason, "marks": _marks_of(record), "as_decided": bool(record.decisions)}
+    if record.sha256 not in MARKS:
+        MARKS[record.sha256] = _marks_of(record)
+    return {"rests": found, "reason": reason, "marks": MARKS[record.sha256]}
 
 
 def _rests_of(record: Any, options: Mapping[str, Any]) -> list[tuple[slice, str, str]]:
@@ -273,10 +276,15 @@ def _rests_of(record: Any, options: Mapping[str, Any]) -> list[tuple[slice, str,
 
 
 def _marks_of(record: Any) -> list[dict[str, Any]]:
-    """Return stretches with readings that are not used, and gaps."""
+    """Return stretches with readings that are not used or at a limit, and gaps."""
     marks = []
-    for first, stop in list(zip(*runs_of(record.knocks), strict=True))[:MOST_MARKS]:
-        marks.append({"from_s": float(record.time_s[first]), "to_s": float(record.time_s[stop - 1]), "what": "knock"})
+    stretches = {"knock": record.knocks}
+    if not isinstance(record, records.ForceRecord):
+        stretches |= {f"limit of {name}": rows for name, rows in channel_limits(record).rows.items()}
+    for what, rows in stretches.items():
+        for first, stop in list(zip(*runs_of(rows), strict=True))[:MOST_MARKS]:
+            ends = {"from_s": float(record.time_s[first]), "to_s": float(record.time_s[stop - 1])}
+            marks.append({**ends, "what": what})
     steps = np.diff(record.time_s)
     for row in np.flatnonzero(steps > 2.5 * np.median(steps))[:MOST_MARKS].tolist():
         marks.append({"from_s": float(record.time_s[row]), "to_s": float(record.time_s[row + 1]), "what": "gap"})
@@ -355,15 +363,15 @@ def answer(asked: FilesCommand, advise: Advise | None = None) -> dict[str, Any]:
     assert page is not None
     channels = (options["channels"],) if "channels" in options else ()
     LAST[:] = [Shown(result, record, runs[0], Path(asked.paths[0]), channels)]
-    shown = [_short(path) for path in asked.paths]
+    shown = [str(_typed_path(path)) for path in asked.paths]
     following = "" if advise is None else advise(command, shown, options, result)
     return {
         "verdict": page.verdict,
         "tone": page.tone,
         "key": {plain_text(name): plain_text(value) for name, value in page.key.items()},
-        "sentences": _sentences(page),
+        "sentences": [*_sentences(page), *_open(result)],
         "text": str(result),
-        "warnings": [_named_here(line) for line in page.warnings],
+        "warnings": list(page.warnings),
         "parameters": _parameters(result),
         "gives": _gives(result),
         "wrong": _wrong_positions(result, runs[0]),
@@ -374,18 +382,27 @@ def answer(asked: FilesCommand, advise: Advise | None = None) -> dict[str, Any]:
     }
 
 
-def _short(path: str) -> str:
+def _typed_path(path: str) -> Path:
     """Return a path as one would type it in the working folder."""
     with suppress(ValueError):
-        return str(Path(path).relative_to(Path.cwd()))
-    return path
+        return Path(path).relative_to(Path.cwd())
+    return Path(path)
 
 
 def _sentences(page: document.Page) -> list[str]:
     """Return the first sentences of the answer of a page without figures."""
     if page.key or not page.answer:
         return []
-    return [plain_text(sentence) for sentence in page.answer[0].paragraphs[:3]]
+    return [plain_text(sentence).replace("`", "") for sentence in page.answer[0].paragraphs[:3]]
+
+
+def _open(result: Any) -> list[str]:
+    """Return the open directions of a calibration, each with the readings that would close it."""
+    lines = []
+    for direction in getattr(result, "open", ())[:MOST_OPEN]:
+        closing = f"; measure {direction.close_by}" if direction.close_by else ""
+        lines.append(f"Open: {', '.join(direction.parameters)}{closing}.")
+    return lines
 
 
 def _result(command: str, runs: Sequence[Any], options: dict[str, Any]) -> tuple[Any, Any]:
@@ -421,15 +438,19 @@ def _parameters(result: Any) -> list[dict[str, Any]]:
         row["name"] = str(getattr(parameter, "name", ""))
         numbers = [row[name] for name in ("estimate", "low", "high")]
         row["estimate"], row["low"], row["high"] = plain(np.array([_or_nan(number) for number in numbers]), 7)
-        row["text"] = _interval_text(numbers)
+        row["text"] = _interval_text(numbers, parameter.standard_error)
+        row["unit"] = unit_text(parameter.unit)
         parameters.append(row)
     return parameters
 
 
-def _interval_text(numbers: Sequence[float | None]) -> str:
-    """Return an estimate with its ends, all rounded by the width; of one that is not determined "open"."""
+def _interval_text(numbers: Sequence[float | None], error: float | None) -> str:
+    """Return an estimate with its ends or its standard error; "open" where it is not determined."""
     if numbers[0] is None:
         return "open"
+    if numbers[1] is None and error:
+        estimate, _, _ = interval(numbers[0], numbers[0] - error, numbers[0] + error)
+        return f"{estimate} ± {digits(error, 2)}"
     estimate, low, high = interval(*numbers)
     return str(estimate) if numbers[1] is None else f"{estimate} ({low} to {high})"
 

@@ -20,7 +20,8 @@ from .lines import SeriesChannels, channels_of_file, lines_of
 WAIT_S = 600.0
 """So long a look at a record may take."""
 READING = "is being read"
-WRONG_ROW = r" row \d+"
+WRONG_ROW = r" row (?!1:)\d+"
+"""Names damage; a wrong header, row 1, is that of another kind of file."""
 COMMANDS = tuple(answers.FUNCTIONS)
 
 
@@ -96,6 +97,7 @@ class Desk:
         self.answer: Mapping[str, Any] | None = None
         self.before: Mapping[str, Any] | None = None
         self.refusal = ""
+        self.outdated = False
         self.number = self.answered = 0
         self._request: DeskRequest | None = None
         self._began = 0.0
@@ -142,12 +144,11 @@ class Desk:
         except (InputError, OSError) as error:
             problem = one_line(str(error))
             try:
-                file.imported = self.look(answers.understood, str(file.path), {})
+                file.imported, why = self.look(answers.understood, str(file.path), {}), "an import is needed"
             except (InputError, OSError) as reason:
-                # The import reads more kinds of files; of a record with a wrong row the reader of records knows more.
-                if not re.search(WRONG_ROW, problem):
-                    problem = one_line(str(reason))
-            file.problem = problem
+                why = one_line(str(reason))
+            # The import reads more kinds of files; of a record with a wrong row the reader of records knows more.
+            file.problem = problem if re.search(WRONG_ROW, problem) else why
         else:
             file.decisions, file.about, file.problem = about["decisions"], about, ""
         self.number += 1
@@ -159,10 +160,11 @@ class Desk:
         Raises
         ------
         InputError
-            for a file that is not a record and cannot be imported
+            for a file that is not a record and that no answer makes one
         """
         file = self.files[number]
-        if file.looked_at.wait(seconds) and file.about is None and file.imported is None:
+        is_read = file.looked_at.wait(seconds)
+        if is_read and file.about is None and file.imported is None and "--set " not in file.problem:
             raise InputError(file.problem)
 
     def import_with(self, number: int, given: Mapping[str, str], *, write: bool) -> dict[str, Any]:
@@ -228,6 +230,7 @@ class Desk:
                 "running": running,
                 "answer": self.answer,
                 "before": self.before,
+                "outdated": self.outdated and self.answer is not None,
                 "refusal": self.refusal,
             }
 
@@ -273,6 +276,7 @@ class Desk:
             if not self.refusal:
                 self.before = self.answer if same_request else None
                 self.answer = {**answer, "files": request.files}
+                self.outdated = False
 
     def stop(self) -> None:
         """Stop the calculation that is running, if any."""
@@ -321,6 +325,7 @@ class Desk:
         else:
             beside.unlink(missing_ok=True)
         file.decisions = values
+        self.outdated = True
         self.number += 1
 
     def again(self) -> None:

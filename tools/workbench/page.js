@@ -2,6 +2,7 @@
 const $ = id => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
 const FACES = ["", "+1", "-1", "+2", "-2", "+3", "-3"];
+const ASKS = /--set ([\w.]+)=/;
 const MOST_ROWS = 60, READING = "is being read";
 const HEIGHT = 176, LEFT = 64, BELOW = 18;
 let WIDTH = 1000;
@@ -18,6 +19,7 @@ async function get(name) {
 }
 
 async function send(content) {
+  for (const input of document.querySelectorAll("[aria-invalid]")) input.removeAttribute("aria-invalid");
   $("refusal").textContent = $("note").textContent = "";
   const answer = await fetch("do", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) });
   const result = await answer.json();
@@ -70,6 +72,9 @@ function run(command) {
 // A line why something cannot be done; where a person may insist, with the button for it.
 function refuse(text) {
   $("refusal").textContent = text;
+  const asked = [...document.querySelectorAll("#options input, #more input")].filter(one => text.includes(`--${one.name.replaceAll("_", "-")}`));
+  for (const input of asked) input.setAttribute("aria-invalid", "true");
+  if (asked.length) { const more = asked[0].closest("details"); if (more) more.open = true; asked[0].focus(); }
   if (text.includes("--trust") && lastCommand) $("refusal").append(" ", button("Use it all the same", () => { $("trust").checked = true; run(lastCommand); }));
 }
 
@@ -119,12 +124,15 @@ function button(text, act, title) {
 function show() {
   showFiles();
   const running = state.running;
-  $("running").hidden = !running;
-  if (running) $("running").firstElementChild.textContent = `Running for ${running.seconds} s: ${running.command}`;
+  $("running").hidden = !running && !state.outdated;
+  $("answer-part").classList.toggle("old", Boolean(running) || state.outdated);
+  const before = state.outdated ? " The answer is the one before your last change." : "";
+  $("running").firstElementChild.textContent = running ? `Running for ${running.seconds} s: ${running.command}.${before}` : before;
+  $("running").lastElementChild.textContent = running ? "Stop" : "Calculate again";
   if (state.refusal && $("refusal").textContent !== state.refusal) refuse(state.refusal);
   const file = state.files[current];
   for (const one of document.querySelectorAll("#commands button")) one.disabled = !chosenFiles().length || state.files.some(file => file.problem === READING);
-  if (!state.answer) $("verdict").textContent = !file ? "Open a record, then choose what to do." : file.about ? "Choose what to do." : file.imported ? "First make a record of the file: see below." : file.problem === READING ? "The file is being read." : "This file cannot be used: see below.";
+  if (!state.answer) $("verdict").textContent = !file ? "Open a record, then choose what to do." : file.about ? "Choose what to do." : file.imported || ASKS.test(file.problem) ? "First make a record of the file: see below." : file.problem === READING ? "The file is being read." : "This file cannot be used: see below.";
   $("record-part").hidden = !file;
   if (file) {
     const key = JSON.stringify([current, file.preview, file.about && file.about.sha256, file.decisions, file.problem, wrongIn(current), file.imported]);
@@ -228,10 +236,11 @@ function showBefore(before, after) {
   const names = new Set([...Object.keys(before.key), ...Object.keys(after.key)]);
   for (const name of names) rows.push([name, String(before.key[name] ?? "–"), String(after.key[name] ?? "–")]);
   const earlier = new Map(before.parameters.map(one => [one.symbol, one]));
-  for (const one of after.parameters) rows.push([`${one.symbol} ${one.name}`, (earlier.get(one.symbol) || { text: "–" }).text, one.text]);
-  $("before-part").hidden = rows.every(([, first, second]) => first === second);
-  $("before").tBodies[0].replaceChildren(...rows.map(([name, first, second]) => {
-    const row = element("tr", null, first === second ? {} : { class: "changed" });
+  for (const one of after.parameters) rows.push([`${one.symbol} ${one.name}${one.unit && one.unit !== "1" ? ` [${one.unit}]` : ""}`, (earlier.get(one.symbol) || { text: "–" }).text, one.text]);
+  const changed = rows.filter(([, first, second]) => first !== second);
+  $("before-part").hidden = !changed.length;
+  $("before").tBodies[0].replaceChildren(...changed.map(([name, first, second]) => {
+    const row = element("tr", null);
     row.append(cell(name), cell(first, "number"), cell(second, "number"));
     return row;
   }));
@@ -243,16 +252,19 @@ async function showRecord(file) {
   const about = file.about;
   $("import").hidden = true;
   $("record-warnings").replaceChildren();
-  $("series").hidden = about ? about.table : !file.preview;
+  $("series").hidden = about ? about.table : true;
   $("table").hidden = !about || !about.table;
   const saved = Object.keys(file.decisions).length ? `Decisions are kept in ${file.decisions_file}.` : "";
   $("kept").textContent = saved;
   $("decided").hidden = !about;
   if (!about) {
     $("record-about").textContent = file.problem === READING ? `${file.name} ${file.problem} ...` : file.problem;
-    if (file.preview) { rests = []; marks = []; $("rests").tBodies[0].replaceChildren(); await draw(); return; }
-    $("import").hidden = !file.imported;
-    if (file.imported) showImport(file);
+    const option = ASKS.exec(file.problem);
+    const unknown = option && { questions: [{ key: option[1], answers: [], why: file.problem }], columns: [], header: [], rows: [] };
+    $("import").hidden = !file.imported && !unknown;
+    $("series").hidden = !file.preview || !$("import").hidden;
+    if (!$("import").hidden) showImport(file, file.imported || unknown);
+    else if (file.preview) { rests = []; marks = []; $("rests").tBodies[0].replaceChildren(); await draw(); }
     return;
   }
   $("record-about").textContent = `${file.name}: ${about.word} of ${about.rows} rows.`;
@@ -265,10 +277,9 @@ async function showRecord(file) {
 
 // A file that is not a record: its questions, then its first rows as understood
 
-function showImport(file) {
-  const { questions, columns, header, rows } = file.imported;
+function showImport(file, { questions, columns, header, rows, command }) {
   const tell = (given, write) => send({ do: "import", file: current, given, write });
-  const damage = / row \d+/.test(file.problem) ? `${file.problem}. Mend the file and open it again, or import it. ` : "";
+  const damage = / row (?!1:)\d+/.test(file.problem) ? `${file.problem}. Mend the file and open it again, or import it. ` : "";
   $("record-about").textContent = damage + (questions.length ? `${file.name} is not a record yet. Answer ${questions.length === 1 ? "one question" : questions.length + " questions"}:` : `${file.name} becomes this record:`);
   const parts = questions.map(question => {
     const label = element("label", question.why[0].toUpperCase() + question.why.slice(1)), select = element("select", null, { "aria-label": question.key });
@@ -279,7 +290,9 @@ function showImport(file) {
     other.addEventListener("change", () => answered(other.value.trim()));
     const part = element("div", null, { class: "question" }), row = element("div", null, { class: "row" });
     label.append(" ", element("code", question.key));
-    row.append(select, other);
+    const only = question.answers.length === 1;
+    if (question.answers.length === 0) row.append(other);
+    else row.append(...only ? [button(question.answers[0], () => answered(question.answers[0]), `Answer ${question.answers[0]} to ${question.key}`)] : [select], other);
     part.append(label, row);
     return part;
   });
@@ -296,6 +309,7 @@ function showImport(file) {
     const words = Object.entries(file.given).map(([key, value]) => `${key}=${value}`).join(", ");
     parts.push(element("p", `Answered: ${words}`), button("Answer again", () => tell({}, false)));
   }
+  if (!questions.length) parts.push(element("p", "The same without this page:"), element("pre", command));
   renew($("import"), parts);
 }
 
@@ -359,6 +373,10 @@ function listRests() {
   const shown = numbers.filter(number => rests[number].to_s >= span[0] && rests[number].from_s <= span[1]);
   renew($("rests").tBodies[0], shown.slice(0, MOST_ROWS).map(number => showRest(rests[number], number)));
   $("rests-count").textContent = shown.length > MOST_ROWS ? `${rests.length} rests; the first ${MOST_ROWS} are listed. Look closer for the others.` : `${rests.length} rests`;
+  const counts = {};
+  for (const mark of marks) counts[mark.what] = (counts[mark.what] || 0) + 1;
+  const marked = Object.entries(counts).map(([what, count]) => `${what} (${count})`).join(", ");
+  if (marked) $("rests-count").textContent += `. Marked: ${marked}`;
 }
 
 function used() {
@@ -482,19 +500,23 @@ function drawBands() {
     const bands = svg.querySelector(".bands"), edges = svg.querySelector(".edges");
     bands.replaceChildren();
     edges.replaceChildren();
-    const band = (from, to, look) => {
+    const band = (from, to, look, what) => {
       const x = Math.max(LEFT, place(from)), end = Math.min(WIDTH, place(to));
-      if (end >= x) bands.append(drawn("rect", { class: look, x, y: 0, width: Math.max(end - x, 1), height: HEIGHT - BELOW }));
+      if (end < x) return;
+      const rect = drawn("rect", { class: look, x, y: 0, width: Math.max(end - x, 1), height: HEIGHT - BELOW }), title = drawn("title", {});
+      title.textContent = what;
+      rect.append(title);
+      bands.append(rect);
     };
     rests.forEach((rest, number) => {
-      band(rest.from_s, rest.to_s, rest.refused ? "refused" : number === selected ? "rest chosen" : "rest");
+      band(rest.from_s, rest.to_s, rest.refused ? "refused" : number === selected ? "rest chosen" : "rest", `rest ${number + 1} ${rest.refused}`);
       if (rest.refused) return;
       for (const [side, time] of [[0, rest.from_s], [1, rest.to_s]]) {
         const x = place(time);
         if (x >= LEFT && x <= WIDTH) edges.append(drawn("line", { class: "edge", x1: x, x2: x, y1: 0, y2: HEIGHT - BELOW, "data-rest": number, "data-side": side }));
       }
     });
-    for (const mark of marks) band(mark.from_s, mark.to_s, "mark");
+    for (const mark of marks) band(mark.from_s, mark.to_s, "mark", mark.what);
   }
 }
 
@@ -615,7 +637,7 @@ $("export").addEventListener("click", () => save($("target").value));
 $("page-details").addEventListener("toggle", showPage);
 $("page").addEventListener("load", () => { $("drawing").hidden = true; });
 $("undo").addEventListener("click", () => send({ do: "undo", file: current }));
-$("running").lastElementChild.addEventListener("click", () => send({ do: "stop" }));
+$("running").lastElementChild.addEventListener("click", () => send({ do: state.running ? "stop" : "again" }));
 $("add-rest").addEventListener("click", () => {
   const [from, to] = [$("new-from"), $("new-to")].map(input => Number(input.value));
   if (from < to) decide({ rests: [...used(), [from, to, ""]] });

@@ -215,6 +215,8 @@ def _done(desk: Desk, asked: Mapping[str, Any]) -> dict[str, Any]:
         desk.undo(asked["file"])
     elif what == "stop":
         desk.stop()
+    elif what == "again":
+        desk.again()
     elif what == "save":
         return desk.save(str(asked.get("what")))
     else:

@@ -416,7 +416,46 @@ def test_decisions_about_another_content_are_said_and_replaced(tmp_path: Path, o
     assert about["decisions"] == {}
     assert any("to another content" in line for line in about["warnings"])
     assert reply(server, do="decide", file=0, decisions={"left_out": [12]}) == {}
-    assert th.calibrate(path, noise_bound=1e-5).verdict == "consistent"
+    result = th.calibrate(path, noise_bound=1e-5)
+    assert result.verdict == "consistent"
+    assert result.provenance.decisions == "decisions (table.decisions.toml): position 12 left out"
+
+
+def test_an_answer_of_earlier_decisions_is_called_so(tmp_path: Path, opened) -> None:
+    server = opened(wrong_table(tmp_path))
+    reply(server, do="run", command="calibrate", files=[0], options={"noise_bound": "1e-5"})
+    answered(server, 1)
+    assert not server.desk.state()["outdated"]
+    reply(server, do="decide", file=0, decisions={"left_out": [12]})
+    reply(server, do="stop")
+    assert server.desk.state()["outdated"]
+    reply(server, do="again")
+    answered(server, 2)
+    assert not server.desk.state()["outdated"]
+    assert server.desk.answer is not None
+    assert server.desk.answer["verdict"].startswith("Consistent")
+
+
+def test_units_that_the_readings_contradict_are_asked(tmp_path: Path, opened) -> None:
+    _, table = hand_moved(4, 8)
+    force = [f"f{axis}_mps2" for axis in (1, 2, 3)]
+    path = tmp_path / "walk.csv"
+    table.with_columns(pl.col(force) / GRAVITY).write_csv(path)
+    server = opened(path)
+    assert "--set units.force=" in server.desk.files[0].problem
+    assert reply(server, do="import", file=0, given={"units.force": "g"}, write=True) == {"file": 1}
+    readings = th.read_record(tmp_path / "walk.record.csv").specific_force
+    assert np.median(np.linalg.norm(readings, axis=1)) == pytest.approx(GRAVITY, rel=0.1)
+
+
+def test_a_log_with_names_of_its_own_is_no_damaged_record(tmp_path: Path, opened) -> None:
+    _, table = hand_moved(4, 8)
+    names = {"time_s": "Time (s)"} | {f"f{axis}_mps2": f"Acceleration {axis} (m/s^2)" for axis in (1, 2, 3)}
+    table.select(list(names)).rename(names).write_csv(tmp_path / "phone.csv")
+    (file,) = opened(tmp_path / "phone.csv").desk.files
+    assert "row 1" not in file.problem
+    assert file.imported is not None
+    assert file.imported["command"] == "trihedron import phone.csv --out phone.record.csv"
 
 
 def test_command_python_and_corrected_record_are_those_of_the_page(tmp_path: Path, opened) -> None:
