@@ -418,6 +418,7 @@ def test_decisions_about_another_content_are_said_and_replaced(tmp_path: Path, o
     assert reply(server, do="decide", file=0, decisions={"left_out": [12]}) == {}
     result = th.calibrate(path, noise_bound=1e-5)
     assert result.verdict == "consistent"
+    assert result.provenance is not None
     assert result.provenance.decisions == "decisions (table.decisions.toml): position 12 left out"
 
 
