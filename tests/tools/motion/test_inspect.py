@@ -412,4 +412,4 @@ def test_poses_that_are_enough_are_said_to_be_and_others_are_named():
     assert few.poses.error_with_these_g < 1e-3
     shown = str(few)
     assert f"mg: {few.poses.missing[0]}" in shown
-    assert shown.count(f"missing: {few.poses.missing[0]}") == 1
+    assert shown.count(f": {few.poses.missing[0]}") == 1
