@@ -351,3 +351,11 @@ def test_lines_of_json_are_those_of_every_member():
         if isinstance(location[-1], str):
             assert f'"{location[-1]}":' in text.split("\n")[line - 1]
     assert {("a",), ("a", 0), ("a", 1), ("a", 1, "b"), ("a", 1, "c"), ("a", 1, "c", 1), ("d",)} <= set(lines)
+
+
+def test_a_name_with_control_characters_is_shown_escaped(tmp_path: Path, capsys) -> None:
+    (tmp_path / "table.csv").write_text("time_s,\x1b[2Jw1,b\n1,2,3\n")
+    assert cli.main(["check", str(tmp_path / "table.csv")]) == 0
+    shown = capsys.readouterr().out
+    assert "\x1b" not in shown
+    assert "\\x1b[2Jw1" in shown

@@ -10,7 +10,7 @@ from polars import read_parquet_schema
 
 from ...fmus.units import STANDARD_GRAVITY
 from .. import by_hand, calibration, motion, orchestrator, planning
-from ..errors import InputError
+from ..errors import InputError, printable
 from ..files import MAGIC
 from ..records.columns import ANGLES, FORCE, VELOCITY, FileColumns, extra_warning, warnings
 from ..records.even import times_unused
@@ -144,4 +144,4 @@ def _check_commands(findings: Findings, names: list[str]) -> None:
     for value, line in zip(table.columns.get("dwell_s", ()), table.lines, strict=False):
         if value <= 0.0:
             findings.add(f"column 'dwell_s': {exactly(value)} must be positive", line=int(line))
-    findings.summary = (f"{len(table.lines)} rows, columns {', '.join(names)}",)
+    findings.summary = (f"{len(table.lines)} rows, columns {printable(', '.join(names))}",)
