@@ -83,7 +83,7 @@ def unsolved(*_: Any, **__: Any) -> Any:
     ("place", "stage"),
     [
         ("trihedron.tools.diagnosis.dependence.chebyshev_radius", "functions of one quantity"),
-        ("trihedron.tools.sieve.sigma.Candidates", "faults of the record"),
+        ("trihedron.tools.sieve.sigma.LeadingFunctions", "faults of the record"),
         ("trihedron.tools.evidence.bench.powers", "the detection limit"),
     ],
 )
