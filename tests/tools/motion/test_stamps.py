@@ -217,7 +217,7 @@ def test_rows_that_fill_no_step_are_said_to_be_left_out(rows: int, algorithm: st
     moving.write_csv(tmp_path / "record.csv")
     run = th.attitude_of_record(tmp_path / "record.csv", algorithm=algorithm)
     left = int(run.row[-1]) != rows + 1
-    assert any("left out, the attitude ends at" in line for line in run.warnings) == left
+    assert any("complete a step of" in line for line in run.warnings) == left
 
 
 @pytest.mark.parametrize(("name", "seconds", "unit"), [("micros", 1e-6, "us"), ("millis", 1e-3, "ms")])
@@ -342,7 +342,7 @@ def test_field_sections_cut_together_are_six_rests(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("name", "end"), [("tail_16.csv", "12.12"), ("tail_8.csv", "12.04")])
 def test_field_tails_are_said_to_be_left_out(name: str, end: str, tmp_path: Path) -> None:
     run = th.attitude_of_record(field_file(name, tmp_path))
-    assert any(f"left out, the attitude ends at {end}" in line for line in run.warnings)
+    assert any(f"; the attitude ends at {end}" in line for line in run.warnings)
 
 
 def test_field_counter_that_wraps(tmp_path: Path) -> None:
