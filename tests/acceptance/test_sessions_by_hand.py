@@ -130,6 +130,7 @@ def test_hand_moved_blocks_have_right_standard_errors() -> None:
     assert max(np.abs(forces).max(), np.abs(errors).max()) < 6.0
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("sessions", [pytest.param(SESSIONS, marks=pytest.mark.acceptance), 12])
 def test_six_faces_and_three_turns_have_right_standard_errors(sessions: int) -> None:
     forces, gyros = [], []

@@ -119,6 +119,7 @@ def test_the_site_asks_nothing_of_the_network(site):
     assert options == []
 
 
+@pytest.mark.acceptance
 def test_pages_of_the_site_open_in_a_browser_from_the_disk(site, window: Window):
     for name in ("index", "tutorial", "falsified", "commands", "reference"):
         for width in (1280, 400):

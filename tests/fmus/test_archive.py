@@ -47,6 +47,7 @@ def _names_are_parsed_once() -> Iterator[None]:
         yield
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize(
     ("flavour", "fmi"),
     [("python", 2), pytest.param("native", 2, marks=needs_compiler), pytest.param("native", 3, marks=needs_compiler)],

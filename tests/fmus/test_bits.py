@@ -119,6 +119,7 @@ def test_the_python_flavour_gives_the_bits_of_plain_python(component, tmp_path, 
     assert same_bits(run_python_fmu(component, tmp_path, STEPS, slaves), plain)
 
 
+@pytest.mark.first(1)
 @needs_compiler
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
 def test_native_fmus_give_the_bits_of_plain_python(component, tmp_path):

@@ -108,6 +108,7 @@ class Driven:
         return self.outputs() | sums
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("flavour", ["native 2", "native 3", "python 2"])
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
 def test_every_declared_capability_is_there(component, flavour, tmp_path, slaves):

@@ -27,6 +27,7 @@ def start(slave, component: Component, parameters: dict[str, float]) -> None:
     slave.exitInitializationMode()
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
 def test_state_is_complete_across_get_set_serialise_and_reset(component, tmp_path, slaves):
     rng = random.Random(11)

@@ -143,6 +143,7 @@ def test_derivatives_are_those_of_the_outputs(component, fmi, tmp_path):
         assert size == 0.0 or cause in follows[name]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_what_is_rounded_or_comes_in_steps_has_no_derivatives(fmi, tmp_path):
     rounded = [c for c in all_kinds() if not c.derivatives]

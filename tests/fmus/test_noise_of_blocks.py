@@ -70,6 +70,7 @@ def test_another_seed_gives_other_noise_and_the_same_seed_the_same(tmp_path):
     assert not np.any(first[1:, 1:] == other[1:, 1:])
 
 
+@pytest.mark.acceptance
 def test_the_coefficients_of_the_blocks_are_identified(tmp_path):
     """Simulated noise, identified: each coefficient near its interval, each process named."""
     readings = run(tmp_path / "long", step=0.02, stop=2400.0)[1:]
@@ -130,6 +131,7 @@ w3_radps = "gyro.rate_reading[3]"
 """
 
 
+@pytest.mark.acceptance
 def test_flicker_is_flat_from_two_steps_on_and_its_axes_are_independent(tmp_path):
     """The Allan deviation of flicker is 0.664 B: at each length the axes together keep it, within 3 % and chance."""
     path = tmp_path / "flicker.toml"

@@ -129,6 +129,7 @@ def test_resume_works_again_on_what_its_files_no_longer_tell(lot, tmp_path):
     assert th.batch(record, **applied, resume=True).members[0].result != first
 
 
+@pytest.mark.acceptance
 def test_processes_give_the_same_bytes(lot, tmp_path):
     files = [lot / f"record-{k}.csv" for k in range(6)]
     for jobs in (1, 2):
@@ -205,6 +206,7 @@ def test_a_lot_tells_the_shared_cause_and_the_odd_one(tmp_path):
     assert cause.sentence in text
 
 
+@pytest.mark.acceptance
 def test_a_lot_without_causes_names_none(tmp_path):
     table = write_lot(tmp_path, 30, 8, positions=24)
     result = th.batch(table, do="diagnose", noise_bound=SIGMA, out=tmp_path / "out", jobs=2)

@@ -36,6 +36,7 @@ def test_an_unknown_of_many_rows_and_rows_of_two_unknowns_stay_dense():
     assert eliminated(system, np.ones((12, 2))) is None
 
 
+@pytest.mark.acceptance
 def test_an_effect_among_a_hundred_positions_is_named_at_its_place():
     record = drawn_record(6, [(EffectPlace("cubic", "accelerometer-1"), (6e-4,))], 100)
     result = th.diagnose(record, noise_bound=SIGMA)

@@ -157,6 +157,7 @@ def test_lawsons_algorithm_makes_the_bound_sharp():
     assert settle(scaled.system, candidate, start, 1.0)[0] == ACCEPTED
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(k, marks=pytest.mark.acceptance) for k in range(3, 8))])
 def test_the_search_finds_exactly_the_sets_that_will_do(seed):
     """Compare with exhaustive search by linear programmes over every set of up to three."""

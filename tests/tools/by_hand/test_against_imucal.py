@@ -109,7 +109,7 @@ def of_imucal_by_angles(parts: list[pl.DataFrame], period: float, angles: Sequen
     return scales
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_turns_by_hand_that_are_no_whole_ones_are_told_by_the_moves(seed: int) -> None:
     """imucal takes each turn as exactly 360 degrees; with the angles that we measure it gives our numbers."""
@@ -128,6 +128,7 @@ def test_turns_by_hand_that_are_no_whole_ones_are_told_by_the_moves(seed: int) -
         assert abs(measured[symbol] - present(ours.estimate)) < 3.0 * present(ours.standard_error)
 
 
+@pytest.mark.acceptance
 def test_a_real_session_differs_from_imucal_by_what_its_turns_miss(tmp_path: Path) -> None:
     """Rests and turns of the laboratory's session [s]; the turns are within a hand's two degrees of whole ones."""
     record = tmp_path / "record.csv"
@@ -147,6 +148,7 @@ def test_a_real_session_differs_from_imucal_by_what_its_turns_miss(tmp_path: Pat
     assert max(map(abs, misses(result, measured).values())) < 0.5
 
 
+@pytest.mark.acceptance
 def test_a_flip_between_two_faces_is_not_taken_for_a_whole_turn(tmp_path: Path) -> None:
     """In this session the block is flipped by 184 degrees about axis 1 before the turn about it."""
     record = tmp_path / "record.csv"

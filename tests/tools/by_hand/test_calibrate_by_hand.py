@@ -37,6 +37,7 @@ def test_accelerometers_alone_have_their_true_values_within_the_guaranteed_ends(
             assert present(parameter.high) - present(parameter.low) < 0.03
 
 
+@pytest.mark.acceptance
 def test_standard_errors_of_accelerometers_alone_are_right() -> None:
     ratios = []
     for seed in range(60):

@@ -80,6 +80,7 @@ def ends_of_windows(x: np.ndarray, turn: np.ndarray, rise: np.ndarray, seconds: 
     return attitude
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "name", ["broad-03", *(pytest.param(f"broad-{n}", marks=pytest.mark.acceptance) for n in ("06", "08", "21"))]
 )

@@ -77,6 +77,7 @@ def test_a_run_of_too_few_poses_leaves_its_own_biases_open() -> None:
     assert not any(p.bounded for p in of_last.parameters)
 
 
+@pytest.mark.acceptance
 def test_three_runs_that_are_too_little_alone_are_enough_together() -> None:
     ratios = []
     for seed in range(20):

@@ -90,6 +90,7 @@ def sections_of(result: Calibration, record: PositionRecord | None = None) -> Se
     return page.sections
 
 
+@pytest.mark.acceptance
 def test_more_readings_prove_a_priori_estimates_impossible_and_it_is_said():
     outside = {}
     for count in (100, 1000):

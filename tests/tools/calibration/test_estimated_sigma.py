@@ -12,13 +12,14 @@ from trihedron.tools.cli import main
 from trihedron.tools.records import write_record
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("repeated", [0, 3])
 @pytest.mark.parametrize("count", [12, 24, 48, 100])
 def test_gaussian_errors_falsify_no_model(count, repeated):
     assert false_alarms(range(10), count, "Gaussian", repeated) == 0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("count", [300, 1000])
 def test_gaussian_errors_of_many_positions_falsify_no_model(count):
     assert false_alarms(range(3), count, "Gaussian") + false_alarms(range(3), count, "Gaussian", 6) == 0
@@ -80,6 +81,7 @@ def test_a_record_that_does_not_tell_its_noise_is_refused_with_both_options(comm
         assert words in message
 
 
+@pytest.mark.acceptance
 def test_the_residuals_tell_a_noise_that_guarantees_nothing(tmp_path, capsys):
     """The standard deviation over 20 records is the true one; estimates are those of the same σ as a bound."""
     deviations = []
@@ -116,6 +118,7 @@ def test_a_standard_deviation_that_cannot_be_is_refused(options, message, tmp_pa
         assert message in capsys.readouterr().err
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("noise_bound", "hinted"), [(1e-5, False), (2e-5, False), (4e-4, True)])
 def test_a_sigma_that_is_far_too_large_is_hinted_at(noise_bound, hinted):
     record = clean_record(8, 36, "uniform")

@@ -123,6 +123,7 @@ def test_the_mounting_that_is_given_counts(preset):
     assert "3,2,1" in options_in(advised(exchanged, preset))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("effect", ["none", "quadratic accelerometer-2"])
 def test_a_diagnosis_says_it_before_any_verdict(clean, effect, tmp_path, capsys):
     force = clean.specific_force.copy()

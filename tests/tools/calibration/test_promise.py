@@ -128,6 +128,7 @@ def one_scale_factor(seed: int) -> np.ndarray:
     return bench
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_the_rests_of_a_block_moved_by_hand_are_held_against_gravity(seed):
     bench = one_scale_factor(seed)

@@ -40,7 +40,7 @@ def pages_of(result: Any, folder: Path) -> str:
     return "\n".join([str(result), *pages])
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize("white", [3e-5, 1e-4, 3e-4])
 def test_scatter_within_rests_is_no_bound(white, tmp_path):
     """The verdict says so, and how to find a bound; the estimates are given."""
@@ -72,7 +72,7 @@ def test_scatter_that_the_model_exceeds_is_no_bound_either(tmp_path):
     assert promises(text(applied_page(applied))) == []
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize("options", [{}, {"noise_sd": 4e-6}])
 def test_an_estimated_bound_guarantees_nothing(options, tmp_path):
     session = Session.drawn(np.random.default_rng(3), 24)

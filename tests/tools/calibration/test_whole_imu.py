@@ -131,6 +131,7 @@ def test_a_lag_is_exact_of_moves_of_both_axes_and_of_moves_that_are_never_steady
     assert np.abs(residual).max() < 6e-6
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "lag"), [(0, -2.9e-3), (5, 2.3e-3)])
 def test_the_lag_of_a_gyro_block_is_in_its_interval(seed, lag):
     """The component reads late with scale factors of 1e-3 and more, and between rows of 20 ms it interpolates."""
@@ -239,6 +240,7 @@ def test_without_turns_about_the_inner_axis_what_they_would_tell_is_missing(trut
     assert by_symbol["M11"].low is None
 
 
+@pytest.mark.acceptance
 def test_rates_say_what_increments_say(record, result):
     period = float(np.median(np.diff(record.time_s)))
     rates = replace(record, rate=record.increment / period, increment=None)
@@ -254,6 +256,7 @@ def test_rates_say_what_increments_say(record, result):
         assert by_rates.guaranteed_error > 1.02 * by_increments.guaranteed_error or by_rates.symbol[0] in "BSA"
 
 
+@pytest.mark.acceptance
 def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
     """Run table, both blocks and attitude computer as FMUs, with shorter rests and a longer step than as shipped.
 
@@ -327,6 +330,7 @@ def test_a_bench_record_is_known_by_its_columns(record, tmp_path):
         read_record(table)
 
 
+@pytest.mark.acceptance
 def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_record(record, tmp_path / "bench.csv")

@@ -202,6 +202,7 @@ def ends_its_process(number: int) -> int:
     return number
 
 
+@pytest.mark.acceptance
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize("engine", ["local", pytest.param("dask", marks=pytest.mark.acceptance)])
 def test_a_call_that_ends_its_process_ends_all_in_one_line(engine):

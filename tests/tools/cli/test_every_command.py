@@ -106,7 +106,7 @@ def test_help_has_a_sentence_and_an_example_and_every_command_has_json(name: str
     assert 0 < len(sentence) < 300
 
 
-@pytest.mark.first(12)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda c: c.title)
 def test_wrong_options(command: Command, here: Path, capsys):
     before = files(here)

@@ -48,6 +48,7 @@ cd "$folder" && find . -name filler -o -type f -print > "$result/left"
 """
 
 
+@pytest.mark.first(1)
 @pytest.mark.skipif(not can_mount(), reason="no file system of our own can be mounted here (unshare, mount)")
 @pytest.mark.parametrize(
     "command",
@@ -72,6 +73,7 @@ def test_a_full_disk(command: Command, here: Path, tmp_path: Path):
     assert set((result / "left").read_text(encoding="utf-8").split()) <= {f"./out/{LOCK}"}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "command",
     [

@@ -40,7 +40,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.usefixtures("no_pictures")
 @pytest.mark.parametrize(
     ("kind", "seed", "commands"),
@@ -124,6 +124,7 @@ def test_an_ambiguous_record_shows_whole_explanations_and_a_plan(capsys):
     assert Path("plan").is_dir()
 
 
+@pytest.mark.acceptance
 def test_an_unexplained_record_names_the_rows_that_misfit_most(capsys):
     rng = np.random.default_rng(8)
     session = Session.drawn(rng, 36)

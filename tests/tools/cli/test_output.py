@@ -53,6 +53,7 @@ def test_a_target_may_begin_with_a_minus(record, capsys):
     assert any(line.startswith("-X4 ") for line in capsys.readouterr().out.splitlines())
 
 
+@pytest.mark.first(1)
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("arguments", [["calibrate", "record.csv", "--noise-bound", "1e-5"], ["--help"]], ids=" ".join)
 def test_a_full_disk_behind_standard_output_is_one_line(arguments, record):

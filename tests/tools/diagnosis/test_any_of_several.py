@@ -90,6 +90,7 @@ def unexplained(tmp_path) -> tuple[Session, Any, Any]:
     return session, read, file
 
 
+@pytest.mark.acceptance
 def test_an_unexplained_record_gives_estimates_without_effects_and_the_options_that_would_stand(tmp_path):
     _, record, file = unexplained(tmp_path)
     result = th.calibrate(record, explained_by=file)
@@ -100,6 +101,7 @@ def test_an_unexplained_record_gives_estimates_without_effects_and_the_options_t
     assert "--noise-bound 6.1e-5 with no effect" in result.warnings[0]
 
 
+@pytest.mark.acceptance
 def test_an_unexplained_record_is_calibrated_with_the_sets_that_stand_with_a_given_sigma(tmp_path):
     session, record, file = unexplained(tmp_path)
     one: Any = th.calibrate(record, explained_by=file, noise_bound=1e-5)

@@ -82,6 +82,7 @@ def test_what_a_table_does_is_simulated_since_readings_cannot_be_without_it(tabl
     assert not (table / "no.csv").exists()
 
 
+@pytest.mark.acceptance
 def test_of_several_records_another_one_has_what_is_the_instruments_and_one_of_them_its_own_too(folder):
     alone = Diagnosis.model_validate_json((folder / "block.json").read_text(encoding="utf-8"))
     (cause,) = alone.causes
@@ -119,6 +120,7 @@ def test_what_names_nothing_or_is_not_as_its_schema_says_is_refused(folder, caps
         assert message.count("\n") == 1
 
 
+@pytest.mark.acceptance
 def test_what_gyros_add_is_taken_out_of_the_increments_of_another_day():
     """The increments come near to those of the same block without the effect, moved and disturbed in the same way."""
     block = replace(draw_clean_block(77, 1, "truth").instrument, temperature=None)

@@ -185,6 +185,7 @@ def test_without_a_proof_there_is_no_band():
     assert (clean.verdict, clean.band, clean.laws, clean.extension) == ("consistent", None, None, None)
 
 
+@pytest.mark.acceptance
 def test_what_is_in_no_catalogue_extends_the_model_and_is_no_cause():
     _, result = of_bump()
     assert result.verdict == "unexplained"
@@ -274,6 +275,7 @@ def test_a_function_of_a_sense_has_no_formula():
     assert [law.fit.places for law in beyond.laws] == [tuple(case.places)]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("name", "law"),
     [
@@ -289,6 +291,7 @@ def test_a_formula_of_fewer_numbers_comes_before_sets_of_the_catalogue(name, law
     assert result.stated.verdict == "consistent"
 
 
+@pytest.mark.acceptance
 def test_a_square_of_temperature_is_the_effect_of_that_name(tmp_path):
     result = th.diagnose(field_file("x09_quadT_36.csv", tmp_path), noise_bound=SIGMA)
     (cause,) = result.causes
@@ -297,6 +300,7 @@ def test_a_square_of_temperature_is_the_effect_of_that_name(tmp_path):
     assert "the coefficient at x²: 0.000776" in " ".join(str(result).split())
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [2, pytest.param(1, marks=pytest.mark.acceptance)])
 def test_a_fifth_power_is_no_pair_of_other_laws(seed):
     """The quantity is certain even if other powers do as well, the power is not; no sum of two laws comes before."""

@@ -95,6 +95,7 @@ def test_a_place_that_knows_no_such_law_is_refused():
         result.evidence.including([EffectPlace("lookup", "gyro-block", axes=(1,), law="alpha around 0 2 4")])
 
 
+@pytest.mark.acceptance
 def test_the_power_is_what_can_hide():
     """From that size on every function shows, and a smaller one may hide: by an independent programme."""
     _, result = of_hump()

@@ -116,7 +116,7 @@ def faulty(seed: int) -> Faulty:
     raise AssertionError(f"{kind} is not named with seed {seed}")
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_every_true_parameter_lies_in_its_interval(seed):
     case = faulty(seed)
@@ -132,6 +132,7 @@ def test_every_true_parameter_lies_in_its_interval(seed):
     assert bool(after) == any(key.startswith(("bias", "scale")) for key in named)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_errors_of_one_bound_nearly_attain_the_interval(seed):
     case = faulty(seed)
@@ -148,6 +149,7 @@ def noisy(seed: int, larger: float = 1.0, count: int = 40) -> tuple[Session, np.
     return session, *session.read([], larger * rng.uniform(-SIGMA, SIGMA, (count, 3)))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_larger_noise_bound_that_a_diagnosis_names_is_no_bound(seed):
     session, angles, reading = noisy(seed, 1.7)
@@ -165,6 +167,7 @@ def test_a_larger_noise_bound_that_a_diagnosis_names_is_no_bound(seed):
         assert given[symbol].low <= value <= given[symbol].high
 
 
+@pytest.mark.acceptance
 def test_a_file_is_calibrated_without_the_rows_that_the_diagnosis_of_that_file_names(tmp_path):
     session, angles, reading = noisy(7)
     angles[12, 0] += 0.007
@@ -210,6 +213,7 @@ def test_what_names_nothing_says_the_way_on():
     assert result.warnings[0] == "the diagnosis is consistent and names no effect: calibrated without it"
 
 
+@pytest.mark.acceptance
 def test_a_strapdown_record_is_calibrated_beside_an_effect_of_its_gyros():
     bias = np.array([2e-3, -1e-3, 1.5e-3])
     sensitivity = 1.5e-3 * np.random.default_rng(3).uniform(-1.0, 1.0, (3, 3))

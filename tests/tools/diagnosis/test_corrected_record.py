@@ -24,7 +24,7 @@ def corrected(seed: int, effect: str) -> tuple[Any, Any, Any]:
     return hidden, diagnosis, th.apply(diagnosis, hidden.record)
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [1, 2, 5, 8])
 def test_the_true_scale_factors_lie_in_the_intervals_of_a_corrected_record(seed, tmp_path):
     """The intervals from the file and from memory agree."""

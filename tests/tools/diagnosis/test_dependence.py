@@ -97,6 +97,7 @@ def test_many_forms_at_once_are_bounded_as_each_by_itself(tmp_path):
                 assert bound <= forms.radius(matrix) + 1e-9
 
 
+@pytest.mark.acceptance
 def test_noise_beyond_its_bound_and_faults_at_two_places_prove_no_single_place():
     """Any function improves the one a little; a larger noise bound does, too."""
     for larger in (1.05, 1.15, 1.25):
@@ -214,6 +215,7 @@ def test_a_jump_in_a_temperature_that_jumps_once_is_not_told_from_a_step_in_time
     assert (result.verdict, named) == ("ambiguous", {"bias-step", "temperature-bias-cubic"})
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [2, 7])
 def test_a_single_reading_that_is_off_is_a_function_of_no_quantity(seed):
     """With few positions a function with a spike at its place would do as much; a reading is simpler.

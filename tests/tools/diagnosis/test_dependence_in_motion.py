@@ -70,7 +70,7 @@ def of_third_rate(time, rate):
     return 3.0 * np.abs(rate[:, 2])
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("p", "function", "quantity", "record_of"),
     [
@@ -192,6 +192,7 @@ def test_large_errors_prove_nothing():
     assert dependence(evidence) is None
 
 
+@pytest.mark.acceptance
 def test_the_verdict_says_place_and_quantity():
     result = diagnose(filmed(at_gyro(1, swing)), rerun=False)
     assert isinstance(result, Diagnosis)

@@ -50,7 +50,7 @@ def misses(record, again) -> np.ndarray:
     return np.abs(again.specific_force - record.specific_force) / G / SIGMA
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("place", HIDDEN, ids=lambda place: place.title)
 def test_the_exported_scenario_gives_the_record_again(place, tmp_path):
     """The simulation of the export gives every reading within σ, at the record's times and encoder readings."""
@@ -106,6 +106,7 @@ def test_a_record_in_two_mountings_has_a_run_for_each(tmp_path):
     assert len(read_ssv(str(tmp_path / "TurntableMotion-2.ssv")).parameters) > 10
 
 
+@pytest.mark.acceptance
 def test_both_flavours_and_fmpy_give_the_same_bits(tmp_path):
     """FMPy runs the table, and the block on its specific force, without setting any found value."""
     runs = {}

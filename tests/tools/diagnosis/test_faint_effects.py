@@ -32,6 +32,7 @@ def refusing(monkeypatch: pytest.MonkeyPatch, place: EffectPlace, times: float) 
     monkeypatch.setattr(Bench, "mended", at_the_edge)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("place", "sizes"), CASES)
 def test_a_set_that_was_refused_at_the_edge_is_named_without_a_faint_effect(place, sizes, monkeypatch):
     record = drawn_record(3, [(place, sizes)], 48, at_bound=True)
@@ -41,6 +42,7 @@ def test_a_set_that_was_refused_at_the_edge_is_named_without_a_faint_effect(plac
     assert [cause.place for cause in result.causes] == [place]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("place", "sizes"), CASES[:1])
 def test_a_faint_effect_is_not_named(place, sizes, monkeypatch):
     record = drawn_record(3, [(place, sizes)], 48, at_bound=True)

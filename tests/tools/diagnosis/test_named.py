@@ -106,6 +106,7 @@ LONG = {
 }
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", [*QUICK, *(pytest.param(name, marks=pytest.mark.acceptance) for name in LONG)])
 def test_what_is_hidden_is_named_with_its_sizes(name):
     case = (QUICK | LONG)[name]
@@ -174,6 +175,7 @@ def test_rounded_temperatures_and_angles_do_not_refuse_the_right_name():
     assert_named(diagnosed(rounded), case.effects)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.acceptance) for k in (1, 2, 3))])
 def test_readings_in_steps_are_named_where_noise_at_its_bound_came_after_the_rounding(seed):
     """If steps are a multiple of σ, such readings are exact multiples of σ, too."""

@@ -35,6 +35,7 @@ def test_nothing_is_named_on_a_clean_record(options):
         assert result.radius <= 1.0 + 1e-7
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("swapped", [(0, 1), (1, 2)])
 def test_swapped_accelerometers_are_named_nothing(swapped):
     """The message calls them swapped; if a person denies this, nothing is named."""
@@ -81,6 +82,7 @@ def with_fifth_power(record: PositionRecord) -> PositionRecord:
     return with_added(record, 5e-3 * (record.specific_force[:, 0] / G) ** 5)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "spoilt",
     [
@@ -123,6 +125,7 @@ def test_too_few_positions_are_insufficient_and_more_are_proposed():
     assert result.next_positions
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("row", [1, -1])
 def test_what_a_single_row_at_an_end_shows_is_no_step(row):
     """Only the first or the last reading is off: an outlier explains it as well, and is its name."""
@@ -156,6 +159,7 @@ def test_no_cause_may_be_zero_where_senses_are_open(seed, fault):
     assert all(cause.acts for causes in result.sets for cause in causes)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.acceptance)])
 def test_a_drift_is_named_alone_where_an_open_sense_would_have_absorbed_it(seed):
     result = diagnosed(with_open_senses(seed, lambda v: 3e-4 * v.hours))
@@ -210,6 +214,7 @@ def test_the_loop_is_closed(place, sizes, symmetric):
     assert all(entry["above"] > 0.0 for entry in content["excluded"])
 
 
+@pytest.mark.acceptance
 def test_a_quadratic_term_that_passed_for_asymmetry_moves_the_targets_back():
     size = 1.5e-3
     stand = Stand.drawn(np.random.default_rng(17))

@@ -46,6 +46,7 @@ def test_nothing_is_proven_above_its_bound_or_by_as_many_numbers_as_pieces(accel
     assert replace(shown, standing=tuple(many)).proven is None
 
 
+@pytest.mark.acceptance
 def test_two_readings_that_do_as_well_leave_nothing_proven():
     assert field_diagnosis("x11_local_16.csv").proven.quantity is None
 
@@ -59,6 +60,7 @@ def test_a_record_is_not_refused_for_a_programme_that_fails(name):
     assert all(cause.place.law for cause in result.causes)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("place", [QUADRATICS[0], *LONG])
 def test_a_set_on_which_the_solver_fails_is_said_to_be_not_tried(place, monkeypatch):
     mended = Bench.mended
@@ -94,6 +96,7 @@ def test_a_stage_in_which_the_solver_fails_is_said_to_be_not_tried(place, stage,
     assert f"not tried, since the solver failed: {stage}" in result.warnings
 
 
+@pytest.mark.acceptance
 def test_a_wander_on_which_the_solver_fails_refuses_no_record(monkeypatch):
     monkeypatch.setattr("trihedron.tools.evidence.bench_wander.any_centre", unsolved)
     pair = [(QUADRATICS[0], (4e-4,)), (QUADRATICS[1], (-4e-4,))]

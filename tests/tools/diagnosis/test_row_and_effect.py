@@ -22,7 +22,7 @@ for number in range(900, 920):
     DRAWN.append(pytest.param(kind, int(drawn.integers(len(EFFECTS))), size, marks=pytest.mark.acceptance))
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("what", "number", "count"), [*SURE, *DRAWN])
 def test_a_wrong_row_and_an_effect_are_named_together(what, number, count):
     place, sizes = EFFECTS[number]
@@ -44,6 +44,7 @@ BENT = [
 ]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("what", "place", "sizes"), BENT)
 def test_a_wrong_row_is_named_beside_an_effect_that_is_not_linear(what, place, sizes):
     wrong = with_wrong_rows(31, what, 48, 1, [(place, sizes)])

@@ -26,6 +26,7 @@ def walking(seed: int, step: float = 1e-5):
     return bench_evidence(simulated(random_bench(rng), alpha, beta, noise), noise_bound=SIGMA)
 
 
+@pytest.mark.acceptance
 def test_a_search_is_cut_off_by_the_work_that_it_does_and_says_among_which_sets():
     evidence = walking(1)
     searches = [search(evidence.model, most_work=limit) for limit in (8e5, 8e5, 1e3)]
@@ -38,6 +39,7 @@ def test_a_search_is_cut_off_by_the_work_that_it_does_and_says_among_which_sets(
     assert WARNING in flowing(result).lower()
 
 
+@pytest.mark.acceptance
 def test_what_was_found_before_the_search_was_cut_off_stands():
     drift = EffectPlace("bias-drift", "accelerometer-2")
     evidence = bench_evidence(drawn_record(3, [(drift, (9e-4,))], 16), noise_bound=SIGMA)

@@ -29,6 +29,7 @@ def with_angle_off(record: PositionRecord, row: int, degrees: float) -> Position
     return replace(record, alpha=alpha)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("positions", [20, pytest.param(10, marks=pytest.mark.acceptance)])
 def test_a_wrong_row_of_one_record_is_named_there_and_the_others_judged_with_the_rest(positions):
     """Ten positions do not tell the wrong row by themselves."""
@@ -58,6 +59,7 @@ def test_an_effect_of_the_instrument_is_named_beside_a_wrong_row_of_one_day():
     assert result.causes[0].is_of_instrument
 
 
+@pytest.mark.acceptance
 def test_a_break_of_one_day_leaves_that_day_out_with_its_sentence():
     records = of_one_instrument(23, 3, positions=24)
     after = np.arange(24)[:, None] >= 12

@@ -37,6 +37,7 @@ def three_records() -> Any:
     return together(*records, noise_bound=SIGMA)
 
 
+@pytest.mark.acceptance
 def test_what_is_shared_is_the_instruments_and_what_one_record_has_is_that_runs(three_records):
     assert three_records.verdict == "explained"
     assert [(c.title, c.is_of_instrument, c.record) for c in three_records.causes] == [

@@ -35,7 +35,7 @@ def warm_record(seed: int, place: EffectPlace | None = None, sizes=()):
     return replace(record, temperature_resolution=0.005)
 
 
-@pytest.mark.first(16)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [*QUICK, *MORE])
 @pytest.mark.parametrize(("effect", "sizes"), HIDDEN)
 def test_a_law_of_temperature_is_named_with_its_order(effect, sizes, seed):

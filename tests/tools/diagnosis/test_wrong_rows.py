@@ -24,6 +24,7 @@ FIELD = {
 }
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", FIELD)
 def test_records_of_the_field_end_with_their_rows(name, tmp_path):
     rows, words = FIELD[name]
@@ -36,7 +37,7 @@ def test_records_of_the_field_end_with_their_rows(name, tmp_path):
     assert diagnosis.stated.verdict == "consistent"
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("what", "seed", "count", "rows"),
     [("angle", 7, 24, 1), ("angles exchanged", 22, 24, 2), ("copied", 5, 12, 1), ("disturbed", 27, 24, 3)],
@@ -75,7 +76,7 @@ def test_the_angle_that_makes_a_row_fit_is_stated(tmp_path):
     assert diagnosis.report(tmp_path / "page.html").stat().st_size > 1000
 
 
-@pytest.mark.first(4)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("rows", [(13,), (9, 10, 11, 12, 13)])
 @pytest.mark.parametrize(
     ("change", "words"),

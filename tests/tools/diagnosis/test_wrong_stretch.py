@@ -10,6 +10,7 @@ from generator.wrong_rows import with_wrong_stretch
 from trihedron.tools.diagnosis import diagnose
 
 
+@pytest.mark.acceptance
 def test_two_instruments_exchanged_for_an_hour(tmp_path):
     diagnosis = th.diagnose(field_file("o06_hourswap.csv", tmp_path), noise_bound=1e-5)
     assert diagnosis.verdict == "explained"

@@ -111,6 +111,7 @@ def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_w
     assert (worst.objects, worst.position, worst.accelerometer) == (True, 8, 3)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("kind", "seed"), [("thermal-lag", 8), ("bias-step", 1)])
 def test_the_extended_model_runs_at_one_possible_point(tmp_path: Path, kind: str, seed: int):
     """Two lags nearly cancel in least squares, with biases of hundreds of bounds: that point is impossible."""

@@ -50,6 +50,7 @@ def clean():
     return fit, Travel.of(record.raw, fit, bench().place.encoder_within(SIGMA), 9.80665)
 
 
+@pytest.mark.acceptance
 def test_the_extended_gyro_block_gives_the_record_again(clean):
     """Its FMU, driven by the table's motion with the hidden effects, integrates like the record's gyros."""
     fit, _ = clean
@@ -68,6 +69,7 @@ def test_the_extended_gyro_block_gives_the_record_again(clean):
         assert least <= worst <= most
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("place", "values"),
     [
@@ -119,6 +121,7 @@ def faultless():
     return whole_evidence(measured(), bench().place, noise_bound=SIGMA).model
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("effect", ["backlash", "hysteresis"])
 def test_a_sense_is_that_of_the_last_move_in_motion_too(faultless, effect):
     """With true sizes the readings stand if one axis comes before the other, and as an input passes its largest.
@@ -187,7 +190,7 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     assert "--latitude-deg: is of one record; give one" in capsys.readouterr().err
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("place", "values"),
     [
@@ -212,6 +215,7 @@ def test_what_only_motion_shows_is_named_with_its_size_inside(place, values):
     assert all(evidence.model.refit([rival]).radius > 1.0 for rival in rivals)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("late", "squared"), [(6e-4, 1e-4), (1e-7, 2e-3), (6e-4, 0.0)])
 def test_the_radius_of_the_verdict_is_that_of_the_witness_that_errs_most(late, squared):
     """Accelerometers show that one of them is late, gyros a square of rates; both may falsify the model."""
@@ -247,6 +251,7 @@ def of_formula(text: str, size: float) -> Hidden:
     return Hidden(place, (size,))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("hidden", "where", "quantity"),
     [
@@ -318,6 +323,7 @@ def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
         assert np.abs(theirs - ours).max() <= 3e-3 * np.abs(theirs).max()
 
 
+@pytest.mark.acceptance
 def test_no_reading_in_motion_is_off_by_itself():
     """Beside an effect that is not linear one was a candidate, and then had no position number."""
     evidence = whole_evidence(measured(), bench().place, noise_bound=SIGMA)

@@ -44,6 +44,7 @@ def holds(fit: Fit, true: Sequence[float]) -> bool:
     return all(low <= value <= high for value, (low, high) in zip(true, ends, strict=True))
 
 
+@pytest.mark.acceptance
 def test_a_slip_is_not_lost_where_the_time_next_to_the_best_parts_a_reading():
     """A slip of 13 arcmin near the end of a move: its reading shows nothing of it at that time, and all of an
     earlier one."""
@@ -86,6 +87,7 @@ def title(value: object) -> str:
     return value.effect if isinstance(value, EffectPlace) else ""
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("place", "values"), CASES, ids=title)
 def test_turns_change_as_the_extended_component_says(place, values):
     """Compare the integrals of the gyro block's own component, with the effect less without, piece by piece."""

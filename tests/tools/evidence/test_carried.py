@@ -80,6 +80,7 @@ def test_sensitivity_to_gravity_is_named_with_its_size_and_gains_on_moves_that_w
     assert result.gain.held_out_rms_after < 0.5 * result.gain.held_out_rms_before
 
 
+@pytest.mark.acceptance
 def test_the_object_is_that_of_the_contract(sensitive):
     content = sensitive[1].to_json()
     assert (content["schema"], content["unit"]) == ("trihedron.diagnosis/3", "arcmin")
@@ -99,6 +100,7 @@ def with_truth(record, motion, latency: int = 0):
     return replace(record, attitude=quaternion, rate=late)
 
 
+@pytest.mark.acceptance
 def test_latency_is_named_in_samples_beside_the_true_attitude_and_nothing_where_there_is_none():
     motion = true_motion(period=0.01)
     result = diagnose(with_truth(strapdown_record(motion, seed=5), motion, latency=3), rerun=False)

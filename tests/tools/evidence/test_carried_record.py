@@ -45,6 +45,7 @@ WRONG = {
 }
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", WRONG)
 @pytest.mark.parametrize("kind", ["clean", "filmed"])
 def test_gyros_that_cannot_be_right_are_refused_in_one_line(name, kind, request):
@@ -75,6 +76,7 @@ def test_a_record_without_poses_or_rests_says_which_to_add():
         assert any(says in str(text) for text in result.missing or ())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["clean", "filmed"])
 def test_missing_rows_name_nothing(kind, request):
     record = request.getfixturevalue(kind)

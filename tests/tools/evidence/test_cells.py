@@ -231,6 +231,7 @@ def test_a_wander_is_straight_between_its_times_and_zero_at_the_first():
             wander_at(EffectPlace("bias-wander", "accelerometer-1", law=law))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("name", "sizes"),
     [

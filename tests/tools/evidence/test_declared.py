@@ -50,6 +50,7 @@ OF_OWN_FMUS = {
 }
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", [pytest.param("places"), pytest.param("lags", marks=pytest.mark.acceptance)])
 def test_a_bench_of_our_own_fmus_stands_at_20_ms(name, tmp_path):
     """Its accelerometers are up to 3 cm off centre, or late by 4 ms; scale factors and misalignments are 1e-2."""

@@ -141,6 +141,7 @@ def carried():
     return evidence_of_day
 
 
+@pytest.mark.acceptance
 def test_strapdown_records_share_an_effect_within_the_interval_of_each(carried):
     joint = join(carried)
     assert joint.model.falsified
@@ -165,6 +166,7 @@ def test_what_was_found_in_one_strapdown_record_helps_on_the_other_by_the_fmus(c
     assert after < 0.3 * before
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("baseline", ["symmetric", "asymmetric"])
 def test_a_table_and_a_hand_tell_the_same_accelerometers(baseline):
     """Misalignments are the same for any turning; scale factors too if the table's do not depend on the sign.

@@ -182,6 +182,7 @@ ALSO_ELSEWHERE = (
 """Effects that other tests name beside true attitudes or between rests, or that act like one of the others."""
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=pytest.mark.acceptance) if n in ALSO_ELSEWHERE else n for n in CATALOGUE],

@@ -152,7 +152,7 @@ def test_a_pipe_in_place_of_the_mapping_is_refused(tmp_path: Path, capsys):
         th.import_record(log, out=out)
 
 
-@pytest.mark.first(8)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["log.csv", "log.xlsb", "log.csv.gz", "log.mat", "log.bag", "log.mcap"])
 @pytest.mark.parametrize("read", [th.import_record, partial(th.batch, do="noise", out="out")])
 def test_a_pipe_in_place_of_a_log_is_refused_and_not_waited_for(read, name: str, tmp_path: Path, monkeypatch):
@@ -173,6 +173,7 @@ def test_a_pipe_in_place_of_a_log_is_refused_and_not_waited_for(read, name: str,
     assert "is not a regular file" in refusals[0]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("filler", ["-9999", "999", "-9999.0"])
 @pytest.mark.parametrize(("unit", "size"), [("rad/s", 1.0), ("deg/h", 206264.8)])
 def test_numbers_for_missing_readings_are_asked(filler: str, unit: str, size: float, tmp_path: Path):

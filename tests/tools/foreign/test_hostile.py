@@ -70,6 +70,7 @@ def test_random_bytes_anywhere(folder: Path, content: bytes, at: int):
     imported(folder, table[:at] + content + table[at:])
 
 
+@pytest.mark.acceptance
 @SETTINGS
 @given(row=st.integers(0, 8), column=st.integers(0, 6), cell=cells, sep=st.sampled_from([b";", b"\t"]))
 def test_a_wrong_cell_anywhere(folder: Path, row: int, column: int, cell: str, sep: bytes):

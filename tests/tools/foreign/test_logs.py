@@ -22,6 +22,7 @@ SINGLE = 3e-7
 """Relative rounding of numbers of 32 bits."""
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", LOGS)
 def test_a_log_is_read_to_the_last_digit(name: str, tmp_path: Path):
     write, answers = LOGS[name]
@@ -187,6 +188,7 @@ def motion(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return force, np.stack([zero + 0.001, -rate, zero], axis=1)
 
 
+@pytest.mark.acceptance
 def test_two_files_of_one_clock_are_one_record(tmp_path: Path):
     time = np.arange(0.0, 30.0, 0.01)
     force, rate = motion(time)
@@ -220,7 +222,7 @@ def test_the_slower_file_is_interpolated_within_its_bound_and_the_lag_is_stated(
     assert (" ahead of " in notes) == (lag < 0.0) or lag == 0.0
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize("late", [3.17, -1.06])
 def test_two_files_that_each_begin_at_0_are_asked_for_the_lag_that_the_record_shows(late: float, tmp_path: Path):
     """Each logger counts from its own start: the gyros' stamps of a moment are larger by the lag."""
@@ -241,6 +243,7 @@ def test_two_files_that_each_begin_at_0_are_asked_for_the_lag_that_the_record_sh
     assert not any("not certain" in note for note in together.notes)
 
 
+@pytest.mark.acceptance
 def test_two_files_that_begin_at_0_say_that_one_clock_is_not_certain(tmp_path: Path):
     """At rest nothing shows a lag; in motion without one it is near 0."""
     time = np.arange(0.0, 30.0, 0.01)

@@ -444,7 +444,7 @@ def test_rows_of_two_sensors_are_not_mixed(tmp_path: Path):
         th.import_record(path, part="I=7")
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize("mark", [",", ";"])
 def test_a_large_text_is_read_as_a_small_one(mark: str, tmp_path: Path, monkeypatch):
     """Its columns are read at once; the numbers, the rows that are left out and the record's file are the same."""

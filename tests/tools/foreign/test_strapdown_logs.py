@@ -35,6 +35,7 @@ def file_of(block: Block, name: str) -> LabFile:
     return next(file for file in strapdown_files(block) if file.name == name)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_log_is_imported_or_asks_for_what_is_missing(name: str, block: Block, tmp_path: Path):
     block = Block(*(values[TURNED] for values in (block.time, block.rate, block.force)))

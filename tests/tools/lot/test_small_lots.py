@@ -38,6 +38,7 @@ def lots_with_a_name(counts: range | tuple[int, ...], lots: int) -> int:
     return named
 
 
+@pytest.mark.acceptance
 def test_a_small_lot_without_anything_names_nothing():
     assert lots_with_a_name((8, 9, 12), 45) <= 2
 

@@ -96,6 +96,7 @@ def test_what_a_file_says_is_shown_and_never_run(server: DeskServer, table: Tabl
     assert "&lt;script&gt;" in text
 
 
+@pytest.mark.acceptance
 def test_the_page_shows_what_is_and_says_when_it_is_alone(server: DeskServer, table: TableView, window: Window):
     for width, dark in ((1280, False), (400, True)):
         assert window.complaints == []
@@ -124,6 +125,7 @@ def test_a_port_that_is_taken_is_said(server: DeskServer, tmp_path: Path):
         DeskServer(Desk(), server.port)
 
 
+@pytest.mark.acceptance
 def test_the_positions_so_far_are_calculated_on_the_page_again_after_each_rest(tmp_path: Path, window: Window):
     """`measure` is a view of the page of `open`: its record stands below, and its result follows the measurement."""
     write_positions(tmp_path / "plan.csv")

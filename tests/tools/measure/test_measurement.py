@@ -271,6 +271,7 @@ def test_positions_that_determine_nothing_are_no_plan(tmp_path):
         read_programme(path)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("number", [0, 9])
 def test_a_programme_with_a_position_that_the_plan_lacks_is_refused(number: int, tmp_path):
     plan = planned(8).to_json()

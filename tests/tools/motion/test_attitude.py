@@ -383,6 +383,7 @@ def test_algorithms_stand_side_by_side_with_their_errors() -> None:
     assert apart[3] == 0.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("increments", [3, 8, 23])
 def test_last_rows_that_fill_no_step_are_counted(increments: int) -> None:
     comparison = compare_algorithms(harmonic_record(increments + 1))

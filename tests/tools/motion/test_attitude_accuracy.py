@@ -123,6 +123,7 @@ def test_round_off_stays_under_2e_12_degrees_a_minute(algorithm: str, frequency:
     assert errors_deg(exact_samples(frequency, 60.0 * minutes), algorithm).max() <= 2e-12 * minutes
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("algorithm", "expected"),
     [
@@ -148,6 +149,7 @@ def test_the_best_algorithm_is_ten_thousand_times_better_on_the_first_motion() -
     assert errors_deg(motion, "two-sample-rodrigues").max() > 1e4 * errors_deg(motion, "adaptive-degree").max()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["2", "5", "6"])
 def test_the_best_algorithm_is_five_thousand_times_better_on_the_other_variants(name: str) -> None:
     motion = samples(name, 100, 600.0)
@@ -180,6 +182,7 @@ def never_worse(name: str, frequency: int, span: float) -> None:
     assert (np.sqrt(square[0] / square[1]) <= (1.2 if frequency <= 1000 else 1.1)).all()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("frequency", [500, 2000])
 @pytest.mark.parametrize("name", ["first", "second"])
 def test_the_best_algorithm_is_never_worse_on_the_compositions(name: str, frequency: int) -> None:

@@ -56,6 +56,7 @@ def carried(record: StrapdownRecord) -> np.ndarray:
     return run_algorithm(algorithm_named("mean-rate"), increments_from(record, 0).angle)[-1:]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["rates", "increments"])
 def test_the_bound_holds_and_is_not_far_from_what_happens(kind):
     part = []

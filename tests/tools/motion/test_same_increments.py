@@ -90,6 +90,7 @@ def test_no_algorithm_is_on_the_line_of_a_cone_and_of_its_alias() -> None:
     assert errors[0] < 0.12 * errors[1]
 
 
+@pytest.mark.acceptance
 def test_what_the_adaptive_algorithm_loses_on_vibration_above_half_the_rate_no_algorithm_keeps() -> None:
     """Compare the composition of 1 to 420 Hz at 500 Hz with the motion below 250 Hz that has its increments."""
     harmonics = np.array(paper_motion("second", EXACT)).reshape(3, -1, 3)

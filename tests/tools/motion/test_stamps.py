@@ -123,6 +123,7 @@ def test_single_lost_rows_are_found_beside_jitter(lost: tuple[int, ...], places:
     assert grid_of(time).lost.tolist() == list(lost)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_even_stamps_count_where_samples_are_even(kind: str, tmp_path: Path) -> None:
     record = moved_by_hand(3)
@@ -210,6 +211,7 @@ def test_a_jump_ends_a_rest(seed: int, tmp_path: Path) -> None:
     assert len(th.inspect(tmp_path / "record.csv").rests) == 6
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("rows", [16, 8, 23])
 @pytest.mark.parametrize("algorithm", ["two-sample-rodrigues", "four-sample-recursive", "rodrigues-iteration-8"])
 def test_rows_that_fill_no_step_are_said_to_be_left_out(rows: int, algorithm: str, tmp_path: Path) -> None:
@@ -296,6 +298,7 @@ def test_a_raw_record_of_stamps_that_repeat_is_calibrated_by_its_rate(tmp_path: 
     assert any("those logged are unused" in line for line in result.warnings)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("stamps", ["even", "logged", "100"])
 def test_one_row_has_no_period(stamps: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     moved_by_hand(3).to_polars()[:1].write_csv(tmp_path / "record.csv")
@@ -303,6 +306,7 @@ def test_one_row_has_no_period(stamps: str, tmp_path: Path, capsys: pytest.Captu
     assert "has 1 rows; at least 16 are needed" in capsys.readouterr().err
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_rate_at_rest_is_that_of_even_stamps(kind: str, tmp_path: Path) -> None:
     record = moved_by_hand(7)

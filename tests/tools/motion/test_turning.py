@@ -70,6 +70,7 @@ def test_every_signed_permutation_of_gyros_is_said_beside_gravity(clean):
     assert "read it with --channels w=deg" in said_of(replace(clean, rate=np.degrees(clean.rate)))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("order", [(1, 2, 3), (2, 1, -3)])
 def test_rates_that_were_said_to_be_degrees_and_are_none_are_said(clean, order):
     """With gravity and with a true attitude: the advice is to remove the wrong option, and nothing else."""
@@ -106,6 +107,7 @@ def test_right_gyros_are_advised_nothing(seed):
     assert said_of(lagging) == ""
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("speed", "every"), [(2.0, 1), (25.0, 1), (25.0, 30)])
 def test_rotations_are_compared_with_the_true_ones_however_fast(speed, every):
     """With the truth in every thirtieth row the block turns by more than half a turn between known rows."""
@@ -190,6 +192,7 @@ def test_accelerometers_that_are_all_reversed_or_a_reference_whose_z_points_down
     assert advice in trusted(reversed_).warnings
 
 
+@pytest.mark.acceptance
 def test_check_and_apply_say_what_diagnose_would_refuse(clean, tmp_path):
     path = tmp_path / "measured.csv"
     write_record(replace(clean, rate=clean.rate @ PERMUTATIONS[30].T), path)

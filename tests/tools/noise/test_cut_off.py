@@ -52,6 +52,7 @@ def test_readings_that_are_cut_off_are_refused(cut, step: float, name: str, tmp_
         th.noise(static(tmp_path / "static.csv", cut, step))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("step", [0.0, 0.25, 1.0])
 def test_whole_readings_in_steps_are_taken(step: float, tmp_path: Path) -> None:
     result = th.noise(static(tmp_path / "static.csv", {}, step))
@@ -59,6 +60,7 @@ def test_whole_readings_in_steps_are_taken(step: float, tmp_path: Path) -> None:
     assert result.warnings == []
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("cut", "step", "words"),
     [({}, 3.0, "gyro 1: its steps are wider"), ({"f1": (0.2, 0.8)}, 0.7, "accelerometer 1: its readings end")],

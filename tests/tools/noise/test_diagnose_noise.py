@@ -56,6 +56,7 @@ def scenario(tmp_path):
     return path
 
 
+@pytest.mark.acceptance
 def test_a_diagnosis_names_the_noise_that_the_simulation_lacks(scenario, tmp_path, capsys):
     path, out, folder = tmp_path / "run.csv", tmp_path / "diagnosis.json", tmp_path / "extended"
     write_record(moved_record(1, 6e-6), path)
@@ -78,6 +79,7 @@ def test_a_diagnosis_names_the_noise_that_the_simulation_lacks(scenario, tmp_pat
     assert not (folder / "AccelerometerBlock.fmu").exists() or any(one["changed"] for one in noise["against"][3:])
 
 
+@pytest.mark.acceptance
 def test_the_noise_changes_no_verdict(scenario):
     record = moved_record(2, 0.0)
     alone, compared = th.diagnose(record), th.diagnose(record, against=scenario)

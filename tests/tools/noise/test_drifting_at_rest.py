@@ -24,7 +24,7 @@ def with_motion(record: StrapdownRecord, rate, force=None) -> StrapdownRecord:
     )
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("step", "rows", "gyro", "accelerometer", "letter"),
     [
@@ -47,7 +47,7 @@ def test_a_static_record_is_taken_whole_however_much_its_biases_drift(step, rows
         assert 0.6 < known(known(channel.coefficient(letter)).estimate) / size < 1.5
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("size", "time"), [(1e-2, 300.0), (3e-3, 600.0)])
 def test_a_warm_up_ends_no_rest(size, time):
     record = static_record(36_000, 0.1, *WHITE, seed=3)
@@ -67,7 +67,7 @@ def turned(time, axis: int, start: float, length: float, degrees: float):
     return rates
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("sizes", "length", "degrees"),
     [(WHITE, 3.0, 90.0), (WHITE, 60.0, 10.0), (WHITE, 100.0, 45.0), (WALKING, 3.0, 90.0), (WALKING, 60.0, 30.0)],
@@ -94,6 +94,7 @@ def test_a_slow_tilt_is_no_rest():
     assert [channel.admissible[0] for channel in result.channels] == ["N"] * 6
 
 
+@pytest.mark.acceptance
 def test_a_block_that_spins_and_stops_is_not_static():
     record = static_record(60_000, 0.01, *WALKING, seed=1)
     for length, rate in ((10.0, 5.0), (30.0, 2.0)):
@@ -102,6 +103,7 @@ def test_a_block_that_spins_and_stops_is_not_static():
         assert not th.noise(with_motion(record, spinning)).static
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("size", "time"), [(0.1, 300.0), (0.05, 60.0), (1.0, 700.0)])
 @pytest.mark.parametrize("letter", ["", "K"])
 def test_a_strong_warm_up_hides_no_walk_and_feigns_none(size, time, letter):

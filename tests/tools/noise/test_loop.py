@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 import trihedron as th
 from generator.noise import GRAVITY, noise_series, static_record
@@ -25,6 +26,7 @@ def measured_positions(seed: int):
     return session.record(error=(means - means.mean(axis=0)) / GRAVITY)
 
 
+@pytest.mark.acceptance
 def test_from_a_static_record_to_a_calibration(tmp_path, capsys):
     static, scenario = tmp_path / "static.csv", tmp_path / "bench.toml"
     write_record(static_record(36_000, STEP, {"N": 1e-4}, SIZES, seed=11), static)

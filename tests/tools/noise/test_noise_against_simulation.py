@@ -12,6 +12,7 @@ from trihedron.tools.orchestrator import read_scenario
 from trihedron.tools.records import write_record
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_one_hidden_process_is_named_with_its_size(seed, tmp_path):
     secret = drawn(seed, 1)
@@ -27,11 +28,13 @@ def test_one_hidden_process_is_named_with_its_size(seed, tmp_path):
                 assert one.changed[letter] == pytest.approx(size, rel=0.5)
 
 
+@pytest.mark.acceptance
 def test_noise_as_simulated_is_consistent(tmp_path):
     result = answered(HiddenNoise({}, {}), 5, tmp_path)
     assert [one.verdict for one in result.against] == ["consistent"] * 6
 
 
+@pytest.mark.acceptance
 def test_the_extended_noise_predicts_the_half_that_was_not_used(tmp_path):
     secret = HiddenNoise({"K": 2e-5}, {})
     result = answered(secret, 7, tmp_path)
@@ -43,6 +46,7 @@ def test_the_extended_noise_predicts_the_half_that_was_not_used(tmp_path):
         assert one.score > 0.0
 
 
+@pytest.mark.acceptance
 def test_command_extends_the_scenario_and_its_run_has_the_noise(tmp_path, capsys):
     secret = HiddenNoise({"K": 2e-5}, {"B": 6e-4})
     result = answered(secret, 8, tmp_path)

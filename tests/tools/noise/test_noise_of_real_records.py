@@ -60,7 +60,7 @@ def inside(noise: Noise, record: StrapdownRecord) -> list[bool]:
     return results
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", RECORDS[:4])
 def test_white_noise_is_that_of_the_data_sheet_within_a_factor(name):
     result = th.noise(measured(name))
@@ -81,6 +81,7 @@ def test_rests_that_were_not_used_are_predicted():
     assert 0.90 <= np.mean(every) <= 0.98
 
 
+@pytest.mark.acceptance
 def test_drifts_of_made_noise_are_predicted():
     sizes = {"N": 1e-4, "B": 4e-5}
     record = static_record(60_000, 0.02, sizes, {"N": 1e-3, "K": 1e-5}, seed=3)

@@ -48,6 +48,7 @@ def sets_of(result: Noise, sensor: Sensor) -> list[str]:
     return [channel.admissible[0] for channel in result.of(sensor)]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("sizes", "name"),
     [
@@ -69,6 +70,7 @@ def test_large_processes_are_named_with_their_size(sizes, name):
         assert holds.count(False) <= 1
 
 
+@pytest.mark.acceptance
 def test_a_process_that_is_not_there_has_an_upper_end_near_the_limit_of_detection():
     result = noise_of({"N": 1.0}, {"N": 1.0}, seed=1)
     for channel in result.of("gyro"):
@@ -92,6 +94,7 @@ def test_allan_deviation_is_that_of_another_program():
     np.testing.assert_allclose(curve.deviation, deviation, rtol=1e-12)
 
 
+@pytest.mark.acceptance
 def test_its_band_holds_the_allan_deviation_of_such_records():
     inside = []
     for seed in range(5):
@@ -121,6 +124,7 @@ def test_sigma_for_positions_is_kept_by_averages_of_such_noise():
     assert 0.4 * averaged.sigma < np.median(largest) < averaged.sigma
 
 
+@pytest.mark.acceptance
 def test_growth_of_the_attitude_error_is_at_least_that_of_simulated_records():
     """The prediction takes upper ends, and the worst axis: it is up to twice the spread, never far below."""
     step, sizes = 0.1, {"N": 1e-4, "B": 4e-5}
@@ -179,6 +183,7 @@ def test_a_filter_of_the_sensor_gives_no_false_process():
     assert all(channel.filtered and channel.admissible == ["N"] for channel in result.of("gyro"))
 
 
+@pytest.mark.acceptance
 def test_warm_up_at_the_start_is_left_out_on_request():
     record = static_record(120_000, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=7)
     warming = 2e-4 * np.exp(-record.time_s / 60.0)[:, None]
@@ -189,6 +194,7 @@ def test_warm_up_at_the_start_is_left_out_on_request():
     assert sets_of(th.noise(warm, skip=500.0), "gyro") == ["N", "N", "N"]
 
 
+@pytest.mark.acceptance
 def test_command_writes_json_page_and_kalibr(tmp_path, capsys):
     record = static_record(20_000, STEP, {"N": 1e-4, "K": 1e-5}, {"N": 1e-3}, seed=2)
     path = tmp_path / "static.csv"
@@ -231,6 +237,7 @@ def test_a_record_of_few_rows_has_no_rest(rows: int):
         th.noise(record)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("least", [2e-4, 8.7e-4])
 def test_coarse_readings_at_rest_are_no_fault(seed: int, least: float):
@@ -245,6 +252,7 @@ def test_coarse_readings_at_rest_are_no_fault(seed: int, least: float):
     assert noise.static
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("value", [0.0, 1e-3, 9.80665])
 def test_a_channel_that_repeats_one_value_is_a_warning(value: float):
     record = static_record(2000, 0.01, {"N": 1e-4}, {"N": 1e-3}, 6)

@@ -35,6 +35,7 @@ def test_clean_records_of_the_instrument_are_consistent(noise):
     assert verdicts.count("consistent") >= 99
 
 
+@pytest.mark.acceptance
 def test_sigma_is_not_needlessly_wide(noise):
     radii = [float(known(th.calibrate(averaged_record(seed), noise_result=noise).radius)) for seed in range(10)]
     assert np.median(radii) > 0.25

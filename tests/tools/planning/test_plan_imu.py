@@ -67,6 +67,7 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
     assert np.isinf(still[symbols.index("M33")])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("options", "message"),
     [

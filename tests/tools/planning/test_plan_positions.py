@@ -95,6 +95,7 @@ def test_local_improvement_from_the_set_that_was_known() -> None:
     assert improve(tables_task(criterion="mean"), start, radius=0.1).mean < start.mean
 
 
+@pytest.mark.acceptance
 def test_the_search_repeats_and_improves() -> None:
     (first, *_), (second, *_) = (search_positions(tables_task(seed=3, starts=1), 8) for _ in range(2))
     assert first is not None
@@ -133,6 +134,7 @@ def test_reserve_holds_at_every_setting_error_within_it() -> None:
         assert (clearances(bare, moved)[counts] > 0.0).all()
 
 
+@pytest.mark.acceptance
 def test_rounded_positions_stay_good() -> None:
     task = tables_task(resolution_deg=0.5)
     best = rounded(task, costs(task, stored(8)))
@@ -205,6 +207,7 @@ def test_a_set_for_levelling_keeps_its_promise_and_is_better_for_it_than_one_for
         assert 0.9 * plan.costs[symbol] < error < 1.02 * plan.costs[symbol]
 
 
+@pytest.mark.acceptance
 def test_a_search_for_a_level_makes_its_error_small_not_the_largest_single_one() -> None:
     options = {"optima": LEVEL_OPTIMA, "admissible": "paper", "starts": 2}
     level, single = planned(8, goal="levelling", **options), planned(8, targets=LEVEL, **options)
@@ -212,6 +215,7 @@ def test_a_search_for_a_level_makes_its_error_small_not_the_largest_single_one()
     assert level.levelling_error < 0.97 * level_error(single.costs)
 
 
+@pytest.mark.acceptance
 def test_the_fewest_positions_that_keep_an_error_or_that_none_do() -> None:
     options = {"goal": "gyrocompass", "latitude_deg": -45.0, "noise_bound": 2e-5, "optima": np.full(len(LEVEL), 2.0)}
     plan = planned(None, accuracy="100urad", **options)

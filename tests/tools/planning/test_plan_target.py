@@ -26,6 +26,7 @@ def cost_of(plans: Plans) -> np.ndarray:
     return np.array([plan.cost for plan in plans])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("mounting", "rule"),
     [pytest.param(*case, marks=[] if case in QUICK else pytest.mark.acceptance) for case in sorted(COSTS)],

@@ -64,6 +64,7 @@ def slipped(table: PositionRecord) -> None:
     table.alpha[13:] += 0.003
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("spoil", "named"),
     [

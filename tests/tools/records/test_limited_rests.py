@@ -43,6 +43,7 @@ def test_calibrate_by_hand_leaves_out_a_rest_at_the_end_of_the_range(gyros, step
     assert abs(error) < 4.0 * present(scale.standard_error)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("step", [0.0, 0.3, 1.0, 2.0])
 def test_no_rest_within_the_range_is_left_out(step, tmp_path: Path):
     for seed in (12, 13):

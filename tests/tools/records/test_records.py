@@ -305,6 +305,7 @@ def long_record(rows: int = 20_000) -> list[str]:
     return lines
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("end", "last"),
     [("\n", ""), ("\r\n", "\r\n"), ("\n", "\n# the end\n"), ("\n", "\n\n")],
@@ -320,6 +321,7 @@ def test_a_long_file_has_the_numbers_that_python_reads(record_of, end, last):
     np.testing.assert_array_equal(record.row, np.arange(4, 20_004))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("line", "words"),
     [

@@ -59,6 +59,7 @@ def test_angles_of_any_value_show_no_step():
     assert angle_steps(*np.random.default_rng(3).uniform(0.0, 2.0 * np.pi, (2, 24))).error == 0.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "count", "step"), [(1, 24, 0.1), (2, 48, MINUTE), (3, 36, 0.01), (4, 100, 0.1)])
 def test_rounded_angles_do_not_falsify_a_record(seed, count, step, tmp_path):
     path = coarse_record(tmp_path, seed, count, step)
@@ -96,6 +97,7 @@ def test_a_table_that_stands_at_its_settings_hides_no_effect(step, tmp_path):
     assert {cause.place for cause in diagnosis.causes} == {QUADRATIC}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "count", "row", "step"), [(11, 28, 2, 0.1), (12, 24, 17, 0.1), (13, 36, 9, MINUTE)])
 def test_one_angle_a_step_off_is_no_rounding(seed, count, row, step, tmp_path):
     session, rng = drawn(seed, count)

@@ -64,6 +64,7 @@ def formats(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.func.id
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("package", SHOWN)
 def test_what_is_shown_has_no_format_of_its_own(package):
     matches = [
@@ -261,6 +262,7 @@ def test_a_bound_on_its_wrong_side_is_found(show: Callable[[], Any], wrong: int)
     assert len(shown_too_well(content, watched)) == wrong
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("part", "end", "further"), [("causes", "low", -1e-6), ("causes", "high", 1e-6), ("targets", "low", -1e-7)]
 )

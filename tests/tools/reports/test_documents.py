@@ -199,6 +199,7 @@ def test_a_falsified_calibration_shows_the_readings_that_prove_it_and_no_guarant
     assert "guaranteed error" not in rows_of("calibration, falsified", "Targets")[0]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("kind", "parameters"), [("bench, explained", 1), ("bench, explained, with its gain", 1), ("block, explained", 9)]
 )
@@ -214,6 +215,7 @@ def test_a_cause_has_the_digits_that_its_interval_justifies_in_the_table_and_in_
         assert f"<mn>{written.lstrip('-')}</mn>" in mathematics
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["bench, ambiguous", "block, ambiguous"])
 def test_sets_that_remain_are_numbered_and_all_named(kind):
     result = shown(kind)[0]
@@ -254,6 +256,7 @@ def test_the_gain_is_that_of_the_result():
         assert number(after) == pytest.approx(gain.held_out_rms_after, rel=5e-3)
 
 
+@pytest.mark.acceptance
 def test_without_a_cause_it_is_said_what_the_residual_depends_on():
     result = shown("bench, unexplained")[0]
     first = result.residual_structure[0]

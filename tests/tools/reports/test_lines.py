@@ -50,6 +50,7 @@ def test_a_panel_for_each_unit_and_every_extreme() -> None:
     assert len(pictures[1]) < 60_000
 
 
+@pytest.mark.acceptance
 def test_the_page_of_a_run_is_the_same_each_time(tmp_path: Path) -> None:
     write_plot(tmp_path / "a.html", "<script>", "said", table())
     write_plot(tmp_path / "b.html", "<script>", "said", table())

@@ -59,6 +59,7 @@ def test_a_sheet_of_too_few_positions_leaves_open_what_is_open():
     assert "<math" not in html(page)
 
 
+@pytest.mark.acceptance
 def test_a_sheet_is_one_page_of_a4(calibration, window: Window, tmp_path):
     file = calibration.sheet(tmp_path / "sheet.html", about={"bench": "table 3"})
     seen = window.open(file, 400, dark=True)

@@ -34,7 +34,7 @@ def test_every_verdict_fits_the_screen(name):
         assert "\nGain: " in str(diagnosis)
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize("what", ["disturbed", "angle"])
 def test_wrong_rows_fit_the_screen_and_say_what_to_do(what):
     diagnosis = diagnose(with_wrong_rows(4, what, 24, 3).record, noise_bound=SIGMA, rerun=False)
@@ -60,6 +60,7 @@ def test_the_answer_on_exchanged_columns_says_to_swap_them_back():
     assert diagnosis.next == (f"swap {first} and {second} back in {rows} of the file; until then leave them out",)
 
 
+@pytest.mark.acceptance
 def test_a_fault_beside_an_unfinished_search_is_said_to_be_so():
     record = with_wrong_stretch(4, "channels exchanged", 36, 7).record
     diagnosis = diagnosed(evidence_of(record, noise_bound=SIGMA), rerun=False, most_work=1.0)
@@ -101,6 +102,7 @@ def test_a_size_that_may_be_zero_is_not_certain():
     assert "may be zero" not in weak.partition("Not certain:")[0]
 
 
+@pytest.mark.acceptance
 def test_an_export_without_an_effect_says_why_it_writes_nothing(tmp_path, capsys):
     record = tmp_path / "r.csv"
     write_record(with_wrong_rows(4, "angle", 24, 1).record, record)

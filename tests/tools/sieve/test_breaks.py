@@ -50,7 +50,7 @@ CASES = [("outer zero", 1, 48), ("inner zero", 2, 36), ("biases", 3, 24), ("scal
 CASES += [("biases and mounting", 5, 48), ("common scale", 6, 36)]
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("group", "seed", "count"), CASES)
 def test_a_break_is_named_with_its_gap_and_its_size(group, seed, count):
     broken = broken_record(seed, group, count, 8.0)
@@ -72,6 +72,7 @@ def test_breaks_of_drawn_records_are_named(group):
     assert named >= 6
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("axis", [1, 2])
 def test_one_angle_of_the_mounting_changes(axis):
     seed = {1: 11, 2: 13}[axis]
@@ -82,6 +83,7 @@ def test_one_angle_of_the_mounting_changes(axis):
     assert abs(size - broken.change[0]) < 2.0 * SIGMA
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("group", LISTED)
 def test_what_the_catalogue_lists_keeps_its_name(group):
     result = diagnosed(broken_record(21, group, 48, 12.0).record)

@@ -12,6 +12,7 @@ DRAWS = 4
 """Draws of each kind."""
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("kind", "seed"), [("readings", 1), ("σ too small", 2), ("coarse encoder", 3)])
 def test_a_drawn_fault_is_named(kind, seed):
     fault = drawn_fault(seed, kind)

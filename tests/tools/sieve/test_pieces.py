@@ -32,7 +32,7 @@ def assert_named(result, wrong):
         assert wrong.key in first.change[label]
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("kind", "what"), [("rest", "exchanged"), ("move", "sign"), ("move", "offset")])
 def test_a_wrong_piece_of_a_block_moved_by_hand_is_named(kind, what):
     wrong = with_wrong_piece(1, kind, what)
@@ -55,6 +55,7 @@ def test_pieces_of_drawn_records_are_named(kind, what):
     assert named >= 6
 
 
+@pytest.mark.acceptance
 def test_a_copied_move_is_named_with_its_original():
     rng = np.random.default_rng(4)
     record, rests = hand_record(rng, 18)
@@ -67,6 +68,7 @@ def test_a_copied_move_is_named_with_its_original():
     assert "Its readings are those from" in first.sentence
 
 
+@pytest.mark.acceptance
 def test_the_size_of_an_offset_is_stated():
     rng = np.random.default_rng(5)
     record, rests = hand_record(rng, 18)
@@ -77,6 +79,7 @@ def test_the_size_of_an_offset_is_stated():
     assert first.change["rest-10"]["f2_g"] == pytest.approx(0.4 / 9.80665, abs=3e-3)
 
 
+@pytest.mark.acceptance
 def test_a_person_reads_which_piece_is_wrong_and_when(tmp_path):
     wrong = with_wrong_piece(2, "rest", "knocked")
     path = tmp_path / "hand.csv"
@@ -89,6 +92,7 @@ def test_a_person_reads_which_piece_is_wrong_and_when(tmp_path):
     assert result.report(tmp_path / "page.html").stat().st_size > 1000
 
 
+@pytest.mark.acceptance
 def test_two_wrong_pieces_with_large_errors_are_named_together():
     rng = np.random.default_rng(8)
     record, rests = hand_record(rng, 20)
@@ -101,6 +105,7 @@ def test_two_wrong_pieces_with_large_errors_are_named_together():
     assert set(result.explanations[0].where) == {"rest-12", "move-5"}
 
 
+@pytest.mark.acceptance
 def test_a_gyro_that_errs_in_every_move_is_no_wrong_piece(monkeypatch):
     def run_again(source, record=None, **changed):
         raise AssertionError("an effect that acts on all moves needs no further run")
@@ -131,6 +136,7 @@ def bench_record() -> tuple[Any, Any, list[tuple[int, int]]]:
     return record, bench.place, [(rest.first, rest.last) for rest in record.rests if rest.refused is None]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("what", "label", "words"),
     [
@@ -180,6 +186,7 @@ def test_a_wrong_rest_of_a_series_without_gyros_is_called_a_rest():
     assert "7.3" in first.sentence or first.sentence.startswith("Rest 7 is wrong")
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("what", [pytest.param("jump", marks=pytest.mark.acceptance), "offset"])
 def test_no_sign_is_named_where_it_hardly_turns_the_block(what):
     rng = np.random.default_rng(1)

@@ -16,7 +16,7 @@ WARM_UP = EffectPlace("warm-up", "accelerometer-2")
 LONG = pytest.mark.acceptance
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("seed", "groups", "count"),
     [
@@ -38,7 +38,7 @@ def test_two_breaks_are_named(seed, groups, count):
     assert any(key.endswith(f"_from_row_{two.further_row}") for key in first.change)
 
 
-@pytest.mark.first(1)
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("seed", "group", "place", "sizes"),
     [
@@ -68,6 +68,7 @@ def test_a_break_and_an_effect_are_named(seed, group, place, sizes):
         assert low <= size <= high
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("seed", "group", "count"),
     [
@@ -98,6 +99,7 @@ def test_two_things_that_change_at_one_gap_are_named():
     assert set(first.where) == {"outer-axis", "accelerometer-1", "accelerometer-2", "accelerometer-3"}
 
 
+@pytest.mark.acceptance
 def test_two_effects_are_no_break():
     two = two_things(7, (), 48, ((QUADRATIC, (1.2e-4,)), (PRODUCT, (1.5e-4,))))
     assert {cause.place for cause in diagnosed(two.record).causes} == {QUADRATIC, PRODUCT}

@@ -113,6 +113,7 @@ def test_each_kind_of_damage_is_refused(bases, refused, kind, mutation):
     assert escaped() == []
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["fmu", "ssp"])
 def test_countless_members_are_refused(bases, refused, kind):
     assert "20000 files" in refused(kind, countless(bases[kind], DESCRIPTIONS[kind], random.Random(0)))

@@ -379,6 +379,7 @@ def test_the_step_is_that_of_the_outermost_master(tmp_path, fmus):
     assert imported(packed(tmp_path, fmus, text, "Gain"))[0].run.step_s == 0.25
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("version", [2, 3])
 def test_model_exchange_in_a_system(tmp_path, version):
     """x' = 1 - k x in a nested system, k by a mapping with a transformation, its output in units of its own."""

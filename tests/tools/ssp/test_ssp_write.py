@@ -131,6 +131,7 @@ def test_the_parts_stand_in_the_order_that_omsimulator_wants(exported):
     assert "temperature" not in inputs
 
 
+@pytest.mark.acceptance
 def test_the_same_bytes_on_every_export_and_the_same_run_when_it_comes_back(exported, tmp_path):
     again = write_ssp(bench(), tmp_path / "again.ssp", flavour="python")
     assert again.read_bytes() == exported.read_bytes()
@@ -146,6 +147,7 @@ def test_the_same_bytes_on_every_export_and_the_same_run_when_it_comes_back(expo
     assert simulation.select(expected.columns).equals(expected)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("stimuli", ["a programme", "rows"])
 def test_fmpy_gives_the_numbers_of_a_run_that_is_delayed(stimuli, tmp_path):
     """FMPy passes outputs on when all FMUs have stepped; so does coupling = "delayed": no number differs."""
