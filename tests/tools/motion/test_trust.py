@@ -31,7 +31,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.measured import attitude_of_record, check
 from trihedron.tools.motion import trust_of, trusted
 from trihedron.tools.records import BenchRecord, StrapdownRecord, read_record, write_record
-from trihedron.tools.workbench.desk import Desk, Request
+from trihedron.tools.workbench.desk import Desk, DeskRequest
 
 WRONG = (*GYROS, *ATTITUDES, *FORCES)
 PLACE = "--latitude-deg 55.75 --azimuth-deg 20"
@@ -184,7 +184,7 @@ def test_python_and_the_page_of_open_say_the_line_of_the_command(reading, files,
                 assert str(refusal.value) == line.replace("--channels ", "channels ").replace("--trust", "trust")
             if name in ("calibrate", "diagnose"):
                 answered, end = desk.answered, time.monotonic() + 120.0
-                desk.run(Request(name, (0,), {}))
+                desk.run(DeskRequest(name, (0,), {}))
                 while desk.answered == answered and time.monotonic() < end:
                     time.sleep(0.05)
                 assert desk.refusal == line
