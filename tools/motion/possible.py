@@ -121,9 +121,9 @@ def nearest_possible(
 ) -> NDArray[np.float64]:
     """Return the parameters nearest to an estimate by its covariance that keep each reading within its bound.
 
-    They are sought from the central parameters, which are returned where there are no others. The nearest point of a
-    polyhedron comes from nonnegative least squares (C. L. Lawson, R. J. Hanson, 1974). The other arguments are those of
-    `possible_forces`.
+    They are sought from the central parameters, which are returned where there are no others or the solver fails. The
+    nearest point of a polyhedron comes from nonnegative least squares (C. L. Lawson, R. J. Hanson, 1974). The other
+    arguments are those of `possible_forces`.
     """
     if _least_room(x, reading, bound, run) >= 0.0:
         return x
@@ -137,10 +137,14 @@ def nearest_possible(
         scale = np.linalg.norm(rows, axis=1)
         target = np.append(np.zeros(len(x)), 1.0)
         system = np.vstack([(rows / scale[:, None]).T, ends / scale])
-        left = system @ nnls(system, target)[0] - target
-        if not left[-1] < -EMPTY:
+        try:
+            remainder = system @ nnls(system, target)[0] - target
+        except RuntimeError:
+            # The rounds of the solver are limited.
             return centre
-        before, nearest = nearest, x - triangle @ (left[:-1] / left[-1])
+        if not remainder[-1] < -EMPTY:
+            return centre
+        before, nearest = nearest, x - triangle @ (remainder[:-1] / remainder[-1])
         if np.abs(nearest - before).max() < SETTLED:
             break
     return nearest if _least_room(nearest, reading, bound, run) >= 0.0 else centre

@@ -198,3 +198,19 @@ def test_estimates_with_a_bound_keep_every_reading_within_it_together(seed: int,
     for symbol in NAMES:
         assert result[symbol].possible(present(result[symbol].estimate))
         assert result[symbol].possible(known[symbol])
+
+
+def test_estimates_keep_readings_within_the_bound_where_the_solver_for_the_nearest_fails(monkeypatch) -> None:
+    """The library's solver is patched, since no drawn record makes it fail."""
+
+    def unsolved(*_: object) -> None:
+        raise RuntimeError("Maximum number of iterations reached.")
+
+    monkeypatch.setattr("trihedron.tools.motion.possible.nnls", unsolved)
+    instrument, bound, rng = Instrument(6), 1e-3, np.random.default_rng(6)
+    table = poses(instrument, directions(rng, 20), rng.choice([-bound, bound], (20, 3)))
+    result = th.calibrate(table, noise_bound=bound, gravity=GRAVITY)
+    reading = np.column_stack([table[f"f{axis}_mps2"] for axis in (1, 2, 3)]) / GRAVITY
+    ends = ends_of_norms(np.array([result[symbol].estimate for symbol in NAMES]), reading, bound)
+    assert ends[:, 0].max() <= 1.0 + 1e-8
+    assert ends[:, 1].min() >= 1.0 - 1e-8
