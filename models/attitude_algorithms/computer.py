@@ -173,11 +173,8 @@ def increment_effects(before: Vector, increment: Vector, effect: Vector, added: 
     """Stage "increment": add effects to an increment (3,) [rad], which may depend on the one before it; nominally
     nothing.
 
-    Returns 1.0 if there are any, else 0.0.
+    Returns 1.0 if there are any and `added` is written, else 0.0.
     """
-    added[0] = 0.0
-    added[1] = 0.0
-    added[2] = 0.0
     return 0.0
 
 
@@ -258,10 +255,10 @@ def collect(
         y = sample[1] + y
         z = sample[2] + z
     size = x * x + y * y + z * z
-    if not size <= MAX_INCREMENT * MAX_INCREMENT:
+    if not size <= progress[LONGEST] * progress[LONGEST]:
+        if size <= MAX_INCREMENT * MAX_INCREMENT:
+            return 4
         return 3
-    if size > progress[LONGEST] * progress[LONGEST]:
-        return 4
     updated[0] = 0.0
     sample[0] = x
     sample[1] = y
@@ -479,10 +476,10 @@ def step_attitude(
     turning: Vector,
 ) -> int:
     """Take the inputs and update the attitude when a step is full; returns 0 or the number of a message."""
-    period = progress[PERIOD]
-    if period <= 0.0:
-        period = step
     if input_kind != INCREMENTS:
+        period = progress[PERIOD]
+        if period <= 0.0:
+            period = step
         for k in range(3):
             turning[k] = period * rate[k]
     count = progress[TAKEN]
@@ -503,7 +500,7 @@ def step_attitude(
             return 3
         for k in range(3):
             if count == 0.0:
-                inputs[k] = period * inputs[k]
+                inputs[k] = progress[PERIOD] * inputs[k]
             if input_kind == MIXED:
                 inputs[3 * (2 * last - 1) + k] = collected[3 * (last - 1) + k]
                 inputs[6 * last + k] = turning[k]

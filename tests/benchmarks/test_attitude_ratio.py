@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -101,41 +101,46 @@ def compiled(name: str, folder: Path) -> ctypes.CDLL | None:
 POINTER = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
 
 
-def plain_c(folder: Path, *, renormalise: bool) -> Run | None:
-    """Run (22) in C."""
+def plain_c(folder: Path, *, renormalise: bool, serial: bool = False) -> Run | None:
+    """Run (22) in C; serial: each update begins when the last one has ended."""
     library = compiled("two_sample_rodrigues.c", folder)
     if library is None:
         return None
-    library.run.argtypes, library.run.restype = [POINTER, ctypes.c_long, ctypes.c_int, POINTER], None
+    library.run.argtypes, library.run.restype = [POINTER, ctypes.c_long, ctypes.c_int, ctypes.c_int, POINTER], None
 
     def carry(increments: np.ndarray) -> np.ndarray:
-        attitudes = np.empty((len(increments) // 2, 4))
-        library.run(increments, len(attitudes), int(renormalise), attitudes)
+        attitudes = rows_of(len(increments) // 2)
+        library.run(increments, len(attitudes), renormalise, serial, attitudes)
         return attitudes
 
     return carry
 
 
-def native_fmu(algorithm: str, folder: Path) -> Run:
-    """Run the attitude computer as a native FMU, in a loop in C that sets, steps and gets for each sample."""
-    component = components()["AttitudeComputer"]
-    number = next(a.number for a in ALGORITHMS if a.name == algorithm)
-    fmu = open_fmu(build(component.name, folder, flavour="native"), folder / "unpacked")
-    at = numbering(component, 2)
-    drive = host_in_c(folder)
-    functions = (fmu.dll[f"fmi2{name}"] for name in ("SetReal", "DoStep", "GetReal"))
-    handles = (*addresses(*functions), at["increment"][0], at["attitude"][0])
+class NativeFmu:
+    """The attitude computer as a native FMU, in a loop in C that sets, steps and gets for each sample."""
 
-    def carry(increments: np.ndarray) -> np.ndarray:
-        instance = fmu.instantiate()
-        assert fmu.set(instance, "enumeration", at["algorithm"], [number]) == 0
-        fmu.start(instance)
-        attitudes = np.empty((len(increments), 4))
-        assert drive(instance, *handles, 1.0 / RATE, increments, len(increments), attitudes) == 0
-        fmu.free(instance)
+    def __init__(self, algorithm: str, folder: Path) -> None:
+        component = components()["AttitudeComputer"]
+        at = numbering(component, 2)
+        self.number = next(a.number for a in ALGORITHMS if a.name == algorithm)
+        self.library = open_fmu(build(component.name, folder, flavour="native"), folder / "unpacked")
+        functions = (self.library.dll[f"fmi2{name}"] for name in ("SetReal", "DoStep", "GetReal"))
+        self.handles = (*addresses(*functions), at["increment"][0], at["attitude"][0])
+        self.algorithm = at["algorithm"]
+        self.drive = host_in_c(folder)
+        self.instance: int | None = None
+
+    def start(self) -> None:
+        """Begin anew; a start is no sample."""
+        self.library.free(self.instance)
+        self.instance = self.library.instantiate()
+        assert self.library.set(self.instance, "enumeration", self.algorithm, [self.number]) == 0
+        self.library.start(self.instance)
+
+    def __call__(self, increments: np.ndarray) -> np.ndarray:
+        attitudes = rows_of(len(increments))
+        assert self.drive(self.instance, *self.handles, 1.0 / RATE, increments, len(increments), attitudes) == 0
         return attitudes
-
-    return carry
 
 
 def addresses(*functions: Any) -> list[ctypes.c_void_p]:
@@ -158,23 +163,32 @@ def least_fmu(folder: Path) -> Run:
     functions = addresses(library.set_real, library.do_step, library.get_real)
 
     def carry(increments: np.ndarray) -> np.ndarray:
-        attitudes = np.empty((len(increments), 4))
+        attitudes = rows_of(len(increments))
         assert drive(None, *functions, 0, 0, 1.0 / RATE, increments, len(increments), attitudes) == 0
         return attitudes
 
     return carry
 
 
+@cache
+def rows_of(count: int) -> np.ndarray:
+    """Return the memory for attitudes; fresh memory for each run would cost more than the calls."""
+    return np.empty((count, 4))
+
+
 def nanoseconds(run: Run, increments: np.ndarray, rounds: int) -> tuple[float, np.ndarray]:
     """Return the best time for one gyro sample [ns], and the attitudes."""
+    start = getattr(run, "start", lambda: None)
+    start()
     attitudes = run(increments[: len(increments) // 40 * 8])
     best = math.inf
     gc.collect()
     for _ in range(rounds):
+        start()
         began = time.perf_counter()
         attitudes = run(increments)
         best = min(best, time.perf_counter() - began)
-    return 1e9 * best / len(increments), attitudes
+    return 1e9 * best / len(increments), attitudes.copy()
 
 
 def error_deg(attitudes: np.ndarray, samples: Samples, taken: int) -> float:
@@ -222,15 +236,15 @@ def test_ratio_to_scipy_ahrs_and_c(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_ratio_of_a_sample_through_a_native_fmu_to_c(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Compare (22), renormalised: in C, compiled by numba, and in a native FMU that a host in C drives sample by
     sample."""
-    c = plain_c(tmp_path, renormalise=True)
-    if c is None:
+    c, serial = (plain_c(tmp_path, renormalise=True, serial=alone) for alone in (False, True))
+    if c is None or serial is None:
         pytest.skip("no C compiler")
     increments = sample_motion(paper_motion("1", EXACT), 1.0 / RATE, SHORT).increments
     c_name, least_name = "(22) in C, cc -O3", "(22) in C behind FMI, no checks"
-    runs: dict[str, Run] = {c_name: c, least_name: least_fmu(tmp_path)}
+    runs: dict[str, Run] = {c_name: c, "(22) in C, one after the other": serial, least_name: least_fmu(tmp_path)}
     for name in ("two-sample-rodrigues", "adaptive-degree"):
         runs[f"{name}, numba"] = partial(run_algorithm, algorithm_named(name), renormalise=True)
-        runs[f"{name}, native FMU"] = native_fmu(name, tmp_path / name)
+        runs[f"{name}, native FMU"] = NativeFmu(name, tmp_path / name)
     costs, attitudes = dict.fromkeys(runs, math.inf), {}
     # The best of many short runs in turn excludes other work of the machine, which is the same for all.
     for _ in range(25):

@@ -38,12 +38,19 @@ static void normalise(double *q)
         q[i] = q[i] * scale;
 }
 
-void run(const double *increments, long steps, int renormalise, double *attitudes)
+/* `serial`: an update begins when the last one has ended, as behind calls. Else the processor overlaps them. */
+void run(const double *increments, long steps, int renormalise, int serial, double *attitudes)
 {
-    double attitude[4] = {1.0, 0.0, 0.0, 0.0};
+    double attitude[4] = {1.0, 0.0, 0.0, 0.0}, sample[6];
     for (long k = 0; k < steps; k++) {
         double turned[4];
-        turn(increments + 6 * k, increments + 6 * k + 3, turned);
+        const double *taken = increments + 6 * k;
+        if (serial) {
+            for (int i = 0; i < 6; i++)
+                sample[i] = taken[i] + 0.0 * attitude[0];
+            taken = sample;
+        }
+        turn(taken, taken + 3, turned);
         multiply(attitude, turned, attitude);
         if (renormalise)
             normalise(attitude);

@@ -217,18 +217,18 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
     The increments (N, 3) are of the gyro samples [rad]; samples that do not fill a step are left out.
     """
     attitudes = np.empty((len(increments) // algorithm.samples, 4))
-    work = (np.array(_table_of(algorithm.number)), np.zeros(SPACE_SIZE), np.zeros(4))
+    work = (_table_of(algorithm.number), np.zeros(SPACE_SIZE), np.zeros(4))
     run = _runner(algorithm.kernel, algorithm.previous, loops_over(len(increments)))
     run(np.ascontiguousarray(increments), algorithm.samples, renormalise, work, attitudes)
     return attitudes
 
 
 @cache
-def _table_of(algorithm: int) -> list[float]:
-    """Return the table of an algorithm; it is written in plain Python, which takes as long as 5,000 samples."""
+def _table_of(algorithm: int) -> np.ndarray:
+    """Return the table of an algorithm; plain Python writes it once, in the time of 5,000 samples."""
     table = [0.0] * TABLE_SIZE
     prepare_update(float(algorithm), list(PRODUCTS), table)
-    return table
+    return np.array(table)
 
 
 @cache
