@@ -103,8 +103,13 @@ class UnpackedFmu:
 
     @property
     def version(self) -> int:
-        """FMI version: 2 or 3."""
+        """FMI version: 3, or 2, which stands for FMI 1.0 too."""
         return fmi_version(self.description)
+
+    @property
+    def first_edition(self) -> str:
+        """Prefix of the functions of FMI 1.0, which are called like those of 2.0; empty for later versions."""
+        return self.library.stem if self.description.fmiVersion == "1.0" else ""
 
     @property
     def token(self) -> str:
@@ -145,8 +150,30 @@ def _read_intervals(xml: bytes, description: ModelDescription) -> None:
                 setattr(variables[str(element.get("name"))], key, element.get(key))
 
 
+def _complete_first(xml: bytes, description: ModelDescription, label: str) -> None:
+    """Add to a description of FMI 1.0 what FMPy does not read: capabilities, start values of states, aliases.
+
+    Raises InputError for an input or output that is the negative of another variable.
+    """
+    root = ElementTree.fromstring(xml)
+    for element in root.iter("Capabilities"):
+        for flag, claim in element.attrib.items():
+            setattr(description.coSimulation, flag, claim)
+    elements = root.iter("ScalarVariable")
+    negative = {element.get("name") for element in elements if element.get("alias") == "negatedAlias"}
+    variables = []
+    for variable in description.modelVariables:
+        if variable.name not in negative:
+            variables.append(variable)
+        elif variable.causality in ("input", "output"):
+            raise InputError(f"{label}: {variable.causality} '{variable.name}' is the negative of another variable")
+        if variable.start is not None and variable.causality in ("local", "output"):
+            variable.initial = "approx"
+    description.modelVariables[:] = variables
+
+
 def fmi_version(description: ModelDescription) -> int:
-    """Return the FMI version: 2 or 3."""
+    """Return the FMI version: 3, or 2, which stands for FMI 1.0 too."""
     return int(str(description.fmiVersion).startswith("3")) + 2
 
 
@@ -272,11 +299,8 @@ def _described(xml: bytes, label: str, interface: str | None) -> ModelDescriptio
     if root != "fmiModelDescription":
         raise InputError(f"{name} does not describe an FMU (root is <{root}>)")
     version = attributes.get("fmiVersion", "")
-    if not re.fullmatch(r"2\.0(\.\d+)?|3\.\d+(\.\d+)?(-.*)?", version):
-        way = "export as FMI 2.0 or 3.0"
-        if version == "1.0":
-            way = f"it has no initialisation mode; {way}, or run it alone: fmpy simulate {Path(label).name}"
-        raise InputError(f"{label}: is FMI {version or 'of no stated version'}; {way}")
+    if not re.fullmatch(r"1\.0|2\.0(\.\d+)?|3\.\d+(\.\d+)?(-.*)?", version):
+        raise InputError(f"{label}: is FMI {version or 'of no stated version'}; export as FMI 2.0 or 3.0")
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as alone:
         alone.writestr("modelDescription.xml", xml)
@@ -288,6 +312,8 @@ def _described(xml: bytes, label: str, interface: str | None) -> ModelDescriptio
             reason = f"it refers to {error.args[0]!r}, which is not there"
         raise InputError(f"{name} cannot be used ({reason})") from error
     _read_intervals(xml, description)
+    if version == "1.0":
+        _complete_first(xml, description, label)
     if interface is not None:
         kinds = {"me": description.modelExchange, "cs": description.coSimulation}
         if kinds[interface] is None:
@@ -315,7 +341,7 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
     assert kind is not None
     # fmpy.platform says linux64 on every 64-bit processor; only the tuple tells ARM from Intel.
     platforms = [fmpy.platform_tuple]
-    if str(description.fmiVersion).startswith("2") and (fmpy.architecture != "aarch64" or fmpy.system == "darwin"):
+    if fmi_version(description) == 2 and (fmpy.architecture != "aarch64" or fmpy.system == "darwin"):
         platforms.insert(0, fmpy.platform)
     for platform in platforms:
         member = f"binaries/{platform}/{kind.modelIdentifier}{fmpy.sharedLibraryExtension}"
@@ -353,7 +379,7 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path], interface
     `interface` is "me" or "cs"; None takes co-simulation if it is there.
 
     Raises InputError if it is missing, damaged, unsafe, not for this platform, or neither co-simulation nor model
-    exchange of FMI 2.0 or 3.0.
+    exchange of FMI 1.0, 2.0 or 3.0.
     """
     content = bytes_of(path, "give an .fmu file", label=label, archive=True)
     sha256 = hashlib.sha256(content).hexdigest()

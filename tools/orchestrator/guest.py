@@ -505,7 +505,9 @@ def settings_of(fmu: UnpackedFmu, name: str, progress: str = "") -> dict[str, An
     """Return the settings from which a `Host` makes an instance of an FMU."""
     resources = fmu.folder / "resources"
     location = resources.as_uri()
-    if fmu.version == 3:
+    if fmu.first_edition:
+        location = fmu.folder.as_uri()
+    elif fmu.version == 3:
         location = f"{resources}/" if resources.is_dir() else ""
     return {
         "library": str(fmu.library),
@@ -518,6 +520,7 @@ def settings_of(fmu: UnpackedFmu, name: str, progress: str = "") -> dict[str, An
         "solver": fmu.solver,
         "clocks": fmu.clocks,
         "has_events": fmu.event_mode,
+        "first_edition": fmu.first_edition,
     }
 
 

@@ -71,6 +71,115 @@ class _Callbacks(ctypes.Structure):
     )
 
 
+class _FirstCallbacks(ctypes.Structure):
+    """Callback functions of FMI 1.0."""
+
+    _fields_ = _Callbacks._fields_[:4]
+
+
+class _FirstEventInfo(ctypes.Structure):
+    """Output of fmiInitialize and fmiEventUpdate of FMI 1.0: converged, two unused flags, end, time event, its time."""
+
+    _fields_ = (("flags", _BOOLEAN * 5), ("next", _REAL))
+
+
+class FirstEdition:
+    """A library of FMI 1.0 with the functions of FMI 2.0; `settings` are those of `Host.load`.
+
+    Functions with the same arguments are found by their names. The FMU initialises when initialisation mode begins:
+    until then it takes parameters, and from then on it gives outputs.
+    """
+
+    renamed: Mapping[str, str] = {"GetNominalsOfContinuousStates": "GetNominalContinuousStates"}
+
+    def __init__(self, library: Any, settings: Mapping[str, Any]) -> None:
+        self._library, self._prefix = library, settings["first_edition"]
+        self._kind = "Model" if settings["solver"] else "Slave"
+        self._experiment: Sequence[Any] = ()
+        self._initial: _FirstEventInfo | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the function of FMI 1.0 with the same arguments."""
+        plain = name.removeprefix("fmi2")
+        return self._library[f"{self._prefix}_fmi{self.renamed.get(plain, plain)}"]
+
+    def __getitem__(self, name: str) -> Any:
+        return getattr(self, name)
+
+    def instantiate(self, name: bytes, token: bytes, location: bytes | None, callbacks: "_Callbacks") -> Any:
+        """Return the address of the instance."""
+        # FMI 1.0 takes the callbacks themselves: all but the environment.
+        functions = _FirstCallbacks.from_buffer_copy(callbacks)
+        logging = _BOOLEAN(True)
+        make = self[f"Instantiate{self._kind}"]
+        make.restype = ctypes.c_void_p
+        if self._kind == "Model":
+            return make(name, token, functions, logging)
+        mime, no = b"application/x-fmu-sharedlibrary", _BOOLEAN(False)
+        return make(name, token, location, mime, _REAL(0.0), no, no, functions, logging)
+
+    def fmi2SetupExperiment(self, _: Any, *experiment: Any) -> int:
+        """Keep the times and the tolerance."""
+        self._experiment = experiment
+        return OK
+
+    def fmi2EnterInitializationMode(self, instance: Any) -> int:
+        """Initialise."""
+        controlled, tolerance, start, has_stop, stop = self._experiment
+        if self._kind == "Slave":
+            return self.InitializeSlave(instance, start, _BOOLEAN(has_stop.value), stop)
+        status = self.SetTime(instance, start)
+        if status > WARNING:
+            return status
+        self._initial = _FirstEventInfo()
+        return self.Initialize(instance, _BOOLEAN(controlled.value), tolerance, ctypes.byref(self._initial))
+
+    def fmi2ExitInitializationMode(self, _: Any) -> int:
+        """Do nothing: FMI 1.0 has no modes."""
+        return OK
+
+    fmi2EnterEventMode = fmi2EnterContinuousTimeMode = fmi2ExitInitializationMode
+
+    def fmi2NewDiscreteStates(self, instance: Any, place: Any) -> int:
+        """Update the discrete states; the initialisation has done it at the start."""
+        info, self._initial, status = self._initial, None, OK
+        if info is None:
+            info = _FirstEventInfo()
+            status = self.EventUpdate(instance, _BOOLEAN(False), ctypes.byref(info))
+        converged, _, _, terminate, defined = info.flags
+        place._obj.flags[:] = (not converged, terminate, 0, 0, defined)
+        place._obj.next = info.next
+        return status
+
+    def fmi2CompletedIntegratorStep(self, instance: Any, _: int, event: Any, __: Any) -> int:
+        """Tell that a step of the solver is complete; `event` receives whether an event is due."""
+        is_due = _BOOLEAN()
+        status = self.CompletedIntegratorStep(instance, ctypes.byref(is_due))
+        event._obj[0] = is_due.value
+        return status
+
+    def fmi2GetBoolean(self, instance: Any, references: bytes, count: Any, values: Any) -> int:
+        """Get booleans, which are bytes in FMI 1.0."""
+        flags = (_BOOLEAN * count.value)()
+        status = self.GetBoolean(instance, references, count, flags)
+        (_INTEGER * count.value).from_buffer(values)[:] = list(flags)
+        return status
+
+    def fmi2SetBoolean(self, instance: Any, references: bytes, count: Any, values: bytes) -> int:
+        """Set booleans."""
+        flags = (_BOOLEAN * count.value)(*memoryview(values).cast("i"))
+        return self.SetBoolean(instance, references, count, flags)
+
+    def fmi2Terminate(self, instance: Any) -> int:
+        """End the run."""
+        return self["Terminate" if self._kind == "Model" else "TerminateSlave"](instance)
+
+    def fmi2FreeInstance(self, instance: Any) -> int:
+        """Free the instance."""
+        self[f"Free{self._kind}Instance"](instance)
+        return OK
+
+
 class _EventInfo(ctypes.Structure):
     """Output of fmi2NewDiscreteStates."""
 
@@ -496,6 +605,7 @@ class Host:
         Keys of `settings`: the library's file, version (of FMI), name, token, resources, logger (FMPy's library, or
         ""), progress (a file, or ""), `clocks` and `has_events` (this process handles the events). `solver` has, for
         model exchange, the numbers of states and event indicators and a tolerance; otherwise it is empty.
+        `first_edition` is the prefix of the functions of FMI 1.0; otherwise it is empty.
         """
         version, clocks, solver = settings["version"], settings["clocks"], settings["solver"]
         if solver:
@@ -514,6 +624,11 @@ class Host:
             os.chdir(folder)
         self.name, token = settings["name"].encode(), settings["token"].encode()
         resources = settings["resources"].encode() or None
+        if settings["first_edition"]:
+            self.library = FirstEdition(self.library, settings)
+            made = self.library.instantiate(self.name, token, resources, self._callbacks(settings["logger"]))
+            self._instance = ctypes.c_void_p(made)
+            return OK, made or 0
         if version == 2:
             callbacks = ctypes.byref(self._callbacks(settings["logger"]))
             make = self._function("fmi2Instantiate")

@@ -164,7 +164,7 @@ def load_fmus(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, L
         is_trusted = bool(scenario.run.in_process)
         if setting.fmu is not None and scenario.run.call_limit_s is None and scenario.run.in_process is None:
             is_trusted = fmus.is_built_here(fmu.sha256)
-        guest = setting.fmu is not None and (not is_trusted or exchange or event_mode)
+        guest = setting.fmu is not None and (not is_trusted or exchange or event_mode or fmu.first_edition != "")
         fmu = replace(fmu, guest=guest, call_limit_s=scenario.run.call_limit_s, tolerance=setting.tolerance)
         fmu = replace(fmu, event_mode=event_mode)
         interface = interface_of(name, label, fmu.description)

@@ -44,7 +44,7 @@ def is_worth_it(assembly: Assembly) -> bool:
         return False
     guests = [entry.fmu for entry in assembly.loaded.values() if entry.fmu.guest]
     single = ("canBeInstantiatedOnlyOncePerProcess", "canBeInstantiatedOnlyOnce")
-    if any(fmu.solver or fmu.event_mode or fmu.says(*single) for fmu in guests):
+    if any(fmu.solver or fmu.event_mode or fmu.first_edition or fmu.says(*single) for fmu in guests):
         return False
     if any(column.variable.value_type.by_address for column in assembly.columns):
         return False

@@ -99,7 +99,6 @@ BAD_ARCHIVES = {
     "a DOCTYPE": ([_description(before='<!DOCTYPE a [<!ENTITY b "c">]>')], "declares a DOCTYPE"),
     "a DOCTYPE in UTF-16": ([("modelDescription.xml", UTF16)], "declares a DOCTYPE"),
     "FMI 4": ([_description('fmiVersion="4.0"')], "is FMI 4.0; export as FMI 2.0 or 3.0"),
-    "FMI 1": ([_description('fmiVersion="1.0"')], "is FMI 1.0; it has no initialisation mode; export"),
     "no version": ([_description("")], "of no stated version"),
     "nothing to run": ([_description(inside="")], "is for neither co-simulation nor model exchange"),
     "no binary": ([GOOD], "has no binary for this platform"),
