@@ -1,5 +1,6 @@
 """Compare two runs or records column by column: size and time of the differences."""
 
+import hashlib
 import io
 import math
 import re
@@ -16,6 +17,7 @@ from .errors import InputError, nearest
 from .files import MAGIC, advice_on, bytes_of, fault_of_parquet
 from .quantity import Quantity
 from .records.columns import INCREMENT
+from .records.decisions import Decisions, read_decisions
 from .records.read import table_in_memory
 from .result import Result
 
@@ -298,9 +300,9 @@ def table_of_run(source: Any) -> tuple[str, pl.DataFrame]:
     """
     if isinstance(source, str | Path):
         path = Path(source)
-        name = str(path)
         files = [path / run for run in RUNS if (path / run).exists()]
-        table = _of_file(files[0] if files else path)
+        table, decisions = _of_file(files[0] if files else path)
+        name = f"{path} ({decisions})" if decisions else str(path)
     elif hasattr(source, "to_polars"):
         name = str(getattr(source, "path", None) or getattr(source, "title", "") or "a run")
         table = source.to_polars()
@@ -316,12 +318,13 @@ def table_of_run(source: Any) -> tuple[str, pl.DataFrame]:
     return name, table
 
 
-def _of_file(path: Path) -> pl.DataFrame:
+def _of_file(path: Path) -> tuple[pl.DataFrame, Decisions | None]:
+    """Return the table of a file, without the positions that are left out, and the decisions beside it."""
     data = bytes_of(path, "a run or the file of a record is needed")
     if data.startswith(MAGIC):
         if fault := fault_of_parquet(data):
             raise InputError(f"{path}: {fault}")
-        return pl.read_parquet(io.BytesIO(data))
+        return _decided(path, data, pl.read_parquet(io.BytesIO(data)))
     advice = advice_on(path, data, "record")
     if advice:
         raise InputError(f"{path}: is not a table of a run or a record{advice}")
@@ -330,4 +333,11 @@ def _of_file(path: Path) -> pl.DataFrame:
         table = pl.read_csv(io.BytesIO(data), comment_prefix="#", infer_schema_length=None)
     except (UnicodeDecodeError, pl.exceptions.PolarsError) as error:
         raise InputError(f"{path}: is not a table of a run or a record ({str(error).splitlines()[0][:100]})") from error
-    return table.rename({column: column.strip() for column in table.columns})
+    return _decided(path, data, table.rename({column: column.strip() for column in table.columns}))
+
+
+def _decided(path: Path, data: bytes, table: pl.DataFrame) -> tuple[pl.DataFrame, Decisions | None]:
+    decisions = read_decisions(path, hashlib.sha256(data).hexdigest())
+    if decisions and "position" in table.columns:
+        table = table.filter(~pl.col("position").is_in(decisions.left_out))
+    return table, decisions

@@ -33,6 +33,10 @@ Placed = tuple[Path, Path, Sequence[Path]]
 """The draft of a file or folder, its place, and the files that are removed when it is in place."""
 _PENDING: ContextVar[list[Placed] | None] = ContextVar("_PENDING", default=None)
 """Files and folders that a block which keeps files together has written."""
+TAIL = 1 << 16
+"""Bytes at the end of a text that show how its numbers are written."""
+FEWEST_NUMBERS = 5
+"""Fewer rows do not show it."""
 
 
 @dataclass
@@ -451,3 +455,27 @@ def fault_of_parquet(content: bytes) -> str | None:
         return None
     message = probe.stdout.decode("utf-8", "replace").strip()
     return message or "is not a readable Parquet file (it is corrupt)"
+
+
+def cut_warning(content: bytes) -> tuple[str, ...]:
+    """Return a line for a text, given its end, that may be cut inside its last number; nothing of another.
+
+    It has no end of line, and fewer digits in its last number than the rows before. Where these differ among
+    themselves, it has fewer by more than that.
+    """
+    content = content[-TAIL:]
+    if content.endswith((b"\n", b"\r")):
+        return ()
+    last = [re.split(rb"[,;\s]+", line.strip())[-1] for line in content.splitlines()[1:]]
+    numbers = [text.lstrip(b"+-") for text in last if re.fullmatch(rb"[+-]?\d*\.?\d*(e[+-]?\d+)?", text, re.IGNORECASE)]
+    if len(numbers) <= FEWEST_NUMBERS or numbers[-1] != last[-1].lstrip(b"+-"):
+        return ()
+    if any(b"." in text for text in numbers[:-1]):
+        numbers = [text.partition(b".")[2] for text in numbers]
+    *before, size = map(len, numbers)
+    if size >= 2 * min(before) - max(before):
+        return ()
+    return (
+        "the last row may be cut inside its last number: it has fewer digits than the rows before, and no end of line; "
+        "record or copy the file again, or take that row out",
+    )

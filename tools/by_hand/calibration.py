@@ -29,7 +29,7 @@ from ..rounding import digits, upwards
 from .forces import Forces, Norms, fitted_forces, scatter_of
 from .gyros import PRIOR as GYRO_PRIOR
 from .gyros import GyroFit, fitted_gyros, in_axes_of_forces
-from .moves import BIAS, MATRIX, Moves, Windows
+from .moves import BIAS, MATRIX, ROUGH, Moves, Way, Windows
 from .run import HandRecord, HandRequest, Run, run_of
 
 WORDS = (
@@ -347,6 +347,9 @@ def gain_of(run: Run, whole: HandFit) -> HandGain | None:
 
     Of a run with a true attitude its windows are left out, and no rests.
     """
+    if run.moves is not None:
+        way = run.moves.way
+        run = replace(run, moves=replace(run.moves, way=Way(way.series, way.ends, ROUGH)))
     pieces, rests = run.moves, run.rests
     windows = pieces if isinstance(pieces, Windows) else None
     count = len(rests) if windows is None else len(windows)

@@ -4,17 +4,18 @@ reading = (I + M) ω + S n + B in the axes of the accelerometers, late by L. The
 pieces at once; its change by each parameter is an integral along the way. Near these parameters the change is used.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ..memory import each, once
 from ..records.stamps import grid_of
 from .forces import Forces, directions_of
 from .small_turns import across, cross_matrices, rotations
-from .still import END, StillRests, TimedReadings
+from .still import END, StillRests, TimedReadings, mean_of_rows
 
 LONGEST = 120.0
 """Longer moves are left out: their rates may have drifted [s]."""
@@ -25,8 +26,12 @@ TURN_ERROR = np.radians(2.0)
 """Error of a hand's turn of a known angle [rad]."""
 BLOCK = 50_000
 """Intervals that are carried at once."""
-NEAR = 1e-4
+NEAR = 1e-5
 """Smaller changes of a rotation are taken as linear in the parameters; their squares are below all errors [rad]."""
+ROUGH = 1e-3
+"""The same for errors of left-out moves, of which two digits are shown [rad]."""
+MOST_EXPANSIONS = 12
+"""Most parameters at which the rotations of a series are kept."""
 
 
 @dataclass(eq=False)
@@ -39,16 +44,17 @@ class Way:
         with rates
     ends : (M, 2) array of int
         first and last row of each piece
+    near : float
+        largest change of a rotation that is taken as linear in the parameters [rad]
     """
 
     series: TimedReadings
     ends: NDArray[np.int_]
-    _expansion: "Expansion | None" = None
+    near: float = NEAR
 
     def those(self, chosen: NDArray) -> "Way":
         """Return the way of some of the pieces."""
-        known = self._expansion
-        return Way(self.series, self.ends[chosen], None if known is None else known.those(chosen))
+        return Way(self.series, self.ends[chosen], self.near)
 
     @cached_property
     def sizes(self) -> NDArray[np.int_]:
@@ -95,7 +101,7 @@ class Way:
     @cached_property
     def angle(self) -> NDArray[np.float64]:
         """The total angle (M,) that the readings turn, to and fro [rad]."""
-        return self.sums(np.linalg.norm(self.turn, axis=1))
+        return np.diff(self.series.turned[self.ends], axis=1)[:, 0]
 
     def true_turns(self, gyros: NDArray) -> NDArray[np.float64]:
         """Return the turns (T, 3) of the block over the intervals [rad], for gyros of parameters (22,)."""
@@ -116,16 +122,20 @@ class Way:
     def carried(self, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the rotations (M, 3, 3) from the end's axes to the beginning's, and their changes (M, 3, 22).
 
-        A change is a small turn in the beginning's axes. Near the last parameters it gives the rotations.
+        A change is a small turn in the beginning's axes. The series keeps the rotations at earlier parameters: near
+        these, only pieces that are new are carried along their rows.
         """
-        rotation = None if self._expansion is None else self._expansion.near(gyros)
-        if self._expansion is None or rotation is None:
-            # Blocks of pieces stay in the processor's cache.
-            blocks = np.array_split(self.ends, max(1, int(self.sizes.sum()) // BLOCK))
-            parts = [Way(self.series, ends)._expanded(gyros) for ends in blocks]
-            rotation, changes = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-            self._expansion = Expansion(gyros.copy(), rotation, changes)
-        return rotation, self._expansion.changes
+        known = self.series.expansions
+        expansion = min(known, key=lambda one: one.distance(gyros), default=None)
+        if expansion is not None and expansion.distance(gyros) <= self.near:
+            known.remove(expansion)
+            expansion.extend(self)
+        if expansion is None or expansion.distance(gyros) > self.near:
+            expansion = Expansion(gyros.copy())
+            expansion.extend(self)
+        known.append(expansion)
+        del known[:-MOST_EXPANSIONS]
+        return expansion.carried(self, gyros)
 
     def _expanded(self, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the rotations and their changes, carried along all intervals."""
@@ -160,24 +170,55 @@ class Way:
         return ordered, changes
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Expansion:
-    """Rotations (M, 3, 3) over pieces and their changes (M, 3, 22) at some parameters (22,) of the gyros."""
+    """Rotations (P, 3, 3) over pieces of a series and their changes (P, 3, 22) at some parameters (22,) of gyros.
+
+    `ends` (P,) are the first and the last row of each piece as one number, in ascending order.
+    """
 
     gyros: NDArray[np.float64]
-    rotation: NDArray[np.float64]
-    changes: NDArray[np.float64]
+    ends: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=int))
+    rotation: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    changes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, GYROS)))
 
-    def those(self, chosen: NDArray) -> "Expansion":
-        """Return the expansion of some of the pieces."""
-        return Expansion(self.gyros, self.rotation[chosen], self.changes[chosen])
+    def distance(self, gyros: NDArray) -> float:
+        """Return the largest turn of a piece to other parameters [rad]."""
+        return float(np.abs(self.changes.reshape(-1, GYROS) @ (gyros - self.gyros)).max(initial=0.0))
 
-    def near(self, gyros: NDArray) -> NDArray[np.float64] | None:
-        """Return the rotations for other gyros; None where a piece turns by more than `NEAR`."""
-        turn = self.changes @ (gyros - self.gyros)
-        if np.abs(turn).max(initial=0.0) > NEAR:
-            return None
-        return rotations(turn) @ self.rotation
+    def extend(self, way: Way) -> None:
+        """Carry the pieces of a way that are new."""
+        _, known = self._places(way)
+        if known.all():
+            return
+        fresh = way.those(~known)
+        # Blocks of pieces stay in the processor's cache.
+        blocks = np.array_split(fresh.ends, max(1, int(fresh.sizes.sum()) // BLOCK))
+        parts = [Way(way.series, ends)._expanded(self.gyros) for ends in blocks]
+        rotation, changes = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        ends = np.concatenate([self.ends, _numbers(fresh)])
+        order = np.argsort(ends, kind="stable")
+        self.ends = ends[order]
+        self.rotation = np.concatenate([self.rotation, rotation])[order]
+        self.changes = np.concatenate([self.changes, changes])[order]
+
+    def carried(self, way: Way, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the rotations of a way at parameters nearby, and their changes."""
+        at, _ = self._places(way)
+        rotation, changes = self.rotation[at], self.changes[at]
+        step = gyros - self.gyros
+        return (rotations(changes @ step) @ rotation if step.any() else rotation), changes
+
+    def _places(self, way: Way) -> tuple[NDArray[np.int_], NDArray[np.bool_]]:
+        """Return the place (M,) of each piece of a way, and whether it is known."""
+        numbers = _numbers(way)
+        at = np.searchsorted(self.ends, numbers)
+        return at, np.append(self.ends, -1)[at] == numbers
+
+
+def _numbers(way: Way) -> NDArray[np.int_]:
+    """Return the first and the last row of each piece as one number."""
+    return way.ends @ np.array([len(way.series.time_s), 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,7 +340,7 @@ class Turns:
 
 def moves_of(series: TimedReadings, rests: StillRests, broken: NDArray[np.bool_]) -> Moves:
     """Return the moves between rests without a gap and without a broken row (N,), each of at most two minutes."""
-    gaps = np.concatenate([[0], np.cumsum(grid_of(series.time_s).is_gap | broken[1:])])
+    gaps = once(_gaps_before, series, broken.tobytes())
     end = max(1, round(END / series.period))
     pairs, ends, before, after = [], [], [], []
     for number in range(len(rests) - 1):
@@ -311,12 +352,13 @@ def moves_of(series: TimedReadings, rests: StillRests, broken: NDArray[np.bool_]
             continue
         pairs.append((number, number + 1))
         ends.append((first, last))
-        before.append(series.force[standing].mean(axis=0))
-        after.append(series.force[coming].mean(axis=0))
+        before.append(standing)
+        after.append(coming)
     rows = np.array(ends, dtype=int).reshape(-1, 2)
-    return Moves(
-        Way(series, rows),
-        np.array(pairs, dtype=int).reshape(-1, 2),
-        np.array(before).reshape(-1, 3),
-        np.array(after).reshape(-1, 3),
-    )
+    of_gravity = (np.reshape(each(mean_of_rows, series.force, pieces), (-1, 3)) for pieces in (before, after))
+    return Moves(Way(series, rows), np.array(pairs, dtype=int).reshape(-1, 2), *of_gravity)
+
+
+def _gaps_before(series: TimedReadings, broken: bytes) -> NDArray[np.int_]:
+    """Return the number of gaps and broken rows (N,) up to each row."""
+    return np.append(0, np.cumsum(grid_of(series.time_s).is_gap | np.frombuffer(broken, dtype=bool)[1:]))

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from ...fmus.parameters import GRAVITIES
 from ..errors import InputError
+from ..memory import once
 from ..motion.determinacy import LEAST_SD
 from ..motion.rests import QUIET, mean_rates, rates_of, sampling_of
 from ..motion.truth import known_rows, usable_in, windows_between
@@ -200,13 +201,17 @@ def _without_limited(run: Run, series: TimedReadings) -> Run:
 
 def series_of(record: StrapdownRecord | ForceRecord, request: HandRequest) -> TimedReadings:
     """Return the readings of a record in time, its rates at the rows."""
-    force = record.specific_force / request.gravity
+    return once(_series_of, record, request.gravity, request.rates)
+
+
+def _series_of(record: StrapdownRecord | ForceRecord, gravity: float, rates: str) -> TimedReadings:
+    force = record.specific_force / gravity
     if isinstance(record, ForceRecord):
         return TimedReadings(record.time_s, force)
     rate = rates_of(record)
-    if record.increment is not None or request.rates == "averaged":
+    if record.increment is not None or rates == "averaged":
         # Means over intervals: those at the rows lie between two of them.
-        means = rate if record.increment is not None else np.vstack([rate[:1], mean_rates(record, request.rates)])
+        means = rate if record.increment is not None else np.vstack([rate[:1], mean_rates(record, rates)])
         rate = np.vstack([0.5 * (means[:-1] + means[1:]), means[-1:]])
     return TimedReadings(record.time_s, force, rate)
 
@@ -387,6 +392,12 @@ def parted_at_cuts(record: Measured, gravity: float) -> Measured:
     """
     if not isinstance(record, StrapdownRecord) or len(record) < FEWEST_ROWS:
         return record
+    shift = once(_shift_at_cuts, record, gravity)
+    return replace(record, time_s=once(np.add, record.time_s, shift)) if shift.any() else record
+
+
+def _shift_at_cuts(record: StrapdownRecord, gravity: float) -> NDArray[np.float64]:
+    """Return the times (N,) that part sections at cuts [s]."""
     series = series_of(record, HandRequest(gravity=gravity))
     rests = still_rests(series)
     moves = moves_of(series, rests, record.knocks)
@@ -395,7 +406,7 @@ def parted_at_cuts(record: Measured, gravity: float) -> Measured:
         steps = np.linalg.norm(np.diff(series.force[first : last + 1], axis=0), axis=1)
         if last - first < MOST_CUT / series.period:
             shift[first + 1 + int(np.argmax(steps)) :] += GAP
-    return replace(record, time_s=record.time_s + shift) if shift.any() else record
+    return shift
 
 
 def turns_in(record: StrapdownRecord | ForceRecord, series: TimedReadings, request: HandRequest) -> Turns | None:

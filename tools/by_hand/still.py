@@ -1,11 +1,14 @@
 """Rests of a block in a hand or on a desk, by its accelerometers: a hand that trembles turns the gyros at rest, too."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..memory import each
 from ..motion.rests import LEAST_ROWS, QUIET, still_stretches, still_windows, window_scatter, window_sums
 from ..records.columns import LARGEST_FORCE
 from ..records.stamps import grid_of
@@ -33,16 +36,26 @@ class TimedReadings:
         specific force [g]
     rate : (N, 3) array or None
         of gyros [rad/s]
+    expansions : list of Expansion
+        rotations over pieces of it that were carried
     """
 
     time_s: NDArray[np.float64]
     force: NDArray[np.float64]
     rate: NDArray[np.float64] | None = None
+    expansions: list[Any] = field(default_factory=list)
 
-    @property
+    @cached_property
     def period(self) -> float:
         """The time between samples [s]."""
         return grid_of(self.time_s).period
+
+    @cached_property
+    def turned(self) -> NDArray[np.float64]:
+        """The angle (N,) that the gyros have turned since the first row, to and fro [rad]."""
+        assert self.rate is not None
+        speed = np.linalg.norm(self.rate[1:] + self.rate[:-1], axis=1)
+        return np.append(0.0, np.cumsum(0.5 * speed * np.diff(self.time_s)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,28 +142,29 @@ def _turns_as_the_stillest(rate: NDArray, still: NDArray[np.bool_], size: int) -
 def averaged(series: TimedReadings, rows: Sequence[slice], limit: float | None) -> StillRests:
     """Return the means over rests."""
     count = len(rows)
-    force = np.zeros((count, 3))
-    deviation = np.zeros(count)
-    for number, at in enumerate(rows):
-        values = series.force[at]
-        force[number] = values.mean(axis=0)
-        deviation[number] = _deviation_of_mean(values)
+    force = np.reshape(each(mean_of_rows, series.force, rows), (count, 3))
+    deviation = np.array(each(_deviation_of_mean, series.force, rows))
     if count:
         # One rest tells its own noise badly: the median, as white noise falls with the length.
         lengths = np.array([at.stop - at.start for at in rows])
         deviation = np.median(deviation) * np.sqrt(np.median(lengths) / lengths)
     if series.rate is None:
         return StillRests(tuple(rows), force, deviation, limit)
-    rate = np.zeros((count, 3))
-    spread = np.zeros((count, 3))
-    for number, at in enumerate(rows):
-        rate[number] = series.rate[at].mean(axis=0)
-        spread[number] = series.rate[at].std(axis=0)
+    rate, spread = (np.reshape(each(of_rest, series.rate, rows), (count, 3)) for of_rest in (mean_of_rows, _spread))
     unrest = np.ones(count)
     if count:
         quiet = np.quantile(spread, 0.1, axis=0)
         unrest = (spread / np.where(quiet > 0.0, quiet, 1.0)).max(axis=1)
     return StillRests(tuple(rows), force, deviation, limit, rate, unrest)
+
+
+def mean_of_rows(values: NDArray) -> NDArray[np.float64]:
+    """Return the mean (C,) of rows (n, C)."""
+    return values.mean(axis=0)
+
+
+def _spread(values: NDArray) -> NDArray[np.float64]:
+    return values.std(axis=0)
 
 
 def _deviation_of_mean(values: NDArray) -> float:

@@ -9,7 +9,18 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import InputError
-from ..files import at_once, bytes_of, is_workbook, note_own, note_read, ordinary_file, together, write_text
+from ..files import (
+    TAIL,
+    at_once,
+    bytes_of,
+    cut_warning,
+    is_workbook,
+    note_own,
+    note_read,
+    ordinary_file,
+    together,
+    write_text,
+)
 from ..motion import trust_of
 from ..records import Record, write_record
 from ..records.columns import FORCE, FORCES, SCATTER, VELOCITY, RecordKind
@@ -375,6 +386,10 @@ def _imported(
         table.notes.append(f"the first {JUDGED} rows are examined; trihedron check examines all")
     check = trust_of(judged)
     notes = [*table.notes, *conversion.notes, *check.warnings]
+    if table.sheet.cells is None and table.sheet.path.is_file():
+        with table.sheet.path.open("rb") as opened:
+            opened.seek(max(0, table.sheet.path.stat().st_size - TAIL))
+            notes += cut_warning(opened.read())
     notes += [f"results of this record would be wrong: {line}" for line in check.faults]
     scatter, readings = None, len(conversion.row)
     if conversion.readings is not None and conversion.scatter is not None:

@@ -26,6 +26,7 @@ from .inspect import AtTable as AtTable
 from .inspect import Inspection as Inspection
 from .inspect import inspect_record as inspect_record
 from .norm import norm_block as norm_block
+from .odd_rows import odd_rows as odd_rows
 from .rest_noise import RestNoise as RestNoise
 from .rest_noise import factor_for as factor_for
 from .rests import sampling_of as sampling_of

@@ -41,10 +41,23 @@ SPIKE = "unlike their neighbours, as no motion is (a spike)"
 
 
 def odd_rows_of_gyros(record: StrapdownRecord) -> tuple[str, ...]:
-    """Describe the rows of the gyros that no motion can cause.
+    """Describe the rows of the gyros that no motion can cause."""
+    return _described(record, _odd_gyros(record))
 
-    Rows with a knock of the accelerometers are motion: gyros feel it too.
-    """
+
+def odd_rows_of_forces(record: Series) -> tuple[str, ...]:
+    """Describe the rows of the accelerometers that no motion can cause."""
+    return _described(record, _odd_forces(record))
+
+
+def odd_rows(record: Series) -> dict[str, NDArray[np.bool_]]:
+    """Return the rows (N,) of each channel that no motion can cause, by words; channels without any are left out."""
+    gyros = _odd_gyros(record) if isinstance(record, StrapdownRecord) else {}
+    return gyros | _odd_forces(record)
+
+
+def _odd_gyros(record: StrapdownRecord) -> dict[str, NDArray[np.bool_]]:
+    """Rows with a knock of the accelerometers are motion: gyros feel it too."""
     period = float(np.median(np.diff(record.time_s)))
     rates = record.rate
     if rates is None:
@@ -52,14 +65,11 @@ def odd_rows_of_gyros(record: StrapdownRecord) -> tuple[str, ...]:
         rates = record.increment / period
     least = max(SHARPEST * period, LEAST_TURN / period)
     spikes = unlike_rows(rates, least) & ~_beside(record.knocks)[:, None]
-    return _lines(record, "gyro", rates, spikes, least)
+    return _odd(record, "gyro", rates, spikes, least)
 
 
-def odd_rows_of_forces(record: Series) -> tuple[str, ...]:
-    """Describe the rows of the accelerometers that no motion can cause.
-
-    A knock is motion: more than one accelerometer feels it.
-    """
+def _odd_forces(record: Series) -> dict[str, NDArray[np.bool_]]:
+    """A knock is motion: more than one accelerometer feels it."""
     period = float(np.median(np.diff(record.time_s)))
     forces = record.specific_force
     if isinstance(record, StrapdownRecord) and record.velocity_increment is not None:
@@ -68,23 +78,21 @@ def odd_rows_of_forces(record: Series) -> tuple[str, ...]:
     if spikes.any():
         off = np.abs(forces - scipy.ndimage.median_filter(forces, (2 * LONGEST + 3, 1)))
         spikes &= off > ALONE * np.sort(off, axis=1)[:, 1:2]
-    lines = _lines(record, "accelerometer", forces, spikes, STANDARD_GRAVITY)
+    odd = _odd(record, "accelerometer", forces, spikes, STANDARD_GRAVITY)
     lost = lost_rows(np.linalg.norm(forces, axis=1), period, 0.0)
-    if lost.any() and not lines:
-        return (f"all accelerometers: {_counted(record, lost)}: {LOST}",)
-    return lines
+    return {f"all accelerometers: {LOST}": lost} if lost.any() and not odd else odd
 
 
-def _lines(
+def _odd(
     record: Series,
     name: str,
     channels: NDArray,
     spikes: NDArray[np.bool_],
     least: float,
-) -> tuple[str, ...]:
-    """A line for each kind of odd rows of each channel (N, 3)."""
+) -> dict[str, NDArray[np.bool_]]:
+    """Return each kind of odd rows of each channel (N, 3), by words."""
     period = float(np.median(np.diff(record.time_s)))
-    lines, moving = list[str](), ~_repeated_together(record)
+    odd, moving = {}, ~_repeated_together(record)
     for axis, values in enumerate(channels.T, start=1):
         overflowed = overflowed_rows(values)
         lost = lost_rows(values, period, least) & ~overflowed
@@ -92,7 +100,16 @@ def _lines(
         alone = spikes[:, axis - 1] & ~overflowed & ~lost & ~stuck
         for words, rows in ((OVERFLOW, overflowed), (LOST, lost), (HELD, stuck), (SPIKE, alone)):
             if rows.any():
-                lines.append(f"{name} {axis}: {_counted(record, rows)}: {words}")
+                odd[f"{name} {axis}: {words}"] = rows
+    return odd
+
+
+def _described(record: Series, odd: dict[str, NDArray[np.bool_]]) -> tuple[str, ...]:
+    """Return a line for each kind of odd rows."""
+    lines = []
+    for words, rows in odd.items():
+        channel, _, what = words.partition(": ")
+        lines.append(f"{channel}: {_counted(record, rows)}: {what}")
     return tuple(lines)
 
 

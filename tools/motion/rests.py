@@ -12,6 +12,7 @@ from pydantic import Field
 
 from ...models.attitude_algorithms import MAX_INCREMENT
 from ..errors import InputError, nearest
+from ..memory import each, once
 from ..records import StrapdownRecord
 from ..records.columns import LARGEST_FORCE
 from ..records.cut_off import limited_rests
@@ -285,16 +286,15 @@ class Rests(Result):
         return self.count
 
 
-def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
+def quiet_rests(record: StrapdownRecord, sampling: RecordSampling, *, bounds: bool = True) -> Rests:
     """Find the rests of a record in which gyros and accelerometers are still, and average them.
 
     The bounds of the means are the noise within the rests, so that the gyros must be still, too: a trembling hand would
-    be in them. Rests whose readings walk are left out. Rests that a person decided replace these.
+    be in them. Rests whose readings walk are left out. Rests that a person decided replace these. Without `bounds` the
+    result has none, and no steps of the readings.
     """
-    rate = rates_of(record)
-    # A knock would be all that sums of squares hold.
-    channels = [*rate.T, *np.clip(record.specific_force, -LARGEST_FORCE, LARGEST_FORCE).T]
-    quiet, noise = still_windows(channels, sampling.period, QUIET)
+    channels, quiet, noise = once(_quiet_windows, record, sampling.period)
+    rate = once(rates_of, record)
     if record.decisions is not None and record.decisions.rests is not None:
         still, turning, walking = rows_of_rests(record.time_s, record.decisions.rests, str(record.path)), 0, []
     else:
@@ -313,8 +313,16 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
         else:
             usable.append(rows)
     finite_noise = np.where(np.isfinite(noise), noise, 0.0)
-    rests = _averaged(record, sampling, tuple(usable), finite_noise, turning=turning, clipped=tuple(clipped))
-    return rests.model_copy(update={"walking_rows": tuple(walking)})
+    rests = _averaged(record, sampling, tuple(usable), finite_noise, bounds=bounds)
+    left_out = {"turning": turning, "clipped": len(clipped)}
+    return rests.model_copy(update={**left_out, "clipped_rows": tuple(clipped), "walking_rows": tuple(walking)})
+
+
+def _quiet_windows(record: StrapdownRecord, period: float) -> tuple[list[NDArray], NDArray[np.bool_], NDArray]:
+    """Return the channels of a record without knocks, and its still windows with the noise, as of `still_windows`."""
+    # A knock would be all that sums of squares hold.
+    channels = [*rates_of(record).T, *np.clip(record.specific_force, -LARGEST_FORCE, LARGEST_FORCE).T]
+    return channels, *still_windows(channels, period, QUIET)
 
 
 def still_windows(channels: Sequence[NDArray], period: float, limit: float) -> tuple[NDArray[np.bool_], NDArray]:
@@ -438,24 +446,23 @@ def _averaged(
     rows: tuple[slice, ...],
     noise: NDArray,
     *,
-    turning: int,
-    clipped: tuple[slice, ...] = (),
+    bounds: bool,
 ) -> Rests:
     def means(values: NDArray) -> NDArray:
-        return np.array([values[r].mean(axis=0) for r in rows]).reshape(len(rows), *values.shape[1:])
+        return np.reshape(each(_mean, values, rows), (len(rows), *values.shape[1:]))
 
-    def bounds(values: NDArray) -> NDArray | None:
+    def scatter(values: NDArray) -> NDArray | None:
         """Return bounds of the means' errors (K, 3); larger for rests shorter than the median, as for white noise."""
-        deviation = deviation_at_dwell([values[r] for r in rows])
+        deviation = deviation_at_dwell([values[r] for r in rows]) if bounds else None
         if deviation is None:
             return None
         longer = np.sqrt(np.maximum(1.0, np.median(length) / length))
         return SCATTER_FACTOR * longer[:, None] * deviation
 
     length = np.array([r.stop - r.start for r in rows], dtype=float)
-    rate, force_scatter = rates_of(record), bounds(record.specific_force)
-    rate_scatter = bounds(rate)
-    step, off = reading_steps(record.specific_force, rows) if rows else (np.zeros(3), np.zeros(3))
+    rate, force_scatter = once(rates_of, record), scatter(record.specific_force)
+    rate_scatter = scatter(rate)
+    step, off = reading_steps(record.specific_force, rows) if rows and bounds else (np.zeros(3), np.zeros(3))
     if force_scatter is not None:
         force_scatter = force_scatter + off
     temperature = None
@@ -463,9 +470,8 @@ def _averaged(
         temperature = means(record.temperature)
     return Rests(
         count=len(rows),
-        slow_turns_left_out=turning,
-        clipped_left_out=len(clipped),
-        clipped_rows=clipped,
+        slow_turns_left_out=0,
+        clipped_left_out=0,
         reading_step_mps2=step,
         time_s=means(record.time_s),
         length_s=length * sampling.period,
@@ -479,6 +485,10 @@ def _averaged(
         temperature=temperature,
         noise=noise,
     )
+
+
+def _mean(values: NDArray) -> NDArray:
+    return values.mean(axis=0)
 
 
 def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tuple[NDArray, NDArray]:

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
+from ..memory import once
 from ..records import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
 from ..result import Result
 from ..rounding import digits
@@ -102,9 +103,13 @@ def trust_of(
         series = record.raw if isinstance(record, PositionRecord) else None
     gyros = series.gyros if isinstance(series, BenchRecord) else series
     if isinstance(gyros, StrapdownRecord) and len(gyros) >= FEWEST_ROWS:
-        sampling = sampling_of(gyros)
-        rests = quiet_rests(gyros, sampling)
-        return judged(gyros, sampling, rests, turning_of(gyros, sampling, rests), gravity)
+        undecided = replace(gyros, decisions=None)
+        sampling = once(sampling_of, undecided)
+        searched = once(_searched, undecided, sampling)
+        rests = searched if gyros.decisions is None else quiet_rests(gyros, sampling, bounds=False)
+        # Moves are those of the whole record, whichever rests a person takes.
+        turning = once(turning_of, undecided, sampling, searched if len(searched) else rests)
+        return judged(gyros, sampling, rests, turning, gravity)
     if isinstance(gyros, StrapdownRecord):
         return TrustCheck(warnings=downward_warning(gyros))
     faults, warnings = list[str](), list[str]()
@@ -113,6 +118,10 @@ def trust_of(
     if isinstance(series, RawRecord | StrapdownRecord | ForceRecord) and len(series) >= FEWEST_ROWS:
         faults += odd_rows_of_forces(series)
     return TrustCheck(faults=tuple(faults), warnings=tuple(warnings), of_forces=tuple(faults))
+
+
+def _searched(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
+    return quiet_rests(record, sampling, bounds=False)
 
 
 def turning_of(record: StrapdownRecord, sampling: RecordSampling, rests: Rests) -> TurningCheck:
@@ -171,8 +180,8 @@ def judged(
             warnings.append(
                 f"the median of |f| is {digits(usual, 3)} times gravity, and no rest tells whether that is so"
             )
-    odd = odd_rows_of_gyros(record)
-    of_forces += odd_rows_of_forces(record)
+    odd = once(odd_rows_of_gyros, record)
+    of_forces += once(odd_rows_of_forces, record)
     if not (faults or of_forces or odd):
         faults += missed_gravity(moves, scale)
     faults += odd

@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..memory import each, once
 from .limits import rows_at_limit
 
 End = Literal["upper", "lower"]
@@ -188,27 +189,38 @@ def limited_rests(
     limited = np.zeros((len(rests), values.shape[1]), dtype=bool)
     if not len(rests):
         return limited
+    spread = np.array(each(_spread, values, rests))
     for axis, channel in enumerate(values.T):
         pieces = [channel[rows] for rows in rests]
         at_rest = np.concatenate(pieces)
-        at_end = rows_at_limit(channel, [*np.delete(values, axis, axis=1).T, *moved])
+        at_end = once(_rows_at_limit, values, axis, *moved)
         end = cut_off(pieces)
         if end is not None and end.certain:
             for side in end.ends:
-                at_end |= channel == (at_rest.max() if side == "upper" else at_rest.min())
-        limited[:, axis] = [np.mean(at_end[rows]) > SHARE for rows in rests]
-        limited[:, axis] |= _flat(pieces, at_rest)
+                at_end = at_end | (channel == (at_rest.max() if side == "upper" else at_rest.min()))
+        if at_end.any():
+            limited[:, axis] = [np.mean(at_end[rows]) > SHARE for rows in rests]
+        limited[:, axis] |= _flat(pieces, spread[:, axis], at_rest)
     return limited
 
 
-def _flat(pieces: Sequence[NDArray[np.float64]], at_rest: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return values.std(axis=0)
+
+
+def _rows_at_limit(values: NDArray[np.float64], axis: int, *moved: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return rows_at_limit(values[:, axis], [*np.delete(values, axis, axis=1).T, *moved])
+
+
+def _flat(
+    pieces: Sequence[NDArray[np.float64]], spread: NDArray[np.float64], at_rest: NDArray[np.float64]
+) -> NDArray[np.bool_]:
     """Return the pieces that stay at an end of the range, though the others scatter by more than their steps."""
-    spread = np.array([piece.std() for piece in pieces])
     usual = float(np.median(spread))
-    if usual <= ROUNDING * float(np.abs(at_rest).max()) or steps_hide_noise(pieces):
-        return np.zeros(len(pieces), dtype=bool)
     lowest, highest = at_rest.min(), at_rest.max()
     flat = spread < FLAT * usual
+    if not flat.any() or usual <= ROUNDING * float(np.abs(at_rest).max()) or steps_hide_noise(pieces):
+        return np.zeros(len(pieces), dtype=bool)
     for number in np.flatnonzero(flat).tolist():
         piece = pieces[number]
         flat[number] = max(np.mean(piece == highest), np.mean(piece == lowest)) > 1.0 - FLAT

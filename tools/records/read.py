@@ -22,7 +22,7 @@ import polars as pl
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..files import MAGIC, advice_on, bytes_of, fault_of_parquet, is_workbook
+from ..files import MAGIC, advice_on, bytes_of, cut_warning, fault_of_parquet, is_workbook
 from ..progress import tracked
 from .channels import Channels
 from .columns import (
@@ -282,6 +282,8 @@ def _parsed(
     except StopIteration as done:
         columns: FileColumns = done.value
     lines = extra_warning(columns) + warnings(columns)
+    if not (in_memory or trusted or content.startswith(MAGIC)):
+        lines += tuple(f"{path}: {line}" for line in cut_warning(content))
     digest = hashlib.sha256(content).hexdigest()
     record = replace(record_from(columns), warnings=lines, sha256=digest)
     if in_memory or trusted or not decided:

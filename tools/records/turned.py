@@ -7,6 +7,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..memory import once
 from .kinds import StrapdownRecord
 
 if TYPE_CHECKING:
@@ -30,14 +31,7 @@ class Stretches:
     @staticmethod
     def of(record: StrapdownRecord, time: NDArray[np.float64], ends: NDArray[np.int_]) -> "Stretches":
         """The stretches between rows (S, 2) of a record with these time stamps (N,); each has one row at least."""
-        step = np.diff(time)[:, None]
-        if record.rate is None:
-            assert record.increment is not None
-            turns = record.increment[1:]
-        else:
-            turns = 0.5 * (record.rate[1:] + record.rate[:-1]) * step
-        turns = np.hstack([turns, step])
-        so_far = np.append(0.0, np.cumsum(np.linalg.norm(turns[:, :3], axis=1)))
+        turns, so_far = once(_turns_of, record, time)
         summed = []
         for first, last in ends.tolist():
             begins = np.flatnonzero(np.diff(so_far[first:last] // STEP, prepend=-1.0))
@@ -66,6 +60,17 @@ class Stretches:
         while len(total) > len(self):
             total = total[0::2] * total[1::2]
         return total
+
+
+def _turns_of(record: StrapdownRecord, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return turns and durations (N - 1, 4) from row to row [rad, s], and the angle (N,) to and fro so far [rad]."""
+    step = np.diff(time)[:, None]
+    if record.rate is None:
+        assert record.increment is not None
+        turns = record.increment[1:]
+    else:
+        turns = 0.5 * (record.rate[1:] + record.rate[:-1]) * step
+    return np.hstack([turns, step]), np.append(0.0, np.cumsum(np.linalg.norm(turns, axis=1)))
 
 
 def thinned(chosen: NDArray[np.int_], most: int) -> NDArray[np.int_]:

@@ -9,18 +9,20 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
 import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
-from .. import by_hand, corrections, diagnosis, document, foreign, measured, records, reports
+from .. import by_hand, corrections, diagnosis, document, foreign, measured, motion, records, reports
 from .. import calibration as calibrations
 from ..document.notation import plain as plain_text
 from ..document.notation import unit_text
 from ..errors import InputError, one_line
 from ..files import json_text, write_text
+from ..memory import Memory, kept
 from ..options import ExportTarget
 from ..records.limits import channel_limits, runs_of
 from ..rounding import digits, interval, residual
@@ -60,6 +62,8 @@ FIRST_ROWS, DIGITS, MOST_CHARACTERS = 6, 8, 40
 KEPT: dict[tuple[Any, ...], records.Record] = {}
 """Records that were read, by file and the way of reading."""
 MOST_KEPT = 8
+MEMORY: Memory = Memory()
+"""Values of the records that the last calculation was about."""
 MARKS: dict[str, list[dict[str, Any]]] = {}
 """What is marked in a series, by the digest of its content."""
 LAST: "list[Shown]" = []
@@ -77,8 +81,8 @@ class Shown:
         the record for its page
     run : record
         the first record, with decisions
-    path : Path
-        file of the first record
+    paths : sequence of str
+        files of the records
     channels : tuple of str
         the channels with which it was read
     """
@@ -86,7 +90,7 @@ class Shown:
     result: Any
     record: Any
     run: Any
-    path: Path
+    paths: Sequence[str]
     channels: tuple[str, ...]
 
 
@@ -100,7 +104,8 @@ def last() -> Shown:
 def outcome(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
     """Return the value of a function and an empty text; or None and the line with the reason of a refusal."""
     try:
-        return function(*arguments), ""
+        with kept(MEMORY):
+            return function(*arguments), ""
     except (InputError, OSError) as error:
         return None, one_line(str(error))
     except Exception as error:
@@ -137,6 +142,7 @@ def described(path: str) -> dict[str, Any]:
     about: dict[str, Any] = {
         "word": record.word,
         "rows": len(record),
+        "seconds": None if is_table else float(record.time_s[-1] - record.time_s[0]),
         "table": is_table,
         "columns": list(record.columns()),
         "sha256": record.sha256,
@@ -243,51 +249,71 @@ def lines(path: str, begin: float | None, end: float | None, points: int) -> dic
 def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the rests of a series, those that are refused with the reason, and what else is marked in it.
 
-    A rest has "from_s", "to_s", "face", "norm" [g], "scatter" [g] and "refused".
+    A rest has "from_s", "to_s", "face", "norm" [g], "scatter" [g] and "refused"; a mark its "kind", its "from_s" and
+    "to_s", and "what" it is in words.
     """
     record: Any = decided(path, decisions, options)
-    found: list[dict[str, Any]] = []
+    listed: list[dict[str, Any]] = []
+    moves: list[dict[str, Any]] = []
     reason = ""
     try:
-        for rows, face, refused in _rests_of(record, options):
+        rests_of_record, moved = _rests_of(record, options)
+        for rows, face, refused in rests_of_record:
             force = record.specific_force[rows] / STANDARD_GRAVITY
-            rest = {"from_s": float(record.time_s[rows.start]), "to_s": float(record.time_s[rows.stop - 1])}
             size = {"norm": float(np.linalg.norm(force.mean(axis=0))), "scatter": float(force.std(axis=0).max())}
-            found.append({**rest, "face": face, "refused": refused, **size})
+            listed.append({**_ends(record, rows.start, rows.stop - 1), "face": face, "refused": refused, **size})
+        for first, last in moved:
+            moves.append({**_ends(record, first, last), "kind": "move", "what": "move"})
     except InputError as error:
         reason = str(error)
     if record.sha256 not in MARKS:
         MARKS[record.sha256] = _marks_of(record)
-    return {"rests": found, "reason": reason, "marks": MARKS[record.sha256]}
+    return {"rests": listed, "reason": reason, "marks": [*moves, *MARKS[record.sha256]]}
 
 
-def _rests_of(record: Any, options: Mapping[str, Any]) -> list[tuple[slice, str, str]]:
-    """Return rows, face and reason of refusal of each rest of a series."""
+def _ends(record: Any, first: int, last: int) -> dict[str, float]:
+    return {"from_s": float(record.time_s[first]), "to_s": float(record.time_s[last])}
+
+
+Moved: TypeAlias = list[tuple[int, int]]
+"""First and last row of each move."""
+
+
+def _rests_of(record: Any, options: Mapping[str, Any]) -> tuple[list[tuple[slice, str, str]], Moved]:
+    """Return rows, face and reason of refusal of each rest of a series, and the moves between them."""
     if isinstance(record, records.RawRecord):
-        table = records.position_record_of(record)
-        return [(rest.kept, "", rest.refused or "") for rest in table.rests or ()]
+        of_table = records.position_record_of(record).rests or ()
+        moved = [(rest.last, then.first) for rest, then in pairwise(of_table)]
+        return [(rest.kept, "", rest.refused or "") for rest in of_table], moved
+    known = {name: options[name] for name in ("gravity", "rest_scatter", "faces") if name in options}
+    run = None
+    try:
+        run = by_hand.run_of(record, by_hand.HandRequest.told(**known))
+    except InputError:
+        if record.decisions is None:
+            raise
+    moved = [] if run is None or run.moves is None else run.moves.way.ends.tolist()
     if record.decisions is not None and record.decisions.rests is not None:
+        # All of them, whether a calibration takes them or not.
         rows = records.rows_of_rests(record.time_s, record.decisions.rests, record.path.name)
         faces = [rest.face for rest in record.decisions.rests]
-        return [(rows_of_rest, face, "") for rows_of_rest, face in zip(rows, faces, strict=True)]
-    known = {name: options[name] for name in ("gravity", "rest_scatter", "faces") if name in options}
-    run = by_hand.run_of(record, by_hand.HandRequest.told(**known))
-    return [(rows, "", "") for rows in run.rests.rows]
+        return [(rows_of_rest, face, "") for rows_of_rest, face in zip(rows, faces, strict=True)], moved
+    return [(rows, "", "") for rows in (run.rests.rows if run else ())], moved
 
 
 def _marks_of(record: Any) -> list[dict[str, Any]]:
-    """Return stretches with readings that are not used or at a limit, and gaps."""
+    """Return stretches with readings that are not used, at a limit or unlike their neighbours, and gaps."""
     marks = []
-    stretches = {"knock": record.knocks}
+    stretches = {("spike", "knock"): record.knocks}
+    stretches |= {("spike", words): rows for words, rows in motion.odd_rows(record).items()}
     if not isinstance(record, records.ForceRecord):
-        stretches |= {f"limit of {name}": rows for name, rows in channel_limits(record).rows.items()}
-    for what, rows in stretches.items():
+        stretches |= {("limit", f"limit of {name}"): rows for name, rows in channel_limits(record).rows.items()}
+    for (kind, what), rows in stretches.items():
         for first, stop in list(zip(*runs_of(rows), strict=True))[:MOST_MARKS]:
-            ends = {"from_s": float(record.time_s[first]), "to_s": float(record.time_s[stop - 1])}
-            marks.append({**ends, "what": what})
+            marks.append({**_ends(record, first, stop - 1), "kind": kind, "what": what})
     steps = np.diff(record.time_s)
     for row in np.flatnonzero(steps > 2.5 * np.median(steps))[:MOST_MARKS].tolist():
-        marks.append({"from_s": float(record.time_s[row]), "to_s": float(record.time_s[row + 1]), "what": "gap"})
+        marks.append({**_ends(record, row, row + 1), "kind": "gap", "what": "gap"})
     return marks
 
 
@@ -354,6 +380,8 @@ def answer(asked: FilesCommand, advise: Advise | None = None) -> dict[str, Any]:
         for anything that cannot be done, in one line
     """
     command, several = asked.command, len(asked.paths) > 1
+    if not LAST or LAST[0].paths != asked.paths:
+        MEMORY.clear()
     options = checked_options(command, several, asked.options)
     runs = []
     for path, made in zip(asked.paths, asked.decisions, strict=True):
@@ -362,7 +390,7 @@ def answer(asked: FilesCommand, advise: Advise | None = None) -> dict[str, Any]:
     page = reports.page_of(result, record)
     assert page is not None
     channels = (options["channels"],) if "channels" in options else ()
-    LAST[:] = [Shown(result, record, runs[0], Path(asked.paths[0]), channels)]
+    LAST[:] = [Shown(result, record, runs[0], asked.paths, channels)]
     shown = [str(_typed_path(path)) for path in asked.paths]
     following = "" if advise is None else advise(command, shown, options, result)
     return {
@@ -532,7 +560,7 @@ def saved(what: str) -> dict[str, Any]:
     InputError
         for an output that the result does not have
     """
-    result, beside = last().result, last().path
+    result, beside = last().result, Path(last().paths[0])
     kind = type(result).__name__.lower()
     if what == "json":
         out = free_name(beside.with_name(f"{beside.stem}.{kind}.json"))

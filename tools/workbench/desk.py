@@ -46,6 +46,8 @@ class OpenFile:
         answers to the questions of its import
     imported : mapping or None
         how it is understood, as `answers.understood` has it; None of a record, and of what cannot be imported
+    outcome : mapping or None
+        command, verdict and figures of the last answer about it, and whether that was with other files
     looked_at : Event
         is set when it has been read
     looking : Lock
@@ -60,6 +62,7 @@ class OpenFile:
     preview: SeriesChannels | None = None
     given: Mapping[str, str] = field(default_factory=dict)
     imported: Mapping[str, Any] | None = None
+    outcome: Mapping[str, Any] | None = None
     looked_at: threading.Event = field(default_factory=threading.Event)
     looking: threading.Lock = field(default_factory=threading.Lock)
 
@@ -115,6 +118,7 @@ class Desk:
         with self._lock:
             self.files.append(file)
             number = len(self.files) - 1
+            self.number += 1
         self._look_at(file)
         return number
 
@@ -198,8 +202,8 @@ class Desk:
             return lines_of(preview, begin, end, points)
         return self.look(answers.lines, str(self._record(number).path), begin, end, points)
 
-    def state(self) -> dict[str, Any]:
-        """Return all that the page shows, as plain values."""
+    def state(self, known: int = -1) -> dict[str, Any]:
+        """Return all that the page shows, as plain values; only what runs where it knows the last change."""
         with self._lock:
             running = None
             if self._running is not None and self._request is not None:
@@ -208,6 +212,8 @@ class Desk:
                     "command": f"trihedron {self._request.command} {' '.join(names)}",
                     "seconds": round(time.monotonic() - self._began),
                 }
+            if known == self.number:
+                return {"number": self.number, "running": running}
             files = []
             for file in self.files:
                 files.append(
@@ -218,6 +224,7 @@ class Desk:
                         "decisions": file.decisions,
                         "preview": file.preview is not None,
                         "imported": file.imported,
+                        "outcome": file.outcome,
                         "given": file.given,
                         "undo": bool(file.earlier),
                         "decisions_file": records.decisions_file(file.path).name,
@@ -276,6 +283,9 @@ class Desk:
             if not self.refusal:
                 self.before = self.answer if same_request else None
                 self.answer = {**answer, "files": request.files}
+                outcome = {"command": request.command, "together": len(request.files) > 1}
+                for number in request.files:
+                    self.files[number].outcome = {**outcome, "verdict": answer["verdict"], "key": answer["key"]}
                 self.outdated = False
 
     def stop(self) -> None:
@@ -324,7 +334,7 @@ class Desk:
             write_text(beside, records.decisions_text(made, file.path, file.about["sha256"]))
         else:
             beside.unlink(missing_ok=True)
-        file.decisions = values
+        file.decisions, file.outcome = values, None
         self.outdated = True
         self.number += 1
 

@@ -7,8 +7,8 @@ const MOST_ROWS = 60, READING = "is being read";
 const HEIGHT = 176, LEFT = 64, BELOW = 18;
 let WIDTH = 1000;
 let state = { number: -1, files: [] }, current = 0, chosen = new Set([0]), span = null, rests = [], marks = [];
-let lostSince = null, ended = false;
-let lines = null, shownRecord = "", shownAnswer = -1, selected = null, lastCommand = "";
+let lostSince = null, ended = false, timer = 0;
+let lines = null, shownFiles = "", shownRecord = "", shownAnswer = -1, selected = null, lastCommand = "";
 
 // Requests
 
@@ -24,7 +24,7 @@ async function send(content) {
   const answer = await fetch("do", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) });
   const result = await answer.json();
   if (result.refusal) refuse(result.refusal);
-  await look();
+  await poll();
   return result;
 }
 
@@ -37,18 +37,21 @@ function connection(good) {
 
 async function look() {
   try {
-    state = await get("state");
+    const fresh = await get(`state?number=${state.number}`);
+    state = { ...state, ...fresh };
     connection(true);
+    if (fresh.files) show(); else showRunning();
   } catch (error) {
     connection(false);
-    return;
   }
-  show();
 }
 
+// An answer is looked for soon after it was asked for.
 async function poll() {
+  clearTimeout(timer);
   await look();
-  setTimeout(poll, state.running ? 250 : 1000);
+  clearTimeout(timer);
+  timer = setTimeout(poll, !state.running ? 1000 : state.running.seconds < 1 ? 100 : 250);
 }
 
 function options() {
@@ -121,14 +124,18 @@ function button(text, act, title) {
   return made;
 }
 
-function show() {
-  showFiles();
+function showRunning() {
   const running = state.running;
   $("running").hidden = !running && !state.outdated;
   $("answer-part").classList.toggle("old", Boolean(running) || state.outdated);
   const before = state.outdated ? " The answer is the one before your last change." : "";
   $("running").firstElementChild.textContent = running ? `Running for ${running.seconds} s: ${running.command}.${before}` : before;
   $("running").lastElementChild.textContent = running ? "Stop" : "Calculate again";
+}
+
+function show() {
+  showFiles();
+  showRunning();
   if (state.refusal && $("refusal").textContent !== state.refusal) refuse(state.refusal);
   const file = state.files[current];
   for (const one of document.querySelectorAll("#commands button")) one.disabled = !chosenFiles().length || state.files.some(file => file.problem === READING);
@@ -143,20 +150,24 @@ function show() {
 }
 
 function showFiles() {
-  const items = state.files.map((file, number) => {
-    const item = element("li", null), tick = element("input", null, { type: "checkbox", "aria-label": `Calculate with ${file.name}` });
+  $("files-part").hidden = !state.files.length;
+  const key = JSON.stringify([current, [...chosen], state.files.map(file => [file.name, file.about && file.about.rows, file.problem, file.outcome])]);
+  if (key === shownFiles) return;
+  shownFiles = key;
+  renew($("files").tBodies[0], state.files.map((file, number) => {
+    const row = element("tr", null), about = file.about, outcome = file.outcome, tick = element("input", null, { type: "checkbox", "aria-label": `Calculate with ${file.name}` });
     tick.checked = chosen.has(number);
-    tick.disabled = !file.about;
+    tick.disabled = !about;
     tick.addEventListener("change", () => { tick.checked ? chosen.add(number) : chosen.delete(number); });
-    const open = button(file.name, () => { if (chosen.size < 2) chosen = new Set([number]); current = number; span = null; selected = null; show(); showFiles(); });
+    const open = button(file.name, () => { if (chosen.size < 2) chosen = new Set([number]); current = number; span = null; selected = null; show(); }, `Look at ${file.name}`);
     open.setAttribute("aria-current", String(number === current));
-    if (state.files.length > 1) item.append(tick);
-    item.append(open);
-    return item;
-  });
-  const focused = document.activeElement && $("files").contains(document.activeElement);
-  if (!focused || items.length !== $("files").children.length) $("files").replaceChildren(...items);
-  else [...$("files").querySelectorAll("button")].forEach((one, number) => one.setAttribute("aria-current", String(number === current)));
+    const verdict = outcome ? `${outcome.command}${outcome.together ? ", together" : ""}: ${outcome.verdict.split(/[:.]/)[0]}` : "";
+    const figures = outcome ? Object.entries(outcome.key).slice(0, 3).map(([name, value]) => `${name} ${value}`).join("; ") : "";
+    const kind = about ? about.word : file.problem === READING ? "is being read" : "not a record yet";
+    const seconds = about && about.seconds !== null ? String(Number(about.seconds.toPrecision(6))) : "";
+    row.append(cell(tick), cell(open), cell(kind), cell(about ? String(about.rows) : "", "number"), cell(seconds, "number"), cell(verdict), cell(figures));
+    return row;
+  }));
 }
 
 function showAnswer() {
@@ -373,10 +384,22 @@ function listRests() {
   const shown = numbers.filter(number => rests[number].to_s >= span[0] && rests[number].from_s <= span[1]);
   renew($("rests").tBodies[0], shown.slice(0, MOST_ROWS).map(number => showRest(rests[number], number)));
   $("rests-count").textContent = shown.length > MOST_ROWS ? `${rests.length} rests; the first ${MOST_ROWS} are listed. Look closer for the others.` : `${rests.length} rests`;
+}
+
+// What the pictures mark: rests behind the lines, moves below them, limits above them.
+const KINDS = { rest: ["rest", 0, HEIGHT - BELOW], refused: ["rest, not used", 0, HEIGHT - BELOW], move: ["move", HEIGHT - BELOW - 5, 5], limit: ["limit", 0, 6], spike: ["spike", 0, HEIGHT - BELOW], gap: ["gap", 0, HEIGHT - BELOW] };
+
+function showKinds() {
   const counts = {};
-  for (const mark of marks) counts[mark.what] = (counts[mark.what] || 0) + 1;
-  const marked = Object.entries(counts).map(([what, count]) => `${what} (${count})`).join(", ");
-  if (marked) $("rests-count").textContent += `. Marked: ${marked}`;
+  for (const rest of rests) counts[rest.refused ? "refused" : "rest"] = (counts[rest.refused ? "refused" : "rest"] || 0) + 1;
+  for (const mark of marks) counts[mark.kind] = (counts[mark.kind] || 0) + 1;
+  $("kinds").replaceChildren(...Object.keys(KINDS).filter(kind => counts[kind]).map(kind => {
+    const [name, top, height] = KINDS[kind], part = element("span", null), svg = drawn("svg", { viewBox: "0 0 22 12", "aria-hidden": "true" });
+    const thin = height < 20;
+    svg.append(drawn("rect", { class: kind, x: 0, width: kind === "spike" ? 3 : 22, y: thin && top ? 8 : 0, height: thin ? 4 : 12 }));
+    part.append(svg, `${name} (${counts[kind]})`);
+    return part;
+  }));
 }
 
 function used() {
@@ -500,24 +523,25 @@ function drawBands() {
     const bands = svg.querySelector(".bands"), edges = svg.querySelector(".edges");
     bands.replaceChildren();
     edges.replaceChildren();
-    const band = (from, to, look, what) => {
-      const x = Math.max(LEFT, place(from)), end = Math.min(WIDTH, place(to));
+    const band = (from, to, kind, look, what) => {
+      const [, y, height] = KINDS[kind], x = Math.max(LEFT, place(from)), end = Math.min(WIDTH, place(to));
       if (end < x) return;
-      const rect = drawn("rect", { class: look, x, y: 0, width: Math.max(end - x, 1), height: HEIGHT - BELOW }), title = drawn("title", {});
+      const rect = drawn("rect", { class: `${kind} ${look}`, x, y, width: Math.max(end - x, 1), height }), title = drawn("title", {});
       title.textContent = what;
       rect.append(title);
       bands.append(rect);
     };
     rests.forEach((rest, number) => {
-      band(rest.from_s, rest.to_s, rest.refused ? "refused" : number === selected ? "rest chosen" : "rest", `rest ${number + 1} ${rest.refused}`);
+      band(rest.from_s, rest.to_s, rest.refused ? "refused" : "rest", number === selected ? "chosen" : "", `rest ${number + 1} ${rest.refused}`);
       if (rest.refused) return;
       for (const [side, time] of [[0, rest.from_s], [1, rest.to_s]]) {
         const x = place(time);
         if (x >= LEFT && x <= WIDTH) edges.append(drawn("line", { class: "edge", x1: x, x2: x, y1: 0, y2: HEIGHT - BELOW, "data-rest": number, "data-side": side }));
       }
     });
-    for (const mark of marks) band(mark.from_s, mark.to_s, "mark", mark.what);
+    for (const mark of marks) band(mark.from_s, mark.to_s, mark.kind, "", mark.what);
   }
+  showKinds();
 }
 
 function begin(event, svg) {

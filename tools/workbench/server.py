@@ -104,7 +104,8 @@ class _Handler(LoopbackHandler):
             )
             self.answer_shell(page, nonce, "; frame-src 'self'")
         elif name == "state":
-            self._answer_object(desk.state())
+            known = parse_qs(urlsplit(self.path).query).get("number", [""])[0]
+            self._answer_object(desk.state(int(known) if known.isdecimal() else -1))
         elif name == "page":
             self._answer_page(desk)
         elif name == "now" and table is not None:

@@ -154,3 +154,59 @@ def test_inspect_and_noise_take_the_rests_as_decided(tmp_path: Path) -> None:
     assert len(th.inspect(record).rests) == 13
     assert th.noise(record).stretches == 13
     assert any("13 rests as marked" in line for line in th.diagnose(record).warnings)
+
+
+COMMANDS = (
+    "check {table}",
+    "calibrate {table} --noise-bound 1e-5",
+    "diagnose {table} --noise-bound 1e-5",
+    "apply calibration.json {table} --out corrected.csv",
+    "compare {table} {table}",
+    "batch {table} --do calibrate --noise-bound 1e-5 --jobs 1 --out lot",
+    "check {walk}",
+    "inspect {walk}",
+    "calibrate {walk} --gravity 9.81",
+    "diagnose {walk}",
+    "noise {walk}",
+    "apply by-hand.json {walk} --out corrected.csv",
+    "attitude {walk}",
+    "plan hand --measured {walk}",
+    "compare {walk} {walk}",
+    "plot {walk} walk.html",
+)
+"""Every command that takes a record, with a table or a series that has decisions beside it."""
+
+
+@pytest.fixture(scope="module")
+def with_decisions_beside(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a table and a series, their calibrations, and decisions about both."""
+    folder = tmp_path_factory.mktemp("decided")
+    rng = np.random.default_rng(3)
+    made = simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3)))
+    write_record(made, folder / "table.csv")
+    _, walk = hand_moved(4, 12)
+    walk.write_csv(folder / "walk.csv")
+    table = th.calibrate(folder / "table.csv", noise_bound=1e-5)
+    by_hand = th.calibrate(folder / "walk.csv", gravity=9.81)
+    for name, result in (("calibration", table), ("by-hand", by_hand)):
+        (folder / f"{name}.json").write_text(result.json_text())
+    spans = [[5.0 * number + 0.205, 5.0 * number + 2.795, "+1" if number == 2 else ""] for number in range(1, 12)]
+    for name, line in (("table", "left_out = [12]"), ("walk", f"rests = {spans}")):
+        digest = th.read_record(folder / f"{name}.csv").sha256
+        head = f'schema = "trihedron.decisions/1"\nrecord_sha256 = "{digest}"\n'
+        (folder / f"{name}.decisions.toml").write_text(head + line.replace("'", '"'))
+    return folder
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_every_command_states_the_decisions_about_its_record(
+    words: str, with_decisions_beside: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.chdir(with_decisions_beside)
+    assert main(words.format(table="table.csv", walk="walk.csv").split()) == 0
+    output = " ".join("".join(capsys.readouterr()).split())
+    for file in (*Path("lot/results").glob("*.json"), Path("walk.html")):
+        if words.startswith(("batch", "plot")) and file.exists():
+            output += file.read_text()
+    expected = "position 12 left out" if "{table}" in words else "11 rests as marked"
+    assert expected in output
