@@ -43,12 +43,14 @@ ITERATIONS_BEFORE_SIGNS_REST = 8
 MAX_ITERATIONS = 60
 COARSE = 1e-2
 """Singular values below this fraction of the largest are left out of the first, coarse estimate."""
+ROUNDING = 1e-12
+"""Singular values below this fraction of the largest are rounding."""
+NEAR = 1e-6
+"""After a step of at most this size the derivatives change no more."""
 MAX_ROUNDS = 30
 ENOUGH = 6000
 """Measurements that are weighed, spread over the record: more would change little and take long."""
 AT_ONCE = 64
-MANY_ROWS = 65536
-"""Rows that are weighted and decomposed at once."""
 MANY_MEASUREMENTS = 5000
 """From here on the programmes take seconds."""
 GROUPS = (
@@ -98,7 +100,8 @@ def fit(
     span = determined(nominal_jacobian(parametrisation, positions), float(noise_bound.min()))
     problem = _Problem(parametrisation, positions, reading, span)
     point = np.zeros(len(parametrisation.symbols))
-    point = point + problem.step(point, certain.ravel().astype(float), nominal_sign, COARSE)
+    weight = certain.ravel().astype(float)
+    point = problem.slopes(point, weight, nominal_sign, COARSE).step(problem.residual(point, nominal_sign) * weight)
     gross = np.abs(reading - nominal_input(positions.alpha, positions.beta, matrices)).ravel() > GROSS
     trusted = np.ones(reading.size)
     for _ in range(5):
@@ -141,16 +144,12 @@ class _Problem:
         """Readings less those predicted at a point (3 N,), fractions of g."""
         return (self.reading - predicted_reading(self.parametrisation, point, self.positions, sign)).ravel()
 
-    def step(self, point: NDArray, weight: NDArray, sign: NDArray, cut: float | None = None) -> NDArray:
-        """One linear step; directions with singular values below `cut` of the largest are left alone."""
+    def slopes(self, point: NDArray, weight: NDArray, sign: NDArray, cut: float = ROUNDING) -> "_Slopes":
+        """Derivatives at a point; directions with singular values below `cut` of the largest are left alone."""
         jacobian = reading_jacobian(self.parametrisation, point, self.positions, sign).reshape(-1, len(point))
-        target, triangles = self.residual(point, sign) * weight, []
-        for rows in np.array_split(np.arange(len(target)), len(target) // MANY_ROWS + 1):
-            part = slice(rows[0], rows[-1] + 1)
-            scaled = (jacobian[part] @ self.span) * weight[part, None]
-            triangles.append(shortened(np.column_stack((scaled, target[part]))))
-        triangles = np.vstack(triangles)
-        return self.span @ np.linalg.lstsq(triangles[:, :-1], triangles[:, -1], rcond=cut)[0]
+        jacobian *= weight[:, None]
+        inverse = self.span @ np.linalg.pinv(shortened(jacobian) @ self.span, rcond=cut)
+        return _Slopes(jacobian, sign, inverse @ inverse.T)
 
     def misfit(self, point: NDArray, weight: NDArray, sign: NDArray | None) -> float:
         """Norm of the weighted residual at a point."""
@@ -160,12 +159,14 @@ class _Problem:
 
     def minimise(self, point: NDArray, weight: NDArray) -> tuple[NDArray, NDArray, bool]:
         """Gauss-Newton from a point; the minimum, the signs of the inputs there, and whether it settled."""
-        sign, last = np.zeros(self.reading.shape), np.inf
+        sign, last, slopes = np.zeros(self.reading.shape), np.inf, None
         for iteration in range(MAX_ITERATIONS):
             resting = iteration > ITERATIONS_BEFORE_SIGNS_REST
             if not resting:
                 sign = np.where(predicted_input(self.parametrisation, point, self.positions) >= 0.0, 1, -1)
-            step = self.step(point, weight, sign)
+            if slopes is None or last > NEAR or not np.array_equal(sign, slopes.sign):
+                slopes = self.slopes(point, weight, sign)
+            step = slopes.step(self.residual(point, sign) * weight)
             size = float(np.abs(step).max())
             if size > 1e-6:
                 signs = None
@@ -180,6 +181,22 @@ class _Problem:
                 return point, sign, True
             last = size
         return point, sign, last < 1e-8
+
+
+@dataclass(frozen=True)
+class _Slopes:
+    """Weighted derivatives (M, P) of the readings, the signs (N, 3) they hold for, and the covariance (P, P) of a fit.
+
+    Near the minimum they serve for further steps.
+    """
+
+    jacobian: NDArray
+    sign: NDArray
+    covariance: NDArray
+
+    def step(self, residual: NDArray) -> NDArray:
+        """Return the step (P,) of least squares for weighted residuals (M,)."""
+        return self.covariance @ (residual @ self.jacobian)
 
 
 def widening(
@@ -489,10 +506,9 @@ def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
             support = np.flatnonzero(phi)
             tops[k, side] = value, support, np.abs(phi[support])
     rows = system.rows_of(np.unique(np.concatenate([support for _, support, _ in tops.values()]) // 3))
-    near, remainder = system.selected(rows), np.zeros(len(residual))
-    for step in steps:
-        beyond = residual[rows] - near.residual_at(centre + step) - near.jacobian @ step
-        remainder[rows] = np.maximum(remainder[rows], np.abs(beyond))
+    near, remainder, moves = system.selected(rows), np.zeros(len(residual)), np.array(steps)
+    beyond = residual[rows] - near.residuals_at(centre + moves) - moves @ near.jacobian.T
+    remainder[rows] = np.abs(beyond).max(axis=0)
     for k in determinable:
         middle = float(weights[k] @ centre)
         for side, sense in enumerate((-1.0, 1.0)):

@@ -250,12 +250,14 @@ class WithMotion(WithTurns):
         """Names of the parameters."""
         return super().symbols + FURTHER
 
-    def residual_at(self, point: NDArray) -> NDArray:
-        """Exact residuals of readings at rest [g], integrals [rad] and readings in motion [g] at another point."""
-        at, sign, added, _ = self.moving.beyond_rest(self, point, self.gravity)
-        predicted = predicted_reading(self.parametrisation, point[: self.own], at, sign)
-        in_motion = (self.moving.reading - predicted).ravel() - added
-        return np.append(super().residual_at(point[: -len(FURTHER)]), in_motion)
+    def residuals_at(self, points: NDArray) -> NDArray:
+        """Exact residuals (K, M) at other points: readings at rest [g], integrals [rad], readings in motion [g]."""
+        in_motion = []
+        for point in points:
+            at, sign, added, _ = self.moving.beyond_rest(self, point, self.gravity)
+            predicted = predicted_reading(self.parametrisation, point[: self.own], at, sign)
+            in_motion.append((self.moving.reading - predicted).ravel() - added)
+        return np.hstack((super().residuals_at(points[:, : -len(FURTHER)]), in_motion))
 
     def jacobian_at(self, point: NDArray) -> NDArray:
         """Return the derivatives at another point; exact, but with the places' additions constant in scale factors."""

@@ -226,10 +226,13 @@ def parametrise(mountings: Mapping[str, ArrayLike], *, symmetric: bool = False) 
 def _arguments(p: Parametrisation, point: NDArray, at: Positions) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     if len(p.mountings) == 1 and at.tilts is None:
         # one turn for all positions, not one for each
-        return p.selection[0] @ point, at.alpha, at.beta, p.matrices[0]
-    targets = (p.selection @ point)[at.mounting]
+        targets = point @ p.selection[0].T
+        if point.ndim > 1:
+            targets = targets[:, None]
+        return targets, at.alpha, at.beta, p.matrices[0]
+    targets = np.stack([point @ selection.T for selection in p.selection], axis=-2)[..., at.mounting, :]
     if at.tilts is not None:
-        targets[:, [TARGETS.index("X1"), TARGETS.index("X3")]] += at.tilts
+        targets[..., [TARGETS.index("X1"), TARGETS.index("X3")]] += at.tilts
     return targets, at.alpha, at.beta, p.matrices[at.mounting]
 
 
@@ -249,21 +252,21 @@ def _in_blocks(evaluate: Callable[..., NDArray]) -> Callable[..., NDArray]:
                 return evaluate(p, point, at.selected(rows))
             return evaluate(p, point, at.selected(rows), sign[rows])
 
-        first, count = of(slice(BLOCK)), len(at.alpha)
-        if count <= BLOCK:
-            return first
-        values = np.empty((count, *first.shape[1:]), first.dtype)
-        values[:BLOCK] = first
-        for start in range(BLOCK, count, BLOCK):
-            values[start : start + BLOCK] = of(slice(start, start + BLOCK))
-        return values
+        count, size = len(at.alpha), max(1, BLOCK * point.shape[-1] // point.size)
+        if count <= size:
+            return of(slice(count))
+        parts = [of(slice(start, start + size)) for start in range(0, count, size)]
+        return np.concatenate(parts, axis=point.ndim - 1)
 
     return evaluated
 
 
 @_in_blocks
 def predicted_reading(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
-    """The exact reading over g (N, 3) at a point (P,) of the parameters; `sign` as in `models.bench.target_reading`."""
+    """The exact reading over g (N, 3) at a point (P,) of the parameters, or (K, N, 3) at several (K, P).
+
+    `sign` is as in `models.bench.target_reading`.
+    """
     targets, alpha, beta, matrices = _arguments(p, point, at)
     return target_reading(targets, alpha, beta, matrices, sign, at.slips)
 
@@ -355,7 +358,12 @@ class Linearisation:
 
     def residual_at(self, point: NDArray) -> NDArray:
         """Exact residuals (M,) at another point, with the signs of this one."""
-        return (self.reading - predicted_reading(self.parametrisation, point, self.positions, self.sign)).ravel()
+        return self.residuals_at(point[None])[0]
+
+    def residuals_at(self, points: NDArray) -> NDArray:
+        """Exact residuals (K, M) at other points (K, P), with the signs of this one."""
+        errors = self.reading - predicted_reading(self.parametrisation, points, self.positions, self.sign)
+        return errors.reshape(len(points), -1)
 
     def jacobian_at(self, point: NDArray) -> NDArray:
         """Exact derivatives (M, P) of the prediction at another point, with the signs of this one."""

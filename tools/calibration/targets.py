@@ -316,9 +316,9 @@ class WithPriors(Linearisation):
 
     prior: NDArray
 
-    def residual_at(self, point: NDArray) -> NDArray:
-        """Return exact residuals (M + K,) at another point; a prior's is its distance to zero."""
-        return np.append(super().residual_at(point), -self.prior @ point)
+    def residuals_at(self, points: NDArray) -> NDArray:
+        """Return exact residuals (K, M) at other points; a prior's is its distance to zero."""
+        return np.hstack((super().residuals_at(points), -points @ self.prior.T))
 
     def jacobian_at(self, point: NDArray) -> NDArray:
         """Exact derivatives (M + K, P) at another point; a prior's are its weights."""

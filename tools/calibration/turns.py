@@ -312,11 +312,11 @@ class WithTurns(Linearisation):
         """Names of the parameters."""
         return self.parametrisation.symbols + tuple(GYRO_PARAMETERS)
 
-    def residual_at(self, point: NDArray) -> NDArray:
-        """Exact residuals of readings [g] and integrals [rad] at another point."""
-        x = point[: self.own]
-        of_turns = self.turns.residual(self.parametrisation.selection[0] @ x, point[self.own :])
-        return np.append(super().residual_at(x), of_turns)
+    def residuals_at(self, points: NDArray) -> NDArray:
+        """Exact residuals (K, M) of readings [g] and integrals [rad] at other points."""
+        selection = self.parametrisation.selection[0]
+        of_turns = [self.turns.residual(selection @ point[: self.own], point[self.own :]) for point in points]
+        return np.hstack((super().residuals_at(points[:, : self.own]), of_turns))
 
     def jacobian_at(self, point: NDArray) -> NDArray:
         """Exact derivatives at another point."""

@@ -76,8 +76,11 @@ class WithEffects(Linearisation):
         """All rows."""
         return self
 
-    def residual_at(self, point: NDArray) -> NDArray:
-        """Exact residuals at another point; linear ones where an effect does not act there in its way."""
+    def residuals_at(self, points: NDArray) -> NDArray:
+        """Exact residuals (K, M) at other points; linear ones where an effect does not act there in its way."""
+        return np.array([self._residual_at(point) for point in points])
+
+    def _residual_at(self, point: NDArray) -> NDArray:
         model = self.model_at(point)
         if model is None:
             return self.residual - self.jacobian @ (point - self.point)
