@@ -44,6 +44,8 @@ LIMITS = {
 }
 """No instrument's number lies beyond these; arithmetic with doubles would be too coarse there."""
 
+MOST_LISTED, LISTED_OF_MANY = 20, 3
+"""More values of a column outside its range than the first have one line together, after the second number of them."""
 SHORTEST = 1e-9
 """Time from row to row [s]: a shorter one is none of an instrument, and its square may be zero."""
 QUATERNION_NORM = 1e-3
@@ -429,8 +431,13 @@ def faults(columns: FileColumns, *, any_times: bool = False) -> Iterator[RecordE
     forces in m/s², quaternions that are none. Where `any_times` holds, the times of a series are not looked at."""
     for name, (low, high, needed) in LIMITS.items():
         values = columns.numbers.get(name, np.zeros(0))
-        for k in np.flatnonzero((values < low) | (values > high)):
+        outside = np.flatnonzero((values < low) | (values > high))
+        listed = outside if len(outside) <= MOST_LISTED else outside[:LISTED_OF_MANY]
+        for k in listed:
             yield columns.fault(k, name, f"{float(values[k])!r} is outside {low:g} to {high:g}; {needed}")
+        if len(outside) > len(listed):
+            what = f"{len(outside) - len(listed)} more values, to row {columns.row[outside[-1]]}, are outside; {needed}"
+            yield columns.fault(outside[len(listed)], name, what)
     if "position" in columns.numbers:
         values = columns.numbers["position"]
         wrong = np.flatnonzero((values < 1) | (values != np.floor(values)) | (values > 2**53))

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import trihedron as th
 from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, reader, refused, with_field
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import PositionRecord, read_record
@@ -160,6 +161,18 @@ def test_corrupt_parquet_is_refused_without_noise(tmp_path, capfd):
         with pytest.raises(InputError, match=r"corrupt\.parquet"):
             read_record(path)
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(("wrong", "lines"), [(3, 3), (20, 20), (21, 4), (500, 4)])
+def test_many_values_out_of_range_have_one_line_together(tmp_path, wrong, lines):
+    rows = [f"{k / 100},{2e5 if k < wrong else 0.1},0,0,0,0,9.8" for k in range(600)]
+    path = tmp_path / "record.csv"
+    path.write_text("\n".join([STRAPDOWN_HEADER, *rows]))
+    problems = th.check(path).problems
+    assert len(problems) == lines
+    assert problems[0].row == 2
+    if wrong > lines:
+        assert f"{wrong - 3} more values, to row {wrong + 1}" in str(problems[-1])
 
 
 def test_what_is_not_a_file_or_of_another_kind_is_refused(tmp_path):
