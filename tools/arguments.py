@@ -87,6 +87,9 @@ def _bound(
     try:
         return signature.bind(*positional, **keywords)
     except TypeError as error:
+        for word, parameter in signature.parameters.items():
+            if parameter.kind is parameter.VAR_POSITIONAL and word in keywords:
+                raise TypeError(f"{name}: write the {word} one after another, without {word}=") from None
         unknown = [word for word in keywords if word not in signature.parameters]
         if not unknown:
             raise TypeError(f"{name}: {error}") from None
@@ -183,7 +186,10 @@ def _of_arguments(text: str, names: Sequence[str], options: dict[str, str]) -> s
 
     text = re.sub(r"`trihedron (plan|instrument|reproduce) (?=[a-z])", r"`trihedron \1-", text)
     text = re.sub(r"`trihedron ([a-z]+(?:-[a-z]+)*)(?: ([^\s`]+))?`", _call, text)
-    return re.sub(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)", argument, text)
+    text = re.sub(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)", argument, text)
+    if "answers" in names and "--set " in text:
+        text += "; in Python --set KEY=VALUE is answers={'KEY': 'VALUE'}"
+    return text
 
 
 def _call(match: re.Match[str]) -> str:
