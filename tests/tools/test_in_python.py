@@ -111,7 +111,10 @@ def test_a_function_keeps_its_own_name_and_words():
     [
         (lambda: LOOSE.demo(foo=1), r"^demo\(\): unexpected argument foo; known: out, seed, show$"),
         (lambda: LOOSE.calibrate("a", noise="n"), r"^calibrate\(\): unexpected argument noise; did you mean 'noise_r"),
-        (lambda: LOOSE.hidden(7, effects="cubic"), r"^hidden\(\): write the effects one after another, without effects=$"),
+        (
+            lambda: LOOSE.hidden(7, effects="cubic"),
+            r"^hidden\(\): write the effects one after another, without effects=$",
+        ),
         (lambda: LOOSE.attitude(), r"^attitude\(\): missing a required argument: 'record'$"),
     ],
 )

@@ -170,7 +170,7 @@ def test_many_values_out_of_range_have_one_line_together(tmp_path, wrong, lines)
     path.write_text("\n".join([STRAPDOWN_HEADER, *rows]))
     problems = th.check(path).problems
     assert len(problems) == lines
-    assert problems[0].row == 2
+    assert problems[0].line == 2
     if wrong > lines:
         assert f"{wrong - 3} more values, to row {wrong + 1}" in str(problems[-1])
 
