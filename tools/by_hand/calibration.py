@@ -26,7 +26,7 @@ from ..motion.norm import NAMES, UNITS_OF, norm_equations
 from ..motion.possible import BOX, Possible, central_parameters, nearest_possible, possible_forces
 from ..records import ForceRecord, PoseRecord
 from ..rounding import digits, upwards
-from .forces import Forces, Norms, fitted_forces, scatter_of
+from .forces import Faces, Forces, Norms, fitted_forces, scatter_of
 from .gyros import PRIOR as GYRO_PRIOR
 from .gyros import GyroFit, fitted_gyros, in_axes_of_forces
 from .moves import BIAS, MATRIX, ROUGH, Moves, Way, Windows
@@ -52,8 +52,12 @@ CHANCE = 1e-3
 """Readings scatter by more than a given noise where chance explains it with a smaller probability."""
 FOLDS, FEWEST_FOLDED = 5, 12
 """Contiguous parts that are left out in turn; of fewer rests none is."""
-LARGE = 0.2
-"""A larger parameter gets a warning."""
+LARGE, LARGE_OF_GYRO = 0.2, 0.06
+"""A larger parameter of accelerometers, and a larger scale factor error of a gyro, get a warning."""
+CONTRADICTED = 4.0
+"""A known turn is wrong where the moves contradict it by this number of standard deviations."""
+FAR_FACE = np.radians(30.0)
+"""Farther from a face no case is tilted [rad]."""
 MORE = 3.0
 """Scatter of the norms over the assumed scatter from which a warning follows."""
 SMALL = 1e-6
@@ -139,6 +143,58 @@ def with_gyros(run: Run, fit: HandFit, near: GyroFit | None = None) -> HandFit:
     return replace(fit, gyros=fitted_gyros(run.rests, fit.deviation, fit.forces, run.moves, run.turns, near))
 
 
+def checked_fit(run: Run) -> tuple[Run, HandFit]:
+    """Return a run without the faces and turns that its readings contradict, each with a warning, and its fit."""
+    if run.faces is not None and not isinstance(run.moves, Windows):
+        run = _with_checked_faces(run, run.faces)
+    told = run.turns
+    if told is None:
+        return run, fit_of(run)
+    without = fit_of(replace(run, turns=None))
+    assert without.gyros is not None
+    off, slopes = told.rows(without.gyros.values)
+    error = np.sqrt(1.0 + np.einsum("ti,ij,tj->t", slopes, without.gyros.covariance, slopes))
+    wrong = np.abs(off) > CONTRADICTED * error
+    warnings = list(run.warnings)
+    for number in np.flatnonzero(wrong):
+        degrees = [digits(float(np.degrees(angle)), 3) for angle in (told.angle[number], off[number] * told.error)]
+        warnings.append(
+            f"turn {number + 1}: by the moves it differs by {degrees[1]}° from the known {degrees[0]}°: it is not used"
+        )
+    kept = np.flatnonzero(~wrong)
+    run = replace(run, turns=replace(told, way=told.way.those(kept), angle=told.angle[kept]), warnings=tuple(warnings))
+    return run, fit_of(run)
+
+
+def _with_checked_faces(run: Run, faces: Faces) -> Run:
+    """Return a run without the faces that are far from its readings; without any where a third of them is.
+
+    The farthest face is left out first, and the others are compared anew.
+    """
+    up, wrong = faces.up.copy(), []
+    forces = fitted_forces(Norms.of(run.rests.force, run.deviation))
+    while True:
+        faces = replace(faces, up=up)
+        case = faces.case_of(forces.x, run.rests.force)
+        if case is None:
+            break
+        tilts = faces.tilts(forces.x, case, run.rests.force)
+        farthest = int(np.argmax(tilts))
+        if tilts[farthest] <= FAR_FACE:
+            break
+        number = int(faces.known[farthest])
+        wrong.append(number + 1)
+        up[number] = np.nan
+    if not wrong:
+        return run
+    named = ", ".join(map(str, sorted(wrong)))
+    line = f"rest {named}: another axis than its face points up; the face is not used: check the faces and their order"
+    if 2 * len(wrong) >= len(faces.known):
+        line = f"the faces contradict the readings (rests {named}): none is used; give the axis that points up"
+        return replace(run, faces=None, warnings=(*run.warnings, line))
+    return replace(run, faces=faces, warnings=(*run.warnings, line))
+
+
 def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
     """Calibrate accelerometers, and gyros where there are any, of a block in any poses.
 
@@ -163,8 +219,7 @@ def calibrate_by_hand(record: HandRecord, request: HandRequest) -> Calibration:
     The accelerometers come from the norm of gravity at rest, by least squares with a weak prior; the gyros from the
     directions of gravity before and after each move. Guaranteed is what `possible_forces` proves.
     """
-    run = run_of(record, request)
-    fit = fit_of(run)
+    run, fit = checked_fit(run_of(record, request))
     bounds = Bounds.of(fit.forces, fit.norms, run.bound)
     return calibration_of(run, fit, bounds, request.gravity, gain_of(run, fit))
 
@@ -466,17 +521,17 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
     large = [
         f"{name} = {digits(float(value), 2)}"
         for name, value in zip(NAMES, fit.forces.x, strict=True)
-        if abs(value) > 0.2
+        if abs(value) > LARGE
     ]
     if large:
         remarks.append(f"values far from an instrument's ({', '.join(large)}): are unit and --gravity right?")
+    if fit.gyros is not None:
+        for axis, value in enumerate(np.diag(fit.gyros.values[MATRIX].reshape(3, 3)), start=1):
+            if abs(value) > LARGE_OF_GYRO:
+                remarks.append(
+                    f"gyro {axis} has a scale factor error of {digits(100.0 * value, 2)} %: are unit, rows and known "
+                    "turns right?"
+                )
     if run.faces is not None and fit.forces.case is None and not isinstance(run.moves, Windows):
         remarks.append("the faces name one axis only: the axes of the case stay unknown; name faces of two axes")
-    if run.faces is not None and fit.forces.case is not None:
-        tilts = run.faces.tilts(fit.forces.x, fit.forces.case, run.rests.force)
-        for number in np.flatnonzero(tilts > np.radians(30.0)):
-            rest, angle = int(run.faces.known[number]) + 1, digits(float(np.degrees(tilts[number])), 3)
-            remarks.append(
-                f"rest {rest} is {angle}° from the face that is given for it; check the faces and their order"
-            )
     return remarks

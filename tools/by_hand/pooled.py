@@ -15,7 +15,7 @@ from scipy.special import chdtrc, fdtrc
 from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, PooledTest, Verdict
 from ..errors import InputError
 from ..records.noise import noise_bound_of
-from .calibration import Bounds, HandFit, calibration_of, fit_of, with_gyros
+from .calibration import Bounds, HandFit, calibration_of, checked_fit, with_gyros
 from .forces import SPARE, Forces, Norms, fitted_forces
 from .gyros import PRIOR as GYRO_PRIOR
 from .gyros import GyroFit
@@ -84,7 +84,10 @@ def calibrate_runs_by_hand(
         # The largest error of all their rests counts for runs that are solved together.
         noise = noise_bound_of(request.noise_sd, sum(len(run.rests) for run in runs.values()))
         runs = {label: replace(run, bound=noise.value, basis=noise.basis) for label, run in runs.items()}
-    alone = [fit_of(run) for run in runs.values()]
+    alone = []
+    for label, run in runs.items():
+        runs[label], fit = checked_fit(run)
+        alone.append(fit)
     pooled = pooled_fit(list(runs.values()), alone, share_bias=share_bias)
     one_instrument = pooled.test.one_instrument
     of_record, calibrations = {}, []

@@ -22,6 +22,7 @@ from ..records import ForceRecord, PoseRecord, StrapdownRecord
 from ..records.columns import face_of, part_of, turn_of
 from ..records.cut_off import limited_rests
 from ..records.decisions import Decisions, rows_of_rests
+from ..records.limits import channel_limits
 from ..records.noise import noise_bound_of
 from ..rounding import digits, exactly
 from .forces import FACE_ERROR, Faces
@@ -172,12 +173,20 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
     moves: Moves | Windows | None = None
     turns = None
     if windows is not None:
-        moves, turns = windows, turns_in(record, series, request)
+        moves, turns = windows, turns_in(record, series, request, np.zeros(len(record), dtype=bool))
         if request.turns:
             raise InputError(f"--turns: {record.path} has a true attitude, which tells more")
     elif series.rate is not None:
-        moves, cuts = _without_cuts(moves_of(series, rests, record.knocks))
-        turns = turns_in(record, series, request) or turns_told(record, moves, request)
+        assert isinstance(record, StrapdownRecord)
+        limits = channel_limits(record)
+        saturated = limits.of("w")
+        moves, cuts = _without_cuts(moves_of(series, rests, record.knocks | saturated))
+        lines = [line for line in limits.lines if line.startswith("w")]
+        warnings += [f"{line}; moves and turns over them are left out" for line in lines]
+        try:
+            turns = turns_in(record, series, request, saturated) or turns_told(record, moves, request)
+        except InputError as error:
+            raise InputError("; ".join([str(error), *lines])) from error
         if cuts:
             warnings.append(f"{cuts} times gravity turns and the gyros do not: the record is cut there")
     elif request.turns:
@@ -409,8 +418,13 @@ def _shift_at_cuts(record: StrapdownRecord, gravity: float) -> NDArray[np.float6
     return shift
 
 
-def turns_in(record: StrapdownRecord | ForceRecord, series: TimedReadings, request: HandRequest) -> Turns | None:
-    """Return the known turns by the columns `turn` and `part`; None without them, or where turns are given in words."""
+def turns_in(
+    record: StrapdownRecord | ForceRecord, series: TimedReadings, request: HandRequest, saturated: NDArray[np.bool_]
+) -> Turns | None:
+    """Return the known turns by the columns `turn` and `part`; None without them, or where turns are given in words.
+
+    Turns over saturated rows (N,) are left out.
+    """
     if request.turns or not isinstance(record, StrapdownRecord):
         return None
     words = record.turn
@@ -422,7 +436,7 @@ def turns_in(record: StrapdownRecord | ForceRecord, series: TimedReadings, reque
     ends, known = [], []
     for first, stop in zip([0, *edges.tolist()], [*edges.tolist(), len(words)], strict=True):
         turn = turn_of(words[first])
-        if turn is not None and stop - first > 2:
+        if turn is not None and stop - first > 2 and not saturated[first:stop].any():
             ends.append((first, stop - 1))
             known.append(turn)
     if not ends:

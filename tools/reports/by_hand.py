@@ -103,7 +103,7 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
         lines.append("M is in the axes of the true attitude; the rests do not show the accelerometers' axes there.")
     if basis.turn_error is not None:
         error = _arcmin(basis.turn_error.worst)
-        lines.append(f"A turn of 90° about the worst axis is known to {error} arcmin (1 sd).")
+        lines.append(f"A turn of 90° about the worst axis is known to {error} arcmin in each component (1 sd).")
     if basis.sensitivity is not None and basis.sensitivity.taken:
         lines.append(
             f"The gyros depend on specific force (F = {digits(basis.sensitivity.f, 3)}): nine sensitivities are fitted."

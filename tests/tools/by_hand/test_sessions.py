@@ -79,6 +79,53 @@ def test_known_turns_are_found_among_the_moves_where_words_tell_them() -> None:
         th.calibrate(table, gravity=GRAVITY, turns="1:360,2:360,3:360,1:360")
 
 
+def test_turns_and_moves_over_the_end_of_a_gyros_range_are_left_out() -> None:
+    """In the turn about axis 2 its gyro is at its end."""
+    instrument, table = ferraris(12)
+    fastest = float(present(table["w2_radps"].max()))  # type: ignore[arg-type]
+    clipped = table.with_columns(pl.col("w2_radps").clip(upper_bound=0.9 * fastest))
+    result = th.calibrate(clipped, gravity=GRAVITY)
+    assert present(result.by_hand).turns == 2
+    assert any(line.startswith("w2: ") and "turns over them are left out" in line for line in result.warnings)
+    assert abs(result["M22"].estimate - truth(instrument)["M22"]) < 3.0 * present(result["M22"].standard_error)
+    with pytest.raises(
+        ValueError, match=r"no move of about 360 degrees; w2: .* saturated|no turn 2 .*w2: .* saturated"
+    ):
+        th.calibrate(clipped.drop("part"), gravity=GRAVITY, turns="3:360,2:360")
+
+
+def test_a_turn_that_the_moves_contradict_is_not_used() -> None:
+    """The block turned by 330° about axis 3, and moves know its gyro."""
+    instrument, table = hand_moved(13)
+    last = float(table["time_s"][-1])
+    level = Rotation.identity()
+    time, attitude = turning([level, level * Rotation.from_rotvec([0.0, 0.0, np.radians(165.0)])], 2.0, 0.02)
+    second = turning([attitude[-1], attitude[-1] * Rotation.from_rotvec([0.0, 0.0, np.radians(165.0)])], 2.0, 0.02)
+    attitude = Rotation.concatenate([attitude, second[1]])
+    time = last + PERIOD + PERIOD * np.arange(len(attitude))
+    turn = strapdown(instrument, time, attitude, np.random.default_rng(13), NOISE)
+    table = pl.concat([table.with_columns(turn=pl.lit("")), turn.with_columns(turn=pl.lit("3:360"))])
+    alone = th.calibrate(table.drop("turn"), gravity=GRAVITY)
+    result = th.calibrate(table, gravity=GRAVITY)
+    assert any("turn 1: by the moves it differs by -30" in line for line in result.warnings)
+    assert result["M33"].estimate == pytest.approx(alone["M33"].estimate, abs=present(alone["M33"].standard_error))
+    right = table.with_columns(turn=pl.col("turn").replace({"3:360": "3:330"}))
+    assert not any("turn 1" in line for line in th.calibrate(right, gravity=GRAVITY).warnings)
+
+
+@pytest.mark.parametrize(("wrong", "used"), [({"+1": "-2"}, 5), ({"+1": "-1", "-1": "+1", "+2": "-2"}, 0)])
+def test_faces_that_the_readings_contradict_are_not_used(wrong: dict[str, str], used: int) -> None:
+    instrument, table = ferraris(14)
+    result = th.calibrate(table.with_columns(part=pl.col("part").replace(wrong)), gravity=GRAVITY)
+    (line,) = [line for line in result.warnings if "points up" in line]
+    assert ("none is used" in line) == (used == 0)
+    assert (present(result.by_hand).case is None) == (used == 0)
+    right = th.calibrate(table, gravity=GRAVITY)
+    for symbol in NAMES:
+        error = present(right[symbol].standard_error)
+        assert abs(present(result[symbol].estimate) - truth(instrument)[symbol]) < 3.0 * error, symbol
+
+
 def test_sections_that_are_cut_together_are_separate_rests(tmp_path: Path) -> None:
     instrument, table = ferraris(7)
     cut = table.drop("part")[: 6 * 450]
