@@ -22,9 +22,8 @@ WIDTH, LINES = 80, 22
 LABEL = 13
 """Width of the labels [columns]."""
 MOST_SIZES, MOST_RIVALS, MOST_HYPOTHESES, MOST_WORST = 4, 3, 2, 4
-MOST_VERDICT, MOST_ENTRY, MOST_OF_RIVALS = 5, 5, 12
-"""Largest number of lines of the verdict, of an entry, and of explanations of which the record does not tell one."""
-MORE = "..."
+MOST_OF_RIVALS = 12
+"""Largest number of lines of explanations of which the record does not tell one."""
 WIDER = 1.01
 """From this radius on a model that fits has bounds wider than σ."""
 WRITTEN = ("formula", "lookup", "bias-wander")
@@ -38,27 +37,29 @@ PLACES = {"g": "an accelerometer", "rad": "an axis", "rad/s": "a gyro"}
 
 
 def terminal_lines(result: Diagnosis, verdict: str, warnings: Sequence[str]) -> list[str]:
-    """Return the answer in lines of at most 80 columns, a screen with the next command."""
+    """Return the answer in lines of at most 80 columns, a screen with the next command.
+
+    No sentence is cut: entries that say least are left out whole, and a long verdict may exceed the screen.
+    """
     rivals = rival_lines(result)
     if rivals:
         verdict = f"The record does not tell which of {len(result.explanations)} explanations is true."
         if proviso := proviso_of(result):
             verdict += f" {sentence(proviso)}"
-    head = textwrap.wrap(verdict, WIDTH, max_lines=MOST_VERDICT, placeholder=f" {MORE}", break_on_hyphens=False)
+    head = textwrap.wrap(verdict, WIDTH, break_on_hyphens=False)
     head += rivals
     entries, before = [], ""
     for label, text in _entries(result):
         if text:
-            entries.append(_wrapped(text, "" if label == before else f"{label}:", MOST_ENTRY))
+            entries.append(_wrapped(text, "" if label == before else f"{label}:"))
             before = label
     *middle, advice = entries
-    of_warnings = [line for text in warnings for line in _wrapped(text, "warning:", MOST_ENTRY)]
+    of_warnings = [line for text in warnings for line in _wrapped(text, "warning:")]
     if result.verdict == "unexplained":
         # A warning may be the only clue.
         middle = [of_warnings, *middle]
     else:
         advice += of_warnings
-    advice = advice[: LINES - len(head) - 1]
     while middle and len(head) + 1 + sum(map(len, middle)) + len(advice) > LINES:
         # The last entries say the least.
         middle.pop()
@@ -71,7 +72,7 @@ def rival_lines(result: Diagnosis) -> list[str]:
     if result.verdict != "ambiguous":
         return lines
     for number, explanation in enumerate(result.explanations, start=1):
-        entry = _wrapped(sentence(explanation.sentence.rstrip(".")), f"{number}.", LINES)
+        entry = _wrapped(sentence(explanation.sentence.rstrip(".")), f"{number}.")
         remaining = len(result.explanations) - number + 1
         if lines and (number > MOST_RIVALS or len(lines) + len(entry) > MOST_OF_RIVALS):
             return [*lines, f"{'':{LABEL}}{remaining} more on the report (--report)."]
@@ -219,7 +220,8 @@ def open_texts(result: Diagnosis) -> list[str]:
         texts.append("the exact law: any curve within the band of the report fits.")
     texts += [sentence(text) for text in (result.objections or ())[:1]]
     if result.verdict == "unexplained":
-        texts += [sentence(text) for text in (result.not_named or ())[:2]]
+        # The verdict has the first reason, but where something is proven.
+        texts += [sentence(text) for text in (result.not_named or ())[0 if beyond.proven_text(result) else 1 : 2]]
     if (result.verdict != "ambiguous" or not texts) and result.extension is None:
         texts += [sentence(text) for text in (result.caution or ())[:1]]
     return texts
@@ -303,14 +305,12 @@ def unexplained_advice(result: Diagnosis) -> str:
     return f"measure {unit}s {', '.join(map(str, worst.tolist()))} again: they misfit most; the report shows all."
 
 
-def _wrapped(text: str, label: str, most: int) -> list[str]:
-    """Return a text in lines behind its label; a text that is too long ends with dots."""
+def _wrapped(text: str, label: str) -> list[str]:
+    """Return a text in lines behind its label."""
     return textwrap.wrap(
         text,
         WIDTH,
         initial_indent=label.ljust(LABEL),
         subsequent_indent=" " * LABEL,
-        max_lines=most,
-        placeholder=f" {MORE}",
         break_on_hyphens=False,
     )
