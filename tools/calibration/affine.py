@@ -107,16 +107,14 @@ def _about(correction: Correction) -> dict[str, str]:
         about["gyros"] = "not calibrated"
     else:
         about["gyros"] = "w = G omega + D f + c (readings w, angular rate omega)"
-        if lag_of(correction):
-            about["lag_ms"] = f"{lag_of(correction)}, which stays in the readings of the gyros"
     about["verdict"] = correction.verdict
     if correction.pose_error is not None:
         about["standard_error"] = f"{digits(1e3 * correction.pose_error, 2)} mg of |f| at rest in the worst pose"
     if correction.noise_bound:
         about["noise_bound"] = f"{exactly(correction.noise_bound, 3)} g ({correction.sigma_kind})"
     about["not_determined"] = "; ".join(correction.open) or "nothing"
-    if correction.effects:
-        about["not_corrected"] = ", ".join(correction.effects)
+    if stays := stays_in_readings(correction):
+        about["not_corrected"] = "; ".join(stays)
     about["record"] = f"{correction.source or 'unknown'} (SHA-256 {correction.sha256 or 'none'})"
     if correction.of_record:
         about["biases_of"] = correction.of_record
@@ -125,9 +123,9 @@ def _about(correction: Correction) -> dict[str, str]:
     return about
 
 
-def lag_of(correction: Correction) -> str:
-    """Return the lag of the gyros in milliseconds; empty where there is none."""
-    return digits(1e3 * correction.gyros.lag, 3) if correction.gyros is not None and correction.gyros.lag else ""
+def stays_in_readings(correction: Correction) -> list[str]:
+    """Return in words what the calibration knows and no affine equation takes out."""
+    return [*(f"{effect} stays in the readings" for effect in correction.effects), *correction.in_motion]
 
 
 @dataclass(frozen=True)

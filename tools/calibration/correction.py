@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -24,13 +24,15 @@ from ...fmus.parameters import (
     known_values,
     of_one_record,
 )
-from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
-from ..calibrated import LATENCIES, CalibratedEffect, Calibration, Open, Provenance, Sigma
+from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX, SENSITIVITY
+from ..calibrated import CalibratedEffect, Calibration, Open, Provenance, Sigma
 from ..errors import InputError, one_line
 from ..fields import checked_covariance
 from ..files import LARGEST_RESULT, advice_on, bytes_of
 from ..result import parsed_result
+from ..rounding import digits
 from .model import checked_mounting
+from .parameter_sets import shown_effects
 from .targets import corners
 
 WELL_POSED = 1e3
@@ -41,18 +43,15 @@ SURE = 4.0
 
 @dataclass(frozen=True)
 class GyroCorrection:
-    """The inverse of calibrated gyros except for their lag [s], which remains in the readings.
+    """The inverse of calibrated gyros except for their lag, which remains in the readings.
 
-    `bias` (3,) [rad/s], `matrix` (3, 3) I + Γ, `sensitivity` (3, 3) [rad/s per g]; `force_lag` is the lag of the
-    accelerometers [s], which remains too; None where it is not known. `bias_sd`, `matrix_sd` and `sensitivity_sd` are
-    standard errors, NaN where none is known.
+    `bias` (3,) [rad/s], `matrix` (3, 3) I + Γ, `sensitivity` (3, 3) [rad/s per g]. `bias_sd`, `matrix_sd` and
+    `sensitivity_sd` are standard errors, NaN where none is known.
     """
 
     bias: NDArray
     matrix: NDArray
     sensitivity: NDArray
-    lag: float
-    force_lag: float | None
     bias_sd: NDArray
     matrix_sd: NDArray
     sensitivity_sd: NDArray
@@ -78,13 +77,10 @@ class GyroCorrection:
         matrix = np.eye(3) + values[MATRIX].reshape(3, 3)
         if not np.linalg.cond(matrix) < WELL_POSED:
             raise ValueError("the gyros' scale factors and misalignments have no inverse")
-        late = known_values(calibration, LATENCIES[:1]) or {}
         return GyroCorrection(
             bias=values[BIAS],
             matrix=matrix,
             sensitivity=values[SENSITIVITY].reshape(3, 3),
-            lag=float(values[LAG]),
-            force_lag=late.get(LATENCIES[0]),
             bias_sd=sd[BIAS],
             matrix_sd=sd[MATRIX].reshape(3, 3),
             sensitivity_sd=sd[SENSITIVITY].reshape(3, 3),
@@ -117,7 +113,7 @@ class Correction:
     `verdict` is that of the calibration, `pose_error` its predicted standard error of |f| [g] in the worst pose, and
     `open` its open directions in words. `noise_bound` [g] is σ of the calibration and `sigma_kind` its kind. `source`,
     `sha256`, `temperature` [°C] (least and most) and `comments` are those of its record. `effects` of accelerometers
-    were calibrated beside it and are not corrected.
+    and gyros were calibrated beside it and are not corrected; nor is what the readings have `in_motion`, in words.
     """
 
     gravity: float
@@ -141,6 +137,7 @@ class Correction:
     temperature: tuple[float, float] | None = None
     comments: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
+    in_motion: tuple[str, ...] = ()
 
     def __call__(self, readings: ArrayLike, rates: ArrayLike | None = None) -> Any:
         """Correct readings of the accelerometers, and of the gyros where `rates` are given.
@@ -254,10 +251,10 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
     For a calibration of several records the correction is that of the record with this SHA-256, else of the last one.
     """
     record = ""
-    if isinstance(calibration, Mapping) and calibration.get("effects") and not calibration.get("reading_errors"):
+    if isinstance(calibration, Mapping) and calibration.get("effects") and not calibration.get("parameters"):
         raise InputError(
-            f"{where}: states parameters beside effects in motion, and no errors of readings to correct by; apply the "
-            "diagnosis, or a calibration of rests without --with"
+            f"{where}: has the sizes of effects alone, and no parameters; calibrate without --with, or use FMUs with "
+            "these effects (calibrate --export)"
         )
     try:
         of_all, calibration = calibration, of_one_record(calibration, sha256)
@@ -320,6 +317,7 @@ def _origin(calibration: Mapping[str, Any], where: str) -> dict[str, Any]:
             values["pose_error"] = checked_number(calibration[BY_HAND]["pose_error"]["worst_g"], "pose_error")
         effects = [CalibratedEffect.model_validate(effect) for effect in calibration.get("effects", ())]
         values["effects"] = tuple(effect.effect for effect in effects if effect.in_readings)
+        values["in_motion"] = tuple(_in_motion(calibration, effects))
         if calibration.get("provenance") is None:
             return values
         source = Provenance.model_validate(calibration["provenance"])
@@ -343,6 +341,23 @@ def _open_words(calibration: Mapping[str, Any]) -> list[str]:
     return words
 
 
+def _in_motion(calibration: Mapping[str, Any], effects: Sequence[CalibratedEffect]) -> list[str]:
+    """Return what no equation of readings takes out in motion, in words: lags, places, effects of the gyros."""
+    sizes: dict[str, list[float]] = {}
+    for place, entries in shown_effects(calibration).items():
+        values = [checked_number(entry["estimate"], entry["symbol"]) for entry in entries]
+        sizes[place.effect] = sizes.get(place.effect, []) + values
+    words = []
+    for effect, sensors in (("latency", "gyros"), ("accelerometer-lag", "accelerometers")):
+        if effect in sizes:
+            words.append(f"the {sensors}' lag of {digits(1e3 * sizes[effect][0], 3)} ms: shift their time stamps by it")
+    if "lever-arm" in sizes:
+        most = digits(1e3 * max(map(abs, sizes["lever-arm"])), 3)
+        words.append(f"the accelerometers are up to {most} mm off the centre: ω × (ω × r) + dω/dt × r stays")
+    words += [f"{effect.effect} stays in the readings" for effect in effects if effect.where.startswith("gyro")]
+    return words
+
+
 def _mounting(calibration: Mapping[str, Any]) -> NDArray | None:
     """Return the only mounting (3, 3) of a calibration's object; None where it has none or several."""
     try:
@@ -355,12 +370,12 @@ def _mounting(calibration: Mapping[str, Any]) -> NDArray | None:
 def _reading_errors(calibration: Mapping[str, Any]) -> tuple[NDArray, NDArray] | None:
     """Lower and upper ends (3, 3, 3, 3) of the `corners` in a calibration's object; NaN at other inputs.
 
-    By hand they come from the parameters' intervals. None where no parameters keep every reading within its bound, and
-    where an interval is open.
+    By hand, and beside effects in motion, they come from the parameters' intervals. None where no parameters keep every
+    reading within its bound, and where an interval is open.
     """
     if not gives_parameters(calibration["verdict"], calibration["estimator"]):
         return None
-    if BY_HAND in calibration:
+    if BY_HAND in calibration or (calibration.get("effects") and not calibration.get("reading_errors")):
         return _errors_of_intervals(calibration)
     ends = np.full((2, 3, 3, 3, 3), np.nan)
     try:

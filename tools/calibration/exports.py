@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..files import whole_file
 from ..options import ExportTarget
 from ..result import Result
-from .affine import AffineModel, ExportRequest, lag_of
+from .affine import AffineModel, ExportRequest, stays_in_readings
 from .correction import Correction
 from .formats import FORMATS
 
@@ -57,9 +57,6 @@ def write_export(correction: Correction, to: str, out: Path, request: ExportRequ
         raise InputError(f"--name {request.name}: must be a name of C: letters, digits, underscores, a letter first")
     model = AffineModel.of(correction)
     written = FORMATS[to](model, request)
-    lost = list(written.lost)
-    if lag := lag_of(correction):
-        lost.append(f"the gyros' lag of {lag} ms: shift their time stamps by it")
     places = _places(out, written.contents)
     for path, content in places.items():
         with whole_file(path) as draft:
@@ -70,7 +67,7 @@ def write_export(correction: Correction, to: str, out: Path, request: ExportRequ
         equation=list(written.equation),
         gravity_mps2=model.gravity,
         verdict=model.verdict,
-        lost=lost,
+        lost=[*written.lost, *stays_in_readings(correction)],
         open=list(model.open),
     )
 

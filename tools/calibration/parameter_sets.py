@@ -1,14 +1,12 @@
 """Calibrated block and gyros as components: parameter sets of SSP (.ssv), and FMUs that start with their values."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...fmus import build, components
-from ...fmus.component import Component, extend, started
+from ...fmus.component import Component, can_extend, extend, started
 from ...fmus.parameters import (
     Interval,
     Parameters,
@@ -18,117 +16,187 @@ from ...fmus.parameters import (
     of_one_record,
     parameter_set,
 )
-from ...models.effects import EffectPlace, parameter_name
+from ...models.effects import CATALOGUE, EffectPlace, parameter_name
 from ..errors import InputError
 from ..files import whole_file, whole_folder
 from ..result import Result
-from ..rounding import exactly, upwards
+from ..rounding import upwards
 
 BLOCKS = {"": ("AccelerometerBlock", "AccelerometerCompensation"), "-gyros": ("GyroBlock", "GyroCompensation")}
 """Ending of a parameter set's name -> the components that it fits: the instruments, and their compensation."""
-
-
-BY_HAND = {
+OF_SYMBOLS = {
     EffectPlace("gyro-g-sensitivity", "gyro-block"): tuple(f"S{row}{axis}" for row in (1, 2, 3) for axis in (1, 2, 3)),
     EffectPlace("latency", "gyro-block"): ("L",),
+    **{EffectPlace("accelerometer-lag", f"accelerometer-{p}"): ("A",) for p in (1, 2, 3)},
+    **{EffectPlace("lever-arm", f"accelerometer-{p}"): tuple(f"r{p}{axis}" for axis in (1, 2, 3)) for p in (1, 2, 3)},
 }
-"""Effects of gyros that calibrations by hand fit, and the symbols of their parameters."""
+"""Effects of instruments that are parameters of a calibration, and the symbols of these."""
+OF_INSTRUMENT = ("AccelerometerBlock", "GyroBlock")
+ELSEWHERE = ("TurntableMotion", "AttitudeComputer")
+"""Components of the effects that are not the instrument's."""
+Sized = Mapping[EffectPlace, tuple[Sequence[float], Sequence[Interval]]]
+"""Effects, each with the values of its parameters and the intervals of these."""
 
 
 @dataclass(frozen=True)
-class CalibratedBlock:
-    """Values and intervals of the parameters of a block, the description of their set, and the effects among them."""
+class Start:
+    """Start of a component: `values` of its parameters, and the `ends` of the possible intervals of their elements.
 
-    values: Parameters
-    intervals: Mapping[str, Interval]
-    text: str
-    effects: tuple[EffectPlace, ...] = ()
-
-    def component(self, name: str) -> Component:
-        """Return a component with the effects."""
-        return extend(components()[name], self.effects)
-
-
-def calibrated_blocks(result: Result, option: str) -> dict[str, CalibratedBlock]:
-    """Return accelerometers and gyros by their endings in `BLOCKS`; a calibration of several has the last's biases.
-
-    Raises an InputError, which begins with the option, if the calibration lacks an estimate, or the components do not
-    accept a value.
+    `name` is that of its files; where it is not the component's the FMU starts with other values, and these are those
+    of another mounting.
     """
-    try:
-        content = of_one_record(result.to_json())
-        block, intervals = calibrated_block(content), calibrated_intervals(content)
-    except ValueError as error:
-        raise InputError(f"{option}: {error}") from error
-    about, source = "an accelerometer block", content.get("provenance")
-    if source is not None:
-        about = f"{source['record']} (SHA-256 {source['record_sha256'] or 'none'})"
-    sigma = content["sigma"]["value"]
-    bound = "" if sigma is None else f", noise bound {upwards(sigma, 3)} g"
-    text = f"Calibration of {about}, verdict {content['verdict']}{bound}, case (A1)"
-    blocks = {"": CalibratedBlock(block, intervals, text)}
-    of_gyros = calibrated_gyros(content)
-    if of_gyros is not None:
-        blocks["-gyros"] = _gyros_by_hand(content, *of_gyros, text)
-    for ending, one in blocks.items():
-        _check_limits(option, one.component(BLOCKS[ending][0]), one.values)
-    return blocks
+
+    name: str
+    component: Component
+    values: Parameters
+    ends: Mapping[str, Interval]
+
+    @staticmethod
+    def of(
+        component: str, values: Parameters, ends: Mapping[str, Interval], effects: Sized, ending: str = ""
+    ) -> "Start":
+        """Return a component, by its name, with values of its own and of those effects that it can have.
+
+        Raises a ValueError if the component does not accept a value. `ending` is the end of its files' name.
+        """
+        nominal = components()[component]
+        acting = {place: sizes_and_ends for place, sizes_and_ends in effects.items() if can_extend(nominal, place)}
+        parameters, possible = dict(values), dict(ends)
+        for place, (sizes, intervals) in acting.items():
+            for parameter, size, interval in zip(place.definition.parameters, sizes, intervals, strict=True):
+                name = parameter_name(place, parameter.name)
+                parameters[name], possible[name] = float(size), interval
+        return Start(f"{component}{ending}", started(extend(nominal, list(acting)), parameters), parameters, possible)
+
+    def write(self, path: Path, text: str) -> None:
+        """Write the parameter set (.ssv); `text` describes it."""
+        with whole_file(path) as beside:
+            beside.write_bytes(parameter_set(self.component, self.values, text, self.ends))
 
 
-def _gyros_by_hand(
-    content: Mapping[str, Any], values: Parameters, intervals: Mapping[str, Interval], text: str
-) -> CalibratedBlock:
-    """Return the gyros with the sensitivities to gravity and the lag that a calibration by hand has."""
-    estimates = {}
-    if content.get("by_hand") is not None:
-        estimates = {p["symbol"]: p["estimate"] for p in content["parameters"]}
-    all_values, effects = dict(values), []
-    for place, symbols in BY_HAND.items():
-        if any(estimates.get(symbol) is None for symbol in symbols):
+@dataclass(frozen=True)
+class CalibratedInstrument:
+    """Components that start with a calibration's values by their endings in `BLOCKS`, and a description.
+
+    `stays` are effects that the compensations do not take out, in words.
+    """
+
+    starts: Mapping[str, Sequence[Start]]
+    text: str
+    stays: Sequence[str]
+
+    @classmethod
+    def of(cls, result: Result, option: str) -> "CalibratedInstrument":
+        """Return accelerometers and gyros; a calibration of several has the last's biases.
+
+        Raises an InputError, which begins with the option, if the calibration lacks an estimate, or the components do
+        not accept a value, or cannot have an effect.
+        """
+        try:
+            content = of_one_record(result.to_json())
+            effects = _effects(content)
+            blocks: dict[str, tuple[Parameters, Mapping[str, Interval]]] = {}
+            # A diagnosis of a strapdown record names effects of the gyros alone.
+            if content["parameters"] or not effects:
+                blocks[""] = calibrated_block(content), calibrated_intervals(content)
+            of_gyros = calibrated_gyros(content) or ({}, {})
+            beside_gyros = any(place.definition.component == "GyroBlock" for place in effects)
+            if of_gyros[0] or beside_gyros:
+                blocks["-gyros"] = of_gyros
+            if beside_gyros and content.get("gravity_mps2") is not None:
+                # Sensitivities are per g of this size.
+                of_gyros[0]["gravity"] = content["gravity_mps2"]
+            starts = {}
+            for ending, (values, ends) in blocks.items():
+                starts[ending] = [Start.of(name, values, ends, effects) for name in BLOCKS[ending]]
+        except ValueError as error:
+            raise InputError(f"{option}: {error}") from error
+        about, source, sigma = "an instrument", content.get("provenance"), content["sigma"]["value"]
+        if source is not None:
+            about = f"{source['record']} (SHA-256 {source['record_sha256'] or 'none'})"
+        bound = "" if sigma is None else f", noise bound {upwards(sigma, 3)} g"
+        stays = []
+        for ending, (_, compensation) in starts.items():
+            for place in effects:
+                if place.definition.component == BLOCKS[ending][0] and place not in compensation.component.effects:
+                    stays.append(f"{compensation.name} does not take out {place.title}")
+        return cls(starts, f"Calibration of {about}, verdict {content['verdict']}{bound}, case (A1)", stays)
+
+
+def shown_effects(content: Mapping[str, Any]) -> dict[EffectPlace, list[Mapping[str, Any]]]:
+    """Return the effects of `OF_SYMBOLS` that a calibration's object shows, with its entries of their parameters.
+
+    On a bench the interval of one excludes zero. A negative lag of the accelerometers is one of the encoders.
+    """
+    parameters = {entry["symbol"]: entry for entry in content["parameters"]}
+    effects = {}
+    for place, symbols in OF_SYMBOLS.items():
+        entries = [parameters[symbol] for symbol in symbols if parameters.get(symbol, {}).get("estimate") is not None]
+        shown = content.get("by_hand") is not None or any(_excludes_zero(entry) for entry in entries)
+        if shown and len(entries) == len(symbols) and (symbols != ("A",) or entries[0]["estimate"] > 0.0):
+            effects[place] = entries
+    return effects
+
+
+def _effects(content: Mapping[str, Any]) -> dict[EffectPlace, tuple[list[float], list[Interval]]]:
+    """Return all effects of the instruments in a calibration's object with their sizes.
+
+    A ValueError for one that no component can have.
+    """
+    every: list[tuple[EffectPlace, Sequence[Mapping[str, Any]]]] = list(shown_effects(content).items())
+    titles = {place.title: place for effect in CATALOGUE.values() for place in effect.places}
+    for effect in content.get("effects", ()):
+        place = titles.get(effect["effect"])
+        if place is not None and (place.definition.component in ELSEWHERE or place.effect == "outlier"):
             continue
-        effects.append(place)
-        for parameter, symbol in zip(place.definition.parameters, symbols, strict=True):
-            all_values[parameter_name(place, parameter.name)] = estimates[symbol]
-    if effects:
-        # Sensitivities are per g of this size.
-        all_values["gravity"] = content["gravity_mps2"]
-    return CalibratedBlock(all_values, intervals, text, tuple(effects))
+        if place is None or place.definition.component not in OF_INSTRUMENT:
+            raise ValueError(
+                f"no component starts with {effect['effect']}; export the diagnosis (`diagnose --export`), or "
+                "calibrate the rows before and after a break apart (--without)"
+            )
+        every.append((place, effect["parameters"]))
+    sizes: dict[EffectPlace, tuple[list[float], list[Interval]]] = {}
+    for place, entries in every:
+        values, ends = sizes.setdefault(place, ([0.0] * len(entries), [(0.0, 0.0)] * len(entries)))
+        for k, entry in enumerate(entries):
+            values[k] += entry["estimate"]
+            ends[k] = _sum(ends[k][0], entry["low"]), _sum(ends[k][1], entry["high"])
+    return sizes
+
+
+def _sum(first: float | None, second: float | None) -> float | None:
+    return None if first is None or second is None else first + second
+
+
+def _excludes_zero(entry: Mapping[str, Any]) -> bool:
+    """Return whether the interval of a parameter does not hold zero."""
+    low, high = entry["low"], entry["high"]
+    return low is not None and high is not None and (low > 0.0 or high < 0.0)
 
 
 def write_parameter_set(result: Result, path: Path) -> None:
     """Write the calibrated block as an .ssv file, values with their intervals; both components have these parameters.
 
-    Calibrated gyros go into a file of their own, NAME-gyros.ssv. Errors as of `calibrated_blocks`.
+    Calibrated gyros go into a file of their own, NAME-gyros.ssv. Errors as of `CalibratedInstrument.of`.
     """
-    for ending, block in calibrated_blocks(result, f"--ssv {path}").items():
-        component = block.component(BLOCKS[ending][0])
-        with whole_file(path.with_name(f"{path.stem}{ending}{path.suffix}")) as temporary:
-            temporary.write_bytes(parameter_set(component, block.values, block.text, block.intervals))
+    instrument = CalibratedInstrument.of(result, f"--ssv {path}")
+    for ending, (block, _) in instrument.starts.items():
+        block.write(path.with_name(f"{path.stem}{ending}{path.suffix}"), instrument.text)
 
 
-def export_calibrated(result: Result, folder: Path) -> list[Path]:
-    """Write FMUs that start with the calibrated values, and beside each its parameter set; return the files.
+def export_calibrated(result: Result, folder: Path) -> tuple[list[Path], Sequence[str]]:
+    """Write FMUs that start with the calibrated values, and beside each its parameter set.
 
     Of accelerometers, and of gyros where they are calibrated, the block and its compensation. Errors as of
-    `calibrated_blocks`, and where the folder cannot be written.
+    `CalibratedInstrument.of`, and where the folder cannot be written. Returns the files, and in words what the
+    compensations do not take out.
     """
-    blocks = calibrated_blocks(result, f"--export {folder}")
+    instrument = CalibratedInstrument.of(result, f"--export {folder}")
     files = []
     with whole_folder(folder) as draft:
-        for ending, block in blocks.items():
-            for name in BLOCKS[ending]:
-                component = started(block.component(name), block.values)
-                files.append(build(component, draft))
-                written = draft / f"{name}.ssv"
-                written.write_bytes(parameter_set(component, block.values, block.text, block.intervals))
-                files.append(written)
-    return [folder / path.name for path in files]
-
-
-def _check_limits(option: str, component: Component, values: Parameters) -> None:
-    """Refuse values beyond the limits of a component."""
-    for variable in component.interface:
-        least, most = variable.within
-        for number in np.ravel(values.get(variable.name, [])).tolist():
-            if (least is not None and number < least) or (most is not None and number > most):
-                raise InputError(f"{option}: {variable.name} = {exactly(number)} is beyond what the component takes")
+        for starts in instrument.starts.values():
+            for start in starts:
+                files.append(build(start.component, draft))
+                files.append(draft / f"{start.name}.ssv")
+                start.write(files[-1], instrument.text)
+    return [folder / path.name for path in files], instrument.stays

@@ -193,11 +193,17 @@ def calibrate_command(
     return answer(result, json, files=_components_of(result, ssv, export))
 
 
-def _components_of(result: "calibrations.Calibration", ssv: Path | None, export: Path | None) -> list[Path]:
-    """Write parameter set and FMUs of a calibration where they are asked for; return the FMUs and their sets."""
+def _components_of(result: "calibrations.Calibration", ssv: Path | None, export: Path | None) -> list[Path | str]:
+    """Write parameter set and FMUs of a calibration where they are asked for.
+
+    Returns the FMUs and their sets, and in words what the compensations do not take out.
+    """
     if ssv is not None:
         calibrations.write_parameter_set(result, ssv)
-    return [] if export is None else calibrations.export_calibrated(result, export)
+    if export is None:
+        return []
+    files, stays = calibrations.export_calibrated(result, export)
+    return [*files, *stays]
 
 
 def _refuse_of_table(options: Mapping[str, object], run: "records.Record") -> None:

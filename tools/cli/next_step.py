@@ -87,6 +87,8 @@ def _after_calibrate(call: Call, result: Any) -> str:
         if result.by_hand is None:
             return ""
         return call.line("plan hand", measured=None if result.by_hand.turn_error is None else records[-1])
+    if not result.parameters and not result.of_record:
+        return "" if call.arguments.get("export") else call.again(export="fmus")
     file = call.arguments.get("json")
     if file is None:
         return call.again(json="calibration.json")

@@ -565,7 +565,7 @@ class Procedure:
                 StandsWith(
                     effects=tuple(NamedEffect.of(self.evidence.reader.named(place)) for place in places),
                     noise_bound=radius * bound,
-                    option=reader.option_of_bounds(radius),
+                    option=reader.option_of_bounds(radius, places),
                 )
             )
         return tuple(entries)

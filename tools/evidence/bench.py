@@ -24,6 +24,7 @@ from ..calibration.calibration import (
     repeats,
 )
 from ..calibration.model import Linearisation, least_singular, linearise
+from ..calibration.parameter_sets import Sized
 from ..calibration.targets import NAMES
 from ..records import BenchRecord, PositionRecord
 from ..rounding import exactly
@@ -55,7 +56,7 @@ from .bench_search import (
 from .bench_visits import Circumstances, circumstances_of, left_open, signature_columns, untold_readings
 from .dependences import pairs_of_bench
 from .evidence import Effort, Evidence, Reader, Source, Trial, own_with, parameters_with, stacked_sizes
-from .extension import Extension, Sized, extension_of_bench
+from .extension import Extension, extension_of_bench
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
 from .power import powers
@@ -281,7 +282,7 @@ class BenchReader(Reader):
         """The noise bound, a fraction of g."""
         return self.model.calibration.noise_bound
 
-    def option_of_bounds(self, times: float) -> str:
+    def option_of_bounds(self, times: float, places: Sequence[EffectPlace]) -> str:
         """Return the option for a noise bound multiplied by `times`."""
         return noise_option(times * self.stated_bound)
 

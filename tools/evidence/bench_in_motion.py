@@ -25,6 +25,7 @@ from ..calibration.gyros import BenchOnEarth as Place
 from ..calibration.gyros import fit_whole, gyro_names, with_gyros
 from ..calibration.in_motion import FURTHER, InMotion, with_motion
 from ..calibration.model import Linearisation
+from ..calibration.parameter_sets import Sized, Start
 from ..calibration.turns import WithTurns, beside_turns
 from ..errors import InputError
 from ..records import BenchRecord, PositionRecord
@@ -47,7 +48,7 @@ from .carried import SHOWN_BY
 from .cells_in_motion import SEARCHED
 from .dependences import pairs_of_whole
 from .evidence import Effort, Evidence, Source, Trial, linear_fit
-from .extension import Extension, Sized, Start, extension_of_bench
+from .extension import Extension, extension_of_bench
 from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, not_in_all, robust_estimate, width_of
 from .observation import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
 from .pairs import Pair
@@ -632,6 +633,6 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evid
     whole, _ = beside_turns(moving.read.here, fitted.turns, start.point[: -len(FURTHER)])
     of_gyros = effects_of_gyros(with_temperature=raw.temperature is not None)
     places = without.places + IN_MOTION + of_gyros
-    names = (*rests.names, *gyro_names(), ("accelerometer-lag", "s"), *((symbol, "m") for symbol in FURTHER[1:]))
+    names = (*rests.names, *gyro_names(), ("A", "s"), *((symbol, "m") for symbol in FURTHER[1:]))
     model = BenchInMotion(names, start.point, places, calibration, rests, moving, whole, travel, raw)
     return Evidence.of(WholeReader(model), Source(record, whole_evidence, {"place": place, **options}))

@@ -16,6 +16,7 @@ from ...fmus.parameters import Parameters, elements_of
 from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, chebyshev_radius
 from ..calibrated import UNITS, Calibration, Parameter, Sigma
+from ..calibration.parameter_sets import Sized, Start
 from ..locks import own_folder
 from ..motion.carry import carried_scenario, compensated_increments
 from ..motion.increments import starting_attitude
@@ -39,7 +40,7 @@ from .evidence import (
     trials_in_time,
     undetermined,
 )
-from .extension import Extension, Sized, Start, takes
+from .extension import Extension, takes
 from .fit import ARCMIN, Fit, Gain, estimated, extended_fmus, gain_of, not_in_all
 from .pairs import Pair
 from .power import powers_of_record
@@ -73,6 +74,8 @@ SHOWN_BY = {
     "lookup": "motion in which the quantities that it may depend on vary one without the other",
 }
 """What tells each effect of the gyros from the others."""
+NEAR_LEAST = 0.003
+"""Part of the least stated error of a true attitude to which it is known."""
 OF_ACCELEROMETERS = "rests with each axis up, down and between, some of them repeated at the end"
 
 
@@ -225,15 +228,25 @@ class CarriedReader(RecordReader):
         """The median bound of the quoted errors [arcmin]; all bounds scale with it."""
         return float(np.median(self.quoted_part.bound)) / ARCMIN
 
-    def option_of_bounds(self, times: float) -> str:
-        """Return the option for an error of the true attitude that multiplies all bounds by `times`, or by more."""
+    def option_of_bounds(self, times: float, places: Sequence[EffectPlace]) -> str:
+        """Return the option for the least error of the true attitude with which the model stands with effects.
+
+        An error that multiplies all bounds by `times` suffices.
+        """
         reference = self.model.reference
         if not isinstance(reference, Truth):
             return ""
-        needed = 0.0
+        most = 0.0
         for part, of_truth in zip(self.rows.parts, reference.of_windows, strict=True):
-            needed = max(needed, float((times - 1.0) * part.bound.max() + of_truth))
-        return f"--reference-bound {upwards(0.5 * needed / ARCMIN, 3)}"
+            most = max(most, 0.5 * float((times - 1.0) * part.bound.max() + of_truth))
+        low, high = max(reference.stated or 0.0, reference.at_rest), most
+        while high - low > NEAR_LEAST * high:
+            middle = 0.5 * (low + high)
+            if self.model.with_stated(middle).refit(places).radius <= 1.0:
+                high = middle
+            else:
+                low = middle
+        return f"--reference-bound {upwards(high / ARCMIN, 3)}"
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
         """Return the warning of a wrong clock and the parameters that the record leaves open."""

@@ -384,15 +384,10 @@ def as_stated(reader: CarriedReader, stated: float) -> CarriedReader:
     It enters the bounds and nothing else: about which effects the rows are linear, and which windows are left out, is
     as without it.
     """
-    run = reader.model
-    before = run.reference
-    assert isinstance(before, Truth)
-    after = replace(before, stated=stated)
-    widening = after.of_windows - before.of_windows
-    bounds = [part.bound + added for part, added in zip(run.rows.parts, widening, strict=True)]
-    earth = "" if before.inertial else AND_EARTH.replace(" and", "")
+    run = reader.model.with_stated(stated)
+    assert isinstance(run.reference, Truth)
+    earth = "" if run.reference.inertial else AND_EARTH.replace(" and", "")
     basis = AS_STATED.format(earth=earth, stated=exactly(stated / ARCMIN, 12))
-    run = replace(run, rows=run.rows.with_bounds(bounds), reference=after)
     least = run.refit(run.rows.places).radius
     return replace(reader, model=run, bounds_from=basis, least_radius=None if least <= run.limit else least)
 

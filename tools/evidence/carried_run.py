@@ -72,6 +72,15 @@ class Carried(SettingIn):
         """Number of parameters of the accelerometers: nine where gravity is the reference."""
         return len(self.rows.names) - sum(coefficient_count(place) for place in self.own)
 
+    def with_stated(self, stated: float) -> Self:
+        """Return the run whose bounds are for errors of the true attitude of up to `stated` at any row [rad]."""
+        before = self.reference
+        assert isinstance(before, Truth)
+        after = replace(before, stated=stated)
+        widening = after.of_windows - before.of_windows
+        bounds = [part.bound + added for part, added in zip(self.rows.parts, widening, strict=True)]
+        return replace(self, rows=self.rows.with_bounds(bounds), reference=after)
+
     def without(self, places: Sequence[EffectPlace]) -> Self:
         """The model with fewer effects that can be tried."""
         rows, at_rest = self.rows.without(places), self.at_rest

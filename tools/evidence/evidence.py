@@ -16,9 +16,10 @@ from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, column_space, spaces_beyond
 from ..bounded.sets import Problem, Work, sets_of_size
 from ..calibrated import Calibration, Parameter, Sigma
+from ..calibration.parameter_sets import Sized
 from ..calibration.targets import words_of
 from ..result import finite_or_none
-from .extension import Extension, Sized
+from .extension import Extension
 from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits, estimated, least_radius, width_of
 from .pairs import Pair
 from .rows import About, Channel, Rows
@@ -420,7 +421,7 @@ class Reader:
         """Yield the trials of a fit's effects on left-out data: the second witness."""
         raise NotImplementedError
 
-    def option_of_bounds(self, times: float) -> str:
+    def option_of_bounds(self, times: float, places: Sequence[EffectPlace]) -> str:
         """Return the option that multiplies all bounds by `times`, or by more; empty where there is none."""
         return ""
 

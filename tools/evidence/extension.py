@@ -15,19 +15,16 @@ from numpy.typing import NDArray
 
 from ...fmus import build
 from ...fmus.catalogue import COMPONENTS
-from ...fmus.component import Component, can_extend, extend, started
-from ...fmus.parameters import Parameters, component_parameters, elements_of, parameter_set
+from ...fmus.component import started
+from ...fmus.parameters import Parameters, component_parameters, elements_of
 from ...models.bench import TARGETS
-from ...models.effects import EffectPlace, parameter_name
-from ..bounded.programmes import Interval
-from ..files import whole_file
+from ...models.effects import EffectPlace
+from ..calibration.parameter_sets import Sized, Start
 from ..orchestrator.scenario import Scenario, write_scenario
 from .bench_model import Readings
 from .bench_visits import Circumstances
 from .fit import Fit
 
-Sized = Mapping[EffectPlace, tuple[Sequence[float], Sequence[Interval]]]
-"""Effects, each with the values of its parameters and the intervals of these."""
 FAST = 1e6
 """Rate [rad/s] and acceleration [rad/s²] of a simulated table whose moves take no time to speak of."""
 APPROACH = 0.02
@@ -53,37 +50,6 @@ FED = {"specific_force": "specific_force", "angle": "angle", "block_rate": "rate
 READINGS = {f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)}
 ANGLES = {"alpha_deg": "table.angle_reading[1]", "beta_deg": "table.angle_reading[2]"}
 """Columns of a record, and the variables that are recorded as them."""
-
-
-@dataclass(frozen=True)
-class Start:
-    """Start of a component: `values` of its parameters, and the `ends` of the possible intervals of their elements.
-
-    `name` is that of its files; where it is not the component's the FMU starts with other values, and these are those
-    of another mounting.
-    """
-
-    name: str
-    component: Component
-    values: Parameters
-    ends: Mapping[str, Interval]
-
-    @staticmethod
-    def of(
-        component: str, values: Parameters, ends: Mapping[str, Interval], effects: Sized, ending: str = ""
-    ) -> "Start":
-        """Return a component, by its name, with values of its own and of those effects that it can have.
-
-        Raises a ValueError if the component does not accept a value. `ending` is the end of its files' name.
-        """
-        nominal = COMPONENTS[component]
-        acting = {place: sizes_and_ends for place, sizes_and_ends in effects.items() if can_extend(nominal, place)}
-        parameters, possible = dict(values), dict(ends)
-        for place, (sizes, intervals) in acting.items():
-            for parameter, size, interval in zip(place.definition.parameters, sizes, intervals, strict=True):
-                name = parameter_name(place, parameter.name)
-                parameters[name], possible[name] = float(size), interval
-        return Start(f"{component}{ending}", started(extend(nominal, list(acting)), parameters), parameters, possible)
 
 
 def takes(
@@ -129,10 +95,8 @@ class Extension:
         for start in self.starts:
             if not start.values:
                 continue
-            path = folder / f"{start.name}.ssv"
-            with whole_file(path) as beside:
-                beside.write_bytes(parameter_set(start.component, start.values, said, start.ends))
-            files.append(path)
+            files.append(folder / f"{start.name}.ssv")
+            start.write(files[-1], said)
         for name, scenario in self.scenarios.items():
             files += write_scenario(scenario, folder / f"{name}.toml")
         return files

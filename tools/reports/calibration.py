@@ -511,11 +511,8 @@ def applied_page(result: Applied, latitude_deg: float | None = None) -> Page:
     lines = correction_equation(result.correction)
     lines += _levelling_lines(result, _latitude(result, latitude_deg))
     if result.gyros is not None and result.correction.gyros is not None:
-        gyros = result.correction.gyros
-        lags = [f"their lag of {exactly(1e3 * gyros.lag, 3)} ms stays"] if gyros.lag else []
-        if gyros.force_lag is not None:
-            lags.append(f"that of the accelerometers, {exactly(1e3 * gyros.force_lag, 3)} ms, too")
-        lines.append("; ".join(["gyros, too: w = (I + M)^-1 (reading - B - S n), as calibrated", *lags]))
+        words = "gyros, too: w = (I + M)^-1 (reading - B - S n), as calibrated"
+        lines.append("; ".join([words, *result.correction.in_motion]))
     if result.levelled_at == "rows":
         lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
     return Page("Correction", lines[0], [Section("Correction", lines[1:])], warnings=result.warnings)

@@ -141,7 +141,7 @@ def test_fmus_of_a_calibration_correct_its_readings(tmp_path, sensitivity):
     """The exported compensations start with the calibrated values, and their output equals the correction."""
     instrument = Instrument(14)
     content = calibration(instrument, sensitivity=sensitivity)
-    files = export_calibrated(Calibration.model_validate(content), tmp_path / "out")
+    files, _ = export_calibrated(Calibration.model_validate(content), tmp_path / "out")
     names = ("AccelerometerBlock", "AccelerometerCompensation", "GyroBlock", "GyroCompensation")
     assert sorted(path.name for path in files) == sorted(f"{name}.{end}" for name in names for end in ("fmu", "ssv"))
     force, rate = motion(14, 5)

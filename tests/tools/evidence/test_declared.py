@@ -116,7 +116,7 @@ def test_the_model_of_a_diagnosis_holds_lag_and_places(with_all):
     lag, *places = model.baseline.estimate[-10:]
     assert np.abs(np.ravel(places) - truth.arms.ravel()).max() < FEW_MILLIMETRES
     assert lag == pytest.approx(truth.force_lag, abs=5e-6)
-    assert [name for name, _ in model.names[-10:]][:2] == ["accelerometer-lag", "r11"]
+    assert [name for name, _ in model.names[-10:]][:2] == ["A", "r11"]
 
 
 def test_a_noise_of_gyros_that_is_declared_too_small_falsifies_both(with_all):

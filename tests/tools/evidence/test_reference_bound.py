@@ -134,6 +134,20 @@ def test_what_is_needed_is_enough_and_less_is_not(record, without, part):
     assert "as stated explain" in again
 
 
+@pytest.mark.parametrize("effect", ["", "gyro-scale-misalignment"])
+def test_the_bound_with_which_the_model_would_stand_is_the_least(record, without, effect):
+    (offered,) = [
+        entry.option for entry in without.stands_with or () if effect == " ".join(e.effect for e in entry.effects)
+    ]
+    stated = float(offered.removeprefix("--reference-bound "))
+    verdicts = []
+    for part in (1.0, 0.97):
+        evidence = carried_evidence(record, reference_bound=part * stated)
+        places = [place for place in evidence.rows.places if place.effect == effect]
+        verdicts.append(evidence.model.refit(places).radius <= 1.0)
+    assert verdicts == [True, False]
+
+
 @pytest.mark.acceptance
 def test_with_the_effects_that_help_what_they_need_is_enough(narrow):
     assert not any("were that all" in text for text in narrow.not_named or ())
