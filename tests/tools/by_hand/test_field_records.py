@@ -75,7 +75,7 @@ def test_unseen_rests_and_moves_are_predicted_no_worse_than_by_plain_least_squar
 def late_gyros(path: Path) -> Path:
     """Write a short record with a true attitude, whose gyros are two rows late."""
     rng = np.random.default_rng(17)
-    time, attitude = turning(attitudes(rng, 28), 1.2, 0.4)
+    time, attitude = turning(attitudes(rng, 18), 1.2, 0.4)
     table = strapdown(Instrument(17), time, attitude, rng, NOISE)
     table = table.with_columns(pl.col(f"w{axis}_radps").shift(2).fill_null(strategy="backward") for axis in (1, 2, 3))
     quaternion = attitude.as_quat(scalar_first=True)

@@ -88,9 +88,7 @@ def test_turns_and_moves_over_the_end_of_a_gyros_range_are_left_out() -> None:
     assert present(result.by_hand).turns == 2
     assert any(line.startswith("w2: ") and "turns over them are left out" in line for line in result.warnings)
     assert abs(result["M22"].estimate - truth(instrument)["M22"]) < 3.0 * present(result["M22"].standard_error)
-    with pytest.raises(
-        ValueError, match=r"no move of about 360 degrees; w2: .* saturated|no turn 2 .*w2: .* saturated"
-    ):
+    with pytest.raises(ValueError, match=r"no turn 1 .*; w2: .* rows are saturated"):
         th.calibrate(clipped.drop("part"), gravity=GRAVITY, turns="3:360,2:360")
 
 
@@ -113,7 +111,7 @@ def test_a_turn_that_the_moves_contradict_is_not_used() -> None:
     assert not any("turn 1" in line for line in th.calibrate(right, gravity=GRAVITY).warnings)
 
 
-@pytest.mark.parametrize(("wrong", "used"), [({"+1": "-2"}, 5), ({"+1": "-1", "-1": "+1", "+2": "-2"}, 0)])
+@pytest.mark.parametrize(("wrong", "used"), [({"+1": "-2"}, 5), ({"+1": "-2", "+2": "-3", "+3": "-1"}, 0)])
 def test_faces_that_the_readings_contradict_are_not_used(wrong: dict[str, str], used: int) -> None:
     instrument, table = ferraris(14)
     result = th.calibrate(table.with_columns(part=pl.col("part").replace(wrong)), gravity=GRAVITY)
