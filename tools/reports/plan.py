@@ -466,8 +466,8 @@ def hand_page(plan: "HandPlan") -> Page:
         "Hold the block still at each rest: on a table, or against something firm. Directions need no accuracy: 10° "
         "off is as good. Move within a few seconds from rest to rest, slower than the gyros' range. Record one file.",
         "Axis 1 up: accelerometer 1 reads +1 g. Errors are predicted from the poses, the noise at rest "
-        f"({digits(1e3 * plan.rest_sd, 2)} mg) and an error of each move of 7 arcmin. The error of a turn is that of its "
-        "worst component.",
+        f"({digits(1e3 * plan.rest_sd, 2)} mg) and an error of each move of 7 arcmin. The error of a turn is that "
+        "of its worst component.",
     ]
     parameters = table_of(plan.parameters, ("symbol", "unit", "standard_error", "wanted"))
     return Page(
