@@ -65,7 +65,7 @@ def sampling_lines(inspection: Inspection) -> list[str]:
     lines = [
         f"{record.path.name}: {len(record)} rows of {kind} over {digits(length, 6)} s, "
         f"one every {exactly(sampling.period, 6)} s",
-        f"time stamps: {jitter}; {len(sampling.gaps)} gaps, {sampling.missing} rows missing; nothing is resampled",
+        f"time stamps: {jitter}; gaps: {len(sampling.gaps)}, {sampling.missing} rows missing; nothing is resampled",
     ]
     for gap in sampling.gaps[:5]:
         lines.append(f"gap of {digits(gap.length_s, 4)} s after {digits(gap.time_s, 6)} s")

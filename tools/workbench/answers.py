@@ -292,7 +292,12 @@ def _rests_of(record: Any, options: Mapping[str, Any]) -> tuple[list[tuple[slice
     except InputError:
         if record.decisions is None:
             raise
-    moved = [] if run is None or run.moves is None else run.moves.way.ends.tolist()
+    moved: Moved = []
+    if run is not None and run.moves is not None:
+        # Between rests; of a record with a true attitude the windows that are compared.
+        pairs = getattr(run.moves, "rests", None)
+        of_run, ends = run.rests.rows, run.moves.way.ends
+        moved = ends.tolist() if pairs is None else [(of_run[a].stop - 1, of_run[b].start) for a, b in pairs.tolist()]
     if record.decisions is not None and record.decisions.rests is not None:
         # All of them, whether a calibration takes them or not.
         rows = records.rows_of_rests(record.time_s, record.decisions.rests, record.path.name)

@@ -161,8 +161,10 @@ function showFiles() {
     tick.addEventListener("change", () => { tick.checked ? chosen.add(number) : chosen.delete(number); });
     const open = button(file.name, () => { if (chosen.size < 2) chosen = new Set([number]); current = number; span = null; selected = null; show(); }, `Look at ${file.name}`);
     open.setAttribute("aria-current", String(number === current));
-    const verdict = outcome ? `${outcome.command}${outcome.together ? ", together" : ""}: ${outcome.verdict.split(/[:.]/)[0]}` : "";
-    const figures = outcome ? Object.entries(outcome.key).slice(0, 3).map(([name, value]) => `${name} ${value}`).join("; ") : "";
+    const [said, ...rest] = outcome ? outcome.verdict.replace(`${file.name}: `, "").split(/[:.]\s|\.$/) : [""];
+    const verdict = outcome ? `${outcome.command}${outcome.together ? ", together" : ""}: ${said}` : "";
+    const keys = outcome ? Object.entries(outcome.key).slice(0, 3).map(([name, value]) => `${name} ${value}`) : [];
+    const figures = (keys.length ? keys : rest.filter(Boolean)).join("; ");
     const kind = about ? about.word : file.problem === READING ? "is being read" : "not a record yet";
     const seconds = about && about.seconds !== null ? String(Number(about.seconds.toPrecision(6))) : "";
     row.append(cell(tick), cell(open), cell(kind), cell(about ? String(about.rows) : "", "number"), cell(seconds, "number"), cell(verdict), cell(figures));
