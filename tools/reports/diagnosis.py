@@ -23,7 +23,7 @@ from .noise import against_sections
 from .pictures import WIDTH
 from .pictures.residuals import held_out, matrix_picture, shares_of_pieces
 from .sources import cited, versions
-from .terminal import detection_limit, is_weak, terminal_lines
+from .terminal import advice_text, detection_limit, is_weak, terminal_lines
 
 ANSWERS = {
     "stands": "fits: it brings every error within its bound",
@@ -80,6 +80,11 @@ def explanation_page(result: Diagnosis, number: int) -> Page:
     alone = result.model_copy(update={"verdict": "explained", "alternatives": None, **changed})
     sections = answer_of(alone) if matching or not places else []
     following = [section for section in remarks_of(result) if section.title.startswith("Next measurements")]
+    if len(result.explanations) > 1:
+        rival = result.explanations[number + 1 if number + 1 < len(result.explanations) else number - 1]
+        tells = [f"The other one is: {sentence(rival.sentence)}"]
+        tells += [] if following else [advice_text(result)]
+        following.insert(0, Section("What tells it from the next", tells))
     noun = "number" if explanation.numbers == 1 else "numbers"
     return Page(explanation.sentence, f"It needs {explanation.numbers} {noun}.", [*sections, *following])
 

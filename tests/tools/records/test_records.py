@@ -1,6 +1,7 @@
 """Reading and writing of records: each kind, in SI and radians, from CSV and Parquet; real ones if present."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import trihedron as th
 from record_files import POSITION_HEADER, RAW_HEADER, ROWS, STRAPDOWN_HEADER, VALID, measured, reader
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import (
@@ -343,3 +345,26 @@ def test_a_fault_far_behind_the_head_of_a_file_is_named(tmp_path, line, words):
         read_record(path)
     for word in words:
         assert word in str(refusal.value)
+
+
+@pytest.mark.parametrize("decimals", [4, None])
+def test_a_text_cut_inside_its_last_number_is_warned_of(tmp_path: Path, decimals: int | None) -> None:
+    rng = np.random.default_rng(2)
+    readings = rng.normal(0.0, 9.8, (40, 3))
+    texts = [
+        [repr(value) if decimals is None else f"{value:.{decimals}f}" for value in row] for row in readings.tolist()
+    ]
+    body = [f"{0.1 * number:.1f},{','.join(row)}" for number, row in enumerate(texts)]
+    record, log = tmp_path / "record.csv", tmp_path / "log.csv"
+    whole = "\n".join(["time_s,f1_mps2,f2_mps2,f3_mps2", *body])
+    foreign = "\n".join(["t [s],ax [m/s2],ay [m/s2],az [m/s2]", *body])
+    lost = 2 if decimals else 12
+    for cut, is_warned in ((0, False), (lost, True)):
+        record.write_text(whole[: len(whole) - cut])
+        log.write_text(foreign[: len(foreign) - cut])
+        warnings = th.read_record(record).warnings
+        notes = th.import_record(log).notes
+        for lines in (warnings, notes):
+            assert any("cut inside its last number" in line for line in lines) == is_warned
+    record.write_text(whole[:-lost] + "\n")
+    assert not any("cut inside" in line for line in th.read_record(record).warnings)

@@ -5,6 +5,7 @@ import json
 import shlex
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -250,6 +251,9 @@ def test_three_runs_are_calibrated_together(tmp_path: Path, window: Window, open
     assert is_same(visitor.parameters(), estimates(content))
     assert verdict
     assert "run0.csv run1.csv run2.csv" in visitor.page.inner_text("#command")
+    rows = visitor.page.locator("#files tbody tr").all_inner_texts()
+    assert [row.split("\t")[1:4] for row in rows] == [[path.name, "pose record", "8"] for path in paths]
+    assert all("calibrate, together" in row for row in rows)
     assert visitor.clicks <= 5
     assert window.complaints == []
 
@@ -535,3 +539,65 @@ def test_a_damaged_file_is_refused_with_its_damage(tmp_path: Path, opened) -> No
 def test_a_file_that_is_not_there_is_refused() -> None:
     with pytest.raises(FileNotFoundError, match=r"absent.csv: no such file"):
         th.open("absent.csv")
+
+
+def test_a_series_has_its_rests_moves_limits_spikes_and_gaps(tmp_path: Path, opened) -> None:
+    _, table = hand_moved(4, 8)
+    force, rate = (table[name].to_numpy().copy() for name in ("f1_mps2", "w1_radps"))
+    force[700] += 25.0
+    # The third move is beyond the range of a gyro; the fourth is cut.
+    rate[1300:1500] = np.clip(rate[1300:1500], -0.3, 0.3)
+    spoilt = table.with_columns(f1_mps2=pl.Series(force), w1_radps=pl.Series(np.clip(rate, -0.3, 0.3)))
+    spoilt.filter(~pl.Series(np.isin(np.arange(table.height), np.arange(1850, 1900)))).write_csv(tmp_path / "walk.csv")
+    server = opened(tmp_path / "walk.csv")
+    answer = json.loads(answer_to(server, "GET", f"/{server.token}/rests?file=0")[1])
+    marks: dict[str, list[dict[str, Any]]] = {}
+    for mark in answer["marks"]:
+        marks.setdefault(mark["kind"], []).append(mark)
+    assert sorted(marks) == ["gap", "limit", "move", "spike"]
+    assert [mark["from_s"] for mark in marks["spike"]] == [pytest.approx(7.0)]
+    assert [(mark["from_s"], mark["to_s"]) for mark in marks["gap"]] == [(pytest.approx(18.49), pytest.approx(19.0))]
+    ends = {rest["to_s"] for rest in answer["rests"]}
+    assert {mark["from_s"] for mark in marks["move"]} <= ends
+
+
+def test_a_page_gives_the_numbers_of_the_command_after_each_change(tmp_path: Path, opened) -> None:
+    """The page computes only what a change touches; a command computes all anew."""
+    _, table = hand_moved(6, 30)
+    table.write_csv(tmp_path / "walk.csv")
+    server = opened(tmp_path / "walk.csv")
+    answer = json.loads(answer_to(server, "GET", f"/{server.token}/rests?file=0")[1])
+    rests = [[rest["from_s"], rest["to_s"], ""] for rest in answer["rests"]]
+    options = {"gravity": str(GRAVITY)}
+    reply(server, do="run", command="calibrate", files=[0], options=options)
+    answered(server, 1)
+    moved = [*rests[:4], [rests[4][0] + 0.2, rests[4][1] - 0.5, ""], *rests[5:]]
+    for count, changed in enumerate((moved, [*moved[:9], *moved[10:]], rests), start=2):
+        assert reply(server, do="decide", file=0, decisions={"rests": changed}) == {}
+        answered(server, count)
+        shown = server.desk.answer
+        assert shown is not None
+        content = by_command("calibrate", "walk.csv", "--gravity", str(GRAVITY))
+        assert is_same({row["symbol"]: row["estimate"] for row in shown["parameters"]}, estimates(content))
+        assert f"{len(changed)} rests as marked" in " ".join(shown["warnings"])
+
+
+def test_explanations_say_what_tells_them_apart(tmp_path: Path, opened) -> None:
+    """A temperature that jumps once is not told from a step in time."""
+    rng = np.random.default_rng(11)
+    made = simulated(random_bench(rng), noise=rng.uniform(-1e-5, 1e-5, (24, 3)))
+    behind = np.arange(24) >= 11
+    made.specific_force[:, 1] += 3e-4 * 9.80665 * behind
+    temperature = 20.0 + 5.0 * behind + rng.uniform(-0.5, 0.5, 24)
+    write_record(replace(made, temperature=temperature), tmp_path / "jump.csv")
+    server = opened(tmp_path / "jump.csv")
+    reply(server, do="run", command="diagnose", files=[0], options={"noise_bound": "1e-5"})
+    answered(server, 1)
+    answer = server.desk.answer
+    assert answer is not None
+    sentences = [explanation["sentence"] for explanation in answer["explanations"]]
+    assert len(sentences) >= 2
+    status, page = answer_to(server, "GET", f"/{server.token}/page?explanation=0")
+    assert status == 200
+    assert "What tells it from the next" in page.decode()
+    assert sentences[1].split(" changes")[0].removeprefix("the ") in page.decode()
