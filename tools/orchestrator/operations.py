@@ -103,26 +103,21 @@ def loop_of(on: Any) -> Callable[..., int]:
                     status = call4(a, b, c, d, e)
                 elif code == CALL5:
                     status = call5(a, b, c, d, e, operations[at + 6])
-                elif code == STEP2:
+                elif code in (STEP2, STEP3):
                     size = numbers[2 * pc]
                     time = clock[START] + (step - e) // operations[at + 6] * size
                     if time + size > clock[STOP]:
                         size = clock[STOP] - time
                         if time + size > clock[STOP]:
                             size = size * BELOW_ONE
-                    status = step2(a, b, time, size, c)
-                elif code == STEP3:
-                    size = numbers[2 * pc]
-                    time = clock[START] + (step - e) // operations[at + 6] * size
-                    if time + size > clock[STOP]:
-                        size = clock[STOP] - time
-                        if time + size > clock[STOP]:
-                            size = size * BELOW_ONE
-                    status = step3(a, b, time, size, c, d, d + 1, d + 2, d + 8)
-                    if status <= WARNING and load_byte(d + 1) != 0:
-                        status = ENDED
-                    elif status <= WARNING and load_byte(d + 2) != 0:
-                        status = EARLY
+                    if code == STEP2:
+                        status = step2(a, b, time, size, c)
+                    else:
+                        status = step3(a, b, time, size, c, d, d + 1, d + 2, d + 8)
+                        if status <= WARNING and load_byte(d + 1) != 0:
+                            status = ENDED
+                        elif status <= WARNING and load_byte(d + 2) != 0:
+                            status = EARLY
                 elif code == FINITE:
                     total = 0.0
                     for i in range(b):

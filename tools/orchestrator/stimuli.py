@@ -105,7 +105,7 @@ def make_grid(scenario: Scenario, programme_ends: Sequence[int], constant: Seque
             divides = steps >= 1 and abs(steps * run.step_s - span) <= 1e-9 * span
             if not divides and run.shorten and set(strides.values()) == {1} and ratio < MOST_STEPS:
                 return _shortened(run, run.stop_s, constant)
-            if steps < 1 or abs(steps * run.step_s - span) > 1e-9 * span:
+            if not divides:
                 shorter, longer = span / max(1, math.floor(ratio)), span / max(1, math.ceil(ratio))
                 fits = f"{longer!r} would" if shorter == longer else f"{longer:.9g} or {shorter:.9g} would"
                 raise InputError(

@@ -46,9 +46,9 @@ COUPLING_SETTINGS = ("coupling", "tolerance", "iterations")
 RATES = ("steps", "between")
 """FMU -> its own step [s]; connection, as "a.x -> b.u" -> rule between different steps."""
 PROGRAMME = "PositionProgramme"
+"""Name of the component that stands for a position programme."""
 LEADING = (PROGRAMME, TIMED_ROWS)
 """Components whose outputs are known before the run."""
-"""Name of the component that stands for a position programme."""
 NO_OPTIONS, NO_ADJUSTMENTS = RunOptions(), Adjustments()
 DICTIONARY = "SignalDictionaryReference"
 FMU = "application/x-fmu-sharedlibrary"
@@ -511,11 +511,9 @@ def _coupling(folder: Path, label: str, choice: str | None) -> dict[str, Any]:
     for name in RATES:
         if not isinstance(exported.get(name, {}), dict):
             raise InputError(f"{label}: {COUPLING}: {name} must be a mapping")
-    return (
-        exported
-        if choice is None
-        else {"coupling": choice, **{name: exported[name] for name in RATES if name in exported}}
-    )
+    if choice is None:
+        return exported
+    return {"coupling": choice, **{name: exported[name] for name in RATES if name in exported}}
 
 
 def _parameters(
