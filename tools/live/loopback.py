@@ -100,7 +100,11 @@ class LoopbackHandler(BaseHTTPRequestHandler):
         if not length.isdecimal() or int(length) > most:
             self.answer(413, b"too long")
             return None
-        return self.rfile.read(int(length))
+        body = self.rfile.read(int(length))
+        if len(body) < int(length):
+            self.answer(400, b"cut short")
+            return None
+        return body
 
     def posted_object(self, most: int) -> dict[str, Any] | None:
         """Return the JSON object of a request from this server's own page; None, after a refusal, of another."""

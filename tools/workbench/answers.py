@@ -20,7 +20,7 @@ from .. import by_hand, corrections, diagnosis, document, foreign, measured, mot
 from .. import calibration as calibrations
 from ..document.notation import plain as plain_text
 from ..document.notation import unit_text
-from ..errors import InputError, one_line
+from ..errors import InputError, one_line, reason
 from ..files import json_text, write_text
 from ..memory import Memory, kept
 from ..options import ExportTarget
@@ -107,9 +107,16 @@ def outcome(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
         with kept(MEMORY):
             return function(*arguments), ""
     except (InputError, OSError) as error:
-        return None, one_line(str(error))
+        return None, refusal_of(error)
     except Exception as error:
         return None, one_line(f"a fault of the program: {type(error).__name__}: {error}")
+
+
+def refusal_of(error: InputError | OSError) -> str:
+    """Return the line of an error; that of the system names the file."""
+    if isinstance(error, InputError) or error.filename is None:
+        return one_line(str(error))
+    return one_line(f"{Path(error.filename).name}: {reason(error)}")
 
 
 def record_at(path: str, stamps: str | None = None) -> records.Record:
@@ -241,7 +248,8 @@ def decided_size(path: str, decisions: Mapping[str, Any]) -> int:
 def lines(path: str, begin: float | None, end: float | None, points: int) -> dict[str, Any]:
     """Return the lines of a series between two times [s]; all of it without these."""
     record = record_at(path)
-    assert record.time_s is not None
+    if record.time_s is None:
+        raise InputError(f"{record.path}: has no times")
     channels = {field: getattr(record, field, None) for _, field, *_ in GROUPS}
     return lines_of(SeriesChannels(record.time_s, channels), begin, end, points)
 
@@ -253,6 +261,8 @@ def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -
     "to_s", and "what" it is in words.
     """
     record: Any = decided(path, decisions, options)
+    if isinstance(record, records.PositionRecord | records.PoseRecord):
+        raise InputError(f"{record.path}: a table of averaged readings has no rests")
     listed: list[dict[str, Any]] = []
     moves: list[dict[str, Any]] = []
     reason = ""

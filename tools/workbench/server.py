@@ -1,8 +1,10 @@
 """The server of the page about records, on this machine's loopback."""
 
 import json
+import math
 import secrets
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, unquote, urlsplit
@@ -174,7 +176,7 @@ class _Handler(LoopbackHandler):
         try:
             content = work()
         except (InputError, OSError) as error:
-            content = {"refusal": one_line(str(error))}
+            content = {"refusal": answers.refusal_of(error)}
         self._answer_object(content)
 
     def _answer_object(self, content: Mapping[str, Any]) -> None:
@@ -185,7 +187,7 @@ def _looked(desk: Desk, name: str, query: Mapping[str, str]) -> dict[str, Any]:
     """Return the lines or the rests of an open file."""
     number = _number(query.get("file"), len(desk.files))
     if name == "lines":
-        begin, end = (float(query[key]) if key in query else None for key in ("from", "to"))
+        begin, end = (_time(query[key]) if key in query else None for key in ("from", "to"))
         return desk.lines(number, begin, end, _number(query.get("points", "800"), 5000))
     options = {key: value for key, value in query.items() if key in answers.OPTIONS}
     file = desk.files[number]
@@ -197,6 +199,14 @@ def _number(text: str | None, most: int) -> int:
     if text is None or not text.isdecimal() or int(text) >= most:
         raise InputError(f"{text}: a whole number below {most} is needed")
     return int(text)
+
+
+def _time(text: str) -> float:
+    """Return a time [s]; an InputError of anything else."""
+    with suppress(ValueError):
+        if math.isfinite(time := float(text)):
+            return time
+    raise InputError(f"{text}: a time in seconds is needed")
 
 
 def _done(desk: Desk, asked: Mapping[str, Any]) -> dict[str, Any]:

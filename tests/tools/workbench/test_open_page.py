@@ -3,6 +3,7 @@
 import http.client
 import json
 import shlex
+import socket
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -391,6 +392,16 @@ def test_what_cannot_be_done_is_refused_in_one_line(tmp_path: Path, opened) -> N
     assert sorted(path.name for path in tmp_path.iterdir()) == ["table.csv"]
 
 
+def test_addresses_that_ask_for_nothing_are_refused_in_one_line(tmp_path: Path, opened) -> None:
+    server = opened(wrong_table(tmp_path))
+    for query in ("lines?file=9", "lines?file=0&from=a&to=1", "lines?file=0&from=0&to=nan", "rests?file=0", "rests"):
+        status, body = answer_to(server, "GET", f"/{server.token}/{query}")
+        assert status == 200, query
+        refusal = json.loads(body)["refusal"]
+        assert "\n" not in refusal
+        assert "fault of the program" not in refusal
+
+
 def answered(server: DeskServer, count: int) -> None:
     """Wait for an answer or a refusal."""
     end = time.monotonic() + SECONDS / 1000.0
@@ -510,16 +521,26 @@ def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path
     server = opened()
     origin = {"Origin": f"http://127.0.0.1:{server.port}"}
     content = wrong_table(tmp_path).read_bytes()
+    (tmp_path / "folder").mkdir()
     for name, body, expected in (
         ("../outside.csv", content, {"file": 0}),
         ("outside.csv", content, {"file": 0}),
         ("table.csv", b"other", "another file of this name"),
         (".hidden", content, "no name"),
+        ("n" * 300, content, "File name too long"),
+        ("folder", content, "folder: Is a directory"),
     ):
         status, answer = answer_to(server, "POST", f"/{server.token}/drop?{name}", body, **origin)
         assert status == 200
         told_back = json.loads(answer)
         assert told_back == expected or expected in told_back["refusal"]
+        assert "Errno" not in told_back.get("refusal", "")
+    with socket.create_connection(("127.0.0.1", server.port), timeout=60) as half:
+        head = f"POST /{server.token}/drop?half.csv HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n"
+        half.sendall(f"{head}Origin: {origin['Origin']}\r\nContent-Length: 1000\r\n\r\n1,2,3".encode())
+        half.shutdown(socket.SHUT_WR)
+        assert b" 400 " in half.recv(100)
+    assert not (tmp_path / "half.csv").exists()
     assert (tmp_path / "outside.csv").read_bytes() == content
     assert (tmp_path / "table.csv").read_bytes() == content
 
