@@ -22,7 +22,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from ..errors import InputError, full
 from ..files import bytes_of
 from ..locks import own_folder
-from .guest_process import Clock
+from .guest_process import NEGATIVE, Clock
 
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
@@ -153,17 +153,24 @@ def _read_intervals(xml: bytes, description: ModelDescription) -> None:
 def _complete_first(xml: bytes, description: ModelDescription, label: str) -> None:
     """Add to a description of FMI 1.0 what FMPy does not read: capabilities, start values of states, aliases.
 
-    Raises InputError for an input or output that is the negative of another variable.
+    A number that is the negative of another variable has a reference from `NEGATIVE` on. Raises InputError for an input
+    that is a negative, and for an output that is none of a number.
     """
     root = ElementTree.fromstring(xml)
     for element in root.iter("Capabilities"):
         for flag, claim in element.attrib.items():
-            setattr(description.coSimulation, flag, claim)
+            # FMPy's reading has the capabilities that FMI 2.0 has too.
+            if hasattr(description.coSimulation, flag):
+                setattr(description.coSimulation, flag, claim)
     elements = root.iter("ScalarVariable")
     negative = {element.get("name") for element in elements if element.get("alias") == "negatedAlias"}
     variables = []
     for variable in description.modelVariables:
-        if variable.name not in negative:
+        is_negative = variable.name in negative
+        if is_negative and variable.type == "Real" and variable.causality != "input":
+            variable.valueReference = int(variable.valueReference) | NEGATIVE
+            variable.start = None
+        if not is_negative or variable.valueReference >= NEGATIVE:
             variables.append(variable)
         elif variable.causality in ("input", "output"):
             raise InputError(f"{label}: {variable.causality} '{variable.name}' is the negative of another variable")

@@ -44,6 +44,8 @@ HEAD = struct.Struct("<Q")
 PROGRESS = struct.Struct("<I")
 """Format of the index of the operation in progress."""
 OK, WARNING, DISCARD, ERROR = range(4)
+NEGATIVE = 1 << 31
+"""First value reference that stands for the negative of a variable of FMI 1.0."""
 MOST_EVENTS = 10_000
 """Largest number of events in one step, and of iterations in one event."""
 CLOSE = 1e-13
@@ -156,6 +158,18 @@ class FirstEdition:
         is_due = _BOOLEAN()
         status = self.CompletedIntegratorStep(instance, ctypes.byref(is_due))
         event._obj[0] = is_due.value
+        return status
+
+    def fmi2GetReal(self, instance: Any, references: bytes, count: Any, values: Any) -> int:
+        """Get numbers; a reference from `NEGATIVE` on means the negative of the variable."""
+        numbers = (ctypes.c_uint32 * count.value).from_buffer_copy(references)
+        negative = [k for k in range(count.value) if numbers[k] >= NEGATIVE]
+        for k in negative:
+            numbers[k] -= NEGATIVE
+        status = self.GetReal(instance, numbers, count, values)
+        contents = (_REAL * count.value).from_buffer(values)
+        for k in negative:
+            contents[k] = -contents[k]
         return status
 
     def fmi2GetBoolean(self, instance: Any, references: bytes, count: Any, values: Any) -> int:

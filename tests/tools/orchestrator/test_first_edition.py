@@ -25,7 +25,8 @@ VARIABLES = (
 )
 SLAVE = (
     "<Implementation><CoSimulation_StandAlone>"
-    "<Capabilities canHandleVariableCommunicationStepSize='true'/></CoSimulation_StandAlone></Implementation>"
+    "<Capabilities canHandleVariableCommunicationStepSize='true' canRejectSteps='false' canHandleEvents='true'/>"
+    "</CoSimulation_StandAlone></Implementation>"
 )
 EXCHANGE = ("ME", "CS")
 RUN = {"stop_s": 1.0, "step_s": 0.1}
@@ -106,13 +107,16 @@ def test_a_failure_names_the_call_and_the_message(tmp_path: Path) -> None:
     assert "DoStep at 0.5 s ended with Error: fuse blown" in message
 
 
-def test_a_negative_alias_has_no_value_of_its_own(tmp_path: Path) -> None:
-    """FMI 1.0 gives the value of the other variable, with the other sign."""
-    local = ("Real", "minus", 1, "alias='negatedAlias'", "")
-    fmu = build(tmp_path, "CS", added=(local,))
-    assert "has no variable 'minus'" in refusal(
-        tmp_path, {"first": {"fmu": fmu.name}}, run=RUN, record={"columns": {"minus": "first.minus"}}
-    )
-    output = ("Real", "minus", 1, "causality='output' alias='negatedAlias'", "")
-    fmu = build(tmp_path, "CS", added=(output,))
-    assert "output 'minus' is the negative of another variable" in refusal(tmp_path, {"first": {"fmu": fmu.name}})
+@pytest.mark.parametrize("kind", EXCHANGE)
+def test_a_negative_alias_has_the_other_sign(kind: str, tmp_path: Path) -> None:
+    """FMI 1.0 gives the value of the other variable."""
+    minus = ("Real", "minus", 1, "causality='output' alias='negatedAlias'", "")
+    fmu = {"fmu": build(tmp_path, kind, added=(minus,)).name, "parameters": GIVEN}
+    table = run_of_guests(tmp_path, {"first": fmu}, run=RUN).table
+    assert (table["first.minus"] == -table["first.x"]).all()
+    assert table["first.minus"][-1] == pytest.approx(-exact(1.0), abs=2e-5)
+    for causality, value in (("input", "Real"), ("output", "Integer")):
+        alias = (value, "minus", 0, f"causality='{causality}' alias='negatedAlias'", "")
+        fmu = build(tmp_path, kind, added=(alias,))
+        says = f"{causality} 'minus' is the negative of another variable"
+        assert says in refusal(tmp_path, {"first": {"fmu": fmu.name}})
