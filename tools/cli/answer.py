@@ -6,6 +6,7 @@ Options are the library's functions' with their words, and what only a command l
 import errno
 import inspect
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
@@ -13,6 +14,7 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from io import StringIO, TextIOWrapper
 from pathlib import Path
+from shutil import get_terminal_size
 from time import monotonic
 from typing import Annotated, Any, TextIO, TypeVar, get_args, get_origin
 
@@ -85,13 +87,18 @@ def answer(
         if json == STANDARD_OUTPUT:
             return Answer(text.rstrip("\n"), wanted=True, complaint=complaint, status=status)
         write_text(json, text)
-    lines = [str(result), *map(str, files)]
-    shown = Answer("\n".join(lines), complaint=complaint, status=status)
     page = None if isinstance(result, str) else reports.page_of(result)
+    text = str(result) if page is None else document.text(page, terminal_width())
+    shown = Answer("\n".join([text, *map(str, files)]), complaint=complaint, status=status)
     if page is None:
         return shown
     head, _, _ = shown.text.partition("\n\n" if page.screen else "\n")
     return replace(shown, result=result, tone=page.tone, head=head)
+
+
+def terminal_width() -> int | None:
+    """Return the columns of the terminal; None where the output is none."""
+    return get_terminal_size().columns if sys.stdout.isatty() else None
 
 
 class Silenced(StringIO):
@@ -139,8 +146,9 @@ def _print(outcome: Answer) -> None:
     text.stylize(COLOURS[outcome.tone], 0, len(outcome.head))
     console = Console(highlight=False)
     for line in text.split(allow_blank=True):
-        # A row of a table, and a command to copy, stay one line.
-        console.print(line, soft_wrap="  " in line.plain or "trihedron" in line.plain)
+        # A row of a table, and a command to copy, stay one line; a command within a sentence need not.
+        outside = re.sub(r"`[^`]*`", "`", line.plain)
+        console.print(line, soft_wrap="  " in outside or "trihedron" in outside)
 
 
 def exit_status(command: Callable[[], int]) -> int:

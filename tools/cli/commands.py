@@ -40,6 +40,7 @@ from .answer import (
     SheetFile,
     answer,
     distinct_files,
+    terminal_width,
     with_options_of,
 )
 
@@ -264,7 +265,7 @@ def apply_command(
     """
     distinct_files({"the calibration": result, "the record": record, "--out": out, "--json": json})
     corrected = corrections.apply(result, record, noise_bound=noise_bound, **options)
-    text = document.text(reports.applied_page(corrected, latitude_deg))
+    text = document.text(reports.applied_page(corrected, latitude_deg), terminal_width())
     if out is not None:
         if corrected.record is None:
             raise InputError(f"--out {out}: the diagnosis names nothing that a correction could remove")

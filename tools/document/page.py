@@ -14,7 +14,9 @@ from collections.abc import Sequence
 from functools import cache
 from html import escape as escaped
 from importlib import resources
+from itertools import zip_longest
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -25,7 +27,7 @@ from ..files import ordinary_file, whole_file, write_text
 from ..locks import own_folder
 from ..rounding import Number, digits
 from .blocks import Page, Section, Table
-from .notation import Cell, Drawn, look, plain, typographic, written
+from .notation import Drawn, look, plain, typographic, written
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -203,8 +205,11 @@ MOST_ROWS = 40
 """Largest number of rows of a result's table in a notebook."""
 
 
-def text(page: Page) -> str:
-    """Return a page's text for a terminal: its verdict, figures, first sections and warnings."""
+def text(page: Page, width: int | None = None) -> str:
+    """Return a page's text for a terminal: its verdict, figures, first sections and warnings.
+
+    Tables are no wider than `width` characters, where one is given and their words allow it.
+    """
     if page.screen:
         return "\n".join(page.screen)
     lines = [page.verdict]
@@ -214,7 +219,7 @@ def text(page: Page) -> str:
     if figures:
         lines.append("; ".join(figures))
     for section in page.answer:
-        content = section_lines(section)
+        content = section_lines(section, width)
         if content and (section.table is not None or len(page.answer) > 1):
             lines += ["", section.title]
         lines += content
@@ -223,38 +228,55 @@ def text(page: Page) -> str:
     return "\n".join(lines)
 
 
-def section_lines(section: Section) -> list[str]:
+def section_lines(section: Section, width: int | None = None) -> list[str]:
     """Return the paragraphs, the table and the files of a section as lines."""
     lines = list(section.paragraphs)
     if section.table is not None:
-        lines += table_lines(section.table)
+        lines += table_lines(section.table, width)
     for file in section.files:
         lines.append(str(file))
     return lines
 
 
-def table_lines(table: Table) -> list[str]:
-    """Return a table as lines of columns: numbers are right-aligned, small pictures are left out."""
-    columns = []
+def table_lines(table: Table, width: int | None = None) -> list[str]:
+    """Return a table as lines of columns: numbers are right-aligned, small pictures are left out.
+
+    In a table wider than `width` characters headings and texts take several lines.
+    """
+    columns, numeric = [], []
     for k, heading in enumerate(table.header):
         cells = [row[k] for row in table.rows]
         if not any(isinstance(cell, Drawn) for cell in cells):
-            columns.append(_column(heading, cells))
+            columns.append([heading, *("" if cell is None else str(cell).replace("−", "-") for cell in cells)])
+            numeric.append(any(isinstance(cell, int | Number) for cell in cells))
+    widths = _widths(columns, width)
     lines = []
-    for parts in zip(*columns, strict=True):
-        lines.append("  ".join(parts).rstrip())
+    for row in zip(*columns, strict=True):
+        parts = [_in_lines(cell, wide) for cell, wide in zip(row, widths, strict=True)]
+        for line in zip_longest(*parts, fillvalue=""):
+            aligned = []
+            for part, wide, is_number in zip(line, widths, numeric, strict=True):
+                aligned.append(part.rjust(wide) if is_number else part.ljust(wide))
+            lines.append("  ".join(aligned).rstrip())
     return lines
 
 
-def _column(heading: str, cells: Sequence[Cell]) -> list[str]:
-    """Return the heading and the cells of a column, all of one width, with ASCII minus signs."""
-    texts = [heading]
-    for cell in cells:
-        texts.append("" if cell is None else str(cell).replace("−", "-"))
-    width = max(len(word) for word in texts)
-    if any(isinstance(cell, int | Number) for cell in cells):
-        return [word.rjust(width) for word in texts]
-    return [word.ljust(width) for word in texts]
+def _in_lines(cell: str, width: int) -> list[str]:
+    if len(cell) <= width:
+        return [cell]
+    return wrap(cell, width, break_long_words=False, break_on_hyphens=False)
+
+
+def _widths(columns: Sequence[Sequence[str]], most: int | None) -> list[int]:
+    """Return the widths of columns: those of their cells, the widest first made less until all fit, but no word cut."""
+    widths = [max(map(len, cells)) for cells in columns]
+    least = [max(len(word) for cell in cells for word in cell.split() or [""]) for cells in columns]
+    while most is not None and sum(widths) + 2 * (len(widths) - 1) > most:
+        spare = [wide - few for wide, few in zip(widths, least, strict=True)]
+        if max(spare, default=0) == 0:
+            break
+        widths[spare.index(max(spare))] -= 1
+    return widths
 
 
 def notebook(page: Page, frame: "DataFrame | None") -> str:

@@ -169,3 +169,17 @@ def test_a_verdict_has_its_colour_on_a_terminal_alone(file: str, colour: str, mo
     assert shown["without"].startswith(f"\x1b[{colour}m{verdict}\x1b[0m")
     assert re.sub(r"\x1b\[[\d;]*m", "", shown["without"]) == plain
     assert "\x1b" not in shown["without"].partition("\n")[2]
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    "command", ["calibrate clean.csv --noise-bound 1e-5", "plan hand", "plan target X4 --grid 30", "doctor"]
+)
+def test_an_answer_keeps_to_80_columns_on_a_terminal(command: str, monkeypatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
+    for name, value in {"NO_COLOR": "", "TERM": "xterm", "COLUMNS": "80"}.items():
+        monkeypatch.setenv(name, value)
+    cli.main(command.split())
+    shown = re.sub(r"\x1b\[[\d;]*m", "", terminal.getvalue())
+    assert [line for line in shown.splitlines() if len(line.rstrip()) > 80] == []
