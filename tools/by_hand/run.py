@@ -178,7 +178,7 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
             raise InputError(f"--turns: {record.path} has a true attitude, which tells more")
     elif series.rate is not None:
         assert isinstance(record, StrapdownRecord)
-        limits = channel_limits(record)
+        limits = once(channel_limits, record)
         saturated = limits.of("w")
         moves, cuts = _without_cuts(moves_of(series, rests, record.knocks | saturated))
         lines = [line for line in limits.lines if line.startswith("w")]

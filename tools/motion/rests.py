@@ -177,7 +177,7 @@ def sampling_of(record: StrapdownRecord) -> RecordSampling:
     for i, v in enumerate(record.specific_force.T):
         channels[f"f{i + 1}"] = v
     limits, wrapped = (
-        channel_limits(record),
+        once(channel_limits, record),
         wrapped_rows(record, np.concatenate([[period], np.where(is_gap, period, between)])),
     )
     first_limits = {}

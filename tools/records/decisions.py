@@ -285,9 +285,9 @@ def rows_of_rests(time_s: np.ndarray, rests: Sequence[DecidedRest], where: str) 
         for a rest with fewer than two readings
     """
     rows = []
-    for number, rest in enumerate(rests, start=1):
-        first = int(np.searchsorted(time_s, rest.from_s))
-        stop = int(np.searchsorted(time_s, rest.to_s, side="right"))
+    begins = np.searchsorted(time_s, [rest.from_s for rest in rests]).tolist()
+    ends = np.searchsorted(time_s, [rest.to_s for rest in rests], side="right").tolist()
+    for number, (rest, first, stop) in enumerate(zip(rests, begins, ends, strict=True), start=1):
         if stop - first < 2:
             span = f"{exactly(rest.from_s)} to {exactly(rest.to_s)} s"
             raise InputError(f"{where}: rest {number} ({span}) holds no readings")

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import whole_file
+from ..memory import once
 from .channels import Channels
 from .columns import (
     ANGLES,
@@ -168,7 +169,7 @@ class _Record(_Origin):
     @cached_property
     def knocks(self) -> np.ndarray:
         """Rows (N,) with readings beyond 10 times gravity, or set aside; no rest or move with them is used."""
-        knocks = knocks_of(self.specific_force)
+        knocks = once(knocks_of, self.specific_force)
         return knocks if self.aside is None else knocks | self.aside
 
     def read_with(self, channels: Channels) -> Self:

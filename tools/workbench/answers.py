@@ -22,7 +22,7 @@ from ..document.notation import plain as plain_text
 from ..document.notation import unit_text
 from ..errors import InputError, one_line, reason
 from ..files import json_text, write_text
-from ..memory import Memory, kept
+from ..memory import Memory, each, kept, once
 from ..options import ExportTarget
 from ..records.limits import channel_limits, runs_of
 from ..rounding import digits, interval, residual
@@ -268,9 +268,8 @@ def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -
     reason = ""
     try:
         rests_of_record, moved = _rests_of(record, options)
-        for rows, face, refused in rests_of_record:
-            force = record.specific_force[rows] / STANDARD_GRAVITY
-            size = {"norm": float(np.linalg.norm(force.mean(axis=0))), "scatter": float(force.std(axis=0).max())}
+        sizes = each(_size_at_rest, record.specific_force, [rows for rows, _, _ in rests_of_record])
+        for (rows, face, refused), size in zip(rests_of_record, sizes, strict=True):
             listed.append({**_ends(record, rows.start, rows.stop - 1), "face": face, "refused": refused, **size})
         for first, last in moved:
             moves.append({**_ends(record, first, last), "kind": "move", "what": "move"})
@@ -279,6 +278,12 @@ def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -
     if record.sha256 not in MARKS:
         MARKS[record.sha256] = _marks_of(record)
     return {"rests": listed, "reason": reason, "marks": [*moves, *MARKS[record.sha256]]}
+
+
+def _size_at_rest(values: np.ndarray) -> dict[str, float]:
+    """Return the norm of the mean of readings (n, 3) and their largest scatter [g]."""
+    force = values / STANDARD_GRAVITY
+    return {"norm": float(np.linalg.norm(force.mean(axis=0))), "scatter": float(force.std(axis=0).max())}
 
 
 def _ends(record: Any, first: int, last: int) -> dict[str, float]:
@@ -322,7 +327,7 @@ def _marks_of(record: Any) -> list[dict[str, Any]]:
     stretches = {("spike", "knock"): record.knocks}
     stretches |= {("spike", words): rows for words, rows in motion.odd_rows(record).items()}
     if not isinstance(record, records.ForceRecord):
-        stretches |= {("limit", f"limit of {name}"): rows for name, rows in channel_limits(record).rows.items()}
+        stretches |= {("limit", f"limit of {name}"): rows for name, rows in once(channel_limits, record).rows.items()}
     for (kind, what), rows in stretches.items():
         for first, stop in list(zip(*runs_of(rows), strict=True))[:MOST_MARKS]:
             marks.append({**_ends(record, first, stop - 1), "kind": kind, "what": what})
