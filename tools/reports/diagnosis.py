@@ -530,7 +530,7 @@ def _unexplained(result: Diagnosis) -> str:
     least = f"with the best parameters its largest error is {residual(result.radius or 0.0)} times its bound"
     proven = beyond.proven_text(result)
     if proven:
-        return f"{DOES_NOT_FIT}. {sentence(proven)}."
+        return f"{DOES_NOT_FIT}. {sentence(proven)}"
     if result.not_named:
         return f"{DOES_NOT_FIT}: {least}. Not named: {result.not_named[0]}."
     if result.cut_off_at is not None:

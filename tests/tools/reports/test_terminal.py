@@ -1,9 +1,11 @@
 """The answer of a diagnosis and its next command fit a screen of 25 lines of 80 columns, for any verdict."""
 
 import re
+from pathlib import Path
 
 import pytest
 
+import trihedron as th
 from generator import SIGMA
 from generator.positions import drawn_record
 from generator.wrong_rows import with_wrong_rows, with_wrong_stretch
@@ -15,6 +17,7 @@ from trihedron.tools.records import write_record
 
 SHOWN = ("bench, explained", "bench, explained, with its gain", "bench, unexplained", "block, explained",
          "block, ambiguous", "block, insufficient")  # fmt: skip
+GALLERY = Path(__file__).parents[3] / "docs" / "gallery"
 
 
 def fits(diagnosis: Diagnosis) -> bool:
@@ -27,11 +30,18 @@ def fits(diagnosis: Diagnosis) -> bool:
 def test_every_verdict_fits_the_screen(name):
     diagnosis = shown(name)[0]
     assert fits(diagnosis)
+    assert re.search(r"[^.]\.\.(?!\.)", str(diagnosis)) is None
     # The only options are those with which the model would stand, each with its number.
     offered = {entry.option for entry in diagnosis.stands_with or ()}
     assert set(re.findall(r"--(?:\S+ [\d.e-]*\d)?", " ".join(str(diagnosis).split()))) <= offered
     if diagnosis.gain is not None:
         assert "\nGain: " in str(diagnosis)
+
+
+def test_what_is_proven_is_a_sentence():
+    verdict = str(th.diagnose(GALLERY / "unexplained.csv", noise_bound=SIGMA)).partition("\n\n")[0]
+    assert "Proven: a function of the" in verdict
+    assert verdict.endswith("nothing equally simple does.")
 
 
 @pytest.mark.acceptance
