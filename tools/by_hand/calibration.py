@@ -56,6 +56,8 @@ LARGE, LARGE_OF_GYRO = 0.2, 0.06
 """A larger parameter of accelerometers, and a larger scale factor error of a gyro, get a warning."""
 CONTRADICTED = 4.0
 """A known turn is wrong where the moves contradict it by this number of standard deviations."""
+FAR_MOVE = 10.0
+"""A move whose error exceeds the median by this factor is named."""
 FAR_FACE = np.radians(30.0)
 """Farther from a face no case is tilted [rad]."""
 MORE = 3.0
@@ -532,6 +534,15 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
                     f"gyro {axis} has a scale factor error of {digits(100.0 * value, 2)} %: are unit, rows and known "
                     "turns right?"
                 )
+    if fit.gyros is not None and isinstance(run.moves, Moves) and len(run.moves) >= FEWEST_FOLDED:
+        sizes = np.linalg.norm(fit.gyros.missed, axis=1)
+        far = np.flatnonzero(sizes > FAR_MOVE * np.median(sizes))
+        if len(far):
+            times = run.moves.way.series.time_s[run.moves.way.ends[far, 0]]
+            remarks.append(
+                f"the moves after {', '.join(digits(time, 5) for time in times.tolist())} s miss gravity by up to "
+                f"{digits(float(np.degrees(sizes.max())), 2)}°, far more than the others: are rows lost there?"
+            )
     if run.faces is not None and fit.forces.case is None and not isinstance(run.moves, Windows):
         remarks.append("the faces name one axis only: the axes of the case stay unknown; name faces of two axes")
     return remarks

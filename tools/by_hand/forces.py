@@ -17,6 +17,9 @@ FACE_ERROR = np.radians(2.0)
 """Tilt of a face on a table [rad]."""
 SPARE = 6
 """Fewer readings beside the parameters tell no scatter."""
+LEAST_SPARE, UNLIKELY = 0.5, 1e-4
+"""A few readings beside the parameters, from the first number on, contradict the noise if their scatter has a smaller
+probability than the second."""
 ROUNDS = 30
 
 
@@ -158,13 +161,16 @@ def _curvature(x: NDArray, covariance: NDArray, norms: Norms) -> NDArray[np.floa
 def scatter_of(forces: Forces, norms: Norms) -> tuple[float, float]:
     """Return the scatter of the norms over that by the readings' deviations, and the probability of a larger one.
 
-    The scatter is NaN where too few readings are beside the parameters.
+    The scatter is NaN where too few readings are beside the parameters, and chance may explain theirs.
     """
     freedom = len(norms.reading) - norms.effective(forces)
-    if freedom < SPARE:
+    if freedom < LEAST_SPARE:
         return float("nan"), 1.0
     square = norms.square(forces.x)
-    return float(np.sqrt(square / freedom)), float(chdtrc(freedom, square))
+    chance = float(chdtrc(freedom, square))
+    if freedom < SPARE and chance > UNLIKELY:
+        return float("nan"), 1.0
+    return float(np.sqrt(square / freedom)), chance
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from scipy.special import fdtrc
 from ...models.bench import EARTH_RATE
 from ..motion.determinacy import TURN_PRIOR_SD, worst_turn
 from ..motion.norm import inputs_of
-from .forces import SPARE, Forces
+from .forces import LEAST_SPARE, SPARE, Forces
 from .moves import BIAS, GYROS, LAG, MATRIX, SENSITIVITY, Moves, PieceRows, Turns, Windows
 from .still import StillRests
 
@@ -161,9 +161,11 @@ class GyroRows:
             return MOVE_ERROR
         determined = 1.0 - variance / PRIOR[self.fitted] ** 2
         freedom = pieces.error.size - float(determined[self.fitted >= MATRIX.start].sum())
-        if freedom < SPARE:
+        if freedom < LEAST_SPARE:
             return MOVE_ERROR
         shown = float(np.square(pieces.error).sum()) / freedom
+        if freedom < SPARE:
+            return max(MOVE_ERROR, float(np.sqrt(shown)))
         by_readings = float(pieces.by_readings.mean()) * self.deviation**2
         return float(np.sqrt(max(shown - by_readings, LEAST_MOVE**2)))
 

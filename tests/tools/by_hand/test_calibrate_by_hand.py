@@ -51,6 +51,30 @@ def test_standard_errors_of_accelerometers_alone_are_right() -> None:
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.12)
 
 
+def test_three_spare_readings_tell_that_the_model_does_not_explain_them() -> None:
+    """Twelve faces and edges of accelerometers whose range ends below 1 g."""
+    instrument = Instrument(4)
+    edges = [[0, 1, 1], [0, -1, 1], [1, 0, 1], [1, 0, -1], [1, 1, 0], [-1, 1, 0]]
+    up = np.vstack([np.eye(3), -np.eye(3), np.array(edges) / np.sqrt(2.0)])
+    table = poses(instrument, up, np.zeros((12, 3)))
+    names = [f"f{axis}_mps2" for axis in (1, 2, 3)]
+    result = th.calibrate(table.with_columns(pl.col(*names).clip(-9.5, 9.5)), gravity=GRAVITY)
+    assert any("does not explain everything" in line for line in result.warnings)
+    for symbol in NAMES:
+        p = result[symbol]
+        assert abs(present(p.estimate) - truth(instrument)[symbol]) < 4.0 * present(p.standard_error), symbol
+    assert th.calibrate(table, gravity=GRAVITY).warnings == []
+
+
+def test_a_move_in_which_rows_are_lost_is_named() -> None:
+    """Half a second of one move is not in the record, and its stamps do not show it."""
+    _, table = hand_moved(15)
+    lost = pl.concat([table[:850], table[900:]]).with_columns(time_s=table["time_s"][: len(table) - 50])
+    (line,) = [line for line in th.calibrate(lost, gravity=GRAVITY).warnings if "rows lost" in line]
+    assert "the moves after 6" in line or "the moves after 7" in line, line
+    assert not any("rows lost" in line for line in th.calibrate(table, gravity=GRAVITY).warnings)
+
+
 def test_readings_that_no_parameters_explain_are_falsified_and_have_estimates() -> None:
     _, table = normal_poses(3, 20)
     spoilt = table.with_columns(f1_mps2=pl.col("f1_mps2") + pl.Series([0.1] + [0.0] * 19))
