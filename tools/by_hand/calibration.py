@@ -28,7 +28,7 @@ from ..records import ForceRecord, PoseRecord
 from ..rounding import digits, upwards
 from .forces import Faces, Forces, Norms, fitted_forces, scatter_of
 from .gyros import PRIOR as GYRO_PRIOR
-from .gyros import GyroFit, fitted_gyros, in_axes_of_forces
+from .gyros import GyroFit, fitted_gyros
 from .moves import BIAS, MATRIX, ROUGH, Moves, Way, Windows
 from .run import HandRecord, HandRequest, Run, run_of
 
@@ -151,7 +151,12 @@ def checked_fit(run: Run) -> tuple[Run, HandFit]:
         run = _with_checked_faces(run, run.faces)
     told = run.turns
     if told is None:
-        return run, fit_of(run)
+        fit = fit_of(run)
+        worst = float(fit.forces.determinacy.pose_errors().max())
+        if isinstance(run.moves, Windows) and fit.forces.case is not None and worst <= USABLE:
+            run = replace(run, moves=run.moves.in_axes_of(fit.forces))
+            fit = with_gyros(run, fit)
+        return run, fit
     without = fit_of(replace(run, turns=None))
     assert without.gyros is not None
     off, slopes = told.rows(without.gyros.values)
@@ -230,11 +235,9 @@ def calibration_of(run: Run, fit: HandFit, bounds: Bounds, gravity: float, gain:
     """Return the calibration by a fit of a run, its possible values by the bound, and the gain at left-out rests."""
     pose = fit.forces.determinacy.pose_errors()
     verdict = _verdict(run, fit, bounds.possible, float(pose.max()))
-    gyros, axes = fit.gyros, "accelerometers"
-    if isinstance(run.moves, Windows):
+    axes = "accelerometers"
+    if isinstance(run.moves, Windows) and run.moves.case_error is None:
         axes = "true attitude"
-        if gyros is not None and fit.forces.case is not None and pose.max() <= USABLE:
-            gyros, axes = in_axes_of_forces(gyros, fit.forces), "accelerometers"
     basis = _basis(run, fit, gain).model_copy(update={"axes": axes})
     return Calibration(
         verdict=verdict,
@@ -244,7 +247,7 @@ def calibration_of(run: Run, fit: HandFit, bounds: Bounds, gravity: float, gain:
         gravity_mps2=float(gravity),
         estimator="least squares",
         no_estimate="",
-        parameters=[*_of_forces(fit.forces, bounds), *_of_gyros(gyros)],
+        parameters=[*_of_forces(fit.forces, bounds), *_of_gyros(fit.gyros)],
         units=UNITS | {"by_hand": "as each key says"},
         priors=_priors(bounds.possible),
         by_hand=basis,

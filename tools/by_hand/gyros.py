@@ -3,7 +3,7 @@
 The accelerometers are known from the norm of gravity: their covariance is a prior of their nine parameters here.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from .still import StillRests
 PRIOR = np.concatenate([np.ones(3), TURN_PRIOR_SD, np.full(9, 0.1), [0.1]])
 """Weak prior, one standard deviation: scale factors 3 %, misalignments 10 mrad; in practice none of biases [rad/s],
 sensitivities [rad/s per g] and the lag [s]."""
+OF_TRUTH = 1.0
+"""The same of M in the axes of a true attitude, which may be any."""
 MOVE_ERROR, LEAST_MOVE = 2e-3, 1e-4
 """Error of a move where too few tell it, and the least [rad]."""
 CHANCE = 1e-6
@@ -117,6 +119,8 @@ class GyroRows:
     turns : Turns or None
     fitted : (G,) array of int
         numbers of the parameters to be fitted
+    prior : (22,) array
+        standard deviations before the record
     """
 
     rests: StillRests
@@ -124,6 +128,7 @@ class GyroRows:
     pieces: Moves | Windows
     turns: Turns | None
     fitted: NDArray[np.int_]
+    prior: NDArray[np.float64]
 
     def solved(self, forces: Forces, values: NDArray) -> tuple[NDArray, NDArray, PieceRows, float]:
         """Return values (22,) and their covariance by least squares, the pieces' errors, and a piece's own error."""
@@ -138,8 +143,8 @@ class GyroRows:
             of_x[:, :9] = triangle
             blocks.append((triangle @ (x - forces.x), of_x))
             prior = np.zeros((len(self.fitted), width))
-            prior[:, 9:] = np.diag(1.0 / PRIOR[self.fitted])
-            blocks.append((values[self.fitted] / PRIOR[self.fitted], prior))
+            prior[:, 9:] = np.diag(1.0 / self.prior[self.fitted])
+            blocks.append((values[self.fitted] / self.prior[self.fitted], prior))
             matrix = np.vstack([rows for _, rows in blocks])
             right = np.concatenate([residual for residual, _ in blocks])
             change = np.linalg.lstsq(matrix, -right, rcond=None)[0]
@@ -159,7 +164,7 @@ class GyroRows:
         """Return the standard deviation of a piece's own error by the residuals [rad]."""
         if not len(self.pieces):
             return MOVE_ERROR
-        determined = 1.0 - variance / PRIOR[self.fitted] ** 2
+        determined = 1.0 - variance / self.prior[self.fitted] ** 2
         freedom = pieces.error.size - float(determined[self.fitted >= MATRIX.start].sum())
         if freedom < LEAST_SPARE:
             return MOVE_ERROR
@@ -239,22 +244,11 @@ def fitted_gyros(
         values[chosen] = near.values[chosen]
     elif len(rests) and rests.rate is not None:
         values[BIAS] = np.median(rests.rate[quiet_rests(rests)], axis=0)
-    rows = GyroRows(rests, deviation, pieces, turns, np.array(chosen))
+    prior = PRIOR.copy()
+    if isinstance(pieces, Windows) and pieces.case_error is None:
+        prior[MATRIX] = OF_TRUTH
+    rows = GyroRows(rests, deviation, pieces, turns, np.array(chosen), prior)
     values, covariance, last, piece_error = rows.solved(forces, values)
+    if isinstance(pieces, Windows) and pieces.case_error is not None:
+        covariance[MATRIX, MATRIX] += pieces.case_error**2 * np.eye(9)
     return GyroFit(values, covariance, rows.fitted, sensitivity, last.error, piece_error)
-
-
-def in_axes_of_forces(gyros: GyroFit, forces: Forces) -> GyroFit:
-    """Return gyros against a true attitude in the axes of the accelerometers, which `forces.case` turns into its axes.
-
-    The error of that rotation adds to those of M.
-    """
-    assert forces.case is not None
-    values, covariance = gyros.values.copy(), gyros.covariance.copy()
-    matrix = np.eye(3) + values[MATRIX].reshape(3, 3)
-    values[MATRIX] = (matrix @ forces.case - np.eye(3)).ravel()
-    by_turn = np.kron(np.eye(3), forces.case.T)
-    covariance[MATRIX, :] = by_turn @ covariance[MATRIX, :]
-    covariance[:, MATRIX] = covariance[:, MATRIX] @ by_turn.T
-    covariance[MATRIX, MATRIX] += forces.case_error**2 * np.eye(9)
-    return replace(gyros, values=values, covariance=covariance)

@@ -292,17 +292,26 @@ class Windows:
         of M windows
     true : (M, 3, 3) array
         rotations from the end's axes to the beginning's
+    case_error : float or None
+        error of the accelerometers' axes [rad], where the rotations are in these; None of those in the axes of the true
+        attitude
     """
 
     way: Way
     true: NDArray[np.float64]
+    case_error: float | None = None
 
     def __len__(self) -> int:
         return len(self.true)
 
     def those(self, chosen: NDArray) -> "Windows":
         """Return some of the windows."""
-        return Windows(self.way.those(chosen), self.true[chosen])
+        return replace(self, way=self.way.those(chosen), true=self.true[chosen])
+
+    def in_axes_of(self, forces: Forces) -> "Windows":
+        """Return the windows in the axes of the accelerometers, which `forces.case` turns into the present ones."""
+        assert forces.case is not None
+        return replace(self, true=forces.case.T @ self.true @ forces.case, case_error=forces.case_error)
 
     def rows(self, _: Forces, gyros: NDArray) -> PieceRows:
         """Return the errors (M, 3) of the carried rotations."""

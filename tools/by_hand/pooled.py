@@ -19,7 +19,7 @@ from .calibration import Bounds, HandFit, calibration_of, checked_fit, with_gyro
 from .forces import SPARE, Forces, Norms, fitted_forces
 from .gyros import PRIOR as GYRO_PRIOR
 from .gyros import GyroFit
-from .moves import BIAS, MATRIX, SENSITIVITY
+from .moves import BIAS, MATRIX, SENSITIVITY, Windows
 from .run import HandRecord, HandRequest, Run, run_of
 
 CHANCE, GROWTH = 1e-3, 1.2
@@ -182,6 +182,7 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
         covariance = forces.covariance[np.ix_(of_run, of_run)]
         pooled = Forces(forces.x[of_run], covariance, fit.forces.case, fit.forces.case_error)
         fits.append(with_gyros(run, replace(fit, forces=pooled)))
+    _check_axes(runs)
     bounds = Bounds.of(forces, norms, runs[0].bound)
     test = _test_of(forces, norms, alone)
     if bounds.possible is not None and runs[0].basis == "given":
@@ -190,6 +191,17 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
             most = _most_alone(runs, alone)
         test = test.model_copy(update={"one_instrument": bounds.possible.radius <= most})
     return PooledFit(tuple(_with_pooled_gyros(fits)), test, bounds, tuple(columns))
+
+
+def _check_axes(runs: Sequence[Run]) -> None:
+    """Refuse gyros in the axes of a true attitude beside others."""
+    with_gyros = [run for run in runs if run.moves is not None]
+    for run in with_gyros:
+        if len(with_gyros) > 1 and isinstance(run.moves, Windows) and run.moves.case_error is None:
+            raise InputError(
+                f"{run.record.path}: its rests do not show the accelerometers' axes beside its true attitude, so its "
+                "gyros cannot be pooled with others; calibrate it alone"
+            )
 
 
 def _bounds_alone(run: Run, fit: HandFit) -> Bounds:
@@ -241,7 +253,7 @@ def _with_pooled_gyros(fits: Sequence[HandFit]) -> list[HandFit]:
     if len(gyros) < 2:
         return list(fits)
     shared = np.arange(MATRIX.start, MATRIX.stop)
-    if all(len(gyro.fitted) > MATRIX.stop for gyro in gyros):
+    if all(SENSITIVITY.start in gyro.fitted for gyro in gyros):
         shared = np.arange(MATRIX.start, SENSITIVITY.stop)
     weight = np.diag(1.0 / GYRO_PRIOR[shared] ** 2)
     total, right = weight.copy(), np.zeros(len(shared))

@@ -155,6 +155,29 @@ def test_rests_of_a_file_and_a_wider_limit(tmp_path: Path) -> None:
         th.calibrate(table, gravity=GRAVITY, rests=str(written(table, tmp_path / "table.csv")))
 
 
+def filmed(seed: int, run: int, frame: Rotation) -> pl.DataFrame:
+    """Return a record with a true attitude of axes that a frame turns into those of the block."""
+    rng = np.random.default_rng([seed, run])
+    time, attitude = turning(attitudes(rng, 20), 1.2, 2.0)
+    instrument = Instrument(seed)
+    instrument.sensitivity = np.zeros((3, 3))
+    table = strapdown(instrument, time, attitude, rng, NOISE)
+    true = (attitude * frame).as_quat(scalar_first=True)
+    return table.with_columns([pl.Series(f"q{number}", true[:, number]) for number in range(4)])
+
+
+def test_a_true_attitude_of_other_axes_leaves_the_gyros_in_those_of_the_accelerometers() -> None:
+    """Cameras see axes that are turned by 16 degrees; two runs, each with its own, are pooled."""
+    frames = [Rotation.from_rotvec(turn) for turn in ([0.1, -0.2, 0.15], [-0.2, 0.1, 0.05])]
+    tables = [filmed(18, run, frame) for run, frame in enumerate(frames)]
+    known = truth(Instrument(18))
+    for result in (th.calibrate(tables[0], gravity=GRAVITY), th.calibrate_together(*tables, gravity=GRAVITY)):
+        for symbol in [*NAMES[:6], *(f"M{row}{axis}" for row in (1, 2, 3) for axis in (1, 2, 3))]:
+            p = result[symbol]
+            assert abs(present(p.estimate) - known[symbol]) < 4.0 * present(p.standard_error), symbol
+            assert present(p.standard_error) < 0.01
+
+
 def test_a_true_attitude_tells_gyros_and_their_lag() -> None:
     rng = np.random.default_rng(11)
     instrument = Instrument(11)
