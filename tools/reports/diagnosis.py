@@ -84,9 +84,10 @@ def explanation_page(result: Diagnosis, number: int) -> Page:
         rival = result.explanations[number + 1 if number + 1 < len(result.explanations) else number - 1]
         tells = [f"The other one is: {sentence(rival.sentence)}"]
         tells += [] if following else [advice_text(result)]
-        following.insert(0, Section("What tells it from the next", tells))
+        sections = [Section("What tells it from the next", tells), *sections]
     noun = "number" if explanation.numbers == 1 else "numbers"
-    return Page(explanation.sentence, f"It needs {explanation.numbers} {noun}.", [*sections, *following])
+    title = explanation.sentence[:1].upper() + explanation.sentence[1:]
+    return Page(title, f"It needs {explanation.numbers} {noun}.", [*sections, *following])
 
 
 def _page_of_file(result: Diagnosis) -> Page:

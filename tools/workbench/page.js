@@ -218,7 +218,7 @@ function showPage() {
 }
 
 function showExplanation(explanation, number) {
-  const item = element("li", null), details = element("details", null), summary = element("summary", explanation.sentence);
+  const item = element("li", null), details = element("details", null), summary = element("summary", explanation.sentence[0].toUpperCase() + explanation.sentence.slice(1));
   const numbers = explanation.numbers === 1 ? "1 number" : `${explanation.numbers} numbers`;
   details.append(summary, element("p", `It needs ${numbers}; the largest error is then ${explanation.radius === "unknown" ? "unknown" : explanation.radius + " σ"}.`));
   if (explanation.sizes.length) {
