@@ -63,9 +63,11 @@ KEPT: dict[tuple[Any, ...], records.Record] = {}
 """Records that were read, by file and the way of reading."""
 MOST_KEPT = 8
 MEMORY: Memory = Memory()
-"""Values of the records that the last calculation was about."""
-MARKS: dict[str, list[dict[str, Any]]] = {}
-"""What is marked in a series, by the digest of its content."""
+"""Values of the records that the last question was about."""
+ABOUT: list[str] = []
+"""Their files."""
+MOST_ROWS_KEPT = 3_000_000
+"""Values of calculations with longer records are not kept: they would fill the memory."""
 LAST: "list[Shown]" = []
 """The last result, for its page and its files."""
 
@@ -263,6 +265,7 @@ def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -
     record: Any = decided(path, decisions, options)
     if isinstance(record, records.PositionRecord | records.PoseRecord):
         raise InputError(f"{record.path}: a table of averaged readings has no rests")
+    _keep_only([path])
     listed: list[dict[str, Any]] = []
     moves: list[dict[str, Any]] = []
     reason = ""
@@ -275,9 +278,14 @@ def rests(path: str, decisions: Mapping[str, Any], options: Mapping[str, Any]) -
             moves.append({**_ends(record, first, last), "kind": "move", "what": "move"})
     except InputError as error:
         reason = str(error)
-    if record.sha256 not in MARKS:
-        MARKS[record.sha256] = _marks_of(record)
-    return {"rests": listed, "reason": reason, "marks": [*moves, *MARKS[record.sha256]]}
+    return {"rests": listed, "reason": reason, "marks": [*moves, *once(_marks_of, record)]}
+
+
+def _keep_only(paths: Sequence[str]) -> None:
+    """Forget the values of other records."""
+    if list(paths) != ABOUT:
+        MEMORY.clear()
+    ABOUT[:] = paths
 
 
 def _size_at_rest(values: np.ndarray) -> dict[str, float]:
@@ -400,13 +408,14 @@ def answer(asked: FilesCommand, advise: Advise | None = None) -> dict[str, Any]:
         for anything that cannot be done, in one line
     """
     command, several = asked.command, len(asked.paths) > 1
-    if not LAST or LAST[0].paths != asked.paths:
-        MEMORY.clear()
     options = checked_options(command, several, asked.options)
     runs = []
     for path, made in zip(asked.paths, asked.decisions, strict=True):
         runs.append(decided(path, made, options))
+    _keep_only(asked.paths)
     result, record = _result(command, runs, options)
+    if sum(map(len, runs)) > MOST_ROWS_KEPT:
+        MEMORY.clear()
     page = reports.page_of(result, record)
     assert page is not None
     channels = (options["channels"],) if "channels" in options else ()
