@@ -158,7 +158,7 @@ function showFiles() {
     const row = element("tr", null), about = file.about, outcome = file.outcome, tick = element("input", null, { type: "checkbox", "aria-label": `Calculate with ${file.name}` });
     tick.checked = chosen.has(number);
     tick.disabled = !about;
-    tick.addEventListener("change", () => { tick.checked ? chosen.add(number) : chosen.delete(number); });
+    tick.addEventListener("change", () => { tick.checked ? chosen.add(number) : chosen.delete(number); show(); });
     const open = button(file.name, () => { if (chosen.size < 2) chosen = new Set([number]); current = number; span = null; selected = null; show(); }, `Look at ${file.name}`);
     open.setAttribute("aria-current", String(number === current));
     const [said, ...rest] = outcome ? outcome.verdict.replace(`${file.name}: `, "").split(/[:.]\s|\.$/) : [""];
@@ -314,7 +314,7 @@ function showImport(file, { questions, columns, header, rows, command }) {
     const make = element("button", "Make the record", { type: "button", id: "make" });
     make.addEventListener("click", async () => {
       const result = await tell(file.given, true);
-      if (result.file !== undefined) { current = result.file; chosen = new Set([current]); span = null; await look(); }
+      if (result.file !== undefined) { current = result.file; chosen = new Set([current]); span = null; await look(); show(); }
     });
     parts.push(element("p", columns.join("; ")), tableOf(header, rows), make);
   }
@@ -649,6 +649,7 @@ async function drop(files) {
     else { current = result.file; if (chosen.size < 2) chosen = new Set([current]); span = null; }
   }
   await look();
+  show();
 }
 
 for (const one of document.querySelectorAll("#commands button")) one.addEventListener("click", () => run(one.dataset.command));
