@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..models.bench import BIAS, GYRO_PARAMETERS, MATRIX, SYMMETRIC_PAIRS, TARGETS, checked_rotation
+from ..models.effects import CATALOGUE, EffectPlace
 from .component import Component
 from .units import Unit, base_unit, number_text, unit_named
 
@@ -52,6 +53,14 @@ BY_GRAVITY = {
     "bias_3": ("X18",),
 }
 """Symbols of a calibration by the size of gravity -> the same parameters of the bench."""
+
+OF_SYMBOLS = {
+    EffectPlace("gyro-g-sensitivity", "gyro-block"): tuple(f"S{row}{axis}" for row in (1, 2, 3) for axis in (1, 2, 3)),
+    EffectPlace("latency", "gyro-block"): ("L",),
+    **{EffectPlace("accelerometer-lag", f"accelerometer-{p}"): ("A",) for p in (1, 2, 3)},
+    **{EffectPlace("lever-arm", f"accelerometer-{p}"): tuple(f"r{p}{axis}" for axis in (1, 2, 3)) for p in (1, 2, 3)},
+}
+"""Effects of instruments that are parameters of a calibration, and the symbols of these."""
 
 VALUES = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 COMMON = "http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -292,6 +301,57 @@ def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]]
     low, high = side("low"), side("high")
     gyro_parameters = _without(parameters["GyroBlock"], ("gravity",))
     return gyro_parameters, {name: (low[name], high[name]) for name in elements_of(gyro_parameters)}
+
+
+def shown_effects(content: Mapping[str, Any]) -> dict[EffectPlace, list[Mapping[str, Any]]]:
+    """Return the effects of `OF_SYMBOLS` that a calibration's object shows, with its entries of their parameters.
+
+    On a bench the interval of one excludes zero. A negative lag of the accelerometers is one of the encoders.
+    """
+    parameters = {entry["symbol"]: entry for entry in content["parameters"]}
+    effects = {}
+    for place, symbols in OF_SYMBOLS.items():
+        entries = [parameters[symbol] for symbol in symbols if parameters.get(symbol, {}).get("estimate") is not None]
+        shown = content.get("by_hand") is not None or any(_excludes_zero(entry) for entry in entries)
+        if shown and len(entries) == len(symbols) and (symbols != ("A",) or entries[0]["estimate"] > 0.0):
+            effects[place] = entries
+    return effects
+
+
+def calibrated_effects(content: Mapping[str, Any]) -> dict[EffectPlace, tuple[list[float], list[Interval]]]:
+    """Return all effects of components in a calibration's object with their sizes.
+
+    A ValueError for one that no component can have.
+    """
+    every: list[tuple[EffectPlace, Sequence[Mapping[str, Any]]]] = list(shown_effects(content).items())
+    titles = {place.title: place for effect in CATALOGUE.values() for place in effect.places}
+    for effect in content.get("effects") or ():
+        place = titles.get(effect["effect"])
+        if place is not None and place.effect == "outlier":
+            continue
+        if place is None or place.definition.component is None:
+            raise ValueError(
+                f"no component starts with {effect['effect']}; export the diagnosis (`diagnose --export`), or "
+                "calibrate the rows before and after a break apart (--without)"
+            )
+        every.append((place, effect["parameters"]))
+    sizes: dict[EffectPlace, tuple[list[float], list[Interval]]] = {}
+    for place, entries in every:
+        values, ends = sizes.setdefault(place, ([0.0] * len(entries), [(0.0, 0.0)] * len(entries)))
+        for k, entry in enumerate(entries):
+            values[k] += entry["estimate"]
+            ends[k] = _sum(ends[k][0], entry.get("low")), _sum(ends[k][1], entry.get("high"))
+    return sizes
+
+
+def _sum(first: float | None, second: float | None) -> float | None:
+    return None if first is None or second is None else first + second
+
+
+def _excludes_zero(entry: Mapping[str, Any]) -> bool:
+    """Return whether the interval of a parameter does not hold zero."""
+    low, high = entry.get("low"), entry.get("high")
+    return low is not None and high is not None and (low > 0.0 or high < 0.0)
 
 
 def _without(content: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:

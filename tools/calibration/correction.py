@@ -23,6 +23,7 @@ from ...fmus.parameters import (
     gives_parameters,
     known_values,
     of_one_record,
+    shown_effects,
 )
 from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX, SENSITIVITY
 from ..calibrated import CalibratedEffect, Calibration, Open, Provenance, Sigma
@@ -32,7 +33,6 @@ from ..files import LARGEST_RESULT, advice_on, bytes_of
 from ..result import parsed_result
 from ..rounding import digits
 from .model import checked_mounting
-from .parameter_sets import shown_effects
 from .targets import corners
 
 WELL_POSED = 1e3

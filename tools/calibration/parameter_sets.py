@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ...fmus import build, components
 from ...fmus.component import Component, can_extend, extend, started
@@ -11,12 +10,13 @@ from ...fmus.parameters import (
     Interval,
     Parameters,
     calibrated_block,
+    calibrated_effects,
     calibrated_gyros,
     calibrated_intervals,
     of_one_record,
     parameter_set,
 )
-from ...models.effects import CATALOGUE, EffectPlace, parameter_name
+from ...models.effects import EffectPlace, parameter_name
 from ..errors import InputError
 from ..files import whole_file, whole_folder
 from ..result import Result
@@ -24,16 +24,6 @@ from ..rounding import upwards
 
 BLOCKS = {"": ("AccelerometerBlock", "AccelerometerCompensation"), "-gyros": ("GyroBlock", "GyroCompensation")}
 """Ending of a parameter set's name -> the components that it fits: the instruments, and their compensation."""
-OF_SYMBOLS = {
-    EffectPlace("gyro-g-sensitivity", "gyro-block"): tuple(f"S{row}{axis}" for row in (1, 2, 3) for axis in (1, 2, 3)),
-    EffectPlace("latency", "gyro-block"): ("L",),
-    **{EffectPlace("accelerometer-lag", f"accelerometer-{p}"): ("A",) for p in (1, 2, 3)},
-    **{EffectPlace("lever-arm", f"accelerometer-{p}"): tuple(f"r{p}{axis}" for axis in (1, 2, 3)) for p in (1, 2, 3)},
-}
-"""Effects of instruments that are parameters of a calibration, and the symbols of these."""
-OF_INSTRUMENT = ("AccelerometerBlock", "GyroBlock")
-ELSEWHERE = ("TurntableMotion", "AttitudeComputer")
-"""Components of the effects that are not the instrument's."""
 Sized = Mapping[EffectPlace, tuple[Sequence[float], Sequence[Interval]]]
 """Effects, each with the values of its parameters and the intervals of these."""
 
@@ -94,7 +84,7 @@ class CalibratedInstrument:
         """
         try:
             content = of_one_record(result.to_json())
-            effects = _effects(content)
+            effects = calibrated_effects(content)
             blocks: dict[str, tuple[Parameters, Mapping[str, Interval]]] = {}
             # A diagnosis of a strapdown record names effects of the gyros alone.
             if content["parameters"] or not effects:
@@ -106,6 +96,8 @@ class CalibratedInstrument:
             if beside_gyros and content.get("gravity_mps2") is not None:
                 # Sensitivities are per g of this size.
                 of_gyros[0]["gravity"] = content["gravity_mps2"]
+            if not blocks:
+                raise ValueError("the calibration has neither parameters nor effects of an instrument")
             starts = {}
             for ending, (values, ends) in blocks.items():
                 starts[ending] = [Start.of(name, values, ends, effects) for name in BLOCKS[ending]]
@@ -121,57 +113,6 @@ class CalibratedInstrument:
                 if place.definition.component == BLOCKS[ending][0] and place not in compensation.component.effects:
                     stays.append(f"{compensation.name} does not take out {place.title}")
         return cls(starts, f"Calibration of {about}, verdict {content['verdict']}{bound}, case (A1)", stays)
-
-
-def shown_effects(content: Mapping[str, Any]) -> dict[EffectPlace, list[Mapping[str, Any]]]:
-    """Return the effects of `OF_SYMBOLS` that a calibration's object shows, with its entries of their parameters.
-
-    On a bench the interval of one excludes zero. A negative lag of the accelerometers is one of the encoders.
-    """
-    parameters = {entry["symbol"]: entry for entry in content["parameters"]}
-    effects = {}
-    for place, symbols in OF_SYMBOLS.items():
-        entries = [parameters[symbol] for symbol in symbols if parameters.get(symbol, {}).get("estimate") is not None]
-        shown = content.get("by_hand") is not None or any(_excludes_zero(entry) for entry in entries)
-        if shown and len(entries) == len(symbols) and (symbols != ("A",) or entries[0]["estimate"] > 0.0):
-            effects[place] = entries
-    return effects
-
-
-def _effects(content: Mapping[str, Any]) -> dict[EffectPlace, tuple[list[float], list[Interval]]]:
-    """Return all effects of the instruments in a calibration's object with their sizes.
-
-    A ValueError for one that no component can have.
-    """
-    every: list[tuple[EffectPlace, Sequence[Mapping[str, Any]]]] = list(shown_effects(content).items())
-    titles = {place.title: place for effect in CATALOGUE.values() for place in effect.places}
-    for effect in content.get("effects", ()):
-        place = titles.get(effect["effect"])
-        if place is not None and (place.definition.component in ELSEWHERE or place.effect == "outlier"):
-            continue
-        if place is None or place.definition.component not in OF_INSTRUMENT:
-            raise ValueError(
-                f"no component starts with {effect['effect']}; export the diagnosis (`diagnose --export`), or "
-                "calibrate the rows before and after a break apart (--without)"
-            )
-        every.append((place, effect["parameters"]))
-    sizes: dict[EffectPlace, tuple[list[float], list[Interval]]] = {}
-    for place, entries in every:
-        values, ends = sizes.setdefault(place, ([0.0] * len(entries), [(0.0, 0.0)] * len(entries)))
-        for k, entry in enumerate(entries):
-            values[k] += entry["estimate"]
-            ends[k] = _sum(ends[k][0], entry["low"]), _sum(ends[k][1], entry["high"])
-    return sizes
-
-
-def _sum(first: float | None, second: float | None) -> float | None:
-    return None if first is None or second is None else first + second
-
-
-def _excludes_zero(entry: Mapping[str, Any]) -> bool:
-    """Return whether the interval of a parameter does not hold zero."""
-    low, high = entry["low"], entry["high"]
-    return low is not None and high is not None and (low > 0.0 or high < 0.0)
 
 
 def write_parameter_set(result: Result, path: Path) -> None:

@@ -10,7 +10,7 @@ import math
 import os
 import platform
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -318,7 +318,8 @@ def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, 
     """
     if setting.parameters_from is None:
         return {}
-    from ...fmus.parameters import CALIBRATIONS, bench_parameters
+    from ...fmus.parameters import CALIBRATIONS, bench_parameters, calibrated_effects, of_one_record
+    from ...models.effects import parameter_name
     from ..calibrated import Calibration
 
     label, component = setting.parameters_from, setting.component or interface.model
@@ -331,35 +332,21 @@ def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, 
         if isinstance(document, dict):
             parsed_result(document, dict.fromkeys(CALIBRATIONS, Calibration), "the calibration")
         try:
-            parameters = bench_parameters(document)
+            parameters, effects = bench_parameters(document), calibrated_effects(of_one_record(document))
         except ValueError as error:
             raise InputError(str(error)) from error
         if component not in parameters:
             raise InputError(f"says nothing about {component}; {nearest(component, list(parameters))}")
-        of_effects = _sizes_of_effects(document.get("effects", ()), component)
-        for title, sizes in of_effects.items():
-            if not sizes.keys() <= interface.variables.keys():
-                raise InputError(f"was solved beside {title}, which this FMU does not have; add it to its effects")
-            parameters[component] |= sizes
+        for place, (values, _) in effects.items():
+            names = [parameter_name(place, parameter.name) for parameter in place.definition.parameters]
+            if place.definition.component != component:
+                continue
+            if not interface.variables.keys() >= set(names):
+                raise InputError(
+                    f"was solved beside {place.title}, which this FMU does not have; add it to its effects"
+                )
+            parameters[component] |= dict(zip(names, values, strict=True))
     return parameters[component]
-
-
-def _sizes_of_effects(entries: Sequence[Mapping[str, Any]], component: str) -> dict[str, dict[str, float]]:
-    """Return the parameters of a component's effects in a calibration, by the titles of the effects."""
-    if not entries:
-        return {}
-    from ...models.effects import CATALOGUE, parameter_name
-
-    places = {place.title: place for effect in CATALOGUE.values() for place in effect.places}
-    sizes = {}
-    for entry in entries:
-        title = str(entry["effect"])
-        if title not in places:
-            raise InputError(f"has {title}, which no parameters hold; calibrate the rows before and after it apart")
-        place = places[title]
-        if place.definition.component == component:
-            sizes[title] = {parameter_name(place, p["symbol"]): p["estimate"] for p in entry["parameters"]}
-    return sizes
 
 
 def resolve_parameters(

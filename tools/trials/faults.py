@@ -92,11 +92,6 @@ class Fault(Told):
             beta=record.beta + after * change.get("beta_zero_rad", 0.0),
         )
 
-    def is_break_of(self, explanation: Explanation) -> bool:
-        """Return true if an explanation names this break alone."""
-        breaks = breaks_of(explanation)
-        return len(breaks) == 1 and self.is_break(breaks[0])
-
     def has_part(self, named: "NamedBreak") -> bool:
         """Return true if a named break is this one, or of some of its parts."""
         return named.first < self.row <= named.last and named.parts <= set(self.change or ())
