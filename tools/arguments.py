@@ -188,7 +188,7 @@ def _of_arguments(text: str, names: Sequence[str], options: dict[str, str]) -> s
     text = re.sub(r"`trihedron ([a-z]+(?:-[a-z]+)*)(?: ([^\s`]+))?`", _call, text)
     text = re.sub(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)", argument, text)
     if "answers" in names and "--set " in text:
-        text += "; in Python --set KEY=VALUE is answers={'KEY': 'VALUE'}"
+        text += "; in Python, answers={'units.force': 'g'} stands for such an option"
     return text
 
 

@@ -173,8 +173,11 @@ def increment_effects(before: Vector, increment: Vector, effect: Vector, added: 
     """Stage "increment": add effects to an increment (3,) [rad], which may depend on the one before it; nominally
     nothing.
 
-    Returns 1.0 if there are any and `added` is written, else 0.0.
+    Returns 1.0 if there are any, else 0.0.
     """
+    added[0] = 0.0
+    added[1] = 0.0
+    added[2] = 0.0
     return 0.0
 
 
