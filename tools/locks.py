@@ -5,6 +5,7 @@ The folder of a process that was killed is taken away by the next one that makes
 
 import os
 import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -27,7 +28,12 @@ class Taken(Exception):
 
 def refuse_irregular(path: Path) -> None:
     """Refuse a pipe, a device or a folder in the place of a file: opening it could wait for ever."""
-    if path.exists() and not path.is_file():
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        # Another process may have removed it; what else is wrong shows when it is opened.
+        return
+    if not stat.S_ISREG(mode):
         raise InputError(f"{path}: is not a regular file; remove it, or give another place")
 
 

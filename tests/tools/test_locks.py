@@ -109,6 +109,29 @@ def test_a_folder_taken_away_before_it_is_locked_is_made_again(base: Path, monke
     assert list(base.iterdir()) == []
 
 
+@pytest.mark.parametrize("look", [1, 2])
+def test_a_folder_that_ends_while_it_is_looked_at_stops_nobody(
+    look: int, base: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another process removes its folder just after this one has seen the lock in it."""
+    second = base / f"{PREFIX}second"
+    second.mkdir()
+    (second / LOCK).write_text("")
+    exists, looks = Path.exists, []
+
+    def seen(path: Path) -> bool:
+        is_there = exists(path)
+        if path == second / LOCK:
+            looks.append(path)
+            if len(looks) == look:
+                path.unlink()
+        return is_there
+
+    monkeypatch.setattr(Path, "exists", seen)
+    with own_folder() as folder:
+        assert folder.is_dir()
+
+
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EFBIG])
 def test_a_disk_of_temporary_files_that_is_full_is_said(number: int, base: Path):
     with pytest.raises(InputError, match=re.escape(f"{base}: temporary files cannot be written")), own_folder():
