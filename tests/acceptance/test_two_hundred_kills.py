@@ -182,12 +182,12 @@ def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands, fell:
 
 def test_two_resumes_at_once(tmp_path: Path, commands: ForkedCommands) -> None:
     """One process works and the other is refused in one line, in each repetition."""
-    path = written(tmp_path, CALIBRATION)
+    path = written(tmp_path, CALIBRATION.replace("points = 7", "points = 60"))
     command = ["campaign", str(path), "--out", "out", "--jobs", "1", "--resume"]
     assert commands.run([*command[:3], "whole", *command[4:]], tmp_path).status == 0
     working = threading.Event()
     came: list[Done] = []
-    with ForkedCommands(os.environ, tmp_path / "other") as commands:
+    with ForkedCommands(os.environ, tmp_path / "second") as second:
 
         def work() -> None:
             came.append(commands.run(command, tmp_path))
@@ -199,7 +199,7 @@ def test_two_resumes_at_once(tmp_path: Path, commands: ForkedCommands) -> None:
         while not (tmp_path / "out" / "campaign.json").exists():
             assert not working.wait(0.01)
         while not working.is_set():
-            process = commands.run(command, tmp_path)
+            process = second.run(command, tmp_path)
             if process.status != 0:
                 assert process.status == 2
                 assert process.err == "trihedron: --out out: another process uses it\n"
