@@ -31,7 +31,7 @@ class Terminal:
         self._out, self._tty = out, out.isatty()
         self._words: queue.Queue[str] = queue.Queue()
         self._printed: list[tuple[int, str]] = []
-        self._status = ""
+        self._status = self._trouble = ""
         if typed is not None:
             self._line(HELP)
             threading.Thread(target=self._listen, args=(typed,), daemon=True).start()
@@ -62,6 +62,9 @@ class Terminal:
         """Print the news, then the state of the table."""
         session = moment.session
         if not moment.rows and not self._tty:
+            if moment.silent_s and moment.trouble != self._trouble:
+                self._line(f"{moment.trouble}; waiting for it")
+                self._trouble = moment.trouble
             return
         for kind, what in moment.news:
             if kind == "visit":

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import subprocess
 import sys
 import time
 from itertools import pairwise, product
@@ -288,6 +289,17 @@ def all_of(source: ByteSource, size: int) -> bytes:
     while len(readings) < size and time.monotonic() < ends:
         readings += source.read() or b""
     return readings
+
+
+def test_a_file_that_does_not_come_is_told_without_a_terminal_too(plan: Path, tmp_path: Path):
+    words = ["measure", str(plan), "--from", "later.csv", "--out", "out.csv", "--noise-bound", "1e-5"]
+    command = [sys.executable, "-m", "trihedron.tools.cli", *words, "--patience", "6"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stderr.splitlines() == [
+        "later.csv: no such file yet; waiting for it",
+        "trihedron: later.csv: no such file",
+    ]
 
 
 def test_a_file_may_come_later_and_grow_but_not_shrink(tmp_path: Path):
