@@ -63,7 +63,7 @@ LARGE = 30_000_000
 """Bytes of a file from which on reading shows its progress."""
 PART = 16384
 """Rows that are taken from text to numbers at once: bounds the memory that their texts need."""
-SPECK = 1e-300
+NEGLIGIBLE = 1e-300
 """Numbers of a smaller size are zero."""
 ROUNDED_ANGLE = 1e-5
 """Half a last digit [deg] of angles up to which their digits are roundings."""
@@ -339,10 +339,10 @@ def _with_import(error: RecordError, path: Path, content: bytes) -> RecordError:
     return RecordError(path, error.row, error.column, what)
 
 
-def _without_specks(values: np.ndarray) -> np.ndarray:
+def _without_negligible(values: np.ndarray) -> np.ndarray:
     """Return numbers with zero for those that no instrument measures: their sign would decide a scale factor."""
-    specks = (np.abs(values) < SPECK) & (values != 0.0)
-    return np.where(specks, 0.0, values) if specks.any() else values
+    negligible = (np.abs(values) < NEGLIGIBLE) & (values != 0.0)
+    return np.where(negligible, 0.0, values) if negligible.any() else values
 
 
 def record_from(columns: FileColumns) -> Record:
@@ -363,7 +363,7 @@ def record_from(columns: FileColumns) -> Record:
                 numbers = columns.group(columns_of_group)
             if columns_of_group[0] in ANGLES:
                 numbers = np.deg2rad(numbers)
-            values[name] = _without_specks(numbers)
+            values[name] = _without_negligible(numbers)
     if values.get("attitude") is not None:
         # a row of NaN where it is not known
         values["attitude"][spoilt_attitudes(columns)] = np.nan
