@@ -149,8 +149,8 @@ def checked_fit(run: Run) -> tuple[Run, HandFit]:
     """Return a run without the faces and turns that its readings contradict, each with a warning, and its fit."""
     if run.faces is not None and not isinstance(run.moves, Windows):
         run = _with_checked_faces(run, run.faces)
-    told = run.turns
-    if told is None:
+    turns = run.turns
+    if turns is None:
         fit = fit_of(run)
         worst = float(fit.forces.determinacy.pose_errors().max())
         if isinstance(run.moves, Windows) and fit.forces.case is not None and worst <= USABLE:
@@ -159,17 +159,18 @@ def checked_fit(run: Run) -> tuple[Run, HandFit]:
         return run, fit
     without = fit_of(replace(run, turns=None))
     assert without.gyros is not None
-    off, slopes = told.rows(without.gyros.values)
+    off, slopes = turns.rows(without.gyros.values)
     error = np.sqrt(1.0 + np.einsum("ti,ij,tj->t", slopes, without.gyros.covariance, slopes))
     wrong = np.abs(off) > CONTRADICTED * error
     warnings = list(run.warnings)
     for number in np.flatnonzero(wrong):
-        degrees = [digits(float(np.degrees(angle)), 3) for angle in (told.angle[number], off[number] * told.error)]
+        degrees = [digits(float(np.degrees(angle)), 3) for angle in (turns.angle[number], off[number] * turns.error)]
         warnings.append(
             f"turn {number + 1}: by the moves it differs by {degrees[1]}° from the known {degrees[0]}°: it is not used"
         )
     kept = np.flatnonzero(~wrong)
-    run = replace(run, turns=replace(told, way=told.way.those(kept), angle=told.angle[kept]), warnings=tuple(warnings))
+    turns = replace(turns, way=turns.way.those(kept), angle=turns.angle[kept])
+    run = replace(run, turns=turns, warnings=tuple(warnings))
     return run, fit_of(run)
 
 
@@ -178,7 +179,7 @@ def _with_checked_faces(run: Run, faces: Faces) -> Run:
 
     The farthest face is left out first, and the others are compared anew.
     """
-    up, wrong = faces.up.copy(), []
+    up, count, wrong = faces.up.copy(), len(faces.known), []
     forces = fitted_forces(Norms.of(run.rests.force, run.deviation))
     while True:
         faces = replace(faces, up=up)
@@ -196,7 +197,7 @@ def _with_checked_faces(run: Run, faces: Faces) -> Run:
         return run
     named = ", ".join(map(str, sorted(wrong)))
     line = f"rest {named}: another axis than its face points up; the face is not used: check the faces and their order"
-    if 2 * len(wrong) >= len(faces.known):
+    if 3 * len(wrong) >= count:
         line = f"the faces contradict the readings (rests {named}): none is used; give the axis that points up"
         return replace(run, faces=None, warnings=(*run.warnings, line))
     return replace(run, faces=faces, warnings=(*run.warnings, line))

@@ -195,9 +195,9 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
 
 def _check_axes(runs: Sequence[Run]) -> None:
     """Refuse gyros in the axes of a true attitude beside others."""
-    with_gyros = [run for run in runs if run.moves is not None]
-    for run in with_gyros:
-        if len(with_gyros) > 1 and isinstance(run.moves, Windows) and run.moves.case_error is None:
+    moved = [run for run in runs if run.moves is not None]
+    for run in moved:
+        if len(moved) > 1 and isinstance(run.moves, Windows) and run.moves.case_error is None:
             raise InputError(
                 f"{run.record.path}: its rests do not show the accelerometers' axes beside its true attitude, so its "
                 "gyros cannot be pooled with others; calibrate it alone"
