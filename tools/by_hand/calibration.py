@@ -532,7 +532,9 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
     if large:
         remarks.append(f"values far from an instrument's ({', '.join(large)}): are unit and --gravity right?")
     if fit.gyros is not None:
-        for axis, value in enumerate(np.diag(fit.gyros.values[MATRIX].reshape(3, 3)), start=1):
+        # The length of a row is the same in all axes, as in those of a true attitude.
+        rows = np.linalg.norm(np.eye(3) + fit.gyros.values[MATRIX].reshape(3, 3), axis=1)
+        for axis, value in enumerate(rows - 1.0, start=1):
             if abs(value) > LARGE_OF_GYRO:
                 remarks.append(
                     f"gyro {axis} has a scale factor error of {digits(100.0 * value, 2)} %: are unit, rows and known "

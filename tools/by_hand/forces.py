@@ -67,11 +67,14 @@ class Norms:
         standard deviations of their errors [g]
     run : (K,) array of int
         run of each, from 0: each run has biases of its own
+    runs : int
+        number R of runs; one may be without readings
     """
 
     reading: NDArray[np.float64]
     deviation: NDArray[np.float64]
     run: NDArray[np.int_]
+    runs: int = 1
 
     @classmethod
     def of(cls, reading: NDArray, deviation: NDArray) -> "Norms":
@@ -81,7 +84,7 @@ class Norms:
     @property
     def prior(self) -> NDArray[np.float64]:
         """Standard deviations (6 + 3 R,) of the six of Γ and each run's biases before the readings."""
-        return np.concatenate([PRIOR_SD[:6], np.tile(PRIOR_SD[6:], int(self.run.max(initial=0)) + 1)])
+        return np.concatenate([PRIOR_SD[:6], np.tile(PRIOR_SD[6:], self.runs)])
 
     def equations(self, x: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Return |n| − 1, its slopes by the parameters, and its sensitivity to errors of the readings."""

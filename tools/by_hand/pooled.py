@@ -4,7 +4,8 @@ Runs are pooled where they are one instrument. With a bound of their readings' e
 reading of all runs within it; else an F test asks whether they leave more together than each alone.
 """
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
@@ -17,9 +18,8 @@ from ..errors import InputError
 from ..records.noise import noise_bound_of
 from .calibration import Bounds, HandFit, calibration_of, checked_fit, with_gyros
 from .forces import SPARE, Forces, Norms, fitted_forces
-from .gyros import PRIOR as GYRO_PRIOR
-from .gyros import GyroFit
-from .moves import BIAS, MATRIX, SENSITIVITY, Windows
+from .moves import Windows
+from .pooled_gyros import with_pooled_gyros
 from .run import HandRecord, HandRequest, Run, run_of
 
 CHANCE, GROWTH = 1e-3, 1.2
@@ -44,12 +44,15 @@ class PooledFit:
         of all runs together
     columns : tuple of (9,) arrays
         parameters of each run among all
+    warnings : list of str
+        where the gyros of the runs differ
     """
 
     fits: tuple[HandFit, ...]
     test: PooledTest
     bounds: Bounds
     columns: tuple[NDArray[np.int_], ...]
+    warnings: list[str]
 
     def bounds_of(self, number: int) -> Bounds:
         """Return the bounds of all runs together, with the parameters of one run."""
@@ -110,10 +113,13 @@ def calibrate_runs_by_hand(
             "moves": sum(0 if run.moves is None else len(run.moves) for run in runs.values()),
             "turns": sum(0 if run.turns is None else len(run.turns) for run in runs.values()),
             "pooled": pooled.test,
+            "axes": _axes_of(runs.values()),
+            "case": None,
+            **_residuals(calibrations),
         }
     )
     bound = next(iter(runs.values())).bound
-    warnings = []
+    warnings = list(pooled.warnings) if one_instrument else []
     for label, calibration in zip(runs, calibrations, strict=True):
         warnings += [f"{label}: {line}" for line in calibration.warnings]
     return Calibration(
@@ -130,6 +136,36 @@ def calibrate_runs_by_hand(
         of_record=of_record,
         warnings=warnings,
     )
+
+
+def _axes_of(runs: Iterable[Run]) -> str:
+    """Return the axes of M of all runs: those of the accelerometers where a run shows them."""
+    moves = [run.moves for run in runs if run.moves is not None]
+    known = [not isinstance(pieces, Windows) or pieces.case_error is not None for pieces in moves]
+    return "accelerometers" if any(known) or not known else "true attitude"
+
+
+def _residuals(calibrations: Sequence[Calibration]) -> dict[str, float | None]:
+    """Return the residuals of all runs: rms at rest, rms and largest of the moves."""
+    rests, moves, largest = [], [], []
+    for calibration in calibrations:
+        basis = calibration.by_hand
+        assert basis is not None
+        rests.append((basis.rests, basis.residual_norm))
+        if basis.residual_move is not None:
+            moves.append((basis.moves, basis.residual_move))
+            largest.append(basis.largest_move)
+    return {
+        "residual_norm": _rms_of(rests),
+        "residual_move": _rms_of(moves) if moves else None,
+        "largest_move": max(largest, default=None),
+    }
+
+
+def _rms_of(parts: Sequence[tuple[int, float]]) -> float:
+    """Return the rms of all values by the number and the rms of those of each part."""
+    count = sum(number for number, _ in parts)
+    return math.sqrt(sum(number * size**2 for number, size in parts) / max(count, 1))
 
 
 def _pose_error(calibration: Calibration) -> float:
@@ -182,7 +218,6 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
         covariance = forces.covariance[np.ix_(of_run, of_run)]
         pooled = Forces(forces.x[of_run], covariance, fit.forces.case, fit.forces.case_error)
         fits.append(with_gyros(run, replace(fit, forces=pooled)))
-    _check_axes(runs)
     bounds = Bounds.of(forces, norms, runs[0].bound)
     test = _test_of(forces, norms, alone)
     if bounds.possible is not None and runs[0].basis == "given":
@@ -190,18 +225,8 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
         if bounds.possible.radius > 1.0:
             most = _most_alone(runs, alone)
         test = test.model_copy(update={"one_instrument": bounds.possible.radius <= most})
-    return PooledFit(tuple(_with_pooled_gyros(fits)), test, bounds, tuple(columns))
-
-
-def _check_axes(runs: Sequence[Run]) -> None:
-    """Refuse gyros in the axes of a true attitude beside others."""
-    moved = [run for run in runs if run.moves is not None]
-    for run in moved:
-        if len(moved) > 1 and isinstance(run.moves, Windows) and run.moves.case_error is None:
-            raise InputError(
-                f"{run.record.path}: its rests do not show the accelerometers' axes beside its true attitude, so its "
-                "gyros cannot be pooled with others; calibrate it alone"
-            )
+    fits, warnings = with_pooled_gyros(runs, fits)
+    return PooledFit(tuple(fits), test, bounds, tuple(columns), warnings)
 
 
 def _bounds_alone(run: Run, fit: HandFit) -> Bounds:
@@ -222,7 +247,7 @@ def _joined(norms: Sequence[Norms], own: NDArray[np.int_]) -> Norms:
     """Return the norms of runs with the numbers of their sets of biases."""
     reading = np.vstack([of_run.reading for of_run in norms])
     deviation = np.concatenate([of_run.deviation for of_run in norms])
-    return Norms(reading, deviation, np.repeat(own, [len(of_run.reading) for of_run in norms]))
+    return Norms(reading, deviation, np.repeat(own, [len(of_run.reading) for of_run in norms]), int(own.max()) + 1)
 
 
 def _test_of(forces: Forces, norms: Norms, alone: Sequence[HandFit]) -> PooledTest:
@@ -230,7 +255,8 @@ def _test_of(forces: Forces, norms: Norms, alone: Sequence[HandFit]) -> PooledTe
     square, effective = _square(forces, norms), norms.effective(forces)
     square_alone = sum(_square(fit.forces, fit.norms) for fit in alone)
     effective_alone = sum(fit.norms.effective(fit.forces) for fit in alone)
-    between, freedom = max(effective_alone - effective, SMALL), len(norms.reading) - effective_alone
+    # Less than one parameter that runs determine twice tests nothing.
+    between, freedom = max(effective_alone - effective, 1.0), len(norms.reading) - effective_alone
     # With little freedom alone the readings' own errors are the measure.
     scale, rows = 1.0, np.inf
     if freedom >= SPARE:
@@ -245,44 +271,3 @@ def _test_of(forces: Forces, norms: Norms, alone: Sequence[HandFit]) -> PooledTe
 def _square(forces: Forces, norms: Norms) -> float:
     """Return the sum of squares of norms and parameters over their standard deviations."""
     return norms.square(forces.x) + float(np.square(forces.x / norms.prior).sum())
-
-
-def _with_pooled_gyros(fits: Sequence[HandFit]) -> list[HandFit]:
-    """Return the fits with one M and S of the gyros: those of each run by their weights, the prior counted once."""
-    gyros = [fit.gyros for fit in fits if fit.gyros is not None]
-    if len(gyros) < 2:
-        return list(fits)
-    shared = np.arange(MATRIX.start, MATRIX.stop)
-    if all(SENSITIVITY.start in gyro.fitted for gyro in gyros):
-        shared = np.arange(MATRIX.start, SENSITIVITY.stop)
-    weight = np.diag(1.0 / GYRO_PRIOR[shared] ** 2)
-    total, right = weight.copy(), np.zeros(len(shared))
-    for gyro in gyros:
-        of_run = np.linalg.inv(gyro.covariance[np.ix_(shared, shared)])
-        right = right + of_run @ gyro.values[shared]
-        total = total + of_run - weight
-    covariance = np.linalg.inv(total)
-    pooled = covariance @ right
-    together = []
-    for fit in fits:
-        gyro = fit.gyros
-        if gyro is not None:
-            gyro = _conditioned(gyro, shared, pooled, covariance)
-        together.append(replace(fit, gyros=gyro))
-    return together
-
-
-def _conditioned(gyro: GyroFit, shared: NDArray, pooled: NDArray, covariance: NDArray) -> GyroFit:
-    """Return the gyros of a run with pooled parameters, and its biases as they follow from these."""
-    own = np.arange(BIAS.start, BIAS.stop)
-    gain = gyro.covariance[np.ix_(own, shared)] @ np.linalg.inv(gyro.covariance[np.ix_(shared, shared)])
-    values = gyro.values.copy()
-    values[own] += gain @ (pooled - gyro.values[shared])
-    values[shared] = pooled
-    spread = gyro.covariance.copy()
-    of_own = gyro.covariance[np.ix_(own, own)] - gain @ gyro.covariance[np.ix_(shared, own)]
-    spread[np.ix_(own, own)] = of_own + gain @ covariance @ gain.T
-    spread[np.ix_(own, shared)] = gain @ covariance
-    spread[np.ix_(shared, own)] = (gain @ covariance).T
-    spread[np.ix_(shared, shared)] = covariance
-    return replace(gyro, values=values, covariance=spread)

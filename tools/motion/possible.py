@@ -74,7 +74,7 @@ def possible_forces(x: NDArray, reading: NDArray, bound: NDArray, run: NDArray) 
     # Readings about the estimate; an error of a reading is the inverse times as large there.
     about = (reading - x[6:].reshape(-1, 3)[run]) @ inverse.T
     equations = _Equations(about, run, inverse, bound)
-    start = equations.start
+    start = np.concatenate([START, np.tile(START_OF_RUN, (len(x) - 6) // 3)])
     limit, radius, ends = start, np.inf, None
     for _ in range(ROUNDS):
         radius = equations.radius(limit)
@@ -178,11 +178,6 @@ class _Equations:
     run: NDArray[np.int_]
     inverse: NDArray[np.float64]
     bound: NDArray[np.float64]
-
-    @property
-    def start(self) -> NDArray[np.float64]:
-        """Limits (6 + 4 R,) of the numbers before the readings count."""
-        return np.concatenate([START, np.tile(START_OF_RUN, int(self.run.max(initial=0)) + 1)])
 
     def radius(self, limit: NDArray) -> float:
         """Return the least largest error over its bound, within limits (6 + 4 R,) of the numbers."""

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from ..calibrated import ByHand, Calibration, Parameter
 from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import Cell, unit_text
@@ -70,8 +72,12 @@ def verdict_sentence(result: Calibration) -> str:
 
 def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
     """Return lines on rests and moves, their residuals, and the gain on left-out ones."""
-    with_truth = any(p.symbol == "L" for p in result.parameters)
-    pieces = "windows with a true attitude" if with_truth else "moves"
+    records = [record.parameters for record in result.of_record.values()] or [result.parameters]
+    truths = [any(p.symbol == "L" for p in parameters) for parameters in records]
+    with_truth = all(truths)
+    pieces = "moves"
+    if any(truths):
+        pieces = "windows with a true attitude" if with_truth else "moves and windows with a true attitude"
     counts = [f"{basis.rests} rests"]
     if basis.turn_error is not None:
         counts.append(f"{basis.moves} {pieces}")
@@ -81,7 +87,7 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
     if basis.residual_move is not None:
         left += f", attitude over the {pieces} by {_arcmin(basis.residual_move)} arcmin"
     lines = [f"{', '.join(counts)}. After calibration {left}."]
-    if basis.pooled is not None:
+    if basis.pooled is not None and basis.pooled.f > 0.0:
         f = digits(basis.pooled.f, 2)
         lines.append(
             f"The pooled records leave {digits(basis.pooled.growth, 2)} times the residuals of each one (F = {f})."
@@ -100,7 +106,10 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
         bound = digits(math.degrees(basis.largest_move) * 60.0, 3)
         lines.append(f"The gyro model fits every window if a window may err by {bound} arcmin.")
     if basis.axes == "true attitude":
-        lines.append("M is in the axes of the true attitude; the rests do not show the accelerometers' axes there.")
+        of_first = " of the first record with gyros" if result.of_record else ""
+        lines.append(
+            f"M is in the axes of the true attitude{of_first}; the rests do not show the accelerometers' axes."
+        )
     if basis.turn_error is not None:
         error = _arcmin(basis.turn_error.worst)
         lines.append(f"A turn of 90° about the worst axis is known to {error} arcmin in each component (1 sd).")
@@ -122,9 +131,23 @@ def record_sections(result: Calibration) -> list[Section]:
         assert record.by_hand is not None
         basis = record.by_hand
         worst = digits(1e3 * basis.pose_error.worst, 2)
-        text = f"{basis.rests} rests. |f| in an unmeasured pose is known to {worst} mg (1 sd)."
-        sections.append(Section(label, [text], table=parameter_table(record.parameters)))
+        lines = [f"{basis.rests} rests. |f| in an unmeasured pose is known to {worst} mg (1 sd)."]
+        turned = any(p.symbol == "L" for p in record.parameters) and basis.case
+        if turned:
+            angle, error = _turn_of(turned.rotation), digits(math.degrees(turned.standard_error), 2)
+            lines.append(
+                f"The axes of its true attitude are turned by {angle}° against those of M (to {error}°, 1 sd)."
+            )
+        sections.append(Section(label, lines, table=parameter_table(record.parameters)))
     return sections
+
+
+def _turn_of(rotation: Sequence[Sequence[float]]) -> str:
+    """Return the angle of a rotation matrix in degrees."""
+    matrix = np.array(rotation)
+    skew = matrix - matrix.T
+    sine = 0.5 * math.hypot(skew[2, 1], skew[0, 2], skew[1, 0])
+    return digits(math.degrees(math.atan2(sine, 0.5 * (np.trace(matrix) - 1.0))), 2)
 
 
 def _arcmin(angle: float) -> str:

@@ -72,6 +72,25 @@ def test_unseen_rests_and_moves_are_predicted_no_worse_than_by_plain_least_squar
     assert np.degrees(present(gain.move_after)) * 60.0 <= 1.1 * MARKS[name][1]
 
 
+@pytest.mark.acceptance
+def test_records_of_one_imu_with_a_true_attitude_and_few_rests_are_pooled() -> None:
+    """M differs between them by more than its errors, and its standard errors hold that."""
+    paths = [record_of(name) for name in ("broad-03", "broad-06")]
+    result = th.calibrate_together(*paths)
+    assert any("the gyros of the records differ by" in line for line in result.warnings)
+    alone = [th.calibrate(path) for path in paths]
+    for number, record in enumerate(result.of_record.values()):
+        own = {p.symbol: p for p in record.parameters}
+        assert own["L"].estimate == pytest.approx(4e-3, abs=1e-3)
+        for axis in (1, 2, 3):
+            p = result[f"M{axis}{axis}"]
+            assert p.determined
+            assert abs(present(p.estimate) - present(alone[number][p.symbol].estimate)) < 8.0 * present(
+                p.standard_error
+            )
+            assert own[f"B{axis}"].estimate == pytest.approx(alone[number][f"B{axis}"].estimate, abs=3e-4)
+
+
 def late_gyros(path: Path) -> Path:
     """Write a short record with a true attitude, whose gyros are two rows late."""
     rng = np.random.default_rng(17)

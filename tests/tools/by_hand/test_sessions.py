@@ -155,10 +155,10 @@ def test_rests_of_a_file_and_a_wider_limit(tmp_path: Path) -> None:
         th.calibrate(table, gravity=GRAVITY, rests=str(written(table, tmp_path / "table.csv")))
 
 
-def filmed(seed: int, run: int, frame: Rotation) -> pl.DataFrame:
+def filmed(seed: int, run: int, frame: Rotation, resting_s: float = 2.0) -> pl.DataFrame:
     """Return a record with a true attitude of axes that a frame turns into those of the block."""
     rng = np.random.default_rng([seed, run])
-    time, attitude = turning(attitudes(rng, 20), 1.2, 2.0)
+    time, attitude = turning(attitudes(rng, 20 if resting_s > 1.0 else 40), 1.2, resting_s)
     instrument = Instrument(seed)
     instrument.sensitivity = np.zeros((3, 3))
     table = strapdown(instrument, time, attitude, rng, NOISE)
@@ -176,6 +176,42 @@ def test_a_true_attitude_of_other_axes_leaves_the_gyros_in_those_of_the_accelero
             p = result[symbol]
             assert abs(present(p.estimate) - known[symbol]) < 4.0 * present(p.standard_error), symbol
             assert present(p.standard_error) < 0.01
+
+
+MATRIX = [f"M{row}{axis}" for row in (1, 2, 3) for axis in (1, 2, 3)]
+
+
+def of_true_axes(instrument: Instrument, frame: Rotation) -> dict[str, float]:
+    """Return M of an instrument in the axes of a true attitude."""
+    return dict(zip(MATRIX, (instrument.gyro_matrix @ frame.as_matrix() - np.eye(3)).ravel(), strict=True))
+
+
+@pytest.mark.parametrize("seed", [18, pytest.param(19, marks=pytest.mark.acceptance)])
+def test_runs_of_a_true_attitude_without_rests_are_pooled(seed: int) -> None:
+    """Each run has axes of its own: M is in those of the first, or in the accelerometers' where a run shows them."""
+    frames = [Rotation.from_rotvec(turn) for turn in ([0.1, -0.2, 0.15], [-0.2, 1.1, 0.05])]
+    moving = [filmed(seed, run, frame, 0.1) for run, frame in enumerate(frames)]
+    instrument, resting = Instrument(seed), filmed(seed, 2, Rotation.identity())
+    alone = th.calibrate(moving[0], gravity=GRAVITY)
+    for tables, known in (
+        (moving, of_true_axes(instrument, frames[0])),
+        ([*moving, resting.drop([f"q{k}" for k in range(4)])], truth(instrument)),
+    ):
+        result = th.calibrate_together(*tables, gravity=GRAVITY)
+        assert result.warnings == []
+        for symbol in MATRIX:
+            p = result[symbol]
+            assert abs(present(p.estimate) - known[symbol]) < 4.0 * present(p.standard_error), symbol
+            assert present(p.standard_error) < 1.05 * present(alone[symbol].standard_error) + 2e-3
+        for record in list(result.of_record.values())[:2]:
+            biases = {p.symbol: p for p in record.parameters}
+            for symbol in ("B1", "B2", "B3"):
+                off = present(biases[symbol].estimate) - truth(instrument)[symbol]
+                assert abs(off) < 4.0 * present(biases[symbol].standard_error), symbol
+            assert abs(present(biases["L"].estimate)) < 4.0 * present(biases["L"].standard_error)
+        assert "axes of its true attitude are turned by" in str(result)
+    bounded = th.calibrate_together(*tables, noise_bound=2e-3, gravity=GRAVITY)
+    assert all(p.possible(truth(instrument)[p.symbol]) for p in bounded.parameters if p.bounded)
 
 
 def test_a_true_attitude_tells_gyros_and_their_lag() -> None:
