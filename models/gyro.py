@@ -103,6 +103,18 @@ def draw_error(noise_bound: float, generator: Vector, error: Vector) -> None:
         error[p] = noise_bound * symmetric(generator)
 
 
+def read_in_quanta(
+    step: float, quantum: float, rate_reading: Vector, carried: Vector, increment_reading: Vector
+) -> None:
+    """Integrate readings (3,) over a step into increments (3,) [rad]; the remainder of a quantum is carried on."""
+    for p in range(3):
+        angle = rate_reading[p] * step + carried[p]
+        increment_reading[p] = angle
+        if quantum > 0.0:
+            increment_reading[p] = quantum * math.floor(angle / quantum + 0.5)
+        carried[p] = angle - increment_reading[p]
+
+
 def initialise_gyros(
     time: float,
     rate: Vector,
@@ -250,13 +262,7 @@ def step_gyros(
     hours = (time + step - start[0]) / 3600.0
     describe_step(hours, step, temperature, specific_force, interval, gravity, scale_misalignment, context)
     read_rates(scale_misalignment, bias, effect, error, rate_of_step, context, rate_reading, added, own)
-    for p in range(3):
-        # The remainder of a quantum is carried to the next increment.
-        angle = rate_reading[p] * step + carried[p]
-        increment_reading[p] = angle
-        if quantum > 0.0:
-            increment_reading[p] = quantum * math.floor(angle / quantum + 0.5)
-        carried[p] = angle - increment_reading[p]
+    read_in_quanta(step, quantum, rate_reading, carried, increment_reading)
     return 0
 
 

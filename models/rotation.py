@@ -77,6 +77,15 @@ def normalise(q: Vector) -> None:
         q[i] = q[i] * scale
 
 
+def compare(p: Vector, q: Vector, result: Vector) -> None:
+    """Write sine and cosine of half the angle between the attitudes p and q, times their norms, into `result` (2,)."""
+    x = p[0] * q[1] - q[0] * p[1] - (p[2] * q[3] - p[3] * q[2])
+    y = p[0] * q[2] - q[0] * p[2] - (p[3] * q[1] - p[1] * q[3])
+    z = p[0] * q[3] - q[0] * p[3] - (p[1] * q[2] - p[2] * q[1])
+    result[0] = math.sqrt(x * x + y * y + z * z)
+    result[1] = math.fabs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3])
+
+
 def quaternion_of_matrix(r: Vector, result: Vector) -> None:
     """Quaternion of the frame whose direction-cosine matrix is r: χ_body = r χ_ref, row by row (9,).
 

@@ -119,8 +119,9 @@ def _names_of(function: Callable[..., Any]) -> list[str]:
     """Return the names of a function, and of every function or value that it encloses."""
     names = [f"{function.__module__}.{function.__qualname__}"]
     for cell in function.__closure__ or ():
-        inner = getattr(cell.cell_contents, "py_func", None)
-        names += [repr(cell.cell_contents)] if inner is None else _names_of(inner)
+        value = cell.cell_contents
+        inner = value if isinstance(value, FunctionType) else getattr(value, "py_func", None)
+        names += [repr(value)] if inner is None else _names_of(inner)
     return names
 
 
@@ -162,6 +163,27 @@ def _with_kept_code(function: Callable[..., Any], **options: Any) -> Any:
     with suppress(OSError):
         dispatcher._cache = _KeptCode(function)
     return dispatcher
+
+
+@cache
+def local_array() -> tuple[Any, Any]:
+    """Return `view` and `place`: `view(place(n), n)` is an array of constant size in a compiled loop.
+
+    The compiler keeps it in registers, and runs a loop over several such arrays on several numbers at once.
+    """
+    numba, ir = import_module("numba"), import_module("llvmlite.ir")
+
+    def place(context: Any, size: Any) -> Any:
+        def allocated(_: Any, builder: Any, signature: Any, __: Any) -> Any:
+            kind = ir.ArrayType(ir.DoubleType(), signature.args[0].literal_value)
+            made = import_module("numba.core.cgutils").alloca_once(builder, kind)
+            return builder.bitcast(made, ir.DoubleType().as_pointer())
+
+        if not hasattr(size, "literal_value"):
+            raise numba.errors.RequireLiteralValue("the size must be constant")
+        return numba.types.CPointer(numba.float64)(size), allocated
+
+    return numba.carray, import_module("numba.extending").intrinsic(place)
 
 
 def compile_callee(function: Callable[..., Any], *, allocates: bool = True) -> Callable[..., Any]:

@@ -17,7 +17,7 @@ MOST_RUNS = 10**10
 MOST_FILES_ASKED = 10**6
 MOST_CUBE = 50_000_000
 """Largest Latin hypercube [numbers]: every worker holds it."""
-RUNS_OF_PARTITION = {"calibration": 50, "attitude": 50, "simulation": 50, "hidden": 5}
+RUNS_OF_PARTITION = {"calibration": 50, "attitude": 48, "simulation": 50, "hidden": 5}
 """Default number of runs in a file of the data set; large campaigns have more, to keep the files few."""
 MOST_FILES = 4000
 MOST_OF_PARTITION = 5000

@@ -1,5 +1,6 @@
 """The kinds of runs: calibrations, simulations of a scenario, attitude runs, cases of hidden effects."""
 
+import contextlib
 import io
 import json
 import math
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ...models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
 from .. import calibration, diagnosis, motion, papers, trials
+from ..compiled import COMPILES
 from ..errors import InputError, nearest
 from ..files import bytes_of
 from ..orchestrator.load import SETTABLE
@@ -85,6 +87,14 @@ ERRORS = (
 MOTIONS = ("amplitude_factor", "frequency_factor", "motion", "rate_hz", "duration_s", "algorithm")
 """Settings that can be swept beside them."""
 MOST_SAMPLES = 100_000_000
+LARGEST_INCREMENT = 1e300
+"""Size from which the gyros refuse an increment [rad]."""
+MANY_SAMPLES = 10_000_000
+"""Samples of all runs of a campaign from which runs are made together: the code for that takes seconds to compile."""
+
+
+RunInput = tuple[int, dict[str, Value], np.random.SeedSequence]
+"""Number, parameters and seed of a run."""
 
 
 def short_seed(seed: np.random.SeedSequence) -> int:
@@ -350,6 +360,9 @@ class AttitudeRuns:
     def __init__(self, campaign: Campaign, setting: AttitudeSetting) -> None:
         self.setting = setting
         self.record = campaign.keep.record
+        samples = campaign.runs * setting.rate_hz * setting.duration_s
+        self.together = COMPILES and not self.record and samples >= MANY_SAMPLES
+        self.ahead: dict[int, dict[str, Value | int | None]] = {}
         _refuse_unknown(campaign.parameters, [*ERRORS, *MOTIONS])
         swept = campaign.parameters.get("algorithm")
         if swept is not None and swept.discrete:
@@ -363,50 +376,94 @@ class AttitudeRuns:
             ("largest_error_rad", "last_error_rad", "rms_error_rad", "drift_radps"), LOWER
         )
 
+    def make_ahead(self, runs: Sequence[RunInput]) -> None:
+        """Make runs of one motion and algorithm together, with the same bits; `run` returns their outputs."""
+        self.ahead.clear()
+        if not self.together:
+            return
+        alike: dict[_Motion, list[tuple[int, motion.GyroErrors]]] = {}
+        for number, values, seed in runs:
+            # A run that is impossible fails alone.
+            with contextlib.suppress(InputError):
+                alike.setdefault(self._motion(values), []).append((number, self._gyros(values, seed)))
+        for course, members in alike.items():
+            samples, attitudes = course.samples()
+            if not np.abs(samples.increments).max() < LARGEST_INCREMENT:
+                continue
+            for first in range(0, len(members) - motion.LANES + 1, motion.LANES):
+                numbers, gyros = zip(*members[first : first + motion.LANES], strict=True)
+                angles = motion.angles_of_runs(course.algorithm, samples, attitudes, gyros)
+                for number, angle in zip(numbers, angles, strict=True):
+                    self.ahead[number] = _scalars_of(angle, course.duration)
+
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> RunOutputs:
         """Make a run."""
+        if number in self.ahead:
+            return RunOutputs(self.ahead[number])
+        course, gyros = self._motion(values), self._gyros(values, seed)
+        algorithm = course.algorithm
+        samples, attitudes = course.samples()
+        computed = motion.run_algorithm(algorithm, motion.read_increments(samples, *gyros), renormalise=True)
+        every = algorithm.samples
+        angle = motion.angle_between(computed, attitudes[every - 1 : len(attitudes) // every * every : every])
+        record = None
+        if self.record:
+            time = np.arange(1, len(angle) + 1) * (every / course.rate)
+            columns = {f"q{k}": computed[:, k] for k in range(4)}
+            record = pl.DataFrame({"time_s": time, **columns, "error_rad": angle})
+        return RunOutputs(_scalars_of(angle, course.duration), record)
+
+    def _motion(self, values: Mapping[str, Value]) -> "_Motion":
         setting = self.setting
-
-        def of(name: str, usual: float) -> float:
-            return float(values.get(name, usual))
-
-        rate, duration = of("rate_hz", setting.rate_hz), of("duration_s", setting.duration_s)
+        rate = float(values.get("rate_hz", setting.rate_hz))
+        duration = float(values.get("duration_s", setting.duration_s))
         if not 8 <= rate * duration <= MOST_SAMPLES:
             raise InputError(
                 f"rate_hz {rate:g} times duration_s {duration:g}: a run has from 8 to {MOST_SAMPLES} samples"
             )
-        algorithm = _algorithm(str(values.get("algorithm", setting.algorithm)), "algorithm")
-        samples, attitudes = motion_samples(
+        return _Motion(
+            _algorithm(str(values.get("algorithm", setting.algorithm)), "algorithm"),
             str(values.get("motion", setting.motion)),
-            of("amplitude_factor", 1.0),
-            of("frequency_factor", 1.0),
-            1.0 / rate,
-            round(rate * duration),
+            float(values.get("amplitude_factor", 1.0)),
+            float(values.get("frequency_factor", 1.0)),
+            rate,
+            duration,
         )
-        increments = motion.read_increments(
-            samples,
-            np.array([of(name, 0.0) for name in SCALE_MISALIGNMENTS]),
-            np.array([of(name, 0.0) for name in BIASES]),
-            of("quantum_rad", 0.0),
-            of("noise_bound_radps", setting.noise_bound_radps),
-            short_seed(seed),
-        )
-        computed = motion.run_algorithm(algorithm, increments, renormalise=True)
-        every = algorithm.samples
-        angle = motion.angle_between(computed, attitudes[every - 1 : len(attitudes) // every * every : every])
-        last = float(angle[-1])
-        scalars = {
-            "largest_error_rad": float(angle.max()),
-            "last_error_rad": last,
-            "rms_error_rad": float(np.sqrt(np.mean(angle * angle))),
-            "drift_radps": last / duration,
-        }
-        record = None
-        if self.record:
-            time = np.arange(1, len(angle) + 1) * (every / rate)
-            columns = {f"q{k}": computed[:, k] for k in range(4)}
-            record = pl.DataFrame({"time_s": time, **columns, "error_rad": angle})
-        return RunOutputs(scalars, record)
+
+    def _gyros(self, values: Mapping[str, Value], seed: np.random.SeedSequence) -> "motion.GyroErrors":
+        errors = {"noise_bound_radps": self.setting.noise_bound_radps, **values}
+        numbers = [float(errors.get(name, 0.0)) for name in ERRORS]
+        bias, gamma = np.array(numbers[:3]), np.array(numbers[3:12])
+        quantum, noise_bound = numbers[12:]
+        return motion.GyroErrors(gamma, bias, quantum, noise_bound, short_seed(seed))
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """The motion of a run, and the algorithm that follows it."""
+
+    algorithm: Algorithm
+    name: str
+    amplitude: float
+    frequency: float
+    rate: float
+    duration: float
+
+    def samples(self) -> "tuple[Samples, NDArray]":
+        """Return its exact increments and true attitudes."""
+        count = round(self.rate * self.duration)
+        return motion_samples(self.name, self.amplitude, self.frequency, 1.0 / self.rate, count)
+
+
+def _scalars_of(angle: NDArray, duration: float) -> dict[str, Value | int | None]:
+    """Return the scalars of a run from the angles to the true attitudes."""
+    last = float(angle[-1])
+    return {
+        "largest_error_rad": float(angle.max()),
+        "last_error_rad": last,
+        "rms_error_rad": float(np.sqrt(np.mean(angle * angle))),
+        "drift_radps": last / duration,
+    }
 
 
 def _algorithm(name: str, where: str) -> Algorithm:

@@ -27,7 +27,7 @@ from ..progress import progress_bar
 from ..rounding import digits
 from ..workers import made
 from .file import Campaign, Computation, Value
-from .kinds import RUNNERS, Runner
+from .kinds import RUNNERS, AttitudeRuns, RunInput, Runner
 from .store import Computed, Order, ResultColumns, code_hash, make_order, opened_store
 from .summary import CampaignResult, Cost, summarise
 
@@ -177,12 +177,21 @@ class Prepared:
         self.design, self.runner = Design(self.campaign), make_runner(self.campaign)
         self.columns = columns_of(self.campaign, self.runner)
 
-    def run(self, number: int) -> tuple[dict[str, Any], pl.DataFrame | None]:
+    def runs(self, partition: int) -> list[RunInput]:
+        """Return number, parameters and seed of each run of a file; make those at once that the runner can."""
+        runs: list[RunInput] = []
+        for number in self.campaign.runs_of(partition):
+            runs.append((number, self.design.values(number), self.design.seed(number)))
+        if isinstance(self.runner, AttitudeRuns):
+            self.runner.make_ahead(runs)
+        return runs
+
+    def run(self, run: RunInput) -> tuple[dict[str, Any], pl.DataFrame | None]:
         """Return a run's row, and its record if it is kept; a failed run has its message in the row."""
-        values = self.design.values(number)
+        number, values, seed = run
         row: dict[str, Any] = {"run": number, **values, "failed": None}
         try:
-            outcome = self.runner.run(number, values, self.design.seed(number))
+            outcome = self.runner.run(number, values, seed)
         except InputError as error:
             return {**row, "failed": _line(str(error))}, None
         except Exception as error:
@@ -204,11 +213,11 @@ def compute(order: Order, partition: int) -> Computed:
     began, cpu_began = clocks.perf_counter(), clocks.process_time()
     rows: list[dict[str, Any]] = []
     records: list[tuple[int, pl.DataFrame]] = []
-    for number in campaign.campaign.runs_of(partition):
-        row, record = campaign.run(number)
+    for run in campaign.runs(partition):
+        row, record = campaign.run(run)
         rows.append(row)
         if record is not None:
-            records.append((number, record))
+            records.append((run[0], record))
     return Computed(
         partition,
         scalars_file(campaign.columns, rows),

@@ -11,8 +11,11 @@ from .by_norm import calibrate_by_norm as calibrate_by_norm
 from .carry import GyroModel as GyroModel
 from .carry import carried_attitude as carried_attitude
 from .compare import ARITHMETICS as ARITHMETICS
+from .compare import LANES as LANES
 from .compare import ROUNDINGS as ROUNDINGS
+from .compare import GyroErrors as GyroErrors
 from .compare import Samples as Samples
+from .compare import angles_of_runs as angles_of_runs
 from .compare import compare_algorithms as compare_algorithms
 from .compare import read_increments as read_increments
 from .compare import rounded_increments as rounded_increments

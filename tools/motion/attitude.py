@@ -5,8 +5,9 @@ first, body to reference.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,7 +18,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
+from ...models import rotation
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ..compiled import Makers, loops_over
 from ..errors import InputError, nearest
 from ..orchestrator import run_scenario
 from ..orchestrator.scenario import FmuSetting, RecordSetting
@@ -380,9 +383,24 @@ def attitudes_of_angles(angles: np.ndarray) -> np.ndarray:
 
 def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return angles (N,) between the attitudes of quaternions (N, 4) of any norm [rad]; accurate for small angles."""
-    scalar = (p * q).sum(axis=1)
-    vector = p[:, :1] * q[:, 1:] - q[:, :1] * p[:, 1:] - np.cross(p[:, 1:], q[:, 1:])
-    return 2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar))
+    halves = np.empty((2, len(p)))
+    _comparing(loops_over(len(p)))(np.asarray(p), np.asarray(q), halves)
+    return 2.0 * np.arctan2(*halves)
+
+
+@cache
+def _comparing(makers: Makers) -> Callable[..., None]:
+    kernel_made, loop_made = makers
+    compare = kernel_made(rotation.compare)
+
+    @loop_made
+    def compare_all(p, q, halves):
+        half = np.empty(2)
+        for k in range(len(p)):
+            compare(p[k], q[k], half)
+            halves[0, k], halves[1, k] = half[0], half[1]
+
+    return compare_all
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, NamedTuple, cast
 
 import numpy as np
 import polars as pl
@@ -27,7 +27,8 @@ from ...models.attitude_algorithms.iteration import (
     rodrigues_iteration,
 )
 from ...models.attitude_algorithms.products import by_products, by_products_and_series, by_products_cut_off
-from ..compiled import Makers, compile_callee, compiled, loop_compiled, loops_over
+from ...models.random_numbers import GENERATOR_SIZE, seed_generator
+from ..compiled import Makers, compile_callee, compiled, local_array, loop_compiled, loops_over
 from ..errors import InputError
 from ..progress import progress_bar
 from ..quantity import DEGREES, Quantity
@@ -48,6 +49,10 @@ ZERO, QUARTER, SIXTH, ONE, TWO = (np.float32(value) for value in (0.0, 0.25, 1.0
 CUBIC = np.float32(1.0 / 48.0)
 SPLITTER = np.float32(4097.0)
 """2^12 + 1: splits the 24 bits of a mantissa into halves."""
+LANES = 8
+"""Runs that advance together: one instruction then acts on four or eight of them."""
+STREAM = 4.0
+"""Stream of the numbers that `GyroBlock` draws its bounded errors from."""
 ROUNDINGS = ("independently", "feedback", "pairs")
 """How increments become 32-bit numbers: each rounded by itself; the rounding error of one added to the next; as the sum
 of two 32-bit numbers."""
@@ -321,6 +326,16 @@ def _turn(step: Callable[..., Any], previous: bool, kernel_made: Callable[..., A
     return turn
 
 
+class GyroErrors(NamedTuple):
+    """Errors of the gyros of a run: Γ (9,) row by row, bias (3,) and bound of the errors [rad/s], quantum [rad]."""
+
+    scale_misalignment: np.ndarray
+    bias: np.ndarray
+    quantum: float
+    noise_bound: float
+    seed: int
+
+
 def read_increments(
     samples: Samples,
     scale_misalignment: np.ndarray,
@@ -331,7 +346,7 @@ def read_increments(
 ) -> np.ndarray:
     """Return exact increments as gyros with errors read them, by the kernels of `trihedron.models.gyro`: (N, 3) [rad].
 
-    Γ (9,) stands row by row; bias (3,) and bound of the errors are in rad/s, the quantum is in rad, 0: exact.
+    The errors are those of `GyroErrors`; a quantum of 0: exact.
     """
     gyros = instantiate(GYRO_BLOCK)
     memory = {}
@@ -380,6 +395,106 @@ def _reader(makers: Makers) -> Callable[..., int]:
         return status
 
     return read
+
+
+def angles_of_runs(algorithm: Algorithm, samples: Samples, true: np.ndarray, gyros: Sequence[GyroErrors]) -> np.ndarray:
+    """Return the angles (`LANES`, steps) of `LANES` runs to the true attitudes (N, 4) at the ends of steps [rad].
+
+    Each run has the bits of `read_increments`, `run_algorithm` with renormalisation and `angle_between`.
+    """
+    errors, generators = np.empty((14, LANES)), np.empty((GENERATOR_SIZE, LANES))
+    for lane, run in enumerate(gyros):
+        errors[:, lane] = [*run.scale_misalignment, *run.bias, run.quantum, run.noise_bound]
+        generator = [0.0] * GENERATOR_SIZE
+        seed_generator(float(run.seed), STREAM, generator)
+        # The reading at the start has errors, too.
+        gyro.draw_error(1.0, generator, [0.0] * 3)
+        generators[:, lane] = generator
+    ends = np.ascontiguousarray(true[algorithm.samples - 1 :: algorithm.samples])
+    apart = np.empty((2, len(samples.increments) // algorithm.samples, LANES))
+    rates = samples.increments / samples.period
+    work = (_table_of(algorithm.number), np.zeros(SPACE_SIZE), np.zeros(4))
+    runner = _lanes(algorithm.kernel, algorithm.previous, algorithm.samples)
+    runner(samples.period, rates, errors, generators, work, ends, apart)
+    vector, scalar = apart.transpose(0, 2, 1)
+    return 2.0 * np.arctan2(vector, scalar)
+
+
+@cache
+def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int) -> Callable[..., None]:
+    turn, compare = _turn(kernel, keeps_previous, compiled), compiled(rotation.compare)
+    multiply, normalise = compiled(rotation.multiply), compiled(rotation.normalise)
+    draw_error, read_rates = compiled(gyro.draw_error), compiled(gyro.read_rates)
+    read_in_quanta = compiled(gyro.read_in_quanta)
+    view, place = local_array()
+
+    @loop_compiled
+    def run(period, rates, errors, generators, work, ends, apart):
+        nothing, error, rate = view(place(3), 3), view(place(3), 3), view(place(3), 3)
+        reading, added, own = view(place(3), 3), view(place(3), 3), view(place(3), 3)
+        gamma, bias, increment, carried = view(place(9), 9), view(place(3), 3), view(place(3), 3), view(place(3), 3)
+        generator, attitude, turned = view(place(6), 6), view(place(4), 4), view(place(4), 4)
+        true, angle = view(place(4), 4), view(place(2), 2)
+        g, previous = view(place(24), 24), view(place(24), 24)
+        of_run, drawn = view(place(112), (14, LANES)), view(place(48), (6, LANES))
+        remainder, state = view(place(24), (3, LANES)), view(place(32), (4, LANES))
+        before, result = view(place(192), (24, LANES)), view(place(16), (2, LANES))
+        for lane in range(LANES):
+            for i in range(14):
+                of_run[i, lane] = errors[i, lane]
+            for i in range(6):
+                drawn[i, lane] = generators[i, lane]
+            for i in range(3):
+                remainder[i, lane] = 0.0
+            for i in range(4):
+                state[i, lane] = 0.0
+            state[0, lane] = 1.0
+            for i in range(24):
+                before[i, lane] = 0.0
+        preceded = 0.0
+        for k in range(apart.shape[1]):
+            for lane in range(LANES):
+                for i in range(9):
+                    gamma[i] = of_run[i, lane]
+                for i in range(3):
+                    bias[i] = of_run[9 + i, lane]
+                    carried[i] = remainder[i, lane]
+                for i in range(6):
+                    generator[i] = drawn[i, lane]
+                for i in range(samples):
+                    for p in range(3):
+                        rate[p] = rates[samples * k + i, p]
+                    draw_error(of_run[13, lane], generator, error)
+                    read_rates(gamma, bias, nothing, error, rate, nothing, reading, added, own)
+                    read_in_quanta(period, of_run[12, lane], reading, carried, increment)
+                    for p in range(3):
+                        g[3 * i + p] = increment[p]
+                for i in range(6):
+                    drawn[i, lane] = generator[i]
+                for i in range(3):
+                    remainder[i, lane] = carried[i]
+                if keeps_previous:
+                    for i in range(24):
+                        previous[i] = before[i, lane]
+                    for i in range(3 * samples):
+                        before[i, lane] = g[i]
+                turn(samples, preceded, (previous, g), work, turned)
+                for i in range(4):
+                    attitude[i] = state[i, lane]
+                    true[i] = ends[k, i]
+                multiply(attitude, turned, attitude)
+                normalise(attitude)
+                compare(attitude, true, angle)
+                for i in range(4):
+                    state[i, lane] = attitude[i]
+                for i in range(2):
+                    result[i, lane] = angle[i]
+            for lane in range(LANES):
+                for i in range(2):
+                    apart[i, k, lane] = result[i, lane]
+            preceded = 1.0
+
+    return run
 
 
 def rounded_increments(increments: np.ndarray, rounding: str) -> tuple[np.ndarray, np.ndarray]:
