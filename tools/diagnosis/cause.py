@@ -67,6 +67,8 @@ class NamedEffect(Told):
     @property
     def title(self) -> str:
         """The effect in words."""
+        if self.effect == "outlier":
+            return f"f{self.place.axes[0]} of row {self.where.removeprefix('position-')}"
         return self.place.title
 
     @property

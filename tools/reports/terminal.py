@@ -166,7 +166,7 @@ def _sizes(result: Diagnosis, *, may_be_zero: bool) -> list[str]:
     causes, texts = result.causes, []
     between = "surely between" if result.calibration.sigma.kind == "bound" else "between"
     for cause in causes:
-        of = f"{_in_words(cause)}: " if len(causes) > 1 else ""
+        of = f"{cause.title}: " if len(causes) > 1 else ""
         for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
             is_open = low <= 0.0 <= high and not parameter.name.endswith(NO_SIZES)
             if is_open != may_be_zero:
@@ -181,13 +181,6 @@ def _sizes(result: Diagnosis, *, may_be_zero: bool) -> list[str]:
             else:
                 texts.append(f"{head}: {estimate}, {between} {least} and {most} {unit}".rstrip())
     return texts
-
-
-def _in_words(cause: Cause) -> str:
-    """Return an effect and its place in words."""
-    if cause.effect == "outlier":
-        return f"f{cause.place.axes[0]} of row {cause.where.removeprefix('position-')}"
-    return cause.place.title
 
 
 def _size_in_words(cause: Cause, name: str) -> str:
