@@ -14,11 +14,14 @@ from trihedron.tools.noise.spectrum import bins_of
 pytestmark = pytest.mark.acceptance
 STEP, ROWS, RECORDS = 0.02, 180_000, 35
 DURATION = STEP * ROWS
+UNIT = 1e-4
+"""Size of the noise of a gyro and an accelerometer that stand still; below, sizes are in it."""
 
 
 def channels_of(sizes, seed: int):
-    """Return the channels of a record whose six axes have the same processes, of size one."""
-    return th.noise(static_record(ROWS, STEP, sizes, sizes | {}, seed)).channels
+    """Return the channels of a record whose six axes have the same processes."""
+    real = {letter: UNIT * size for letter, size in sizes.items()}
+    return th.noise(static_record(ROWS, STEP, real, real | {}, seed)).channels
 
 
 def ends_of(channel, letter: str) -> tuple[float, float]:
@@ -27,7 +30,7 @@ def ends_of(channel, letter: str) -> tuple[float, float]:
     assert one is not None
     assert one.low is not None
     assert one.high is not None
-    return one.low, one.high
+    return one.low / UNIT, one.high / UNIT
 
 
 def right_and_inside(sizes, name: str) -> tuple[float, float, float]:
@@ -108,7 +111,7 @@ def relative_errors(sizes, records: int) -> dict[str, float]:
             for letter, truth in sizes.items():
                 one = channel.coefficient(letter)
                 assert one is not None
-                errors[letter].append((one.estimate or 0.0) / truth - 1.0)
+                errors[letter].append((one.estimate or 0.0) / (UNIT * truth) - 1.0)
     return {letter: math.sqrt(np.mean(np.square(values))) for letter, values in errors.items()}
 
 
