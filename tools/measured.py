@@ -357,7 +357,7 @@ def calibrate(
         of_table |= {"convention": convention != "A1", "baseline": baseline != "asymmetric"}
         of_table |= {"bounds": tuple(bounds) != (3e-3, 1e-2), "mounting": mounting != "identity"}
         _refuse(of_table, run, "a record of a table")
-        run = _trusted_in_parts(run, trust=trust, gravity=gravity)
+        run = _trusted_in_parts(run, trust=trust, moves=False, gravity=gravity)
         run = replace(run, warnings=(*remarks, *run.warnings))
         known = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "rates": rates}
         result = by_hand.calibrate_by_hand(run, by_hand.HandRequest.told(**known, **of_hand))
@@ -377,12 +377,12 @@ def calibrate(
     return diagnosis.calibrated_with(explained_by, run, place, **options).model_copy(update={"made_of": run})
 
 
-def _trusted_in_parts(run: Any, *, trust: bool, gravity: float) -> Any:
+def _trusted_in_parts(run: Any, *, trust: bool, gravity: float, moves: bool = True) -> Any:
     """Return a record with what speaks against it among its warnings; sections cut together are judged each by itself.
 
     Raises InputError for faults, as `motion.trusted`.
     """
-    checked = motion.trusted(by_hand.parted_at_cuts(run, gravity), trust=trust, gravity=gravity)
+    checked = motion.trusted(by_hand.parted_at_cuts(run, gravity), trust=trust, moves=moves, gravity=gravity)
     return replace(run, warnings=checked.warnings)
 
 
@@ -620,7 +620,7 @@ def calibrate_together(
         refused |= {"mounting": mounting != "identity"}
         for label, run in runs.items():
             _refuse(refused, run, "records of a table")
-            runs[label] = _trusted_in_parts(run, trust=trust, gravity=gravity)
+            runs[label] = _trusted_in_parts(run, trust=trust, moves=False, gravity=gravity)
         request = by_hand.HandRequest(
             noise_bound=noise_bound, noise_sd=noise_sd, gravity=gravity, rest_scatter=rest_scatter
         )

@@ -28,7 +28,7 @@ from ..records import ForceRecord, PoseRecord
 from ..rounding import digits, upwards
 from .forces import Faces, Forces, Norms, fitted_forces, scatter_of
 from .gyros import PRIOR as GYRO_PRIOR
-from .gyros import GyroFit, fitted_gyros
+from .gyros import MOVE_ERROR, GyroFit, fitted_gyros
 from .moves import BIAS, MATRIX, ROUGH, Moves, Way, Windows
 from .run import HandRecord, HandRequest, Run, run_of
 
@@ -57,7 +57,9 @@ LARGE, LARGE_OF_GYRO = 0.2, 0.06
 CONTRADICTED = 4.0
 """A known turn is wrong where the moves contradict it by this number of standard deviations."""
 FAR_MOVE = 10.0
-"""A move whose error exceeds the median by this factor is named."""
+"""A move whose error exceeds the median by this factor is left out."""
+FAR_OF_PRIOR = 6.0
+"""So is one that usual gyros miss by this number of standard deviations."""
 FAR_FACE = np.radians(30.0)
 """Farther from a face no case is tilted [rad]."""
 MORE = 3.0
@@ -149,6 +151,7 @@ def checked_fit(run: Run) -> tuple[Run, HandFit]:
     """Return a run without the faces and turns that its readings contradict, each with a warning, and its fit."""
     if run.faces is not None and not isinstance(run.moves, Windows):
         run = _with_checked_faces(run, run.faces)
+    run = _with_sound_moves(run)
     turns = run.turns
     if turns is None:
         fit = fit_of(run)
@@ -172,6 +175,34 @@ def checked_fit(run: Run) -> tuple[Run, HandFit]:
     turns = replace(turns, way=turns.way.those(kept), angle=turns.angle[kept])
     run = replace(run, turns=turns, warnings=tuple(warnings))
     return run, fit_of(run)
+
+
+def _with_sound_moves(run: Run) -> Run:
+    """Return a run without the moves that miss gravity far more than the others; with all where a third does."""
+    moves = run.moves
+    if not isinstance(moves, Moves) or not len(moves):
+        return run
+    fit = fit_of(replace(run, turns=None, moves=moves.those(np.zeros(0, dtype=int))))
+    assert fit.gyros is not None
+    # As gyros without moves know them: biases at rest, and the prior.
+    pieces = moves.rows(fit.forces, fit.gyros.values)
+    variance = np.einsum("mdi,ij,mdj->m", pieces.by_gyros, fit.gyros.covariance, pieces.by_gyros)
+    variance += pieces.by_readings.sum(axis=1) * fit.deviation**2 + MOVE_ERROR**2
+    sizes = np.linalg.norm(pieces.error, axis=1)
+    sound, used = sizes <= FAR_OF_PRIOR * np.sqrt(variance), np.zeros(len(moves), dtype=bool)
+    while sound.sum() >= FEWEST_FOLDED - 2 and (sound != used).any():
+        used = sound
+        fit = with_gyros(replace(run, turns=None, moves=moves.those(np.flatnonzero(used))), fit, fit.gyros)
+        sizes = np.linalg.norm(moves.rows(fit.forces, fit.gyros.values).error, axis=1)
+        sound = used & (sizes <= FAR_MOVE * np.median(sizes[used]))
+    if sound.all() or 3 * (~sound).sum() >= len(moves):
+        return run
+    times = moves.way.series.time_s[moves.way.ends[~sound, 0]]
+    line = (
+        f"the moves after {', '.join(digits(time, 5) for time in times.tolist())} s miss gravity by up to "
+        f"{digits(float(np.degrees(sizes.max())), 2)}°, far more than the others, and are left out: are rows lost there?"
+    )
+    return replace(run, moves=moves.those(np.flatnonzero(sound)), warnings=(*run.warnings, line))
 
 
 def _with_checked_faces(run: Run, faces: Faces) -> Run:
@@ -480,8 +511,11 @@ def open_of_gyros(gyros: GyroFit | None) -> list[Open]:
     entries = []
     errors = gyros.errors[MATRIX].reshape(3, 3)
     priors = GYRO_PRIOR[MATRIX].reshape(3, 3)
+    worst, about = gyros.turn_error()
     for axis in range(3):
         is_open = errors[:, axis] >= HALF_PRIOR * priors[:, axis]
+        if worst > USABLE_TURN and axis == np.argmax(np.abs(about)):
+            is_open[np.argmax(errors[:, axis])] = True
         if is_open.any():
             names = [f"M{row + 1}{axis + 1}" for row in np.flatnonzero(is_open)]
             how = (
@@ -540,15 +574,6 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
                     f"gyro {axis} has a scale factor error of {digits(100.0 * value, 2)} %: are unit, rows and known "
                     "turns right?"
                 )
-    if fit.gyros is not None and isinstance(run.moves, Moves) and len(run.moves) >= FEWEST_FOLDED:
-        sizes = np.linalg.norm(fit.gyros.missed, axis=1)
-        far = np.flatnonzero(sizes > FAR_MOVE * np.median(sizes))
-        if len(far):
-            times = run.moves.way.series.time_s[run.moves.way.ends[far, 0]]
-            remarks.append(
-                f"the moves after {', '.join(digits(time, 5) for time in times.tolist())} s miss gravity by up to "
-                f"{digits(float(np.degrees(sizes.max())), 2)}°, far more than the others: are rows lost there?"
-            )
     if run.faces is not None and fit.forces.case is None and not isinstance(run.moves, Windows):
         remarks.append("the faces name one axis only: the axes of the case stay unknown; name faces of two axes")
     return remarks

@@ -257,8 +257,8 @@ def _with_latency(
         return calibration.model_copy(update={"warnings": [*calibration.warnings, warning]})
     parameters, warnings = solution.parameters, calibration.warnings
     if solution.contradicted and calibration.verdict != "falsified":
-        parameters = [parameter.model_copy(update={"estimate": None}) for parameter in parameters]
-        warnings = [*warnings, NO_LAG]
+        # No value of the lag is one of the readings.
+        parameters, warnings = [], [*warnings, NO_LAG]
     changed = {
         "parameters": calibration.parameters + parameters,
         "open": calibration.open + open_directions(with_lags, lags, MORE_TURNS),

@@ -42,6 +42,8 @@ WHOLE_POWER = 0.1
 """A factor is a power of two where its logarithm to base 2 is within this distance of a whole number."""
 FEW = 0.01
 """Part of the rows."""
+FEW_MOVES = 0.2
+"""Part of the moves that may miss gravity in a record whose other moves are used."""
 LEAST_FORCE = 1e-3
 """Least size for which readings count [g]."""
 FEWEST_RESTS, TOLD = 6, 0.1
@@ -61,11 +63,14 @@ class TrustCheck(Result):
         unusual facts that may be right
     of_forces : tuple of str
         the faults of accelerometers: they make results wrong that use no gyros
+    of_moves : tuple of str
+        the faults of a few moves: they make results wrong that use these
     """
 
     faults: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     of_forces: tuple[str, ...] = Field(default=(), exclude=True)
+    of_moves: tuple[str, ...] = Field(default=(), exclude=True)
 
     def known(self, trust: bool) -> "TrustCheck":
         """The check where a person may trust the record: then all are warnings."""
@@ -75,15 +80,23 @@ class TrustCheck(Result):
 
 
 def trusted(
-    record: Measured, *, trust: bool = False, gyros: bool = True, gravity: float = STANDARD_GRAVITY
+    record: Measured,
+    *,
+    trust: bool = False,
+    gyros: bool = True,
+    moves: bool = True,
+    gravity: float = STANDARD_GRAVITY,
 ) -> Measured:
     """Return a record with what speaks against it among its warnings.
 
-    An InputError for faults, of accelerometers alone where `gyros` are not used; with `trust`, where a person knows
+    An InputError for faults, of accelerometers alone where `gyros` are not used, of a few moves only where all `moves`
+    are used; with `trust`, where a person knows
     that the record is right, they are warnings.
     """
     check = trust_of(record, gravity).known(trust)
     refused = check.faults if gyros else check.of_forces
+    if not moves:
+        refused = tuple(line for line in refused if line not in check.of_moves)
     if refused:
         raise InputError(f"{record.path}: {'; '.join(refused)}. If the record is right all the same, add --trust")
     new = tuple(line for line in (*check.faults, *check.warnings) if line not in record.warnings)
@@ -182,15 +195,20 @@ def judged(
             )
     odd = once(odd_rows_of_gyros, record)
     of_forces += once(odd_rows_of_forces, record)
+    of_moves: tuple[str, ...] = ()
     if not (faults or of_forces or odd):
-        faults += missed_gravity(moves, scale)
+        lines = missed_gravity(moves, scale)
+        faults += lines
+        if moves.missing(scale).sum() <= FEW_MOVES * len(moves):
+            of_moves = lines
     faults += odd
     downward = downward_warning(record)
     if record.velocity_increment is not None:
         of_forces += downward
     else:
         warnings += downward
-    return TrustCheck(faults=(*faults, *of_forces), warnings=tuple(warnings), of_forces=tuple(of_forces))
+    checked = {"of_forces": tuple(of_forces), "of_moves": of_moves}
+    return TrustCheck(faults=(*faults, *of_forces), warnings=tuple(warnings), **checked)
 
 
 def _say_gyros(faults: list[str], warnings: list[str], scale: NDArray, words: str) -> None:

@@ -75,6 +75,31 @@ def test_a_move_in_which_rows_are_lost_is_named() -> None:
     assert not any("rows lost" in line for line in th.calibrate(table, gravity=GRAVITY).warnings)
 
 
+@pytest.mark.parametrize("seed", [15, 16])
+def test_gyros_come_from_the_other_moves_where_rows_of_two_are_lost(seed: int) -> None:
+    """Half a second of two moves is not in the record; in that of seed 16 one of them seems to be a cut."""
+    instrument, table = hand_moved(seed)
+    lost = pl.concat([table[:850], table[900:2850], table[2900:]]).with_columns(
+        time_s=table["time_s"][: len(table) - 100]
+    )
+    result = th.calibrate(lost, gravity=GRAVITY)
+    assert result.verdict == "usable"
+    assert present(result.by_hand).moves == 11
+    assert any("left out: are rows lost there" in line for line in result.warnings)
+    for p in result.parameters:
+        assert abs(present(p.estimate) - truth(instrument)[p.symbol]) < 4.0 * present(p.standard_error) + 1e-9, p.symbol
+
+
+def test_few_moves_beside_wrong_ones_ask_for_the_turn_that_they_lack() -> None:
+    """Of four moves one has lost rows."""
+    _, table = hand_moved(15, 5)
+    lost = pl.concat([table[:850], table[900:]]).with_columns(time_s=table["time_s"][: len(table) - 50])
+    result = th.calibrate(lost, gravity=GRAVITY)
+    assert result.verdict == "insufficient"
+    assert any("left out: are rows lost there" in line for line in result.warnings)
+    assert any("turns by 90° and more about axis" in entry.close_by for entry in result.open)
+
+
 def test_readings_that_no_parameters_explain_are_falsified_and_have_estimates() -> None:
     _, table = normal_poses(3, 20)
     spoilt = table.with_columns(f1_mps2=pl.col("f1_mps2") + pl.Series([0.1] + [0.0] * 19))

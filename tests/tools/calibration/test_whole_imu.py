@@ -183,11 +183,10 @@ def test_accelerometers_of_different_lags_have_no_latency_and_all_else_stands(re
     force = record.specific_force.copy()
     force[1:, 1] = force[:-1, 1]
     calibration = calibration_of(replace(record, specific_force=force))
-    late = calibration.of_gyros[-2:]
-    assert [e.estimate for e in late] == [None, None]
+    assert not {"A", "L-A"} & set(calibration)
     assert sum("no one lag of all accelerometers" in text for text in calibration.warnings) == 1
     assert calibration.verdict == "consistent"
-    for e, before in zip(calibration.parameters[:-2], result.parameters[:-2], strict=True):
+    for e, before in zip(calibration.parameters, result.parameters[:-2], strict=True):
         assert abs(e.estimate - before.estimate) < before.error_bound
 
 
