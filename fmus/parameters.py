@@ -319,13 +319,17 @@ def shown_effects(content: Mapping[str, Any]) -> dict[EffectPlace, list[Mapping[
 
 
 def calibrated_effects(content: Mapping[str, Any]) -> dict[EffectPlace, tuple[list[float], list[Interval]]]:
-    """Return all effects of components in a calibration's object with their sizes.
+    """Return all effects of components in a calibration's object with their sizes; of several explanations the first's.
 
     A ValueError for one that no component can have.
     """
     every: list[tuple[EffectPlace, Sequence[Mapping[str, Any]]]] = list(shown_effects(content).items())
     titles = {place.title: place for effect in CATALOGUE.values() for place in effect.places}
+    # The estimates hold with the first explanation, and those of the others are zero.
+    first = next(iter(content.get("sets") or ()), {}).get("effects")
     for effect in content.get("effects") or ():
+        if first is not None and effect["effect"] not in first:
+            continue
         place = titles.get(effect["effect"])
         if place is not None and place.effect == "outlier":
             continue

@@ -27,8 +27,8 @@ from ..motion.possible import BOX, Possible, central_parameters, nearest_possibl
 from ..records import ForceRecord, PoseRecord
 from ..rounding import digits, upwards
 from .forces import Faces, Forces, Norms, fitted_forces, scatter_of
-from .gyros import PRIOR as GYRO_PRIOR
 from .gyros import MOVE_ERROR, GyroFit, fitted_gyros
+from .gyros import PRIOR as GYRO_PRIOR
 from .moves import BIAS, MATRIX, ROUGH, Moves, Way, Windows
 from .run import HandRecord, HandRequest, Run, run_of
 
@@ -200,7 +200,8 @@ def _with_sound_moves(run: Run) -> Run:
     times = moves.way.series.time_s[moves.way.ends[~sound, 0]]
     line = (
         f"the moves after {', '.join(digits(time, 5) for time in times.tolist())} s miss gravity by up to "
-        f"{digits(float(np.degrees(sizes.max())), 2)}°, far more than the others, and are left out: are rows lost there?"
+        f"{digits(float(np.degrees(sizes.max())), 2)}°, far more than the others, and are left out: "
+        "are rows lost there?"
     )
     return replace(run, moves=moves.those(np.flatnonzero(sound)), warnings=(*run.warnings, line))
 

@@ -68,7 +68,7 @@ class Start:
 class CalibratedInstrument:
     """Components that start with a calibration's values by their endings in `BLOCKS`, and a description.
 
-    `stays` are effects that the compensations do not take out, in words.
+    `stays` are effects that the compensations do not take out, and explanations that none has, in words.
     """
 
     starts: Mapping[str, Sequence[Start]]
@@ -112,6 +112,10 @@ class CalibratedInstrument:
             for place in effects:
                 if place.definition.component == BLOCKS[ending][0] and place not in compensation.component.effects:
                     stays.append(f"{compensation.name} does not take out {place.title}")
+        explanations = len(content.get("sets") or ())
+        if explanations > 1:
+            first = ", ".join(content["sets"][0]["effects"])
+            stays.append(f"the record does not tell which of {explanations} explanations is true: these have {first}")
         return cls(starts, f"Calibration of {about}, verdict {content['verdict']}{bound}, case (A1)", stays)
 
 

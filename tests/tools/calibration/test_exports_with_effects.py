@@ -163,3 +163,17 @@ def test_lags_and_places_of_a_bench_in_motion_are_in_fmus_and_said_elsewhere(war
         "the accelerometers' lag of 2 ms: shift their time stamps by it",
         "the accelerometers are up to 20 mm off the centre: ω × (ω × r) + dω/dt × r stays",
     ]
+
+
+def test_components_have_the_first_of_several_explanations_even_where_another_is_a_formula(warmed, tmp_path):
+    """Estimates hold with the first explanation."""
+    content = json.loads((warmed[0] / "c.json").read_text(encoding="utf-8"))
+    first = content["effects"][0]
+    zero = [p | {"estimate": 0.0, "low": 0.0, "high": 1e-4} for p in first["parameters"]]
+    others = ["cubic accelerometer-2", "formula accelerometer-2 f2 += c * n2"]
+    content["effects"] += [{"effect": name, "where": "accelerometer-2", "parameters": zero} for name in others]
+    content["sets"] = [{"effects": [name]} for name in (first["effect"], *others)]
+    _, stays = export_calibrated(Calibration.model_validate(content), tmp_path / "fmus")
+    effects = {name.split(".")[0] for name in values_of(tmp_path / "fmus" / "AccelerometerBlock.ssv") if "." in name}
+    assert effects == {"temperature_bias"}
+    assert stays[-1] == f"the record does not tell which of 3 explanations is true: these have {first['effect']}"
