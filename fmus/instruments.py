@@ -16,6 +16,8 @@ from ..models.restricted import CONTEXT_SIZE, GYRO_CONTEXT_SIZE
 from . import units
 from .component import COUNT, FLAG, GRAVITY, Component, Variable, fixed, input_, output, seed, state, tunable, work
 
+WEIGHTS = computer.all_weights()
+
 
 def _gamma(row: int, column: int) -> Variable:
     return tunable(
@@ -285,7 +287,7 @@ _RATE_INPUTS = (
         "rates and increments of the step that is not full yet, and the rate at its beginning",
         computer.INPUTS_SIZE,
     ),
-    state("weights", "of rates and increments in increments", len(computer.WEIGHTS), start=computer.WEIGHTS),
+    state("weights", "of rates and increments in increments", len(WEIGHTS), start=WEIGHTS),
     work("turning", "rate at the end of the step, times the sample period", 3),
 )
 

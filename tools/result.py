@@ -79,6 +79,8 @@ class Result(BaseModel):
         validate_by_alias=True,
         serialize_by_alias=True,
         protected_namespaces=(),
+        # A command uses few of the kinds that it loads.
+        defer_build=True,
     )
 
     omitted: ClassVar[frozenset[str]] = frozenset()
@@ -236,7 +238,7 @@ def finite_or_none(value: float) -> float | None:
 class Section(BaseModel):
     """A table of a file without other keys. Fields with ``exclude=True`` are the program's: no file has them."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True, defer_build=True)
 
     def given(self, *names: str) -> list[str]:
         """Which of these fields are given."""

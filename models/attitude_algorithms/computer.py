@@ -18,6 +18,7 @@ even N, of order N + 1 for odd N, or of the algorithm's own if that is lower. Mi
 import math
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import cache
 
 from ..restricted import Vector
 from ..rotation import multiply, normalise
@@ -376,7 +377,9 @@ def gauss_jordan(rows: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fr
     return solution
 
 
-def _all_weights() -> tuple[float, ...]:
+@cache
+def all_weights() -> tuple[float, ...]:
+    """Return the weights of rates, then of mixed inputs, for 1 to 8 samples."""
     weights: list[float] = []
     for mixed in (False, True):
         for samples in range(1, MOST_SAMPLES + 1):
@@ -388,12 +391,8 @@ def _all_weights() -> tuple[float, ...]:
     return tuple(weights)
 
 
-WEIGHTS = _all_weights()
-"""Weights of rates, then of mixed inputs, for 1 to 8 samples."""
-
-
 def increments_of_inputs(kind: float, samples: int, inputs: Vector, weights: Vector, g: Vector) -> None:
-    """Write the increments (3 * samples,) of a step from its inputs (3 * (samples + 1),) by `WEIGHTS`."""
+    """Write the increments (3 * samples,) of a step from its inputs (3 * (samples + 1),) by `all_weights`."""
     # The weights of fewer samples take the sum of n (n + 1) places.
     at = 0
     if kind == MIXED:

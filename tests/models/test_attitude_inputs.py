@@ -11,7 +11,7 @@ from test_attitude_order import HALF, HIGH, attitude, increments
 from attitude_kernels import angle_between, precise_kernels, product, updater
 from named import Named
 from trihedron.models.attitude_algorithms import ALGORITHMS, INPUT_KINDS, Algorithm, order_with
-from trihedron.models.attitude_algorithms.computer import MIXED, RATES, WEIGHTS, weights_of
+from trihedron.models.attitude_algorithms.computer import MIXED, RATES, all_weights, weights_of
 
 BY_NAME = {a.name: a for a in ALGORITHMS}
 QUICK = ("mean-rate", "one-sample-rodrigues", "two-sample-rodrigues", "three-sample-uncompressed", "panov")
@@ -78,7 +78,7 @@ def test_weights_are_those_of_known_rules() -> None:
     assert [Fraction(45, 2) * x for x in sums[4]] == [7, 32, 12, 32, 7]
     eighth, half = Fraction(1, 8), Fraction(1, 2)
     assert weights_of(2, True) == [[eighth, half, -eighth], [-eighth, half, eighth]]
-    assert len(WEIGHTS) == 2 * 8 * 9 * 10 // 3
+    assert len(all_weights()) == 2 * 8 * 9 * 10 // 3
 
 
 def carried(name: str, kind: int, steps: int, span: float = 2.0) -> np.ndarray:

@@ -1,6 +1,7 @@
 """The command line: commands, common options, start."""
 
 import atexit
+import gc
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -214,6 +215,8 @@ def gone_option(words: list[str]) -> str:
 
 def program() -> int:
     """Run the command line as a process of its own, which ends at once when the work is done."""
+    # A start makes many objects and hardly any garbage.
+    gc.set_threshold(50_000, 10, 10)
     statuses: list[int] = []
     # Registered first it is done last. To take numpy and polars apart takes as long as to load them.
     atexit.register(_leave, statuses)

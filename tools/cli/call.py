@@ -1,7 +1,7 @@
 """A command that was carried out, and commands with the same record and options."""
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,7 +61,7 @@ class Call:
     def line(self, command: str, *places: object, **options: object) -> str:
         """Return a command with these arguments and options, and the options of the same record that it takes."""
         kept = {name: value for name, value in self.arguments.items() if name in SAME_RECORD}
-        return self._line(command, places, {**kept, **options})
+        return _written(command, _options(self.app, command), places, {**kept, **options})
 
     def again(self, **options: object) -> str:
         """Return the same command with further options."""
@@ -70,7 +70,7 @@ class Call:
         for name, value in self.arguments.items():
             if name not in known:
                 places += value if isinstance(value, tuple) else [value]
-        return self._line(self.name, places, {**self.arguments, **options})
+        return _written(self.name, known, places, {**self.arguments, **options})
 
     def with_one_more(self, **files: str) -> str:
         """Return the same command with the first of these options that it takes and has not; else its help."""
@@ -80,13 +80,14 @@ class Call:
                 return self.again(**{name: file})
         return f"trihedron help {self.name}"
 
-    def _line(self, command: str, places: Any, options: Mapping[str, object]) -> str:
-        words = ["trihedron", *command.split(), *map(str, places)]
-        known = _options(self.app, command)
-        for name, value in options.items():
-            if name in known:
-                words += _words(known[name], value)
-        return shlex.join(words)
+
+def _written(command: str, known: Mapping[str, str], places: Iterable[object], options: Mapping[str, object]) -> str:
+    """Return a command as typed, with those options that it knows."""
+    words = ["trihedron", *command.split(), *map(str, places)]
+    for name, value in options.items():
+        if name in known:
+            words += _words(known[name], value)
+    return shlex.join(words)
 
 
 def _options(app: App, command: str) -> dict[str, str]:

@@ -41,7 +41,8 @@ def _grids() -> NDArray[np.float64]:
             0.2 * unit,
             0.1 * unit,
         ]
-    return np.sort(np.unique(steps))[::-1]
+    # numpy.unique would load masked arrays.
+    return np.array(sorted(set(steps), reverse=True))
 
 
 GRIDS_DEG = _grids()
