@@ -1,6 +1,6 @@
 """Rests of a block in a hand or on a desk, by its accelerometers: a hand that trembles turns the gyros at rest, too."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -107,36 +107,38 @@ def still_rests(series: TimedReadings, limit: float | None = None) -> StillRests
         than nine rests and 5 leaves more.
     """
     if limit is not None:
-        return averaged(series, _still_rows(series, limit), limit)
-    rows = _still_rows(series, QUIET)
+        return averaged(series, next(_still_rows(series, [limit])), limit)
+    each_rows = _still_rows(series, [QUIET, WIDER])
+    rows = next(each_rows)
     if len(rows) < FEWEST:
-        wider = _still_rows(series, WIDER)
+        wider = next(each_rows)
         if len(wider) > len(rows):
             return averaged(series, wider, WIDER)
     return averaged(series, rows, QUIET)
 
 
-def _still_rows(series: TimedReadings, limit: float) -> list[slice]:
-    """Return the rows of each rest, without its ends."""
-    if len(series.time_s) < 2 * LEAST_ROWS:
-        return []
-    most = LARGEST_FORCE / 9.0
-    still, _ = still_windows([*np.clip(series.force, -most, most).T], series.period, limit)
-    if series.rate is not None and still.any():
-        still &= _turns_as_the_stillest(series.rate, still, len(series.time_s) - len(still) + 1)
-    return still_stretches(series.time_s, still, series.period)
+def _still_rows(series: TimedReadings, limits: Sequence[float]) -> Iterator[list[slice]]:
+    """Yield the rows of each rest, without its ends, by each limit.
 
-
-def _turns_as_the_stillest(rate: NDArray, still: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
-    """Return the windows whose mean rate is near that of the still windows in which the gyros scatter least.
-
-    A turn about the vertical is still for accelerometers, and no hand turns as steadily as a block rests.
+    Only windows count whose mean rate is near that of the still windows in which the gyros scatter least: a turn about
+    the vertical is still for accelerometers, and no hand turns as steadily as a block rests.
     """
-    means = np.column_stack([window_sums(values, size) / size for values in rate.T])
-    scatter = np.linalg.norm([window_scatter(values, size) for values in rate.T], axis=0)
-    least = np.quantile(scatter[still], STILLEST)
-    usual = np.median(means[still & (scatter <= least)], axis=0)
-    return np.linalg.norm(means - usual, axis=1) <= SAME_RATE
+    if len(series.time_s) < 2 * LEAST_ROWS:
+        yield from ([] for _ in limits)
+        return
+    most = LARGEST_FORCE / 9.0
+    windows, _ = still_windows([*np.clip(series.force, -most, most).T], series.period, limits)
+    means, scatter = np.empty(0), np.empty(0)
+    for still in windows:
+        if series.rate is not None and still.any():
+            if not len(means):
+                size = len(series.time_s) - len(still) + 1
+                means = np.column_stack([window_sums(values, size) / size for values in series.rate.T])
+                scatter = np.linalg.norm([window_scatter(values, size) for values in series.rate.T], axis=0)
+            least = np.quantile(scatter[still], STILLEST)
+            usual = np.median(means[still & (scatter <= least)], axis=0)
+            still &= np.linalg.norm(means - usual, axis=1) <= SAME_RATE
+        yield still_stretches(series.time_s, still, series.period)
 
 
 def averaged(series: TimedReadings, rows: Sequence[slice], limit: float | None) -> StillRests:

@@ -322,29 +322,35 @@ def _quiet_windows(record: StrapdownRecord, period: float) -> tuple[list[NDArray
     """Return the channels of a record without knocks, and its still windows with the noise, as of `still_windows`."""
     # A knock would be all that sums of squares hold.
     channels = [*rates_of(record).T, *np.clip(record.specific_force, -LARGEST_FORCE, LARGEST_FORCE).T]
-    return channels, *still_windows(channels, period, QUIET)
+    (still,), noise = still_windows(channels, period, [QUIET])
+    return channels, still, noise
 
 
-def still_windows(channels: Sequence[NDArray], period: float, limit: float) -> tuple[NDArray[np.bool_], NDArray]:
+def still_windows(
+    channels: Sequence[NDArray], period: float, limits: Sequence[float]
+) -> tuple[list[NDArray[np.bool_]], NDArray]:
     """Return the windows of half a second in which each channel is still, by their first rows, and the noises.
 
-    A channel is still where it scatters at most `limit` times its noise. The noise comes from differences over 0.05 s
-    in the windows where they are least: a slow move has small differences and a large scatter. In a record without
-    noise nothing but last digits changes at rest. No window is still in a record of less than two windows.
+    For each limit, a channel is still where it scatters at most that many times its noise. The noise comes from
+    differences over 0.05 s in the windows where they are least: a slow move has small differences and a large scatter.
+    In a record without noise nothing but last digits changes at rest. No window is still in a record of less than two
+    windows.
     """
     size = max(LEAST_ROWS, round(WINDOW / period))
     if len(channels[0]) < 2 * size:
-        return np.zeros(0, dtype=bool), np.zeros(len(channels))
+        return [np.zeros(0, dtype=bool) for _ in limits], np.zeros(len(channels))
     lag = max(1, min(round(LAG / period), size // 4))
     noise = np.array([channel_noise(values, size, lag) for values in channels])
     if not np.isfinite(noise).any():
         least = [LAST_DIGITS * np.abs(values).max() for values in channels]
         changes = np.any([np.abs(np.diff(v)) > e for v, e in zip(channels, least, strict=True)], axis=0)
-        return window_sums(changes, size - 1) == 0, noise
-    still = np.ones(len(channels[0]) - size + 1, dtype=bool)
+        return [window_sums(changes, size - 1) == 0 for _ in limits], noise
+    still = [np.ones(len(channels[0]) - size + 1, dtype=bool) for _ in limits]
     # One channel after the other: sums over an hour at 1 kHz are large.
     for values, usual in zip(channels, noise, strict=True):
-        still &= window_scatter(values, size) <= limit * usual
+        scatter = window_scatter(values, size)
+        for limit, windows in zip(limits, still, strict=True):
+            windows &= scatter <= limit * usual
     return still, noise
 
 

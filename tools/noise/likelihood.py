@@ -215,8 +215,9 @@ class Likelihood:
     ) -> NDArray[np.float64]:
         """Return θ ≥ 0 by least squares, weighted as the scatter of the power about a spectrum is."""
         weight = np.sqrt(self.bins.count) / np.maximum(spectrum, 1e-300)
-        scale = np.linalg.norm(columns * weight[:, None], axis=0)
-        solution, _ = nnls(columns * weight[:, None] / scale, power * weight)
+        weighted = columns * weight[:, None]
+        scale = np.sqrt((weighted * weighted).sum(axis=0))
+        solution, _ = nnls(weighted / scale, power * weight)
         return solution / scale
 
     def _cost(self, spectrum: NDArray[np.float64], power: NDArray[np.float64]) -> float:

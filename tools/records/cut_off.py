@@ -242,7 +242,12 @@ def _windows(pieces: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]
     """Return the pieces in windows in which a bias is constant."""
     windows = []
     for piece in pieces:
-        windows += np.array_split(piece, max(1, len(piece) // WINDOW))
+        count = max(1, len(piece) // WINDOW)
+        rows, longer = divmod(len(piece), count)
+        end = 0
+        for number in range(count):
+            begin, end = end, end + rows + (number < longer)
+            windows.append(piece[begin:end])
     return windows
 
 

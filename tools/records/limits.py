@@ -7,6 +7,8 @@ ends in a rest or in a constant rate has no corner.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +47,25 @@ out, where at most the second part of the rows repeats the row before."""
 PIECES, STILL = 6, 4.0
 """A channel stands still where the means of this number of pieces differ by less than the second number, in resolutions
 or in units of its noise."""
+MOST_COURSES = 64
+"""Channels whose course is kept: a command looks at the same readings several times."""
+
+
+class Course(NamedTuple):
+    """What tells limits of a channel: its least step, rows of one reading, its longest run of one, whether it is noisy.
+
+    The counts of its largest values are in falling order, of its least values in rising order.
+    """
+
+    resolution: float
+    repeats: int
+    usual: int
+    noisy: bool
+    at_largest: NDArray[np.int_]
+    at_least: NDArray[np.int_]
+
+
+_courses: dict[tuple[int, bytes], Course | None] = {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,16 +144,11 @@ def rows_at_limit(values: NDArray[np.float64], channels: Sequence[NDArray[np.flo
     Where the `others`, channels (N,), stand still for a while, a rest explains equal readings.
     """
     at_limit = np.zeros(len(values), dtype=bool)
-    distinct, counts = np.unique(values, return_counts=True)
-    if len(distinct) < DISTINCT:
+    course = _course_of(values)
+    if course is None:
         return at_limit
-    resolution = resolution_of(distinct)
-    repeated = np.concatenate([[False], np.diff(values) == 0.0])
-    repeats = int(np.median(np.diff(np.flatnonzero(np.append(~repeated, True)))))
-    noisy = is_noisy(values[::repeats], resolution)
-    begins, ends = runs_of(repeated & (values > distinct[0]) & (values < distinct[-1]))
-    usual = 1 + int((ends - begins).max(initial=0))
-    for sign, often in ((1.0, counts[::-1]), (-1.0, counts)):
+    resolution, repeats, usual, noisy = course.resolution, course.repeats, course.usual, course.noisy
+    for sign, often in ((1.0, course.at_largest), (-1.0, course.at_least)):
         upright = sign * values
         at = upright == upright.max()
         begins, ends = runs_of(at)
@@ -150,8 +166,38 @@ def rows_at_limit(values: NDArray[np.float64], channels: Sequence[NDArray[np.flo
         if is_limit or any(not is_rest(channels, run) for run in corners):
             at_limit |= at
     if noisy:
-        return at_limit | stuck_rows(values, repeated)
+        return at_limit | stuck_rows(values, np.concatenate([[False], np.diff(values) == 0.0]))
     return at_limit
+
+
+def _course_of(values: NDArray[np.float64]) -> Course | None:
+    """Return what tells limits of a channel, None of one with few values; the same readings are looked at once."""
+    key = (len(values), sha256(values.tobytes()).digest())
+    if key not in _courses:
+        while len(_courses) >= MOST_COURSES:
+            del _courses[next(iter(_courses))]
+        _courses[key] = _new_course(values)
+    return _courses[key]
+
+
+def _new_course(values: NDArray[np.float64]) -> Course | None:
+    distinct, counts = np.unique(values, return_counts=True)
+    if len(distinct) < DISTINCT:
+        return None
+    resolution = resolution_of(distinct)
+    repeated = np.concatenate([[False], np.diff(values) == 0.0])
+    repeats = int(np.median(np.diff(np.flatnonzero(np.append(~repeated, True)))))
+    begins, ends = runs_of(repeated & (values > distinct[0]) & (values < distinct[-1]))
+    usual = 1 + int((ends - begins).max(initial=0))
+    near = 1 + NEIGHBOURS
+    return Course(
+        resolution,
+        repeats,
+        usual,
+        is_noisy(values[::repeats], resolution),
+        counts[: -1 - near : -1].copy(),
+        counts[:near].copy(),
+    )
 
 
 def resolution_of(distinct: NDArray[np.float64]) -> float:
@@ -223,10 +269,13 @@ def stands_still(values: NDArray[np.float64]) -> bool:
 
 def stuck_rows(values: NDArray[np.float64], repeated: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return rows (N,) where a channel that rarely repeats a value stays at one, far from its usual readings."""
+    stuck = np.zeros(len(values), dtype=bool)
+    begins, ends = runs_of(repeated)
+    if (ends - begins).max(initial=0) < STUCK - 1:
+        return stuck
     middle = float(np.median(values))
     far = np.abs(values - middle) > FAR * float(np.median(np.abs(values - middle)))
     begins, ends = runs_of(repeated & far)
-    stuck = np.zeros(len(values), dtype=bool)
     for begin, end in zip(begins, ends, strict=True):
         if end - begin >= STUCK - 1:
             stuck[begin - 1 : end] = True

@@ -19,6 +19,8 @@ from .sigma import CHANNELS, Fitted, pooled_deviation
 SAME_ANGLE = math.radians(1 / 60)
 """Positions whose angles agree so far are repeats of one [rad]."""
 
+ROWS_AT_ONCE = 8192
+"""Rows of sums whose differences are taken at once."""
 SCATTER_FACTOR = 3.0
 """The bound on a mean's error over its standard error."""
 
@@ -218,9 +220,15 @@ def allan_deviation_of_sums(sums: Sequence[np.ndarray], size: int) -> np.ndarray
     for of_piece in sums:
         if len(of_piece) <= 2 * size:
             continue
-        difference = of_piece[2 * size :] - of_piece[size:-size]
-        difference -= of_piece[size:-size]
-        difference += of_piece[: -2 * size]
+        difference = np.empty((len(of_piece) - 2 * size, of_piece.shape[1]))
+        # In parts that stay in the processor's own memory.
+        for begin in range(0, len(difference), ROWS_AT_ONCE):
+            part = difference[begin : begin + ROWS_AT_ONCE]
+            end = begin + len(part)
+            middle = of_piece[begin + size : end + size]
+            np.subtract(of_piece[begin + 2 * size : end + 2 * size], middle, out=part)
+            part -= middle
+            part += of_piece[begin:end]
         total = total + np.einsum("ij,ij->j", difference, difference)
         count += len(difference)
     if count:
