@@ -418,7 +418,7 @@ class Procedure:
         calibration = evidence.reader.calibration_of(first)
         excluded = excluded_sizes(evidence, first) if is_named else ()
         explanations = [Explanation.of(finding, calibration) for finding in findings]
-        explanations += [Explanation.of_causes(other.causes, other.fit.radius) for other in self.candidates.findings]
+        explanations += [Explanation.of(other) for other in self.candidates.findings]
         return self._result(
             "explained" if is_named else "ambiguous",
             evidence.reader.of_model(first, calibration, excluded) if is_named else {},

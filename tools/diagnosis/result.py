@@ -63,6 +63,8 @@ class Explanation(Told):
         place of a break
     between_rows : tuple of int
         rows, or rests of a series, between which a break may be
+    basis : Fit, Simple, Standing or None
+        the model that fits; None where the explanation comes from a file
     """
 
     kind: KindOfExplanation
@@ -79,11 +81,13 @@ class Explanation(Told):
     before_row: Count | None = None
     time_s: Number | None = None
     between_rows: Annotated[tuple[Count, Count], OrderedPair] | None = None
+    basis: Any = Field(default=None, exclude=True)
 
     @staticmethod
     def of(finding: Finding, calibration: Calibration | None = None) -> "Explanation":
         """Return a set of effects that makes the model fit."""
-        return Explanation.of_causes(finding.causes, radius=finding.fit.radius, calibration=calibration)
+        fit = finding.fit
+        return Explanation.of_causes(finding.causes, radius=fit.radius, calibration=calibration, basis=fit)
 
     @staticmethod
     def of_causes(causes: tuple[Cause, ...], radius: float | None = None, **keys: Any) -> "Explanation":
@@ -112,13 +116,15 @@ class Explanation(Told):
             radius=simple.radius,
             sentence=simple.sentence,
             calibration=calibration_of(simple),
+            basis=simple,
             **{key: value for key, value in keys.items() if value not in (None, (), {})},
         )
 
     @staticmethod
     def of_extension(extension: BeyondCatalogue) -> "Explanation":
         """A formula or a table that is in no catalogue."""
-        return Explanation.of_causes(extension.causes, radius=extension.radius, calibration=None, extension=extension)
+        fit = extension.fit
+        return Explanation.of_causes(extension.causes, radius=extension.radius, extension=extension, basis=fit)
 
     @staticmethod
     def of_function(standing: Standing) -> "Explanation":
@@ -130,6 +136,7 @@ class Explanation(Told):
             causes=(),
             radius=standing.radius,
             sentence=standing.pair.in_words,
+            basis=standing,
         )
 
 

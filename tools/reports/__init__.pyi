@@ -4,7 +4,7 @@ from .calibration import gyro_sections as gyro_sections
 from .campaign import campaign_page as campaign_page
 from .campaign import write_campaign_page as write_campaign_page
 from .campaign import write_suite as write_suite
-from .diagnosis import explanation_page as explanation_page
+from .explanations import explanation_page as explanation_page
 from .inspection import attitude_page as attitude_page
 from .inspection import distrust as distrust
 from .lines import lines_page as lines_page

@@ -11,7 +11,6 @@ from ..diagnosis.hypothesis import Hypothesis
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Page, Picture, Section, Table, Tone
 from ..document.notation import Cell, sentence, unit_text
-from ..errors import InputError
 from ..motion.inspect import Inspection
 from ..motion.norm import norm_values
 from ..records import PositionRecord
@@ -23,7 +22,7 @@ from .noise import against_sections
 from .pictures import WIDTH
 from .pictures.residuals import held_out, matrix_picture, shares_of_pieces
 from .sources import cited, versions
-from .terminal import advice_text, detection_limit, is_weak, terminal_lines
+from .terminal import detection_limit, is_weak, terminal_lines
 
 ANSWERS = {
     "stands": "fits: it brings every error within its bound",
@@ -61,33 +60,6 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
         warnings=warnings,
         screen=terminal_lines(result, verdict, warnings),
     )
-
-
-def explanation_page(result: Diagnosis, number: int) -> Page:
-    """Return the page of one of the explanations: its size, gain and residuals, and what tells it from the others.
-
-    Raises
-    ------
-    InputError
-        if the diagnosis has no such explanation
-    """
-    if not 0 <= number < len(result.explanations):
-        raise InputError(f"explanation {number + 1}: the diagnosis has {len(result.explanations)}")
-    explanation = result.explanations[number]
-    places = [cause.place for cause in explanation.causes]
-    matching = [finding for finding in result.findings if [cause.place for cause in finding.causes] == places]
-    changed = {"explanations": (explanation,), "causes": explanation.causes, "findings": tuple(matching[:1])}
-    alone = result.model_copy(update={"verdict": "explained", "alternatives": None, **changed})
-    sections = answer_of(alone) if matching or not places else []
-    following = [section for section in remarks_of(result) if section.title.startswith("Next measurements")]
-    if len(result.explanations) > 1:
-        rival = result.explanations[number + 1 if number + 1 < len(result.explanations) else number - 1]
-        tells = [f"The other one is: {sentence(rival.sentence)}"]
-        tells += [] if following else [advice_text(result)]
-        sections = [Section("What tells it from the next", tells), *sections]
-    noun = "number" if explanation.numbers == 1 else "numbers"
-    title = explanation.sentence[:1].upper() + explanation.sentence[1:]
-    return Page(title, f"It needs {explanation.numbers} {noun}.", [*sections, *following])
 
 
 def _page_of_file(result: Diagnosis) -> Page:

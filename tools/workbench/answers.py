@@ -68,8 +68,8 @@ ABOUT: list[str] = []
 """Their files."""
 MOST_ROWS_KEPT = 3_000_000
 """Values of calculations with longer records are not kept: they would fill the memory."""
-LAST: "list[Shown]" = []
-"""The last result, for its page and its files."""
+RESULTS: "dict[tuple[str, ...], Shown]" = {}
+"""The last results, for their pages and files, by the command and the paths."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,6 @@ class Shown:
         the record for its page
     run : record
         the first record, with decisions
-    paths : sequence of str
-        files of the records
     channels : tuple of str
         the channels with which it was read
     """
@@ -92,15 +90,22 @@ class Shown:
     result: Any
     record: Any
     run: Any
-    paths: Sequence[str]
     channels: tuple[str, ...]
 
 
-def last() -> Shown:
-    """Return the last result; an InputError where the process that had it was stopped."""
-    if not LAST:
+def shown(command: str, paths: Sequence[str]) -> Shown:
+    """Return the last result of a command about files; an InputError where it is not kept."""
+    if (command, *paths) not in RESULTS:
         raise InputError("stopping the calculation removed its result; calculate again")
-    return LAST[0]
+    return RESULTS[command, *paths]
+
+
+def _keep(key: tuple[str, ...], result: Shown) -> None:
+    """Keep a result, and the latest others."""
+    RESULTS.pop(key, None)
+    while len(RESULTS) >= MOST_KEPT:
+        del RESULTS[next(iter(RESULTS))]
+    RESULTS[key] = result
 
 
 def outcome(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
@@ -419,23 +424,22 @@ def answer(asked: FilesCommand, advise: Advise | None = None) -> dict[str, Any]:
     page = reports.page_of(result, record)
     assert page is not None
     channels = (options["channels"],) if "channels" in options else ()
-    LAST[:] = [Shown(result, record, runs[0], asked.paths, channels)]
-    shown = [str(_typed_path(path)) for path in asked.paths]
-    following = "" if advise is None else advise(command, shown, options, result)
+    _keep((command, *asked.paths), Shown(result, record, runs[0], channels))
+    typed_paths = [str(_typed_path(path)) for path in asked.paths]
+    following = "" if advise is None else advise(command, typed_paths, options, result)
     return {
         "verdict": page.verdict,
         "tone": page.tone,
         "key": {plain_text(name): plain_text(value) for name, value in page.key.items()},
         "sentences": [*_sentences(page), *_open(result)],
-        "text": str(result),
         "warnings": list(page.warnings),
         "parameters": _parameters(result),
         "gives": _gives(result),
         "wrong": _wrong_positions(result, runs[0]),
         "explanations": _explanations(result),
         "next": following,
-        "command": command_line(command, shown, options),
-        "python": python_lines(command, shown, options),
+        "command": command_line(command, typed_paths, options),
+        "python": python_lines(command, typed_paths, options),
     }
 
 
@@ -535,15 +539,16 @@ def _wrong_positions(result: Any, record: Any) -> list[int]:
 
 
 def _explanations(result: Any) -> list[dict[str, Any]]:
-    """Return the explanations of a diagnosis: sentence, count of numbers, largest error and sizes."""
+    """Return the explanations of a diagnosis: sentence, count of numbers, largest errors and sizes."""
     listed = []
     for explanation in getattr(result, "explanations", ()):
-        radius = "unknown" if explanation.radius is None else str(residual(explanation.radius))
+        radius = "unknown" if explanation.radius is None else f"{residual(explanation.radius)} σ"
         listed.append(
             {
                 "sentence": explanation.sentence,
                 "numbers": explanation.numbers,
                 "radius": radius,
+                "without": "unknown" if result.radius is None else f"{residual(result.radius)} σ",
                 "sizes": _sizes(explanation),
             }
         )
@@ -563,23 +568,20 @@ def _sizes(explanation: Any) -> list[tuple[str, str]]:
     return sizes
 
 
-def page() -> str:
-    """Return the page of the last result as HTML."""
-    shown = reports.page_of(last().result, last().record)
-    assert shown is not None
-    return document.html(shown)
+def page(command: str, paths: Sequence[str], explanation: int | None = None) -> str:
+    """Return the page of a result, or of one explanation of a diagnosis, as HTML; an InputError where there is none."""
+    result = shown(command, paths)
+    if explanation is None:
+        of_result = reports.page_of(result.result, result.record)
+        assert of_result is not None
+        return document.html(of_result)
+    if not isinstance(result.result, diagnosis.Diagnosis):
+        raise InputError("this result is not a diagnosis")
+    return document.html(reports.explanation_page(result.result, explanation))
 
 
-def explanation(number: int) -> str:
-    """Return the page of an explanation of the last diagnosis as HTML; an InputError where there is none."""
-    result = last().result
-    if not isinstance(result, diagnosis.Diagnosis):
-        raise InputError("the last result is not a diagnosis")
-    return document.html(reports.explanation_page(result, number))
-
-
-def saved(what: str) -> dict[str, Any]:
-    """Write a file of the last result beside its first record; `what` is a target of an export, or one of these words.
+def saved(command: str, paths: Sequence[str], what: str) -> dict[str, Any]:
+    """Write a file of a result beside its first record; `what` is a target of an export, or one of these words.
 
     "json", "report", "corrected": the result, its page, the corrected record; "fmu": a folder of FMUs. A file that is
     there already is kept: the new one has a number in its name.
@@ -589,17 +591,18 @@ def saved(what: str) -> dict[str, Any]:
     InputError
         for an output that the result does not have
     """
-    result, beside = last().result, Path(last().paths[0])
+    kept_result, beside = shown(command, paths), Path(paths[0])
+    result = kept_result.result
     kind = type(result).__name__.lower()
     if what == "json":
         out = free_name(beside.with_name(f"{beside.stem}.{kind}.json"))
         write_text(out, json_text(result.to_json()))
     elif what == "report":
         out = free_name(beside.with_name(f"{beside.stem}.{kind}.html"))
-        reports.write_report(out, result, last().record)
+        reports.write_report(out, result, kept_result.record)
     elif what == "corrected":
         out = free_name(beside.with_name(f"{beside.stem}.corrected.csv"))
-        corrected = corrections.apply(result, last().run, channels=last().channels).record
+        corrected = corrections.apply(result, kept_result.run, channels=kept_result.channels).record
         if corrected is None:
             raise InputError("the diagnosis names nothing that a correction could remove")
         records.write_record(corrected, out)

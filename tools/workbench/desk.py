@@ -81,8 +81,47 @@ class DeskRequest:
     options: Mapping[str, Any]
 
 
+@dataclass
+class DeskAnswer:
+    """The answer of a command about some files.
+
+    Attributes
+    ----------
+    request : DeskRequest
+        the last one of this command about these files
+    answer, before : mapping or None
+        content by `answers.answer`, and that before the last change of the same request
+    ended : bool
+        whether it was answered or refused once; a calculation that was stopped begins by no change
+    outdated : bool
+        whether decisions or files changed afterwards
+    """
+
+    request: DeskRequest
+    answer: Mapping[str, Any] | None = None
+    before: Mapping[str, Any] | None = None
+    ended: bool = False
+    outdated: bool = False
+
+
+@dataclass
+class Worker:
+    """A process for one calculation at a time, and what it is about."""
+
+    process: OneProcess = field(default_factory=OneProcess)
+    request: DeskRequest | None = None
+    began: float = 0.0
+    future: Future[Any] | None = None
+
+    def stop(self) -> None:
+        """Stop the calculation that is running, if any."""
+        if self.future is not None:
+            self.future = None
+            self.process.stop()
+
+
 class Desk:
-    """Files on a page, and a process that looks at them beside one that calculates.
+    """Files on a page, a process that looks at them, one that diagnoses, and one for all other calculations.
 
     Parameters
     ----------
@@ -95,16 +134,14 @@ class Desk:
     def __init__(self, paths: Sequence[Path] = (), advise: answers.Advise | None = None) -> None:
         self._advise = advise
         self._lock = threading.RLock()
-        self._looking, self._calculating = OneProcess(), OneProcess()
+        self._looking = OneProcess()
+        self._calculating, self._diagnosing = self._workers = Worker(), Worker()
+        self._waiting: list[DeskRequest] = []
         self.files: list[OpenFile] = []
-        self.answer: Mapping[str, Any] | None = None
-        self.before: Mapping[str, Any] | None = None
+        self.answers: list[DeskAnswer] = []
+        self._asked: DeskAnswer | None = None
         self.refusal = ""
-        self.outdated = False
         self.number = self.answered = 0
-        self._request: DeskRequest | None = None
-        self._began = 0.0
-        self._running: Future[Any] | None = None
         for path in paths:
             self.open(path)
 
@@ -123,11 +160,11 @@ class Desk:
         return number
 
     def renew(self, path: Path) -> None:
-        """Open a file; look again at one that is open and has been written anew, and calculate its result again."""
+        """Open a file; look again at one that is open and has been written anew, and calculate its results again."""
         opened = len(self.files)
         number = self.open(path)
         if number < opened:
-            self._look_at(self.files[number], then=self.again)
+            self._look_at(self.files[number], then=lambda: self._changed(number))
 
     def _look_at(self, file: OpenFile, then: Callable[[], None] | None = None) -> None:
         threading.Thread(target=self._looked, args=(file, then), daemon=True).start()
@@ -205,13 +242,7 @@ class Desk:
     def state(self, known: int = -1) -> dict[str, Any]:
         """Return all that the page shows, as plain values; only what runs where it knows the last change."""
         with self._lock:
-            running = None
-            if self._running is not None and self._request is not None:
-                names = [self.files[number].path.name for number in self._request.files]
-                running = {
-                    "command": f"trihedron {self._request.command} {' '.join(names)}",
-                    "seconds": round(time.monotonic() - self._began),
-                }
+            running = self._what_runs()
             if known == self.number:
                 return {"number": self.number, "running": running}
             files = []
@@ -230,19 +261,55 @@ class Desk:
                         "decisions_file": records.decisions_file(file.path).name,
                     }
                 )
+            every = []
+            for one in self.answers:
+                every.append(
+                    {
+                        "command": one.request.command,
+                        "files": one.request.files,
+                        "answer": one.answer,
+                        "before": one.before,
+                        "outdated": one.outdated,
+                        "running": one.request in self._running,
+                    }
+                )
             return {
                 "number": self.number,
                 "answered": self.answered,
                 "files": files,
                 "running": running,
-                "answer": self.answer,
-                "before": self.before,
-                "outdated": self.outdated and self.answer is not None,
+                "answers": every,
+                "asked": None if self._asked is None else self.answers.index(self._asked),
                 "refusal": self.refusal,
             }
 
+    def _what_runs(self) -> dict[str, Any] | None:
+        """Return the commands that run and that wait, and the seconds since the first began; None if none runs."""
+        if not self._running:
+            return None
+        begins = [worker.began for worker in self._workers if worker.future is not None]
+        return {
+            "commands": [self._words(request) for request in self._running],
+            "waiting": [self._words(request) for request in self._waiting],
+            "seconds": round(time.monotonic() - min(begins)),
+        }
+
+    @property
+    def _running(self) -> list[DeskRequest]:
+        """Return the requests that are being calculated."""
+        return [worker.request for worker in self._workers if worker.future is not None and worker.request is not None]
+
+    def _words(self, request: DeskRequest) -> str:
+        names = [self.files[number].path.name for number in request.files]
+        return f"trihedron {request.command} {' '.join(names)}"
+
+    @property
+    def answer(self) -> Mapping[str, Any] | None:
+        """The answer to the last request of the person; None before the first one."""
+        return None if self._asked is None else self._asked.answer
+
     def run(self, request: DeskRequest) -> None:
-        """Begin a calculation in place of one that is running.
+        """Begin a calculation in place of one of its kind that is running.
 
         Raises
         ------
@@ -253,50 +320,71 @@ class Desk:
             raise InputError(f"{request.command}: is not a command of the page; use {', '.join(COMMANDS)}")
         if not request.files or not all(0 <= number < len(self.files) for number in request.files):
             raise InputError("choose a file first")
+        for number in request.files:
+            self._record(number)
+        with self._lock:
+            self.refusal = ""
+            self._asked = self._entry(request)
+            if self._asked is None:
+                self._asked = DeskAnswer(request)
+                self.answers.append(self._asked)
+            self._worker(request).stop()
+            self._begin(request)
+
+    def _entry(self, request: DeskRequest) -> DeskAnswer | None:
+        """Return what is known of a command about the same files; None if it was not asked for."""
+        about = request.command, request.files
+        return next((one for one in self.answers if (one.request.command, one.request.files) == about), None)
+
+    def _worker(self, request: DeskRequest) -> Worker:
+        return self._diagnosing if request.command == "diagnose" else self._calculating
+
+    def _begin(self, request: DeskRequest) -> None:
+        """Begin a calculation by a worker that is free."""
+        entry, worker = self._entry(request), self._worker(request)
+        assert entry is not None
         chosen = [self.files[number] for number in request.files]
-        for file in chosen:
-            if file.about is None:
-                raise InputError(f"{file.path.name}: is not a record: {file.problem}")
         paths = [str(file.path) for file in chosen]
         asked = answers.FilesCommand(request.command, paths, [file.of_content for file in chosen], request.options)
-        with self._lock:
-            self._stop()
-            changed = self._request != request
-            self._request, self._began, self.refusal = request, time.monotonic(), ""
-            future = self._calculating.call(answers.outcome, answers.answer, asked, self._advise)
-            self._running = future
-            self.number += 1
-        future.add_done_callback(lambda done: self._ended(done, request, same_request=not changed))
+        changed = entry.request != request
+        self._waiting = [one for one in self._waiting if one != entry.request]
+        entry.request = worker.request = request
+        worker.began = time.monotonic()
+        worker.future = future = worker.process.call(answers.outcome, answers.answer, asked, self._advise)
+        self.number += 1
+        future.add_done_callback(lambda done: self._ended(done, worker, entry, same_request=not changed))
 
-    def _ended(self, future: Future[Any], request: DeskRequest, *, same_request: bool) -> None:
-        """Take the answer of a calculation that is still the wanted one, with the numbers of its files."""
+    def _ended(self, future: Future[Any], worker: Worker, entry: DeskAnswer, *, same_request: bool) -> None:
+        """Take the answer of a calculation that is still the wanted one, and begin the next one."""
         with self._lock:
-            if future is not self._running:
+            if future is not worker.future:
                 return
-            self._running = None
+            worker.future = None
             self.number += 1
             self.answered += 1
-            if future.exception() is not None:
-                self.refusal = "the process of the calculation ended; there may be too little memory"
-                return
-            answer, self.refusal = future.result()
-            if not self.refusal:
-                self.before = self.answer if same_request else None
-                self.answer = {**answer, "files": request.files}
-                outcome = {"command": request.command, "together": len(request.files) > 1}
-                for number in request.files:
-                    self.files[number].outcome = {**outcome, "verdict": answer["verdict"], "key": answer["key"]}
-                self.outdated = False
+            entry.ended, entry.outdated = True, False
+            refusal = "the process of the calculation ended; there may be too little memory"
+            if future.exception() is None:
+                answer, refusal = future.result()
+                if not refusal:
+                    self._take(entry, answer, same_request=same_request)
+            self.refusal = refusal or self.refusal
+            self._begin_next()
+
+    def _take(self, entry: DeskAnswer, answer: Mapping[str, Any], *, same_request: bool) -> None:
+        entry.before = entry.answer if same_request else None
+        entry.answer = answer
+        command, files = entry.request.command, entry.request.files
+        outcome = {"command": command, "together": len(files) > 1, "verdict": answer["verdict"], "key": answer["key"]}
+        for number in files:
+            self.files[number].outcome = outcome
 
     def stop(self) -> None:
-        """Stop the calculation that is running, if any."""
+        """Stop what is running, and what waits for it."""
         with self._lock:
-            self._stop()
-
-    def _stop(self) -> None:
-        if self._running is not None:
-            self._running = None
-            self._calculating.stop()
+            self._waiting.clear()
+            for worker in self._workers:
+                worker.stop()
             self.number += 1
 
     def decide(self, number: int, values: Mapping[str, Any]) -> None:
@@ -314,7 +402,7 @@ class Desk:
         with self._lock:
             file.earlier.append(file.decisions)
             self._keep(file, made, values)
-        self.again()
+        self._changed(number)
 
     def undo(self, number: int) -> None:
         """Take back the last decisions about a file, and calculate again."""
@@ -324,7 +412,7 @@ class Desk:
                 return
             values = file.earlier.pop()
             self._keep(file, records.decisions_of(values, "decisions"), values)
-        self.again()
+        self._changed(number)
 
     def _keep(self, file: OpenFile, made: records.Decisions, values: Mapping[str, Any]) -> None:
         """Write decisions beside the record; without any the file is taken away."""
@@ -335,44 +423,76 @@ class Desk:
         else:
             beside.unlink(missing_ok=True)
         file.decisions, file.outcome = values, None
-        self.outdated = True
-        self.number += 1
+
+    def _changed(self, number: int) -> None:
+        """Calculate all results about a file again."""
+        with self._lock:
+            for one in self.answers:
+                one.outdated |= one.ended and number in one.request.files
+            for request in self._running:
+                if number in request.files:
+                    self._worker(request).stop()
+            self.again()
 
     def again(self) -> None:
-        """Calculate the last request again, if there was one."""
-        if self._request is not None:
-            self.run(self._request)
+        """Calculate the results that are outdated again, diagnoses behind all others."""
+        with self._lock:
+            self.refusal = ""
+            running = self._running
+            outdated = [one.request for one in reversed(self.answers) if one.outdated and one.request not in running]
+            self._waiting = sorted(outdated, key=lambda request: request.command == "diagnose")
+            self.number += 1
+            self._begin_next()
+
+    def _begin_next(self) -> None:
+        """Begin what waits, unless its worker or that of the short calculations is busy."""
+        if self._waiting and self._calculating.future is None and self._worker(self._waiting[0]).future is None:
+            self._begin(self._waiting.pop(0))
 
     def _record(self, number: int) -> OpenFile:
         """Return an open file that holds a record; raise an InputError of another."""
-        if not 0 <= number < len(self.files) or self.files[number].about is None:
+        if not 0 <= number < len(self.files):
             raise InputError("choose a record first")
-        return self.files[number]
+        file = self.files[number]
+        if file.about is None:
+            raise InputError(f"{file.path.name}: is not a record: {file.problem}")
+        return file
 
-    def page(self, explanation: int | None = None) -> str:
-        """Return the page of the last result, or of one of its explanations, as HTML."""
-        if self.answer is None:
-            raise InputError("calculate something first")
-        if explanation is None:
-            return _value(self._calculating, answers.page)
-        return _value(self._calculating, answers.explanation, explanation)
+    def page(self, number: int | None = None, explanation: int | None = None) -> str:
+        """Return the page of an answer, or of one of its explanations, as HTML; by default of the last one asked for.
 
-    def save(self, what: str) -> dict[str, Any]:
-        """Write a file of the last result beside its first record.
+        Raises
+        ------
+        InputError
+            without a result
+        """
+        return self._of_result(number, answers.page, explanation)
+
+    def save(self, what: str, number: int | None = None) -> dict[str, Any]:
+        """Write a file of the result of an answer beside its first record; by default of the last one asked for.
 
         Raises
         ------
         InputError
             without a result, or for an output that it does not have
         """
-        if self.answer is None:
-            raise InputError("calculate something first")
-        return _value(self._calculating, answers.saved, what)
+        return self._of_result(number, answers.saved, what)
+
+    def _of_result(self, number: int | None, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the value of a function of a result, computed where it was calculated."""
+        with self._lock:
+            entry = self._asked if number is None else self.answers[number]
+            if entry is None or entry.answer is None:
+                raise InputError("calculate something first")
+            request = entry.request
+            paths = [str(self.files[file].path) for file in request.files]
+        return _value(self._worker(request).process, function, request.command, paths, *arguments)
 
     def close(self) -> None:
-        """End both processes."""
+        """End all processes."""
         self._looking.stop()
-        self._calculating.stop()
+        for worker in self._workers:
+            worker.process.stop()
 
 
 def _value(process: OneProcess, function: Callable[..., Any], *arguments: Any) -> Any:

@@ -6,9 +6,11 @@ const ASKS = /--set ([\w.]+)=/;
 const MOST_ROWS = 60, READING = "is being read";
 const HEIGHT = 176, LEFT = 64, BELOW = 18;
 let WIDTH = 1000;
-let state = { number: -1, files: [] }, current = 0, chosen = new Set([0]), span = null, rests = [], marks = [];
+let state = { number: -1, files: [], answers: [] }, current = 0, chosen = new Set([0]), span = null, rests = [], marks = [];
 let lostSince = null, ended = false, timer = 0;
-let lines = null, shownFiles = "", shownRecord = "", shownAnswer = -1, selected = null, lastCommand = "";
+let lines = null, shownFiles = "", shownRecord = "", shownAnswer = -1, shownContent = "", selected = null, lastCommand = "";
+// Numbers of the answer that is shown, and of the one that was asked for last; null until it is shown.
+let answerNumber = null, askedNumber = null;
 
 // Requests
 
@@ -39,6 +41,7 @@ async function look() {
   try {
     const fresh = await get(`state?number=${state.number}`);
     state = { ...state, ...fresh };
+    if (fresh.answers && state.asked !== askedNumber && state.answers[state.asked].answer) answerNumber = askedNumber = state.asked;
     connection(true);
     if (fresh.files) show(); else showRunning();
   } catch (error) {
@@ -69,6 +72,7 @@ function chosenFiles() {
 
 function run(command) {
   lastCommand = command;
+  askedNumber = null;
   return send({ do: "run", command, files: chosenFiles(), options: options() });
 }
 
@@ -99,10 +103,10 @@ function decide(change, file = current) {
   return send({ do: "decide", file, decisions });
 }
 
-// Positions that the answer calls wrong, in the file that it is about.
-function wrongIn(file) {
-  return state.answer && state.answer.files[0] === file ? state.answer.wrong : [];
-}
+// The answer that is shown, with its command and files; those about the same files; positions that answers call wrong.
+const entry = () => answerNumber === null ? null : state.answers[answerNumber];
+const beside = () => state.answers.filter(one => one.answer && String(one.files) === String(entry().files));
+const wrongIn = file => [...new Set(state.answers.flatMap(one => one.answer && one.files[0] === file ? one.answer.wrong : []))];
 
 // What is shown
 
@@ -125,11 +129,12 @@ function button(text, act, title) {
 }
 
 function showRunning() {
-  const running = state.running;
-  $("running").hidden = !running && !state.outdated;
-  $("answer-part").classList.toggle("old", Boolean(running) || state.outdated);
-  const before = state.outdated ? " The answer is the one before your last change." : "";
-  $("running").firstElementChild.textContent = running ? `Running for ${running.seconds} s: ${running.command}.${before}` : before;
+  const running = state.running, old = state.answers.filter(one => one.outdated && one.answer), shown = entry();
+  $("running").hidden = !running && !old.length;
+  $("answer-part").classList.toggle("old", Boolean(shown) && (shown.outdated || shown.running));
+  const words = running ? [`Running for ${running.seconds} s: ${[...running.commands, ...running.waiting].join(", then ")}.`] : [];
+  if (old.length) words.push(`Older than your last change: ${old.map(one => one.command).join(", ")}.`);
+  $("running").firstElementChild.textContent = words.join(" ");
   $("running").lastElementChild.textContent = running ? "Stop" : "Calculate again";
 }
 
@@ -139,14 +144,24 @@ function show() {
   if (state.refusal && $("refusal").textContent !== state.refusal) refuse(state.refusal);
   const file = state.files[current];
   for (const one of document.querySelectorAll("#commands button")) one.disabled = !chosenFiles().length || state.files.some(file => file.problem === READING);
-  if (!state.answer) $("verdict").textContent = !file ? "Open a record, then choose what to do." : file.about ? "Choose what to do." : file.imported || ASKS.test(file.problem) ? "First make a record of the file: see below." : file.problem === READING ? "The file is being read." : "This file cannot be used: see below.";
+  if (!entry()) $("verdict").textContent = !file ? "Open a record, then choose what to do." : file.about ? "Choose what to do." : file.imported || ASKS.test(file.problem) ? "First make a record of the file: see below." : file.problem === READING ? "The file is being read." : "This file cannot be used: see below.";
   $("record-part").hidden = !file;
   if (file) {
     const key = JSON.stringify([current, file.preview, file.about && file.about.sha256, file.decisions, file.problem, wrongIn(current), file.imported]);
     if (key !== shownRecord) { shownRecord = key; showRecord(file); }
     $("undo").disabled = !file.undo;
   }
-  if (state.answered !== shownAnswer) { shownAnswer = state.answered; showAnswer(); }
+  const content = JSON.stringify([answerNumber, state.answers]);
+  if (content !== shownContent) { shownContent = content; showAnswer(); }
+  shownAnswer = state.answered;
+}
+
+function lookAt(number) {
+  const known = state.answers.findLastIndex(one => one.answer && String(one.files) === String(number));
+  if (known >= 0) answerNumber = known;
+  current = number;
+  span = selected = null;
+  show();
 }
 
 function showFiles() {
@@ -159,7 +174,7 @@ function showFiles() {
     tick.checked = chosen.has(number);
     tick.disabled = !about;
     tick.addEventListener("change", () => { tick.checked ? chosen.add(number) : chosen.delete(number); show(); });
-    const open = button(file.name, () => { if (chosen.size < 2) chosen = new Set([number]); current = number; span = null; selected = null; show(); }, `Look at ${file.name}`);
+    const open = button(file.name, () => { if (chosen.size < 2) chosen = new Set([number]); lookAt(number); }, `Look at ${file.name}`);
     open.setAttribute("aria-current", String(number === current));
     const [said, ...rest] = outcome ? outcome.verdict.replace(`${file.name}: `, "").split(/[:.]\s|\.$/) : [""];
     const verdict = outcome ? `${outcome.command}${outcome.together ? ", together" : ""}: ${said}` : "";
@@ -173,11 +188,12 @@ function showFiles() {
 }
 
 function showAnswer() {
-  const answer = state.answer;
+  const answer = entry() && entry().answer;
   for (const part of ["how", "page"]) $(`${part}-part`).hidden = !answer;
   $("explanations-part").hidden = !answer || !answer.explanations.length;
-  $("before-part").hidden = true;
   if (!answer) return;
+  showAnswers();
+  showBefore();
   $("answer-about").textContent = answer.command;
   $("verdict").textContent = answer.verdict;
   $("verdict").className = `verdict ${answer.tone}`;
@@ -192,7 +208,7 @@ function showAnswer() {
   if (answer.wrong.length) {
     const names = answer.wrong.join(", ");
     act.push(button(`Leave out position ${names}`, () => {
-      const file = answer.files[0], kept = state.files[file].decisions.left_out || [];
+      const file = entry().files[0], kept = state.files[file].decisions.left_out || [];
       decide({ left_out: [...new Set([...kept, ...answer.wrong])] }, file);
     }));
   }
@@ -202,16 +218,28 @@ function showAnswer() {
   $("warnings").hidden = !answer.warnings.length;
   $("warnings").querySelector("summary").textContent = answer.warnings.length === 1 ? "1 warning" : `${answer.warnings.length} warnings`;
   $("warnings").querySelector("ul").replaceChildren(...answer.warnings.map(text => element("li", text)));
-  $("explanations").replaceChildren(...answer.explanations.map((one, number) => showExplanation(one, number)));
-  if (state.before) showBefore(state.before, answer);
+  const key = JSON.stringify([answerNumber, answer]);
+  if ($("explanations").dataset.key !== key) $("explanations").replaceChildren(...answer.explanations.map((one, number) => showExplanation(one, number)));
+  $("explanations").dataset.key = key;
   $("command").textContent = answer.command;
   $("python").textContent = answer.python;
   showPage();
 }
 
+// The answers about the same files, to choose from.
+function showAnswers() {
+  const every = beside();
+  $("answers").hidden = every.length < 2;
+  renew($("answers"), every.map(one => {
+    const made = button(`${one.command[0].toUpperCase()}${one.command.slice(1)}: ${one.answer.verdict.split(/[:.]/)[0]}`, () => { answerNumber = state.answers.indexOf(one); show(); }, `Show the answer of ${one.command}`);
+    made.setAttribute("aria-pressed", String(one === entry()));
+    return made;
+  }));
+}
+
 // The page of a result is drawn where somebody looks at it.
 function showPage() {
-  const address = `page?${state.answered}`;
+  const address = `page?answer=${answerNumber}&at=${state.answered}`;
   if (!$("page-details").open || $("page").getAttribute("src") === address) return;
   $("drawing").hidden = false;
   $("page").setAttribute("src", address);
@@ -220,7 +248,7 @@ function showPage() {
 function showExplanation(explanation, number) {
   const item = element("li", null), details = element("details", null), summary = element("summary", explanation.sentence[0].toUpperCase() + explanation.sentence.slice(1));
   const numbers = explanation.numbers === 1 ? "1 number" : `${explanation.numbers} numbers`;
-  details.append(summary, element("p", `It needs ${numbers}; the largest error is then ${explanation.radius === "unknown" ? "unknown" : explanation.radius + " σ"}.`));
+  details.append(summary, element("p", `It needs ${numbers}. Largest error without it: ${explanation.without}; with it: ${explanation.radius}.`));
   if (explanation.sizes.length) {
     const table = element("table", null);
     for (const [name, size] of explanation.sizes) {
@@ -234,7 +262,7 @@ function showExplanation(explanation, number) {
   }
   const frame = element("iframe", null, { title: explanation.sentence, sandbox: "allow-same-origin" });
   details.addEventListener("toggle", () => {
-    if (details.open && !frame.hasAttribute("src")) frame.setAttribute("src", `page?explanation=${number}&answer=${state.answered}`);
+    if (details.open && !frame.hasAttribute("src")) frame.setAttribute("src", `page?explanation=${number}&answer=${answerNumber}&at=${state.answered}`);
   });
   const drawing = element("p", "The page is being drawn ...", { role: "status" });
   frame.addEventListener("load", () => { if (frame.hasAttribute("src")) drawing.hidden = true; });
@@ -243,20 +271,33 @@ function showExplanation(explanation, number) {
   return item;
 }
 
-function showBefore(before, after) {
+// What a change changed in the answers about the same files.
+function showBefore() {
+  const bodies = [];
+  for (const one of beside().filter(one => one.before)) {
+    const changed = differences(one.before, one.answer), body = element("tbody", null), head = element("tr", null);
+    head.append(element("th", one.command, { colspan: 3, scope: "rowgroup" }));
+    body.append(head, ...changed.map(([name, first, second]) => {
+      const row = element("tr", null);
+      row.append(cell(name), cell(first, "number"), cell(second, "number"));
+      return row;
+    }));
+    if (changed.length) bodies.push(body);
+  }
+  $("before-part").hidden = !bodies.length;
+  for (const body of [...$("before").tBodies]) body.remove();
+  $("before").append(...bodies);
+}
+
+// Name, text before and text after of what differs in two answers.
+function differences(before, after) {
   const rows = [["verdict", before.verdict.split(":")[0], after.verdict.split(":")[0]]];
   after.sentences.forEach((text, k) => rows.push(["", before.sentences[k] || "", text]));
-  const names = new Set([...Object.keys(before.key), ...Object.keys(after.key)]);
-  for (const name of names) rows.push([name, String(before.key[name] ?? "–"), String(after.key[name] ?? "–")]);
-  const earlier = new Map(before.parameters.map(one => [one.symbol, one]));
-  for (const one of after.parameters) rows.push([`${one.symbol} ${one.name}${one.unit && one.unit !== "1" ? ` [${one.unit}]` : ""}`, (earlier.get(one.symbol) || { text: "–" }).text, one.text]);
-  const changed = rows.filter(([, first, second]) => first !== second);
-  $("before-part").hidden = !changed.length;
-  $("before").tBodies[0].replaceChildren(...changed.map(([name, first, second]) => {
-    const row = element("tr", null);
-    row.append(cell(name), cell(first, "number"), cell(second, "number"));
-    return row;
-  }));
+  const parts = answer => new Map([...Object.entries(answer.key), ...answer.explanations.flatMap(one => one.sizes),
+    ...answer.parameters.map(one => [`${one.symbol} ${one.name}${one.unit && one.unit !== "1" ? ` [${one.unit}]` : ""}`, one.text])]);
+  const earlier = parts(before), later = parts(after);
+  for (const name of new Set([...earlier.keys(), ...later.keys()])) rows.push([name, String(earlier.get(name) ?? "–"), String(later.get(name) ?? "–")]);
+  return rows.filter(([, first, second]) => first !== second);
 }
 
 // The record
@@ -656,7 +697,7 @@ for (const one of document.querySelectorAll("#commands button")) one.addEventLis
 for (const one of document.querySelectorAll("[data-zoom]")) one.addEventListener("click", () => zoom(one.dataset.zoom));
 for (const one of document.querySelectorAll("[data-copy]")) one.addEventListener("click", () => navigator.clipboard.writeText($(one.dataset.copy).textContent));
 async function save(what) {
-  const result = await send({ do: "save", what });
+  const result = await send({ do: "save", what, answer: answerNumber });
   if (result.file) $("note").textContent = `Written: ${result.file}`;
 }
 for (const one of document.querySelectorAll("[data-save]")) one.addEventListener("click", () => save(one.dataset.save));

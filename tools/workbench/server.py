@@ -117,11 +117,12 @@ class _Handler(LoopbackHandler):
             self._tell(lambda: _looked(desk, name, query))
 
     def _answer_page(self, desk: Desk) -> None:
-        """Send the page of the last result, or of one of its explanations, for a frame."""
+        """Send the page of a result, or of one of its explanations, for a frame."""
         query = parse_qs(urlsplit(self.path).query)
         try:
+            answer = _number(query["answer"][0], len(desk.answers)) if "answer" in query else None
             explanation = _number(query["explanation"][0], MOST_EXPLANATIONS) if "explanation" in query else None
-            page = desk.page(explanation)
+            page = desk.page(answer, explanation)
         except InputError as error:
             self.answer(404, one_line(str(error)).encode())
             return
@@ -229,7 +230,8 @@ def _done(desk: Desk, asked: Mapping[str, Any]) -> dict[str, Any]:
     elif what == "again":
         desk.again()
     elif what == "save":
-        return desk.save(str(asked.get("what")))
+        answer = asked.get("answer")
+        return desk.save(str(asked.get("what")), None if answer is None else _number(str(answer), len(desk.answers)))
     else:
         raise InputError("the page has no such address")
     return {}

@@ -24,7 +24,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.records import write_record
 from trihedron.tools.workbench import DeskServer, open_records
 
-SECONDS = 60_000
+SECONDS = 120_000
 """Longest wait for an answer, in ms: of a busy machine."""
 
 
@@ -69,7 +69,7 @@ class Visitor:
 
     def parameters(self) -> dict[str, float | None]:
         """Return the estimates that the page has."""
-        return {row["symbol"]: row["estimate"] for row in self.page.evaluate("state.answer.parameters")}
+        return {row["symbol"]: row["estimate"] for row in self.page.evaluate("entry().answer.parameters")}
 
     def saved(self, what: str) -> Path:
         """Save something; return its file."""
@@ -140,21 +140,28 @@ def test_a_workbook_with_a_wrong_angle_becomes_a_corrected_record(tmp_path: Path
     visitor.click("#make")
     visitor.wait_for("state.files.length === 2 && state.files[1].about")
     visitor.type("[name=noise_bound]", "1e-5")
+    visitor.answered(lambda: visitor.click("[data-command=calibrate]"))
     verdict = visitor.answered(lambda: visitor.click("[data-command=diagnose]"))
     assert "Row 12 is wrong" in verdict
     assert visitor.page.inner_text("#answer-about") == "trihedron diagnose table.record.csv --noise-bound 1e-5"
     # The button is about the file of the answer, whichever is looked at meanwhile.
     visitor.page.click("#files button:text-is('table.xlsx')")
-    assert visitor.answered(lambda: visitor.click("#act button")).startswith("Consistent")
+    count = visitor.page.evaluate("state.answered")
+    visitor.click("#act button")
+    visitor.wait_for(f"state.answered === {count + 2} && state.running === null")
     visitor.page.click("#files button:text-is('table.record.csv')")
-    assert visitor.answered(lambda: visitor.click("[data-command=calibrate]")).startswith("Consistent")
+    # Both answers are new, each with what it was before; a click shows the one or the other.
+    assert visitor.page.locator("#before th[colspan]").all_inner_texts() == ["Calibrate", "Diagnose"]
+    assert "Row 12 is wrong" in visitor.page.inner_text("#before")
+    visitor.click("#answers button:has-text('Calibrate')")
+    assert visitor.page.inner_text("#verdict").startswith("Consistent")
     corrected = visitor.saved("[data-save=corrected]")
     assert th.read_record(corrected).about["corrected_by"]
     content = by_command("calibrate", "table.record.csv", "--noise-bound", "1e-5")
     assert is_same(visitor.parameters(), estimates(content))
     assert "left_out = [12]" in (tmp_path / "table.record.decisions.toml").read_text()
     assert visitor.page.inner_text("#command") == "trihedron calibrate table.record.csv --noise-bound 1e-5"
-    assert visitor.clicks <= 8
+    assert visitor.clicks <= 9
     assert window.complaints == []
 
 
@@ -228,6 +235,7 @@ def test_a_hidden_effect_is_found_and_exported(tmp_path: Path, window: Window, o
     assert visitor.page.locator("#explanations td").count() > 0
     shown = visitor.page.frame_locator("#explanations iframe").first
     shown.locator("h2", has_text="Residuals before and after").wait_for(timeout=SECONDS)
+    assert shown.get_by_role("img", name="What the explanation adds to accelerometer").is_visible()
     folder = visitor.saved("[data-save=fmu]")
     assert list(folder.glob("*.fmu"))
     assert visitor.clicks <= 5
@@ -357,8 +365,19 @@ def reply(server: DeskServer, **content: Any) -> dict[str, Any]:
     return json.loads(body)
 
 
-def test_only_this_machine_with_the_token_and_from_this_page_is_answered(tmp_path: Path, opened) -> None:
-    server = opened(wrong_table(tmp_path))
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DeskServer]:
+    """Return a server of a table in a folder of its own, for tests that change neither."""
+    folder = tmp_path_factory.mktemp("shared")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        server = open_records(wrong_table(folder))
+    yield server
+    server.close()
+
+
+def test_only_this_machine_with_the_token_and_from_this_page_is_answered(shared: DeskServer) -> None:
+    server = shared
     address, origin = f"/{server.token}/", f"http://127.0.0.1:{server.port}"
     assert answer_to(server, "GET", address + "state")[0] == 200
     assert answer_to(server, "GET", "/state")[0] == 404
@@ -383,23 +402,57 @@ REFUSED: list[dict[str, Any]] = [
 ]
 
 
-def test_what_cannot_be_done_is_refused_in_one_line(tmp_path: Path, opened) -> None:
-    server = opened(wrong_table(tmp_path))
+def test_what_cannot_be_done_is_refused_in_one_line(shared: DeskServer) -> None:
     for content in REFUSED:
-        answer = reply(server, **content)
+        answer = reply(shared, **content)
         assert answer["refusal"], content
         assert "\n" not in answer["refusal"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["table.csv"]
+    assert sorted(path.name for path in shared.folder.iterdir()) == ["table.csv"]
 
 
-def test_addresses_that_ask_for_nothing_are_refused_in_one_line(tmp_path: Path, opened) -> None:
-    server = opened(wrong_table(tmp_path))
-    for query in ("lines?file=9", "lines?file=0&from=a&to=1", "lines?file=0&from=0&to=nan", "rests?file=0", "rests"):
+def test_addresses_that_ask_for_nothing_are_refused_in_one_line(shared: DeskServer) -> None:
+    server = shared
+    for query in (
+        "lines?file=9",
+        "lines?file=0&from=a&to=1",
+        "lines?file=0&from=0&to=nan",
+        "rests?file=0",
+        "rests",
+        "page",
+    ):
         status, body = answer_to(server, "GET", f"/{server.token}/{query}")
-        assert status == 200, query
-        refusal = json.loads(body)["refusal"]
+        assert status == (404 if query == "page" else 200), query
+        refusal = body.decode() if query == "page" else json.loads(body)["refusal"]
         assert "\n" not in refusal
         assert "fault of the program" not in refusal
+
+
+def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(shared: DeskServer) -> None:
+    server, folder = shared, shared.folder
+    origin = {"Origin": f"http://127.0.0.1:{server.port}"}
+    content = (folder / "table.csv").read_bytes()
+    (folder / "folder").mkdir()
+    for name, body, expected in (
+        ("../outside.csv", content, {"file": 1}),
+        ("outside.csv", content, {"file": 1}),
+        ("table.csv", b"other", "another file of this name"),
+        (".hidden", content, "no name"),
+        ("n" * 300, content, "File name too long"),
+        ("folder", content, "folder: Is a directory"),
+    ):
+        status, answer = answer_to(server, "POST", f"/{server.token}/drop?{name}", body, **origin)
+        assert status == 200
+        told_back = json.loads(answer)
+        assert told_back == expected or expected in told_back["refusal"]
+        assert "Errno" not in told_back.get("refusal", "")
+    with socket.create_connection(("127.0.0.1", server.port), timeout=60) as half:
+        head = f"POST /{server.token}/drop?half.csv HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n"
+        half.sendall(f"{head}Origin: {origin['Origin']}\r\nContent-Length: 1000\r\n\r\n1,2,3".encode())
+        half.shutdown(socket.SHUT_WR)
+        assert b" 400 " in half.recv(100)
+    assert not (folder / "half.csv").exists()
+    assert (folder / "outside.csv").read_bytes() == content
+    assert (folder / "table.csv").read_bytes() == content
 
 
 def answered(server: DeskServer, count: int) -> None:
@@ -437,19 +490,37 @@ def test_decisions_about_another_content_are_said_and_replaced(tmp_path: Path, o
     assert result.provenance.decisions == "decisions (table.decisions.toml): position 12 left out"
 
 
-def test_an_answer_of_earlier_decisions_is_called_so(tmp_path: Path, opened) -> None:
-    server = opened(wrong_table(tmp_path))
-    reply(server, do="run", command="calibrate", files=[0], options={"noise_bound": "1e-5"})
-    answered(server, 1)
-    assert not server.desk.state()["outdated"]
-    reply(server, do="decide", file=0, decisions={"left_out": [12]})
+def test_a_change_calculates_all_answers_again_diagnoses_last(tmp_path: Path, opened) -> None:
+    """What was stopped is outdated; no diagnosis begins that was not asked for."""
+    path = wrong_table(tmp_path)
+    server = opened(path)
+    desk, options = server.desk, {"noise_bound": "1e-5"}
+    reply(server, do="run", command="diagnose", files=[0], options=options)
     reply(server, do="stop")
-    assert server.desk.state()["outdated"]
-    reply(server, do="again")
+    reply(server, do="run", command="calibrate", files=[0], options=options)
+    answered(server, 1)
+    reply(server, do="decide", file=0, decisions={"left_out": [1]})
+    assert desk.state()["running"]["waiting"] == []
     answered(server, 2)
-    assert not server.desk.state()["outdated"]
-    assert server.desk.answer is not None
-    assert server.desk.answer["verdict"].startswith("Consistent")
+    assert desk.state()["running"] is None
+    reply(server, do="run", command="diagnose", files=[0], options=options)
+    answered(server, 3)
+    reply(server, do="decide", file=0, decisions={"left_out": [12]})
+    running = desk.state()["running"]
+    commands = "trihedron calibrate table.csv", "trihedron diagnose table.csv"
+    assert (*running["commands"], *running["waiting"]) == commands
+    reply(server, do="stop")
+    assert [one.outdated for one in desk.answers] == [True, True]
+    assert desk.state()["running"] is None
+    reply(server, do="again")
+    answered(server, 5)
+    assert [one.outdated for one in desk.answers] == [False, False]
+    diagnosed, calibrated = desk.answers
+    for one, before in ((diagnosed, "Row 12 is wrong"), (calibrated, "")):
+        assert one.before is not None
+        assert before in one.before["verdict"]
+        assert one.answer is not None
+        assert one.answer["verdict"].startswith("Consistent")
 
 
 def test_units_that_the_readings_contradict_are_asked(tmp_path: Path, opened) -> None:
@@ -515,34 +586,6 @@ def test_a_refused_command_leaves_the_result_that_is_shown(tmp_path: Path, opene
     answered(server, 2)
     assert server.desk.refusal
     assert Path(reply(server, do="save", what="json")["file"]).name == "table.diagnosis.json"
-
-
-def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path: Path, opened) -> None:
-    server = opened()
-    origin = {"Origin": f"http://127.0.0.1:{server.port}"}
-    content = wrong_table(tmp_path).read_bytes()
-    (tmp_path / "folder").mkdir()
-    for name, body, expected in (
-        ("../outside.csv", content, {"file": 0}),
-        ("outside.csv", content, {"file": 0}),
-        ("table.csv", b"other", "another file of this name"),
-        (".hidden", content, "no name"),
-        ("n" * 300, content, "File name too long"),
-        ("folder", content, "folder: Is a directory"),
-    ):
-        status, answer = answer_to(server, "POST", f"/{server.token}/drop?{name}", body, **origin)
-        assert status == 200
-        told_back = json.loads(answer)
-        assert told_back == expected or expected in told_back["refusal"]
-        assert "Errno" not in told_back.get("refusal", "")
-    with socket.create_connection(("127.0.0.1", server.port), timeout=60) as half:
-        head = f"POST /{server.token}/drop?half.csv HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n"
-        half.sendall(f"{head}Origin: {origin['Origin']}\r\nContent-Length: 1000\r\n\r\n1,2,3".encode())
-        half.shutdown(socket.SHUT_WR)
-        assert b" 400 " in half.recv(100)
-    assert not (tmp_path / "half.csv").exists()
-    assert (tmp_path / "outside.csv").read_bytes() == content
-    assert (tmp_path / "table.csv").read_bytes() == content
 
 
 def test_a_damaged_file_is_refused_with_its_damage(tmp_path: Path, opened) -> None:
@@ -618,7 +661,16 @@ def test_explanations_say_what_tells_them_apart(tmp_path: Path, opened) -> None:
     assert answer is not None
     sentences = [explanation["sentence"] for explanation in answer["explanations"]]
     assert len(sentences) >= 2
-    status, page = answer_to(server, "GET", f"/{server.token}/page?explanation=0")
-    assert status == 200
-    assert "What tells it from the next" in page.decode()
-    assert sentences[1].split(" changes")[0].removeprefix("the ") in page.decode()
+    kinds = [explanation.kind for explanation in th.diagnose("jump.csv", noise_bound=1e-5).explanations]
+    assert {"function", "effect"} <= set(kinds)
+    for number, kind in enumerate(kinds):
+        status, content = answer_to(server, "GET", f"/{server.token}/page?answer=0&explanation={number}")
+        page = content.decode()
+        assert status == 200
+        assert "What tells it from the next" in page
+        assert "What the explanation adds to accelerometer 2 over" in page
+        assert "Residuals against each quantity, before and after" in page
+        assert "Largest error over its bound: " in page
+        assert ("were left out and predicted" if kind == "effect" else "was not measured: a function") in page
+    _, first = answer_to(server, "GET", f"/{server.token}/page?explanation=0")
+    assert sentences[1].split(" changes")[0].removeprefix("the ") in first.decode()

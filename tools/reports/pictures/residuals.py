@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import scipy
@@ -111,6 +111,51 @@ def _readings(axes: "Axes", x: NDArray, p: int, before: NDArray, after: NDArray 
         axes.plot(x[proof[:, p]], before[proof[:, p], p], **PROOF, label="proves that no fit exists")
     if not np.isfinite(before[:, p] + x).any():
         say_empty(axes)
+
+
+@drawn
+def additions(
+    titles: Sequence[str], on: str, values: Sequence[NDArray], parts: Sequence[tuple[NDArray, NDArray]]
+) -> Drawn:
+    """Draw what an explanation adds (n,) to the readings of some channels over one quantity (n,).
+
+    `parts` are the errors without the explanation and what it adds, in units of the bound.
+    """
+    figure, (panels,) = sheet(2.9, 1, len(titles), sharey=True)
+    for axes, title, x, (without, added) in zip(panels, titles, values, parts, strict=True):
+        zero_line(axes)
+        order = np.argsort(x, kind="stable")
+        axes.plot(x, without, **BEFORE, label="readings without it")
+        axes.plot(x[order], added[order], color=FIRST.light, marker=".", markersize=4.0, label="what it adds")
+        axes.set(title=title, xlabel=on)
+    panels[0].set_ylabel("over the bound [σ]")
+    legend(figure)
+    return figure, f"What the explanation adds to {', '.join(titles)} over {on}"
+
+
+Residuals: TypeAlias = tuple[str, Mapping[str, NDArray], NDArray, NDArray]
+"""Title of a channel, its quantities (n,) by label, its errors (n,) over their bounds before and after."""
+
+
+@drawn
+def residuals_by_quantity(channels: Sequence[Residuals]) -> Drawn:
+    """Draw the residuals of channels against each of their quantities, before and after; NaN for unused ones."""
+    columns = list(max((quantities for _, quantities, _, _ in channels), key=len))
+    figure, panels = sheet(0.9 + 1.5 * len(channels), len(channels), len(columns), sharex="col", sharey="row")
+    for row, (title, quantities, before, after) in enumerate(channels):
+        for column, name in enumerate(columns):
+            axes = panels[row, column]
+            if name not in quantities:
+                axes.set_visible(False)
+                continue
+            zero_line(axes)
+            axes.plot(quantities[name], before, **BEFORE, label="before")
+            axes.plot(quantities[name], after, **AFTER, label="with it")
+        panels[row, 0].set(title=title, ylabel="residual [σ]")
+    for column, name in enumerate(columns):
+        panels[-1, column].set_xlabel(name)
+    legend(figure)
+    return figure, "Residuals against each quantity, before and after"
 
 
 @drawn
