@@ -13,6 +13,7 @@ the solver takes over.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +134,12 @@ def _proven(matrix: NDArray, target: NDArray, solution: Held, largest: float) ->
     return solution if sure and np.isfinite(solution.x).all() else None
 
 
+@cache
+def _bends(columns: int) -> NDArray:
+    """Return numbers (n,) of all signs and sizes up to one."""
+    return np.cos(np.arange(1.0, columns + 1.0) ** 2)
+
+
 class Corner:
     """Rows (n,) of a matrix (M, n) that meet, and their inverse; the next walk begins where the last one ended."""
 
@@ -162,7 +169,7 @@ class Corner:
         rows, inverse = self.rows.copy(), self._inverse.copy()
         # Of many equally far vertices it is always the same, from any beginning.
         size = np.abs(weights).max()
-        toward = weights + size * BENT * np.cos(np.arange(1.0, len(weights) + 1.0) ** 2)
+        toward = weights + size * BENT * _bends(len(weights))
         side = np.where(toward @ inverse >= 0.0, 1.0, -1.0)
         try:
             for _ in range(len(rows) + 2):

@@ -8,6 +8,7 @@ that their solution violates, until it violates none.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import highspy
 import numpy as np
@@ -96,6 +97,16 @@ class Growth:
         return Growth(self.now, rows, np.append(self.low, -free), np.append(self.high, free))
 
 
+class _Ends(NamedTuple):
+    """Lower and upper ends (K,) of the rows in use, their middles and half their distances; whether all are finite."""
+
+    lower: NDArray
+    upper: NDArray
+    middle: NDArray
+    half: NDArray
+    is_finite: bool
+
+
 class Polytope:
     """{x: lower ≤ J x ≤ upper}, kept warm so that many objectives are cheap.
 
@@ -113,20 +124,22 @@ class Polytope:
         self._rows = self._matrix[self._taken]
         self._corner = Corner.of(self._rows)
         self._near: Nearness | None = None
+        self._ends = self._ends_in_use()
 
     def confine(self, lower: NDArray, upper: NDArray) -> None:
         """Set the ends (M,) of every row."""
         self._lower, self._upper = lower / self._scale, upper / self._scale
+        self._ends = self._ends_in_use()
         if len(lower) >= MANY_BLOCKS * BLOCK:
             self._near = Nearness.of(self._matrix, np.minimum(self._upper, -self._lower))
         if self._highs is not None:
             rows = np.arange(len(self._taken), dtype=np.int32)
-            self._highs.changeRowsBounds(len(rows), rows, *self._ends)  # pyright: ignore
+            self._highs.changeRowsBounds(len(rows), rows, self._ends.lower, self._ends.upper)  # pyright: ignore
 
-    @property
-    def _ends(self) -> tuple[NDArray, NDArray]:
-        """Return lower and upper ends (K,) of the rows in use."""
-        return self._lower[self._taken], self._upper[self._taken]
+    def _ends_in_use(self) -> "_Ends":
+        lower, upper = self._lower[self._taken], self._upper[self._taken]
+        is_finite = bool(np.isfinite(lower).all() and np.isfinite(upper).all())
+        return _Ends(lower, upper, 0.5 * (lower + upper), 0.5 * (upper - lower), is_finite)
 
     def maximise(self, weights: NDArray) -> tuple[float, NDArray, NDArray]:
         """Return the greatest weights'x over the set, the vertex x (n,) that attains it, and duals (M,).
@@ -164,14 +177,15 @@ class Polytope:
 
     def _farthest(self, weights: NDArray) -> tuple[NDArray, NDArray]:
         """Return the vertex x (n,) of the rows in use, and their duals (K,)."""
-        lower, upper = self._ends
-        if self._corner is not None and self._highs is None and np.isfinite(lower).all() and np.isfinite(upper).all():
-            middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-            if (vertex := self._corner.farthest(self._rows, middle, half, weights)) is not None:
-                return vertex.x, vertex.of(len(middle))
+        ends = self._ends
+        vertex = None
+        if self._corner is not None and self._highs is None and ends.is_finite:
+            vertex = self._corner.farthest(self._rows, ends.middle, ends.half, weights)
+        if vertex is not None:
+            return vertex.x, vertex.of(len(ends.middle))
         if self._highs is None:
             free = np.full(len(weights), highspy.kHighsInf)
-            self._highs = _model(np.zeros(len(weights)), -free, free, self._rows, lower, upper)
+            self._highs = _model(np.zeros(len(weights)), -free, free, self._rows, ends.lower, ends.upper)
             self._highs.changeObjectiveSense(highspy.ObjSense.kMaximize)
         self._highs.changeColsCost(len(weights), np.arange(len(weights), dtype=np.int32), weights)
         solution = solved(self._highs)
@@ -180,6 +194,7 @@ class Polytope:
     def _take(self, added: NDArray) -> None:
         rows = self._matrix[added]
         self._taken, self._rows = np.append(self._taken, added), np.vstack((self._rows, rows))
+        self._ends = self._ends_in_use()
         if self._highs is not None:
             count, width = rows.shape
             start = np.arange(0, count * width, width, dtype=np.int32)

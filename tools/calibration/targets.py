@@ -123,11 +123,10 @@ def asked_targets(expressions: Sequence[str], p: Parametrisation) -> list[Target
 
     Raises an InputError for anything but a linear combination of X1..X18.
     """
-    combinations = []
-    for symbol, (name, unit) in NAMES.items():
+    combinations, targets = [], []
+    for symbol, (name, unit) in NAMES.items() if expressions else ():
         with suppress(InputError):
             combinations.append((name, unit, expression_weights(symbol, p)))
-    targets = []
     for expression in expressions:
         weights = expression_weights(expression, p)
         fitting = [(n, u) for n, u, row in combinations if np.array_equal(row, weights)]
