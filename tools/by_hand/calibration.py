@@ -58,8 +58,8 @@ CONTRADICTED = 4.0
 """A known turn is wrong where the moves contradict it by this number of standard deviations."""
 FAR_MOVE = 10.0
 """A move whose error exceeds the median by this factor is left out."""
-FAR_OF_PRIOR = 6.0
-"""So is one that usual gyros miss by this number of standard deviations."""
+FAR_OF_PRIOR, FEWEST_SOUND = 6.0, 10
+"""So is one that usual gyros miss by this number of standard deviations, of fewer than ten moves only such ones."""
 FAR_FACE = np.radians(30.0)
 """Farther from a face no case is tilted [rad]."""
 MORE = 3.0
@@ -183,17 +183,19 @@ def _with_sound_moves(run: Run) -> Run:
     if not isinstance(moves, Moves) or not len(moves):
         return run
     fit = fit_of(replace(run, turns=None, moves=moves.those(np.zeros(0, dtype=int))))
-    assert fit.gyros is not None
+    gyros = fit.gyros
+    assert gyros is not None
     # As gyros without moves know them: biases at rest, and the prior.
-    pieces = moves.rows(fit.forces, fit.gyros.values)
-    variance = np.einsum("mdi,ij,mdj->m", pieces.by_gyros, fit.gyros.covariance, pieces.by_gyros)
+    pieces = moves.rows(fit.forces, gyros.values)
+    variance = np.einsum("mdi,ij,mdj->m", pieces.by_gyros, gyros.covariance, pieces.by_gyros)
     variance += pieces.by_readings.sum(axis=1) * fit.deviation**2 + MOVE_ERROR**2
     sizes = np.linalg.norm(pieces.error, axis=1)
     sound, used = sizes <= FAR_OF_PRIOR * np.sqrt(variance), np.zeros(len(moves), dtype=bool)
-    while sound.sum() >= FEWEST_FOLDED - 2 and (sound != used).any():
+    while sound.sum() >= FEWEST_SOUND and (sound != used).any():
         used = sound
-        fit = with_gyros(replace(run, turns=None, moves=moves.those(np.flatnonzero(used))), fit, fit.gyros)
-        sizes = np.linalg.norm(moves.rows(fit.forces, fit.gyros.values).error, axis=1)
+        gyros = with_gyros(replace(run, turns=None, moves=moves.those(np.flatnonzero(used))), fit, gyros).gyros
+        assert gyros is not None
+        sizes = np.linalg.norm(moves.rows(fit.forces, gyros.values).error, axis=1)
         sound = used & (sizes <= FAR_MOVE * np.median(sizes[used]))
     if sound.all() or 3 * (~sound).sum() >= len(moves):
         return run
@@ -575,6 +577,16 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
                     f"gyro {axis} has a scale factor error of {digits(100.0 * value, 2)} %: are unit, rows and known "
                     "turns right?"
                 )
+    change = None if fit.gyros is None else fit.gyros.change
+    if change is not None and run.moves is not None:
+        time = digits(float(run.moves.way.series.time_s[run.rests.rows[change.rest].start]), 4)
+        sizes = " and ".join(
+            f"gyro {axis + 1} by {digits(float(change.size[axis]), 2)} rad/s" for axis in np.flatnonzero(change.size)
+        )
+        remarks.append(
+            f"the rates at rest change before {time} s, of {sizes}: B is between, and its standard errors hold that; "
+            "calibrate the parts of the record as runs of their own"
+        )
     if run.faces is not None and fit.forces.case is None and not isinstance(run.moves, Windows):
         remarks.append("the faces name one axis only: the axes of the case stay unknown; name faces of two axes")
     return remarks

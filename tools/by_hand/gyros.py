@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
+from scipy.special import fdtrc, stdtr
 
 from ...models.bench import EARTH_RATE
 from ..motion.determinacy import TURN_PRIOR_SD, worst_turn
@@ -45,6 +45,14 @@ class Sensitivity:
 
 
 @dataclass(frozen=True, eq=False)
+class BiasChange:
+    """Change (3,) of the gyros' biases between two rests [rad/s], 0 of those that keep theirs; `rest` is the later."""
+
+    rest: int
+    size: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
 class GyroFit:
     """Parameters of gyros with their covariance.
 
@@ -61,6 +69,8 @@ class GyroFit:
         errors of the moves or windows [rad]
     piece_error : float
         standard deviation of a piece's own error [rad]
+    change : BiasChange or None
+        where the mean rates at rest prove it
     """
 
     values: NDArray[np.float64]
@@ -69,6 +79,7 @@ class GyroFit:
     sensitivity: Sensitivity | None
     missed: NDArray[np.float64]
     piece_error: float
+    change: BiasChange | None = None
 
     @property
     def errors(self) -> NDArray[np.float64]:
@@ -104,6 +115,26 @@ def sensitivity_of(rests: StillRests, forces: Forces) -> Sensitivity | None:
     p = float(fdtrc(9, of_design, max(f, 0.0)))
     halves = after / of_design <= 0.25 * before / of_level
     return Sensitivity(f, p, bool(p < CHANCE and halves))
+
+
+def change_of_bias(rests: StillRests, x: NDArray, values: NDArray) -> BiasChange | None:
+    """Return the change that divides the mean rates at quiet rests best; None where chance or few rests explain it."""
+    quiet = quiet_rests(rests)
+    if len(quiet) < FEWEST_RESTS or rests.rate is None or rests.rate_deviation is None:
+        return None
+    off = rests.rate[quiet] - inputs_of(x, rests.force[quiet]) @ values[SENSITIVITY].reshape(3, 3).T
+    least = np.maximum(np.median(rests.rate_deviation[quiet], axis=0), 0.3 * EARTH_RATE)
+    count, best, change = len(quiet), CHANCE / (3.0 * len(quiet)), None
+    for first in range(2, count - 1):
+        parts = off[:first], off[first:]
+        within = sum(np.square(part - part.mean(axis=0)).sum(axis=0) for part in parts) / (count - 2)
+        size = parts[1].mean(axis=0) - parts[0].mean(axis=0)
+        error = np.sqrt(np.maximum(within, least**2) * (1.0 / first + 1.0 / (count - first)))
+        chance = 2.0 * stdtr(count - 2, -np.abs(size) / error)
+        if chance.min() < best:
+            best = float(chance.min())
+            change = BiasChange(int(quiet[first]), np.where(chance < CHANCE / (3.0 * count), size, 0.0))
+    return change
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,12 +215,13 @@ class GyroRows:
         """Return the mean rates at quiet rests over their scatter, and their slopes."""
         rests = self.rests
         quiet = quiet_rests(rests) if len(rests) else np.zeros(0, dtype=int)
-        if not len(quiet) or rests.rate is None:
+        if not len(quiet) or rests.rate is None or rests.rate_deviation is None:
             return np.zeros(0), np.zeros((0, 9 + len(self.fitted)))
         n = inputs_of(x, rests.force[quiet])
         off = values[BIAS] + n @ values[SENSITIVITY].reshape(3, 3).T - rests.rate[quiet]
         middle = np.median(off, axis=0)
         error = np.maximum(1.4826 * np.median(np.abs(off - middle), axis=0), EARTH_RATE)
+        error = np.maximum(error, np.median(rests.rate_deviation[quiet], axis=0))
         if len(quiet) < 3:
             error = np.maximum(error, UNKNOWN_RATE)
         weight = 1.0 / error / np.maximum(1.0, np.abs(off - middle) / (FAR * error))
@@ -251,4 +283,9 @@ def fitted_gyros(
     values, covariance, last, piece_error = rows.solved(forces, values)
     if isinstance(pieces, Windows) and pieces.case_error is not None:
         covariance[MATRIX, MATRIX] += pieces.case_error**2 * np.eye(9)
-    return GyroFit(values, covariance, rows.fitted, sensitivity, last.error, piece_error)
+    change = change_of_bias(rests, forces.x, values) if len(rests) else None
+    if len(rests) and rests.rate_steps is not None:
+        covariance[BIAS, BIAS] += np.diag(np.square(np.median(rests.rate_steps, axis=0)))
+    if change is not None:
+        covariance[BIAS, BIAS] += np.diag(np.square(0.5 * change.size))
+    return GyroFit(values, covariance, rows.fitted, sensitivity, last.error, piece_error, change)

@@ -6,12 +6,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ..memory import each
+from ..memory import each, once
 from ..motion.rests import LEAST_ROWS, QUIET, still_stretches, still_windows, window_scatter, window_sums
 from ..records.columns import LARGEST_FORCE
 from ..records.stamps import grid_of
+from ..records.steps import reading_step
 
 WIDER = 5.0
 """The limit of a second pass, where the first leaves fewer than `FEWEST` rests."""
@@ -74,6 +75,10 @@ class StillRests:
         largest scatter in units of the noise with which they were found; None of rests that are given
     rate : (K, 3) array or None
         mean rates [rad/s]
+    rate_deviation : (K, 3) array or None
+        standard deviation of a mean rate by white noise within the rest [rad/s]
+    rate_steps : (K, 3) array or None
+        that by steps of the readings, which is much the same in all rests [rad/s]
     unrest : (K,) array or None
         scatter of the gyros, the largest of the three in units of the quietest tenth
     """
@@ -83,6 +88,8 @@ class StillRests:
     deviation: NDArray[np.float64]
     limit: float | None
     rate: NDArray[np.float64] | None = None
+    rate_deviation: NDArray[np.float64] | None = None
+    rate_steps: NDArray[np.float64] | None = None
     unrest: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
@@ -90,10 +97,10 @@ class StillRests:
 
     def those(self, chosen: NDArray[np.int_]) -> "StillRests":
         """Return some of the rests."""
-        rate = None if self.rate is None else self.rate[chosen]
-        unrest = None if self.unrest is None else self.unrest[chosen]
+        of_gyros = self.rate, self.rate_deviation, self.rate_steps, self.unrest
+        of_gyros = [None if one is None else one[chosen] for one in of_gyros]
         rows = tuple(self.rows[number] for number in chosen.tolist()) if self.rows else ()
-        return StillRests(rows, self.force[chosen], self.deviation[chosen], self.limit, rate, unrest)
+        return StillRests(rows, self.force[chosen], self.deviation[chosen], self.limit, *of_gyros)
 
 
 def still_rests(series: TimedReadings, limit: float | None = None) -> StillRests:
@@ -150,19 +157,28 @@ def averaged(series: TimedReadings, rows: Sequence[slice], limit: float | None) 
         # One rest tells its own noise badly: the median, as white noise falls with the length.
         lengths = np.array([at.stop - at.start for at in rows])
         deviation = np.median(deviation) * np.sqrt(np.median(lengths) / lengths)
+        deviation = np.hypot(deviation, _of_steps(series.force, each(_spread, series.force, rows)).max(axis=1))
     if series.rate is None:
         return StillRests(tuple(rows), force, deviation, limit)
     rate, spread = (np.reshape(each(of_rest, series.rate, rows), (count, 3)) for of_rest in (mean_of_rows, _spread))
-    unrest = np.ones(count)
+    unrest, rate_deviation = np.ones(count), spread
     if count:
+        rate_deviation = spread / np.sqrt(lengths)[:, None]
         quiet = np.quantile(spread, 0.1, axis=0)
         unrest = (spread / np.where(quiet > 0.0, quiet, 1.0)).max(axis=1)
-    return StillRests(tuple(rows), force, deviation, limit, rate, unrest)
+    steps = _of_steps(series.rate, spread)
+    return StillRests(tuple(rows), force, deviation, limit, rate, rate_deviation, steps, unrest)
 
 
 def mean_of_rows(values: NDArray) -> NDArray[np.float64]:
     """Return the mean (C,) of rows (n, C)."""
     return values.mean(axis=0)
+
+
+def _of_steps(values: NDArray, spread: ArrayLike) -> NDArray[np.float64]:
+    """Return the error (K, C) of means over rests by steps of the readings (N, C) that noise does not even out."""
+    step = once(reading_step, values)
+    return np.where(np.asarray(spread) < 0.5 * step, step / np.sqrt(12.0), 0.0)
 
 
 def _spread(values: NDArray) -> NDArray[np.float64]:

@@ -120,7 +120,8 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
     if basis.case is not None:
         error = digits(math.degrees(basis.case.standard_error), 2)
         where = "the true attitude" if with_truth else "the case, by its faces,"
-        lines.append(f"The axes of {where} are known to {error}° (1 sd).")
+        angle = _turn_of(basis.case.rotation)
+        lines.append(f"The axes of {where} are turned by {angle}° against the accelerometers' (to {error}°, 1 sd).")
     return lines
 
 

@@ -75,6 +75,34 @@ def test_a_move_in_which_rows_are_lost_is_named() -> None:
     assert not any("rows lost" in line for line in th.calibrate(table, gravity=GRAVITY).warnings)
 
 
+@pytest.mark.parametrize(("seed", "step"), [(1, 0.002), (2, 0.01)])
+def test_a_bias_of_a_gyro_that_changes_is_named_and_its_error_holds_that(seed: int, step: float) -> None:
+    instrument, table = hand_moved(seed, 18)
+    late = pl.col("time_s") > 45.0
+    result = th.calibrate(
+        table.with_columns(pl.col("w1_radps") + pl.when(late).then(step).otherwise(0.0)), gravity=GRAVITY
+    )
+    (line,) = [line for line in result.warnings if "the rates at rest change before" in line]
+    assert "of gyro 1 by" in line
+    # Only the quieter half of the rests tells of the gyros.
+    assert any(f"change before {begin}" in line for begin in (45, 50))
+    error = present(result["B1"].standard_error)
+    assert abs(present(result["B1"].estimate) - truth(instrument)["B1"]) < 3.0 * error
+    assert error < step
+    assert not any("rates at rest" in line for line in th.calibrate(table, gravity=GRAVITY).warnings)
+
+
+@pytest.mark.parametrize("step", [np.radians(1.0), 1e-3])
+def test_steps_of_gyros_wider_than_their_noise_are_in_the_errors_of_biases(step: float) -> None:
+    """At rest they read one number, which may be wrong by half a step."""
+    instrument, table = hand_moved(3, 16)
+    names = [f"w{axis}_radps" for axis in (1, 2, 3)]
+    result = th.calibrate(table.with_columns((pl.col(*names) / step).round() * step), gravity=GRAVITY)
+    for symbol in ("B1", "B2", "B3"):
+        p = result[symbol]
+        assert abs(present(p.estimate) - truth(instrument)[symbol]) < 3.0 * present(p.standard_error), symbol
+
+
 @pytest.mark.parametrize("seed", [15, 16])
 def test_gyros_come_from_the_other_moves_where_rows_of_two_are_lost(seed: int) -> None:
     """Half a second of two moves is not in the record; in that of seed 16 one of them seems to be a cut."""
