@@ -325,7 +325,8 @@ def flat_source(component: Component) -> str:
     Raises
     ------
     TypeError
-        a kernel uses something that is not a kernel, a number or `math`
+        a kernel uses something that is not a kernel, a number or `math`, or a name that means something else in
+        another kernel
     """
     return "\n\n\n".join(part.text for part in flat_parts(component)) + "\n"
 
@@ -333,6 +334,7 @@ def flat_source(component: Component) -> str:
 def flat_parts(component: Component) -> tuple[SourcePart, ...]:
     """The parts of a component's flat source, in order; raises as `flat_source` does."""
     parts: dict[str, SourcePart] = {}
+    values: dict[str, Any] = {}
 
     def include(function: Callable[..., Any]) -> None:
         kernels_of_effects = [place.definition.kernel_at(function.__name__) for place in component.effects]
@@ -347,9 +349,14 @@ def flat_parts(component: Component) -> tuple[SourcePart, ...]:
 
     def include_names(function: Callable[..., Any]) -> None:
         for name in called_names(function):
+            value = function.__globals__.get(name)
+            if name not in PERMITTED and values.setdefault(name, value) != value:
+                raise TypeError(
+                    f"kernel {function.__name__} uses {name}, which another kernel of {component.name} has "
+                    "with another value; rename it"
+                )
             if name in parts:
                 continue
-            value = function.__globals__.get(name)
             if isinstance(value, int | float) and not isinstance(value, bool):
                 parts[name] = SourcePart(f"{name} = {value!r}", kernel_source(function).origin, 1)
             elif inspect.isfunction(value):

@@ -9,14 +9,14 @@ from .restricted import Vector
 GENERATOR_SIZE = 6
 MODULUS_1 = 4294967087.0
 MODULUS_2 = 4294944443.0
-ROUNDING = 6755399441055744.0
+WHOLE_FROM = 6755399441055744.0
 """1.5 times 2**52: doubles of this size are whole numbers."""
 
 
 def remainder(value: float, modulus: float) -> float:
     """Return the representative of `value` in [0, modulus), exact for |value| < 2**53."""
-    # Adding and subtracting ROUNDING leaves the nearest whole number, on several numbers at once where floor cannot.
-    quotient = value * (1.0 / modulus) + ROUNDING - ROUNDING
+    # Adding and subtracting WHOLE_FROM leaves the nearest whole number, on several numbers at once where floor cannot.
+    quotient = value * (1.0 / modulus) + WHOLE_FROM - WHOLE_FROM
     rest = value - quotient * modulus
     if rest < 0.0:
         rest = rest + modulus

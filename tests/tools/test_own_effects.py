@@ -142,6 +142,7 @@ WRONG = {
     changed(
         '(n in g)",', '(n in g)",\n    columns=lambda place, rows: rows.n[:, :, None],'
     ): "columns says .* have to agree",
+    "ROUNDING = 0.5\n" + changed("n[p] - 0.5", "n[p] - ROUNDING"): "uses ROUNDING, which another kernel .* rename it",
     changed("p: int, ", ""): "line 9: effect half-scale: kernel cannot be carried to an FMU: .* uses p",
     changed('"1", "c of', '"parsec", "c of'): "parameter coefficient has the unit 'parsec'",
     changed("1e-2),", "-1e-2),"): "has largest = -0.01; a finite number above 0",
