@@ -57,7 +57,7 @@ LARGE, LARGE_OF_GYRO = 0.2, 0.06
 CONTRADICTED = 4.0
 """A known turn is wrong where the moves contradict it by this number of standard deviations."""
 FAR_MOVE = 10.0
-"""A move whose error exceeds the median by this factor is left out."""
+"""A move whose error exceeds the median, and the usual error of a move, by this factor is left out."""
 FAR_OF_PRIOR, FEWEST_SOUND = 6.0, 10
 """So is one that usual gyros miss by this number of standard deviations, of fewer than ten moves only such ones."""
 FAR_FACE = np.radians(30.0)
@@ -196,7 +196,7 @@ def _with_sound_moves(run: Run) -> Run:
         gyros = with_gyros(replace(run, turns=None, moves=moves.those(np.flatnonzero(used))), fit, gyros).gyros
         assert gyros is not None
         sizes = np.linalg.norm(moves.rows(fit.forces, gyros.values).error, axis=1)
-        sound = used & (sizes <= FAR_MOVE * np.median(sizes[used]))
+        sound = used & (sizes <= FAR_MOVE * max(float(np.median(sizes[used])), MOVE_ERROR))
     if sound.all() or 3 * (~sound).sum() >= len(moves):
         return run
     times = moves.way.series.time_s[moves.way.ends[~sound, 0]]
