@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from typing import NoReturn
 
 from ..errors import InputError, nearest
 from ..records.columns import (
@@ -20,16 +21,21 @@ from ..records.columns import (
 from .deciding_units import ONE_G, TRUE_SIZE
 from .mapping import OPEN
 from .names import DATE, POSITION, QUANTITY_OF, gyro_of, normal
+from .presets import presets
 from .ranking import (
+    ALIKE,
     Triad,
     force_units,
     is_derived,
+    is_estimate_of_gravity,
     is_without_gravity,
     may_be_channel,
     median_size,
     named_triads,
     quantities_of,
     rising,
+    size_of,
+    turns_of,
     unnamed_triads,
 )
 from .understanding import (
@@ -46,11 +52,15 @@ NO_READING = frozenset(
     ["std", "sigma", "noise", "bias", "error", "offset", "var", "rms", "max", "min", "cov", "gravity"]
 )
 """Words in the names of three columns that are not readings in any unit."""
+TREATED, UNTREATED = ("cal", "calibrated"), ("raw", "uncal", "uncalib", "uncalibrated", "uncomp")
+"""Words of the columns with and without a unit among several of one instrument."""
 INSTRUMENTS = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}
 TRIADS_OF = {FORCE_QUANTITY: FORCE, RATE_QUANTITY: RATE}
 """Quantity -> its three columns of a record."""
 LEAST_PLAIN = 0.5
 """Median |f| below which numbers are gravity in no usual unit."""
+STEADY_GRAVITY = 0.1
+"""Relative spread of |f| below which its size is gravity: shaking alone spreads more."""
 AXIS = re.compile(r"[xyz]\d*\b")
 """Axis at the end of a word of a name."""
 MOST_SENSORS = 12
@@ -86,11 +96,20 @@ def fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
     for quantity, columns in TRIADS_OF.items():
         if (candidates.keys() | fields.keys() | mapped).isdisjoint(columns + INCREMENT):
             _take_triads(table, quantity, [field for field in filled if field not in fields.values()], candidates)
+    layout = presets().get(mapping.preset)
+    is_open = (candidates.keys() | fields.keys()).isdisjoint(FORCE)
+    if (
+        layout
+        and layout.without_gravity
+        and is_open
+        and re.search(layout.without_gravity, normal(table.sheet.path.stem))
+    ):
+        _refuse_without_gravity(table, f"acceleration without gravity by its name, in {layout.title}")
     fields |= _readings_beside(table, filled, candidates.keys() | fields.keys() | mapped)
     _refuse_parts(table, filled, candidates)
     _ask_of_alike(table, candidates)
     for column, alike in candidates.items():
-        if len(alike) == 1:
+        if all(field.texts == alike[0].texts and field.head.unit == alike[0].head.unit for field in alike):
             fields[column] = alike[0]
             continue
         names = [field.head.text for field in alike]
@@ -125,12 +144,25 @@ def _ask_of_alike(table: UnderstoodTable, candidates: dict[str, list[Field]]) ->
         names = {field.head.text for group in groups for field in group}
         if not len(groups[0]) == len(groups[1]) == len(groups[2]) > 1 or len(names) < 3 * len(groups[0]):
             continue
-        triads = [Triad((x, y, z)) for x, y, z in zip(*groups, strict=True)]
-        if quantity == FORCE_QUANTITY:
-            triads.sort(key=lambda triad: not force_units(median_size(table, triad.fields)))
+        triads = [Triad((x, y, z), quantity) for x, y, z in zip(*groups, strict=True)]
+        plain = [triad for triad in triads if "linear" not in normal(triad.fields[0].head.name).split()]
+        triads = plain or triads
+        triads.sort(key=lambda triad: _unlikeliness(table, triad))
+        if len(triads) == 1:
+            for column, field in zip(columns, triads[0].fields, strict=True):
+                candidates[column] = [field]
+            continue
         _propose(table, quantity, triads[: MOST_TRIADS + 1])
         for column in columns:
             del candidates[column]
+
+
+def _unlikeliness(table: UnderstoodTable, triad: Triad) -> tuple[bool, ...]:
+    """Return the order of three columns among several: with gravity, with a unit, calibrated, not raw before others."""
+    words = set(normal(triad.fields[0].head.name).split())
+    has_unit = triad.fields[0].quantity in TRIADS_OF
+    has_gravity = triad.quantity == RATE_QUANTITY or bool(force_units(median_size(table, triad.fields)))
+    return not has_gravity, not has_unit, words.isdisjoint(TREATED), not words.isdisjoint(UNTREATED)
 
 
 def are_faces(texts: Sequence[str]) -> bool:
@@ -161,7 +193,10 @@ def ask_of_instances(table: UnderstoodTable, name: str) -> None:
         quantities = {quantity for text in sensors[:MOST_SENSORS] for quantity in quantities_of(normal(text).split())}
         is_sensor = len(quantities) > 1 and len(sensors) <= MOST_SENSORS
         if len(sensors) > 1 and (is_sensor or (name and field.head.text == name)):
+            of_words = {quantity: sensor for sensor in sensors for quantity in quantities_of(normal(sensor).split())}
             answers = [f"{field.label}={sensor}" for sensor in sensors]
+            if len(sensors) == len(of_words) == len(TRIADS_OF):
+                answers.insert(0, ",".join(f"{field.label}={of_words[quantity]}" for quantity in TRIADS_OF))
             table.ask("part", answers, f"the rows of {len(sensors)} sensors are mixed")
 
 
@@ -173,7 +208,7 @@ def _take_triads(
     triads = [triad for triad in named_triads(fields) if triad.quantity == quantity and not triad.numbered]
     if not triads:
         return
-    triads.sort(key=lambda triad: triad.further)
+    triads.sort(key=lambda triad: (_unlikeliness(table, triad), triad.further))
     if len(triads) == 1 and all(field.quantity == quantity for field in triads[0].fields):
         candidates |= {column: [field] for column, field in zip(TRIADS_OF[quantity], triads[0].fields, strict=True)}
         return
@@ -260,13 +295,19 @@ def without_only_triad(table: UnderstoodTable, fields: dict[str, Field], left: l
 
 
 def _is_gravity(table: UnderstoodTable, triad: Triad) -> bool:
-    """Return True if the readings of three columns, in a certain unit, have the size of gravity."""
+    """Return True if most readings of three columns, in a certain unit, have the size of gravity."""
     unit = known_unit(table.mapping.units.get(FORCE_QUANTITY, ""))
     is_estimate = not NO_READING.isdisjoint(normal(table.sheet.path.stem).split())
     if unit is None or unit.raw or is_estimate:
         return False
-    size = median_size(table, triad.fields) * unit.factor / ONE_G
-    return TRUE_SIZE[0] < size < TRUE_SIZE[1]
+    size, spread = size_of(table, triad.fields)
+    return TRUE_SIZE[0] < size * unit.factor / ONE_G < TRUE_SIZE[1] and spread < STEADY_GRAVITY
+
+
+def _refuse_without_gravity(table: UnderstoodTable, what: str) -> NoReturn:
+    """Refuse accelerations that are no readings of accelerometers."""
+    advice = "a record needs what the accelerometers read: export that too, or give --set columns.force=NAMES"
+    raise InputError(f"{table.sheet.path}: {what}; {advice}")
 
 
 def take_role(table: UnderstoodTable, fields: dict[str, Field], role: RecordKind) -> None:
@@ -304,7 +345,7 @@ def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str,
     free, without = [], []
     for field in table.filled:
         if is_without_gravity(field):
-            without.append(field.label)
+            without.append(field)
         elif field not in used and table.values(field.texts) and may_be_channel(table, field):
             free.append(field)
     triads = [triad for triad in named_triads(free) if not triad.quantity and not is_derived(triad)]
@@ -317,11 +358,20 @@ def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str,
         if not set(missing).issuperset(columns) or table.is_asked(f"columns.{quantity}"):
             continue
         if quantity == FORCE_QUANTITY and without:
-            what = f"{', '.join(without[:3])}: acceleration without gravity"
-            advice = "a record needs what the accelerometers read: export that too, or give --set columns.force=NAMES"
-            raise InputError(f"{table.sheet.path}: {what}; {advice}")
+            size, spread = size_of(table, without[:3])
+            if len(without) != 3 or not force_units(size) or spread > STEADY_GRAVITY:
+                labels = ", ".join(field.label for field in without[:3])
+                _refuse_without_gravity(table, f"{labels}: acceleration without gravity")
+            triads.insert(0, Triad((without[0], without[1], without[2])))
+        if quantity == FORCE_QUANTITY and triads and is_estimate_of_gravity(table, triads[0]):
+            _refuse_without_gravity(
+                table, f"columns {triads[0].answer}: an estimate of gravity, equal to its last digit"
+            )
         if not triads:
             continue
+        forces = table.proposed.get(FORCE_QUANTITY) or [fields[column] for column in FORCE if column in fields]
+        if quantity == RATE_QUANTITY and len(forces) == 3:
+            triads.sort(key=lambda triad: turns_of(table, forces, triad.fields)[1] < ALIKE)
         _propose(table, quantity, triads[:MOST_TRIADS])
         left_over = [column for column in left_over if column not in columns]
         triads = [triad for triad in triads if set(triad.fields).isdisjoint(table.proposed[quantity])]

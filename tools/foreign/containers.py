@@ -1,11 +1,13 @@
-"""Files that hold several tables of numbers: MATLAB, NumPy, HDF5, Parquet, ULog, ROS bags, MCAP, TDMS.
+"""Files that hold several tables of numbers: MATLAB, NumPy, HDF5, Parquet, ULog, ROS bags, MCAP, TDMS, ArduPilot.
 
-A maintained library reads each; a part of a file is a table with named columns. Nothing is unpickled.
+A part of a file is a table with named columns. A library reads each but ArduPilot's text. Nothing is unpickled.
 """
 
 import io
 import json
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from functools import partial
@@ -21,6 +23,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .array_reader import HDF5, NUMPY, UNNAMED
 from .layout import are_beside, parts_of_seconds
+from .names import heading
 from .sheet import LOOKED_AT
 from .workbook import output_of_reader
 
@@ -29,6 +32,8 @@ MOST_CHANNELS = 16
 FEWEST_ROWS = 3
 ULOG = b"ULog\x01\x12\x35"
 PARQUET, ROS1, MCAP, TDMS, SQLITE = b"PAR1", b"#ROSBAG V", b"\x89MCAP", b"TDSm", b"SQLite format 3\0"
+ARDUPILOT = re.compile(rb"^FMT, ?\d+, ?\d+,", re.MULTILINE)
+"""Line of a text log of ArduPilot that names the columns of a message."""
 EXTRAS = {"nptdms": "pip install 'trihedron[tdms]'"}
 """Library -> command that installs it, if not that for all others."""
 EXTRA = "pip install 'trihedron[logs]'"
@@ -88,10 +93,12 @@ class Tree:
         for path, shape in self.shapes.items():
             rows = _rows_of(shape)
             if rows >= FEWEST_ROWS:
-                groups.setdefault((path.rpartition("/")[0], rows), []).append(path)
+                group = path if _is_timed(path, shape) else path.rpartition("/")[0]
+                groups.setdefault((group, rows), []).append(path)
         together: dict[int, list[str]] = {}
-        for (_, rows), paths in groups.items():
-            together.setdefault(rows, []).extend(paths)
+        for (group, rows), paths in groups.items():
+            if [group] != paths:
+                together.setdefault(rows, []).extend(paths)
         parts = [self._part(name, rows, paths) for (name, rows), paths in groups.items()]
         for rows, paths in together.items():
             if all(len(part.names) < len(paths) or part.rows != rows for part in parts):
@@ -101,7 +108,7 @@ class Tree:
     def _part(self, name: str, rows: int, paths: list[str]) -> Part:
         names = []
         for path in paths:
-            names += _names_in(path, self.shapes[path], alone=len(paths) > 1)
+            names += _names_in(path, self.shapes[path])
         rate = 0.0
         for path, number in self.numbers.items():
             if path.rpartition("/")[2].replace("_", "").lower() in RATES and number > 0.0:
@@ -116,7 +123,7 @@ class Tree:
             columns = values.reshape(-1, 1) if _is_line(shape) else values.reshape(shape)
             if columns.ndim == 2 and columns.shape[0] < columns.shape[1]:
                 columns = columns.T
-            names = _names_in(path, shape, alone=True)
+            names = _names_in(path, shape, is_timed=bool((np.diff(columns[:, 0]) > 0).all()))
             for name, column in zip(names, columns.T, strict=True):
                 channels.append(Channel(name, np.ascontiguousarray(column), self.units.get(path, "")))
         return channels
@@ -135,13 +142,21 @@ def _rows_of(shape: tuple[int, ...]) -> int:
     return 0
 
 
-def _names_in(path: str, shape: tuple[int, ...], *, alone: bool) -> list[str]:
-    """Return the names of an array's columns: its own, with the number of the column from 0."""
+def _is_timed(path: str, shape: tuple[int, ...]) -> bool:
+    """Return True for an array of four columns with the name of an instrument: a time and three channels."""
+    return len(shape) == 2 and min(shape) == 4 and bool(heading(f"{path.rpartition('/')[2]} x").column)
+
+
+def _names_in(path: str, shape: tuple[int, ...], *, is_timed: bool = True) -> list[str]:
+    """Return the names of an array's columns: its own, with the number of the column from 0; `is_timed`: the first
+    column may be a time."""
     folder, _, name = path.rpartition("/")
     if name.lower() in ("x", "y", "z") and folder:
         name = f"{folder.rpartition('/')[2]} {name}"
     if _is_line(shape):
         return [name]
+    if is_timed and _is_timed(path, shape):
+        return ["time", *(f"{name} {axis}" for axis in "xyz")]
     return [f"{name}[{k}]" for k in range(min(shape))]
 
 
@@ -263,6 +278,8 @@ def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Par
     ):
         if begin.startswith(magic):
             return word, reader
+    if ARDUPILOT.search(begin):
+        return "text log of ArduPilot", _ardupilot_parts
     word = SUFFIXES.get(path.suffix.lower())
     if word and begin:
         raise InputError(f"{path}: does not begin as a {word} does; copy or export it again")
@@ -436,6 +453,29 @@ def _mcap_parts(path: Path) -> list[Part]:
             names = tuple(channel.name for channel in channels)
             parts.append(Part(topic.strip("/"), len(frame), names, partial(list, channels)))
     return parts
+
+
+def _ardupilot_parts(path: Path) -> list[Part]:
+    names, counts = dict[str, tuple[str, ...]](), Counter[str]()
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            message, *fields = (field.strip() for field in line.split(","))
+            counts[message] += 1
+            if message == "FMT":
+                names[fields[2]] = tuple(fields[4:])
+    parts = []
+    for message, columns in names.items():
+        if columns and counts[message] >= FEWEST_ROWS:
+            parts.append(Part(message, counts[message], columns, partial(_ardupilot_channels, path, message, columns)))
+    return parts
+
+
+def _ardupilot_channels(path: Path, message: str, columns: Sequence[str]) -> list[Channel]:
+    """Return the columns of a message; a line that is cut short lacks some."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        rows = [line.partition(",")[2].replace(" ", "") for line in file if line.startswith(f"{message},")]
+    text = io.StringIO("".join(rows))
+    return table_channels(pl.read_csv(text, has_header=False, new_columns=columns, infer_schema_length=None))
 
 
 def frame_of(path: Path, channels: list[Channel]) -> pl.DataFrame:

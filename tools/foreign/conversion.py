@@ -43,7 +43,7 @@ from .numbers import (
     unit_behind,
 )
 from .understanding import NAME, NUMBER, STANDING_DEG, UnderstoodTable, ask_of_senses
-from .units import DEGREE, OPPOSITE, TIME, LaboratoryUnit, is_unknown_behind, known_unit, scaled_unit, sense_behind
+from .units import DEGREE, OPPOSITE, TIME, is_unknown_behind, known_unit, scaled_unit, sense_behind
 
 DIGITS_OF = 2000
 """Number of rows that decide how finely numbers are written."""
@@ -129,10 +129,12 @@ def converted(table: UnderstoodTable) -> Conversion:
     if table.kind is POSES:
         numbers.setdefault("position", np.arange(1.0, len(lines) + 1.0))
     elif TIMES not in numbers:
-        period = scaled_unit(table.mapping.units.get(TIME) or table.sheet.stated.time or "1 s") or LaboratoryUnit(
-            TIME, 1.0
+        period = scaled_unit(table.mapping.units.get(TIME) or table.sheet.stated.time or "1 s")
+        # rows that are left out take their time
+        before = np.searchsorted(left_out.get("a number is missing", ()), places)
+        numbers[TIMES] = (np.arange(len(places), dtype=np.float64) + before) * (
+            1.0 if period is None else period.factor
         )
-        numbers[TIMES] = np.arange(len(places), dtype=np.float64) * period.factor
     if QUATERNION[0] in numbers and table.whole_mapping.attitude == "reference to body":
         for column in QUATERNION[1:]:
             numbers[column] = -numbers[column]

@@ -39,6 +39,8 @@ from .understanding import (
 )
 from .units import TIME, is_rate
 
+RATE_BESIDE = re.compile(r"\b(?:at|\w*rate|\w*frequency)(?: set to)?\W{1,4}(\d+(?:\.\d+)?) ?(k?Hz)", re.IGNORECASE)
+
 
 def decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     """Decide the source of times: numbers, times of day, dates, sample numbers, or the order of the rows."""
@@ -77,7 +79,8 @@ def written_times(table: UnderstoodTable, free: list[Field]) -> dict[str, Field]
         return {TIMES: moments[0]}
     if len(clocks) == 1 and len(dates) < 2:
         return dict(zip((TIMES, DATE), (clocks[0], *dates), strict=False))
-    timed = [field for field in free if field.quantity == TIME]
+    # columns that are equal are one
+    timed = list({tuple(field.texts): field for field in reversed(free) if field.quantity == TIME}.values())
     if len(timed) == 1 and rising(table, timed):
         return {TIMES: timed[0]}
     return {}
@@ -88,7 +91,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
     if table.mapping.time == "order" or table.kind is POSES:
         return
     is_series, is_kind_open = len(table.rows) >= MANY_ROWS, table.is_asked("kind")
-    timed = [field.head.text for field in table.filled if field.quantity == TIME]
+    timed = [field.label for field in table.filled if field.quantity == TIME]
     if not is_kind_open:
         _refuse_period(table, "no column has the name of a time")
         if table.kind is POSITION and not timed:
@@ -103,7 +106,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
         return
     if table.sheet.stated.time:
         return
-    rate = table.sheet.stated.likely_rate or likely_of(table.mapping).get(TIME, "100 Hz")
+    rate = table.sheet.stated.likely_rate or _rate_beside(table) or likely_of(table.mapping).get(TIME, "100 Hz")
     risen = [field for field in rising(table, table.filled) if field.quantity in ("", TIME)] if is_series else []
     if not risen:
         why = "no column is known as a time: rows at which rate; else columns.time_s=NAME names it"
@@ -113,6 +116,13 @@ def _ask_for_time(table: UnderstoodTable) -> None:
     counts = table.values(risen[0].texts)
     likely = [rate] if counts[-1] - counts[0] == len(counts) - 1 else time_units(table, risen[0])
     table.ask("units.time", list(dict.fromkeys([*likely, "s", "ms", "us"])), "the times have no unit")
+
+
+def _rate_beside(table: UnderstoodTable) -> str:
+    """Return the only rate in the lines around the table, as "at 30 Hz" or "Sample rate: 100 Hz"; "" for several."""
+    lines = " ".join(f"{key}: {text};" for key, text in table.layout.remarks.items())
+    rates = {f"{rate} {unit}" for rate, unit in RATE_BESIDE.findall(lines)}
+    return rates.pop() if len(rates) == 1 else ""
 
 
 def _refuse_period(table: UnderstoodTable, where: str) -> None:

@@ -32,6 +32,7 @@ from .conversion import Conversion, converted, record_columns
 from .deciding import understood
 from .frames import with_whole_text
 from .joining import GYROS, joined
+from .labelled import labelled_sheet
 from .layout import has_table, layout_of, upright, with_exact_seconds
 from .mapping import (
     OPEN,
@@ -169,9 +170,9 @@ def make_record(
     if not isinstance(source, str | Path):
         table, conversion = _converted_sheets(file, [sheet_in_memory(source)], filled)
     elif second is None:
-        table, conversion = _converted(file, filled)
+        table, conversion = _of_parts(file, filled)
     else:
-        table, conversion = _of_two(file, second, filled)
+        table, conversion = _of_two((file, second), (filled, filled))
     if table.questions:
         raise _questions(table, file, mapping_file, is_own=is_own)
     columns = record_columns(table, conversion)
@@ -199,7 +200,7 @@ def _converted_sheets(
         sheets = [of_instance(sheets[0], mapping.part), *sheets[1:]]
     table = understood(sheets[0], mapping, role)
     mixed = next((question for question in table.questions if question.key == "part"), None)
-    if mixed is not None:
+    if mixed is not None and "," not in mixed.answers[0]:
         table = understood(of_instance(sheets[0], mixed.answers[0]), mapping, role)
         table.ask(mixed.key, mixed.answers, mixed.why)
     if len(sheets) > 1:
@@ -213,11 +214,27 @@ def _converted_sheets(
     return table, converted(table)
 
 
-def _of_two(file: Path, second: Path, mapping: Mapping) -> tuple[UnderstoodTable, Conversion]:
-    """Understand accelerometers and gyros of two files, and join them; the table has the open questions of both."""
-    forces, rates = (second, file) if "gyr" in file.name.lower() and "acc" in second.name.lower() else (file, second)
-    force_table, force = _converted(forces, mapping, FORCES)
-    rate_table, rate = _converted(rates, mapping, GYROS)
+def _of_parts(file: Path, mapping: Mapping) -> tuple[UnderstoodTable, Conversion]:
+    """Understand a file, and join two tables in it where the user names them, or nothing is likelier."""
+    parts = mapping.part.split(",")
+    if len(parts) == 2:
+        first, second = (mapping.model_copy(update={"part": part}) for part in parts)
+        return _of_two((file, file), (first, second))
+    table, conversion = _converted(file, mapping)
+    asked = next((question for question in table.questions if question.key == "part"), None)
+    if asked and "," in asked.answers[0]:
+        table, _ = _of_parts(file, mapping.model_copy(update={"part": asked.answers[0]}))
+        table.ask(asked.key, asked.answers, asked.why)
+    return table, conversion
+
+
+def _of_two(files: tuple[Path, Path], mappings: tuple[Mapping, Mapping]) -> tuple[UnderstoodTable, Conversion]:
+    """Understand accelerometers and gyros of two tables, and join them; the table has the open questions of both."""
+    forces, rates = files
+    if "gyr" in forces.name.lower() and "acc" in rates.name.lower():
+        forces, rates = rates, forces
+    force_table, force = _converted(forces, mappings[0], FORCES)
+    rate_table, rate = _converted(rates, mappings[1], GYROS)
     for question in rate_table.questions:
         force_table.ask(question.key, question.answers, question.why)
     if force_table.questions:
@@ -242,7 +259,17 @@ def _whole_text_sheet(file: Path, sheet: Sheet) -> Sheet:
     """Return a large text with all its lines."""
     content = sheet.whole if isinstance(sheet.whole, bytes) else bytes_of(file, "a measured file is needed")
     text, _ = decoded(file, content, sheet.encoding)
-    return upright(with_exact_seconds(replace(sheet, lines=lines_of(file, text), whole=None)))
+    return _sheet_of_text(file, lines_of(file, text), sheet.encoding, sheet.separator)
+
+
+def _sheet_of_text(file: Path, lines: list[str], encoding: str, separator: str) -> Sheet:
+    """Return a text as a sheet with a row for each reading."""
+    if is_novatel(lines):
+        return novatel_sheet(file, lines)
+    if lines[0].strip().startswith(LABVIEW):
+        return labview_sheet(file, lines, encoding)
+    sheet = None if separator else labelled_sheet(file, lines, encoding)
+    return upright(with_exact_seconds(sheet or text_sheet(file, lines, encoding, separator)))
 
 
 def mapping_beside(out: Path) -> Path:
@@ -259,7 +286,7 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
         raise InputError(f"{file}: --from {mapping.part}: the file holds no parts; a sheet is --set sheet=NAME")
     if is_container(file, begin):
         note_read(file, file.stat())
-        return [sheet_of_part(file, mapping.part)]
+        return [sheet_of_part(file, "" if "=" in mapping.part else mapping.part)]
     if begin and not begin.startswith((PACKED, b"PK")) and LARGE < file.stat().st_size <= LARGEST:
         note_read(file, file.stat())
         with file.open("rb") as opened:
@@ -273,12 +300,7 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     if not is_workbook(content):
         refuse_other(file, content)
         text, encoding = decoded(file, content, mapping.encoding)
-        lines = lines_of(file, text)
-        if is_novatel(lines):
-            return [novatel_sheet(file, lines)]
-        if lines[0].strip().startswith(LABVIEW):
-            return [labview_sheet(file, lines, encoding)]
-        return [upright(with_exact_seconds(text_sheet(file, lines, encoding, mapping.separator)))]
+        return [_sheet_of_text(file, lines_of(file, text), encoding, mapping.separator)]
     sheets = [upright(with_exact_seconds(sheet)) for sheet in workbook_sheets(file, content)]
     if mapping.sheet not in ("", OPEN):
         return [sheet_of_workbook(sheets, file, mapping.sheet)]
@@ -297,9 +319,9 @@ def _large_sheet(file: Path, head: bytes, whole: Path | bytes, mapping: Mapping)
     complete = head[: head.rfind(b"\n") + 1] or head
     text, encoding = decoded(file, complete, mapping.encoding)
     lines = lines_of(file, text)
-    sheet = text_sheet(file, lines, encoding, mapping.separator)
-    is_odd = with_exact_seconds(sheet) is not sheet or upright(sheet) is not sheet or lines[0].startswith(LABVIEW)
-    if encoding not in ("utf-8", "utf-8-sig") or is_odd or lines[0].startswith("sep="):
+    sheet = _sheet_of_text(file, lines, encoding, mapping.separator)
+    is_plain = encoding in ("utf-8", "utf-8-sig") and sheet.lines and sheet.lines[0] == lines[0]
+    if not is_plain:
         return _whole_text_sheet(file, replace(sheet, whole=whole))
     return replace(sheet, whole=whole)
 
@@ -386,7 +408,7 @@ def _imported(
         table.notes.append(f"the first {JUDGED} rows are examined; trihedron check examines all")
     check = trust_of(judged)
     notes = [*table.notes, *conversion.notes, *check.warnings]
-    if table.sheet.cells is None and table.sheet.path.is_file():
+    if table.sheet.encoding and table.sheet.path.is_file():
         with table.sheet.path.open("rb") as opened:
             opened.seek(max(0, table.sheet.path.stat().st_size - TAIL))
             notes += cut_warning(opened.read())

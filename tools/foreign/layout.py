@@ -77,12 +77,12 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
         if above and is_unit_row(above[-1][1]):
             units = above[-1][0]
     if names < 0:
-        names = sheet.stated.header_row or _names_row(above, units, width)
+        names = sheet.stated.header_row or (0 if sheet.stated.names else _names_row(above, units, width))
     lines = dict(above)
     for key, line in (("names", names), ("units_row", units)):
         if line > 0 and line not in lines:
             raise InputError(f"{sheet.path}: {key} = {line}: is not a row above the data, which begin in row {first}")
-    cells = lines.get(names, [])
+    cells = lines.get(names) or list(sheet.stated.names)
     fields = max(len(texts) for _, texts in rows)
     if len(cells) == fields + 1 and cells[0].strip() in COMMENT:
         if sheet.separator != "blanks":
@@ -341,7 +341,7 @@ def are_beside(pairs: Iterable[tuple[str, str]], digits: int) -> bool:
 
 def with_exact_seconds(sheet: Sheet) -> Sheet:
     """Return a sheet whose whole seconds and the part of a second beside them are one time."""
-    rows = list(islice(sheet.rows(), LOOKED_AT))
+    rows = [(0, list(sheet.stated.names)), *islice(sheet.rows(), LOOKED_AT)]
     for k, (line, texts) in enumerate(rows):
         if is_data(texts):
             break
@@ -367,7 +367,13 @@ def _with_joined(sheet: Sheet, head: int, whole: int, part: int, digits: int) ->
         if len(joined) > part:
             joined.pop(part)
         cells.append(joined)
-    return replace(sheet, lines=(), cells=cells)
+    names, units = list(sheet.stated.names), list(sheet.stated.units)
+    if names:
+        names[whole], units[whole] = "time", "s"
+        names.pop(part)
+        units.pop(part)
+    stated = replace(sheet.stated, names=tuple(names), units=tuple(units))
+    return replace(sheet, lines=(), cells=cells, stated=stated)
 
 
 def upright(sheet: Sheet) -> Sheet:

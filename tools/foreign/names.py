@@ -46,15 +46,14 @@ _AXES = {
     ANGLES[1]: "beta β inner innen innenachse innenwinkel innere innerer interieur interne внутреннии внутренняя бета",
 }
 _TRIADS = {
-    FORCES: "f,gf,a,acc,acce,accl,accel,accelerometer,acceleration,akzelerometer,beschl,beschleunigung,sf,ускорение,"
+    FORCES: "f,gf,a,ac,acc,acce,accl,accel,accelerometer,acceleration,akzelerometer,beschl,beschleunigung,sf,ускорение,"
     "акселерометр,specific force,linear acceleration,total acceleration",
-    RATES: "pqr,w,ω,omega,gyr,gyro,gyros,gyroscope,kreisel,drehrate,rate,omg,winkelgeschwindigkeit,гироскоп,"
-    "angular rate,angular velocity,angular speed,rotation rate,rate gyro",
-    INCREMENT: "dtheta,dθ,delta theta",
+    RATES: "pqr,w,ω,omega,gy,gyr,gyro,gyros,gyroscope,kreisel,drehrate,rate,omg,winkelgeschwindigkeit,гироскоп,"
+    "angular rate,angular velocity,angular speed,ang vel,ang rate,rotation rate,rate gyro",
+    INCREMENT: "dtheta,dθ,delta theta,delta angle",
     VELOCITIES: "dv,dvel,delta v,delta vel,delta velocity,velocity increment",
 }
 """Columns of three channels -> their names without the axis."""
-_STEMS = "accelerometer|acceleration|accel|accl|acce|acc|gyroscope|gyro|gyr|omega|omg|rate|dtheta|dθ|dvel|dv|gf|f|a|w|ω"
 _PATTERNS = (
     (
         SAMPLE,
@@ -132,6 +131,8 @@ def heading(text: str) -> Heading:
         return Heading(text, text, word, TIMES)
     # gyro[0] and acc (x) have an axis, not the unit 0; accel_m_s2[0] has its unit before the number
     plain = re.sub(r"[\[(](\d|[xyzXYZ])[\])]", r" \1", text)
+    # Accelerometer [m/s2] (z)
+    plain = re.sub(r"^(.+?) ([\[(][^\])]+[\])]) +(\w)$", r"\1 \3 \2", plain)
     numbered = re.fullmatch(r"(.+)[ _](\d)", plain)
     if numbered:
         for name, unit in _splits(f"{numbered[1]}"):
@@ -206,7 +207,7 @@ def _splits(text: str) -> list[tuple[str, str]]:
     bracket = _BRACKET.match(text)
     if bracket and bracket["name"]:
         return [(bracket["name"], bracket["unit"])]
-    parts = re.split(r"[_\s]+|(?<=[a-z])(?=(?:Millis|Micros|Nanos|Seconds)$)", text)
+    parts = re.split(r"[_\s]+|(?<=[a-z])(?=(?:Millis|Micros|Nanos|Seconds|[MUN]S)$)", text)
     splits = []
     for count in (1, 2, 3, 4):
         # acc_x_mps2, gyro_x_deg_s, acc_x_m_s2
@@ -230,7 +231,9 @@ def _splits(text: str) -> list[tuple[str, str]]:
 
 def gyro_of(head: Heading) -> str:
     """Return the gyro that "gx" means beside accelerometers; "" if it means none."""
-    axis = re.fullmatch(r"g ?([xyz])", normal(head.name))
+    axis = re.fullmatch(
+        r"g ?([xyz])", " ".join(word for word in normal(head.name).split() if word not in _FILLERS.split())
+    )
     unit = known_unit(head.unit)
     if axis is None or (unit is not None and not unit.raw):
         return ""
@@ -267,7 +270,7 @@ def column_of(name: str, unit: LaboratoryUnit | None) -> str:
         return QUATERNION["wxyz".index(quaternion[1])]
     meaningful = []
     for word in words.split():
-        if word not in _FILLERS.split():
+        if word not in _FILLERS.split() or (word == "angle" and "delta" in words):
             meaningful.append(word)
     if quantity in ("", ANGLE) and len(meaningful) == 1:
         for column, names in _AXES.items():
@@ -282,10 +285,10 @@ def _triad(words: list[str], quantity: str) -> str:
         # gFx: in units of gravity
         words = ["".join(words)]
     if len(words) == 1:
-        channel = re.fullmatch(rf"(?P<stem>{_STEMS}|g)?(?P<axis>[xyz123])", words[0])
+        channel = re.fullmatch(r"(?P<stem>[^\W\d]*)(?P<axis>[xyz123])", words[0])
         if channel is None:
             return ""
-        stem, axis = channel["stem"] or "", channel["axis"]
+        stem, axis = channel["stem"], channel["axis"]
     else:
         axes = []
         for word in words:

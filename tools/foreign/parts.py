@@ -74,6 +74,7 @@ def sheet_of_part(file: Path, name: str) -> Sheet:
     """
     parts = parts_of(file, read_begin(file))
     if name:
+        best = 0
         chosen = [part for part in parts if (part.name or WHOLE) == (name.strip("/") or WHOLE)]
         if not chosen:
             raise InputError(
@@ -83,7 +84,14 @@ def sheet_of_part(file: Path, name: str) -> Sheet:
         best = max(rank_of(part.names) for part in parts)
         chosen = [part for part in parts if rank_of(part.names) == best]
     chosen.sort(key=lambda part: (-(heading_of_time(part)), not part.name, -part.rows, part.name))
-    others = tuple(part.name or WHOLE for part in chosen) if len(chosen) > 1 else ()
+    names = [part.name or WHOLE for part in chosen]
+    gyros = (
+        []
+        if name or best != GUESSES.index("accelerometers")
+        else [one.name for one in parts if rank_of(one.names) == 1]
+    )
+    pairs = [f"{one},{gyro}" for one in names for gyro in gyros if one.rpartition("/")[0] == gyro.rpartition("/")[0]]
+    others = (*pairs, *names) if len(names) + len(pairs) > 1 else ()
     return _sheet(file, chosen[0], others)
 
 
@@ -106,7 +114,7 @@ def of_instance(sheet: Sheet, part: str) -> Sheet:
     """
     name, _, value = part.partition("=")
     cells: list[list[str]] = []
-    place, count = -1, 0
+    place, count = int(name) - 1 if name.isdecimal() else -1, 0
     for line, texts in sheet.rows():
         cells += [[] for _ in range(line - 1 - len(cells))]
         if place < 0 and name in texts:
@@ -118,7 +126,7 @@ def of_instance(sheet: Sheet, part: str) -> Sheet:
         cells.append(texts)
     if not count or sheet.whole is not None:
         raise InputError(f"{sheet.path}: --from {part}: there is no such row; give the column and its value, as I=0")
-    return replace(sheet, lines=(), cells=cells)
+    return replace(sheet, lines=(), cells=cells, frame=None)
 
 
 def heading_of_time(part: Part) -> bool:

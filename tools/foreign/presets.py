@@ -34,6 +34,8 @@ class Preset:
         quantity -> sensitivities of the instruments that write it, in one order
     instance : str
         column that counts several sensors in one table
+    without_gravity : str
+        pattern of the names of its files that have acceleration without gravity
     """
 
     name: str
@@ -46,6 +48,7 @@ class Preset:
     columns: dict[str, str] = field(default_factory=dict)
     scales: dict[str, list[str]] = field(default_factory=dict)
     instance: str = ""
+    without_gravity: str = ""
 
     def is_layout_of(self, names: Iterable[str], above: Iterable[str]) -> bool:
         """Return True if a table with these names, below these lines, has this layout."""

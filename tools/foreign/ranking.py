@@ -4,6 +4,7 @@ The evidence is the parts of names, the size of gravity, the mean at rest, and u
 orders the answers to a question: the user decides.
 """
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,10 +19,10 @@ from ..records.columns import FORCE as FORCES
 from ..records.columns import VELOCITY as VELOCITIES
 from .mapping import OPEN, Mapping
 from .names import TIMES, normal
-from .numbers import bits_of_signed
+from .numbers import bits_of_signed, date_of
 from .presets import presets
 from .understanding import Field, UnderstoodTable
-from .units import ANGLE, FORCE, RATE, TIME, VELOCITY, LaboratoryUnit, known_unit, scaled_unit
+from .units import ANGLE, DEGREE, FORCE, RATE, TIME, VELOCITY, LaboratoryUnit, known_unit, scaled_unit
 
 _WORDS = {
     FORCE: "acc acce accel accl accelerometer acceleration accelerations beschleunigung sf",
@@ -29,7 +30,7 @@ _WORDS = {
 }
 """Quantity -> words of names that mean it, with further words beside them."""
 _OTHER = (
-    "std sigma noise bias error offset var rms max min cov covariance gravity free user lin mag magn magnetic "
+    "std sigma noise bias error offset var rms max min cov covariance grav gravity free user lin mag magn magnetic "
     "magnetometer field est estimated gps vel velocity pos position quat quaternion euler angle dt clipping temp "
     "temperature"
 )
@@ -56,6 +57,8 @@ RANGES = {16384.0: "131", 8192.0: "65.5", 4096.0: "32.8", 2048.0: "16.4"}
 """Counts per g -> counts per deg/s of the range that usually goes with it (MPU and ICM series)."""
 FASTEST = 35.0
 """Rate above which a number is more likely in deg/s than in rad/s."""
+FASTEST_WHOLE = 4000.0
+"""Whole numbers of a gyro beyond this are counts, not deg/s."""
 LARGEST_PLAIN = 60.0
 """Whole numbers beyond this are counts, not m/s² or g."""
 EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
@@ -63,8 +66,12 @@ EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
 STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 USUAL_STEP = (2e-4, 0.5)
 """Usual steps of a series [s]."""
-SLOW = 2.0
-"""Rate below which a number beside m/s² is more likely in rad/s than in deg/s."""
+SLOW, STILL = 2.0, 0.3
+"""Rate below which a number is more likely in rad/s than in deg/s, if it varies by more than the second."""
+ALIKE = 0.7
+"""Correlation of the turns of gravity with rates from which they are the gyros."""
+NEAR_TURN = 1.4
+"""Largest factor between the turns of gravity and those of gyros in a likely unit."""
 SHOWN = 4
 """Largest number of answers to a question about a unit."""
 LARGEST = 1e100
@@ -73,6 +80,8 @@ FEWEST_VALUES = 3
 """Fewest different values of a column that may be a channel."""
 SPREADS = (0.02, 0.1, 0.25)
 """Spread of |f| over a record, relative to its median: classes of columns without names, the steadiest first."""
+EXACT, TURNED = 2e-6, 0.1
+"""Relative spread of |f| below which three columns are an estimate, and the change of one of them that shows it."""
 OFFSET_BITS = (10, 12, 14, 16, 18, 20, 24)
 """Bits of converters whose zero is in the middle of their range."""
 STEADY = 0.15
@@ -132,18 +141,22 @@ def may_be_channel(table: UnderstoodTable, field: Field) -> bool:
         return False
     if len(table.rows) < MANY_ROWS:
         return True
+    if field.texts and date_of(field.texts[0]):
+        return False
     return len(set(field.texts)) >= FEWEST_VALUES and not rising(table, [field])
 
 
 def is_without_gravity(field: Field) -> bool:
     """Return True if a name means acceleration without gravity: free, of the user, or linear in short."""
     words = normal(field.head.name).split()
-    return not _NO_GRAVITY.isdisjoint(words) and FORCE in quantities_of(words)
+    short = any(word.startswith("linacc") for word in words)
+    return short or (not _NO_GRAVITY.isdisjoint(words) and FORCE in quantities_of(words))
 
 
 def is_derived(triad: Triad) -> bool:
     """Return True if the names of three columns mean something that is no reading of the instrument."""
-    return not set(_OTHER.split()).isdisjoint(normal(triad.fields[0].head.name).split())
+    words = normal(triad.fields[0].head.name).split()
+    return is_without_gravity(triad.fields[0]) or not set(_OTHER.split()).isdisjoint(words)
 
 
 def _quantity_of(stem: Sequence[str], of_unit: str) -> str:
@@ -167,14 +180,9 @@ def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Tria
     for three in zip(fields, islice(fields, 1, None), islice(fields, 2, None), strict=False):
         if three[2].place - three[0].place != 2:
             continue
-        values = values_of(table, three)
-        if len(values) < 3:
-            continue
-        fewest = min(len(set(column)) for column in values.T.tolist())
-        size = np.linalg.norm(values, axis=1)
-        median = float(np.median(size))
+        fewest = min(len(set(column)) for column in values_of(table, three).T.tolist())
+        median, spread = size_of(table, three)
         if median > 0.0:
-            spread = float(np.median(np.abs(size - median))) / median
             steadiness = int(np.searchsorted(SPREADS, spread))
             rank = (fewest < FEWEST_VALUES, steadiness, not force_units(median), three[0].place)
             triads.append((rank, Triad(three)))
@@ -236,12 +244,26 @@ def values_of(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.flo
     return values
 
 
+def size_of(table: UnderstoodTable, fields: Sequence[Field]) -> tuple[float, float]:
+    """Return the median of |f| in the file's unit, and the spread about it relative to it; 0 without numbers."""
+    size = np.linalg.norm(values_of(table, fields), axis=1)
+    median = float(np.median(size)) if len(size) else 0.0
+    if median == 0.0:
+        return 0.0, 0.0
+    return median, float(np.median(np.abs(size - median))) / median
+
+
 def median_size(table: UnderstoodTable, fields: Sequence[Field]) -> float:
     """Return the median of |f| in the file's unit; 0 if no row has three numbers."""
-    values = values_of(table, fields)
-    if not len(values):
-        return 0.0
-    return float(np.median(np.linalg.norm(values, axis=1)))
+    return size_of(table, fields)[0]
+
+
+def is_estimate_of_gravity(table: UnderstoodTable, triad: Triad) -> bool:
+    """Return True if |f| of a long series is the same to the last digit although its direction changes."""
+    values = values_of(table, triad.fields)
+    median, spread = size_of(table, triad.fields)
+    turns = len(values) >= MANY_ROWS and float(np.ptp(values, axis=0).max()) > TURNED * median
+    return turns and spread < EXACT
 
 
 def force_units(size: float) -> list[str]:
@@ -386,16 +408,63 @@ def _rate_units(table: UnderstoodTable, fields: Sequence[Field]) -> list[str]:
     whole = bool((values == np.round(values)).all()) and largest > 0.0
     forces = [table.origins[column].field for column in FORCES if column in table.origins]
     forces = forces or list(table.proposed.get(FORCE, ()))
+    usual = [f"{number} LSB/(deg/s)" for number in RANGES.values()]
+    by_turns = _unit_of_turns(table, forces, fields, whole=whole)
+    if by_turns:
+        return list(dict.fromkeys([by_turns, *(usual if whole else ("rad/s", "deg/s"))]))
     if whole and len(forces) == 3:
         for unit in force_units(median_size(table, forces)):
             counts = re.match(r"(\d+) LSB", unit)
             if counts and float(counts[1]) in RANGES:
-                first = f"{RANGES[float(counts[1])]} LSB/(deg/s)"
-                return [first, *(f"{number} LSB/(deg/s)" for number in RANGES.values())]
-    if largest > FASTEST:
-        return ["deg/s", "rad/s"]
+                return [f"{RANGES[float(counts[1])]} LSB/(deg/s)", *usual]
+    if whole and largest > FASTEST_WHOLE:
+        return usual
+    # a moving sensor in deg/s reads more
+    is_slow = largest < SLOW and float(np.ptp(values, axis=0).max()) > STILL
     wanders = float(np.abs(np.median(values, axis=0)).max())
-    is_si = len(forces) == 3 and force_units(median_size(table, forces))[:1] == ["m/s2"]
-    if wanders < 0.03 or (is_si and largest < SLOW):
+    if largest < FASTEST and (is_slow or wanders < 0.03):
         return ["rad/s", "deg/s"]
     return ["deg/s", "rad/s"]
+
+
+def turns_of(table: UnderstoodTable, forces: Sequence[Field], rates: Sequence[Field]) -> tuple[float, float]:
+    """Return the turn of gravity over that of the rates [rad per row and unit], and their correlation; else 0."""
+    force, rate = values_of(table, forces), values_of(table, rates)
+    count = len(force)
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    if len(rate) != count or count < MANY_ROWS or not size.all():
+        return 0.0, 0.0
+    up = force / size
+    against = np.cumsum(np.cross(up, rate), axis=0)
+    # over some rows the noise of the accelerometers is small
+    width = count // 20
+    turned, expected = up[width:] - up[:-width], against[width:] - against[:-width]
+    turned, expected = turned - turned.mean(axis=0), expected - expected.mean(axis=0)
+    product, square = float(np.sum(turned * expected)), float(np.sum(expected**2))
+    if square == 0.0:
+        return 0.0, 0.0
+    return abs(product) / square, abs(product) / math.sqrt(square * float(np.sum(turned**2)))
+
+
+def _unit_of_turns(table: UnderstoodTable, forces: Sequence[Field], rates: Sequence[Field], *, whole: bool) -> str:
+    """Return the unit in which rates turn gravity as the accelerometers show; "" where nothing shows it."""
+    time = table.origins.get(TIMES)
+    if len(forces) != 3 or time is None:
+        return ""
+    units = [unit for unit in time_units(table, time.field) if time.unit is None]
+    unit = time.unit or (scaled_unit(units[0]) if units else None)
+    times = np.array(table.values(time.field.texts)) * (0.0 if unit is None else unit.factor)
+    scale, correlation = turns_of(table, forces, rates)
+    if len(times) < MANY_ROWS or correlation < ALIKE or not np.median(np.diff(times)) > 0.0:
+        return ""
+    scale /= float(np.median(np.diff(times)))
+    for text in ("rad/s", "deg/s"):
+        known = known_unit(text)
+        assert known is not None
+        if abs(math.log(scale / known.factor)) < math.log(NEAR_TURN):
+            return text
+    counts = DEGREE / scale
+    usual = min(map(float, RANGES.values()), key=lambda number: abs(math.log(number / counts)))
+    if abs(math.log(usual / counts)) < math.log(NEAR_TURN):
+        counts = usual
+    return f"{float(f'{counts:.3g}'):g} LSB/(deg/s)" if whole else ""

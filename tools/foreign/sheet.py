@@ -45,7 +45,6 @@ OTHERS = {
     r"(?i)<(\?xml|!doctype|html|table)\b": "is HTML or XML, whatever its name; save it from a spreadsheet as CSV",
     r'\{\s*["}]|\[\s*[{[]': "is JSON; save its table as CSV",
     r"Type,Local Number,Message": "mixes the messages of a FIT file; save those of a sensor as a table, a row each",
-    r"FMT, ?\d+,": "is a text log of ArduPilot; convert its .bin: mavlogdump.py --format csv --types IMU",
 }
 """First bytes (as Latin-1) of files that are not text with a table, with advice."""
 MARKERS = {
@@ -55,7 +54,7 @@ MARKERS = {
     b"\xfe\xff": "utf-16",
 }
 """Byte-order mark of a text -> its encoding."""
-SERIAL = re.compile(r"^(\d\d:\d\d:\d\d[.:]\d+) -> ")
+SERIAL = re.compile(r"^(\d\d:\d\d:\d\d[.:]\d+) -?> ")
 """Times that a monitor of a serial port writes before each line."""
 LABVIEW = "LabVIEW Measurement"
 """First words of a LabVIEW measurement file (.lvm); its header has separator, marks, units and period."""
@@ -70,11 +69,12 @@ Row = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class HeaderFacts:
-    """Facts that a file states: decimal mark, line of names, units, period of time, a likely rate. Further ones are the
-    names of other tables in the file that may be meant, and a remark of its library."""
+    """Facts that a file states: decimal mark, line of names or these names, units, period of time, a likely rate.
+    Further ones are the names of other tables in the file that may be meant, and a remark on its lines."""
 
     decimal: str = ""
     header_row: int = 0
+    names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     first_row: int = 0
     time: str = ""
@@ -168,6 +168,8 @@ class Sheet:
             shape = f", {self.shape}"
         if self.name:
             return f"sheet {self.name!r}{shape}"
+        if not self.separator:
+            return f"{self.encoding}{shape}"
         if self.separator in ("tab", "blanks"):
             between = self.separator
         else:

@@ -1,5 +1,6 @@
 """The understanding of a sheet: each column's place, unit and form, and the questions to the user."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -30,11 +31,12 @@ class Field:
     head: Heading
     rows: list[Row]
     missing: Sequence[str]
+    is_unique: bool = True
 
     @property
     def label(self) -> str:
-        """The head, or the number from 1 if it has none."""
-        return self.head.text or str(self.place + 1)
+        """The head, or the number from 1 if it has none of its own."""
+        return self.head.text if self.head.text and self.is_unique else str(self.place + 1)
 
     @cached_property
     def cells(self) -> list[tuple[int, str]]:
@@ -122,8 +124,11 @@ class UnderstoodTable:
     @cached_property
     def fields(self) -> list[Field]:
         """Fields of the rows, in order."""
-        missing = self.mapping.missing
-        return [Field(place, head, self.rows, missing) for place, head in enumerate(self.layout.headings)]
+        names, missing = Counter(head.text for head in self.layout.headings), self.mapping.missing
+        return [
+            Field(place, head, self.rows, missing, names[head.text] == 1)
+            for place, head in enumerate(self.layout.headings)
+        ]
 
     @cached_property
     def filled(self) -> list[Field]:

@@ -160,13 +160,6 @@ def test_messages_of_a_fit_file_are_refused(tmp_path: Path):
         th.import_record(written(tmp_path, text, "fit.csv"))
 
 
-def test_a_text_log_of_ardupilot_is_refused_with_the_command(tmp_path: Path):
-    lines = ["FMT, 140, 55, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"]
-    lines += [f"IMU, {1000 * k}, 0, 0.1, 0.2, 0.3, 0.1, 0.2, 9.8" for k in range(50)]
-    with pytest.raises(th.InputError, match="mavlogdump"):
-        th.import_record(written(tmp_path, "\n".join(lines), "00000001.log"))
-
-
 def test_tables_of_pandas_with_two_levels_of_names(tmp_path: Path):
     columns = pd.MultiIndex.from_product([["acc", "gyr"], ["x", "y", "z"]])
     frame = pd.DataFrame(np.hstack([FORCE, RATE]), columns=columns, index=pd.Index(TIME, name="time"))

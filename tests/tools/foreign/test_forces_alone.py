@@ -41,7 +41,7 @@ PHONE = table_of("time,seconds_elapsed,z,y,x", 1.7e18 + 1e9 * TIMES, TIMES, FORC
 
 
 def test_a_log_of_a_phone_with_accelerometers_alone_needs_no_answer(tmp_path: Path):
-    result = imported(tmp_path, PHONE, name="Accelerometer.csv")
+    result = imported(tmp_path, PHONE, name="TotalAcceleration.csv")
     assert result.kind == "accelerometer record"
     assert [column.source for column in result.columns] == ["seconds_elapsed", "x", "y", "z"]
     np.testing.assert_allclose(channels(result.record, "f{}_mps2"), FORCE, atol=1e-6)
