@@ -363,10 +363,11 @@ def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str,
                 labels = ", ".join(field.label for field in without[:3])
                 _refuse_without_gravity(table, f"{labels}: acceleration without gravity")
             triads.insert(0, Triad((without[0], without[1], without[2])))
-        if quantity == FORCE_QUANTITY and triads and is_estimate_of_gravity(table, triads[0]):
-            _refuse_without_gravity(
-                table, f"columns {triads[0].answer}: an estimate of gravity, equal to its last digit"
-            )
+        for triad in triads if quantity == FORCE_QUANTITY else ():
+            if is_estimate_of_gravity(table, triad):
+                _refuse_without_gravity(
+                    table, f"columns {triad.answer}: an estimate of gravity, equal to its last digit"
+                )
         if not triads:
             continue
         forces = table.proposed.get(FORCE_QUANTITY) or [fields[column] for column in FORCE if column in fields]

@@ -48,7 +48,8 @@ LETTERS, DIGITS = ("x", "y", "z"), ("0", "1", "2", "3")
 AXES = (LETTERS, DIGITS[1:], DIGITS[:3])
 """Axes of three columns, in order."""
 SIZES = ("m/s2", "g", "mg", "16384 LSB/g", "8192 LSB/g", "4096 LSB/g", "2048 LSB/g", "1024 LSB/g", "256 LSB/g")
-FURTHER = ("1000 LSB/g", "800 LSB/g", "1200 LSB/g", "4000 LSB/g", "512 LSB/g", "128 LSB/g", "ug", "cm/s2", "ft/s2")
+FURTHER = ("1000 LSB/g", "800 LSB/g", "1200 LSB/g", "4000 LSB/g", "512 LSB/g", "128 LSB/g", "52428800 LSB/g")
+FURTHER += ("ug", "cm/s2", "ft/s2")
 """Units of specific force, the usual ones first."""
 NEAR = 0.25
 """Largest relative distance of the median |f| from gravity of a likely unit."""
@@ -57,8 +58,8 @@ RANGES = {16384.0: "131", 8192.0: "65.5", 4096.0: "32.8", 2048.0: "16.4"}
 """Counts per g -> counts per deg/s of the range that usually goes with it (MPU and ICM series)."""
 FASTEST = 35.0
 """Rate above which a number is more likely in deg/s than in rad/s."""
-FASTEST_WHOLE = 4000.0
-"""Whole numbers of a gyro beyond this are counts, not deg/s."""
+FASTEST_WHOLE, LARGEST_OF_16_BITS = 4000.0, 65535.0
+"""Whole numbers of a gyro beyond the first are counts, not deg/s; beyond the second they have 32 bits."""
 LARGEST_PLAIN = 60.0
 """Whole numbers beyond this are counts, not m/s² or g."""
 EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
@@ -418,7 +419,7 @@ def _rate_units(table: UnderstoodTable, fields: Sequence[Field]) -> list[str]:
             if counts and float(counts[1]) in RANGES:
                 return [f"{RANGES[float(counts[1])]} LSB/(deg/s)", *usual]
     if whole and largest > FASTEST_WHOLE:
-        return usual
+        return ["655360 LSB/(deg/s)", *usual] if largest > LARGEST_OF_16_BITS else usual
     # a moving sensor in deg/s reads more
     is_slow = largest < SLOW and float(np.ptp(values, axis=0).max()) > STILL
     wanders = float(np.abs(np.median(values, axis=0)).max())

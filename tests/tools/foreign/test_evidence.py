@@ -1,0 +1,163 @@
+"""Evidence of a moving record: which columns are gyros, their unit, and acceleration without gravity."""
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+import trihedron as th
+from laboratory_imports import imported, questions_of, refused, written
+from tool_files import named, table
+
+COUNT = 300
+RNG = np.random.default_rng(11)
+TIME = np.round(0.01 * np.arange(COUNT), 2)
+TURN, TILT = 1.4 * np.sin(0.9 * TIME) + 0.4, 0.5 * np.cos(0.5 * TIME)
+UP = np.stack([np.sin(TURN), np.cos(TURN) * np.sin(TILT), np.cos(TURN) * np.cos(TILT)], axis=1)
+FORCE = np.round(9.80665 * UP + RNG.normal(0.0, 0.03, (COUNT, 3)), 6)
+STEPS = np.cross(np.gradient(UP, TIME, axis=0), UP)
+RATE = np.round(STEPS + RNG.normal(0.0, 0.003, (COUNT, 3)), 6)
+DEGREES = np.round(np.degrees(RATE), 6)
+FIELD = np.round(30.0 * RNG.normal(0.0, 1.0, (COUNT, 3)) + 20.0, 4)
+SHAKEN = np.round(RNG.normal(0.0, 6.4, (COUNT, 3)), 6)
+LOWER = "xyz"
+
+
+def assert_read(record: Any, rate: np.ndarray = RATE) -> None:
+    assert record.specific_force == pytest.approx(FORCE, abs=1e-9)
+    assert record.rate == pytest.approx(rate, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("unit", "rates"),
+    [
+        ("rad/s", RATE),
+        ("deg/s", DEGREES),
+        ("131 LSB/(deg/s)", np.round(131 * DEGREES).astype(int)),
+        ("16.4 LSB/(deg/s)", np.round(16.4 * DEGREES).astype(int)),
+    ],
+)
+def test_the_unit_that_turns_gravity_is_the_first_answer(unit: str, rates: np.ndarray, tmp_path: Path):
+    text = table(["time [s]", *named("acc_{} [m/s2]", LOWER), *named("gyr_{}", LOWER)], [TIME, FORCE, rates])
+    path = written(tmp_path, text)
+    keys, message = questions_of(path)
+    assert keys == {"units.rate"}
+    assert f"'units.rate={unit}' or" in message or f"units.rate={unit} or" in message
+    factor = 1.0 if unit == "rad/s" else np.radians(1.0) / float(unit.split()[0].replace("deg/s", "1"))
+    assert_read(th.import_record(path, answers={"units.rate": unit}).record, rates * factor)
+
+
+def test_columns_that_turn_gravity_are_the_first_answer_for_the_gyros(tmp_path: Path):
+    text = "\n".join(" ".join(map(str, row)) for row in np.hstack([FIELD, FORCE, FIELD, RATE]).tolist())
+    path = written(tmp_path, text, "log.txt")
+    keys, message = questions_of(path)
+    assert keys == {"kind", "columns.force", "columns.rate", "units.force", "units.rate", "units.time"}
+    for answer in ("columns.force=4,5,6", "columns.rate=10,11,12", "units.rate=rad/s"):
+        assert f"--set {answer} " in message
+
+
+@pytest.mark.parametrize("names", [("Accelerometer.csv",), ("Accelerometer.csv", "Gyroscope.csv")])
+@pytest.mark.parametrize("readings", [SHAKEN, FORCE], ids=["without gravity", "with gravity"])
+def test_a_file_without_gravity_by_its_name_is_refused(names: tuple[str, ...], readings: np.ndarray, tmp_path: Path):
+    """The median of |f| of the shaken phone is 9.8 m/s²."""
+    head = ["time", "seconds_elapsed", "z", "y", "x"]
+    stamps = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(COUNT)
+    files = [
+        written(tmp_path, table(head, [stamps, TIME, values[:, ::-1]]), name)
+        for name, values in zip(names, (readings, RATE), strict=False)
+    ]
+    with pytest.raises(th.InputError, match=r"without gravity by its name.*TotalAcceleration\.csv.*export that too"):
+        th.import_record(*files)
+    answers = {"columns.force": "x,y,z", "units.force": "m/s2"}
+    if len(files) == 1:
+        record = th.import_record(files[0], answers=answers).record
+        assert record.columns()["f1_mps2"] == pytest.approx(readings[:, 0], abs=1e-9)
+
+
+def test_shaking_of_the_size_of_gravity_is_asked_about(tmp_path: Path):
+    text = table(["time", "seconds_elapsed", "z", "y", "x"], [TIME, TIME, SHAKEN[:, ::-1]])
+    assert questions_of(written(tmp_path, text, "phone.csv"))[0] == {"columns.force"}
+
+
+@pytest.mark.parametrize(("readings", "is_refused"), [(FORCE, False), (SHAKEN, True)])
+def test_a_name_without_gravity_is_asked_about_where_gravity_is_in_it(
+    readings: np.ndarray, is_refused: bool, tmp_path: Path
+):
+    text = table(
+        ["time [s]", *named("lin_acc_{} [m/s2]", LOWER), *named("gyr_{} [rad/s]", LOWER)], [TIME, readings, RATE]
+    )
+    if is_refused:
+        assert "acceleration without gravity" in refused(tmp_path, text)
+    else:
+        keys, _ = questions_of(written(tmp_path, text))
+        assert keys == {"columns.force"}
+        assert_read(imported(tmp_path, text, {"columns.force": ",".join(named("lin_acc_{}", LOWER))}).record)
+
+
+def test_an_estimate_of_gravity_is_no_reading(tmp_path: Path):
+    """OxIOD: time, attitude, rates, gravity, acceleration of the user, magnetic field; no names."""
+    rows = np.hstack([TIME[:, None], 0.1 * FIELD, RATE, UP, FORCE / 9.80665 - UP, FIELD])
+    text = "\n".join(",".join(f"{value:.9f}" for value in row) for row in rows)
+    assert "columns 8,9,10: an estimate of gravity" in refused(tmp_path, text)
+
+
+def test_the_rate_above_a_table_is_the_first_answer(tmp_path: Path):
+    text = table(
+        named("Accelerometer {}"),
+        [FORCE],
+        above="--- Data File Created By ActiGraph date format M/d/yyyy at 30 Hz Filter Normal ---\nSerial Number: 1\n",
+    )
+    assert "--set 'units.time=30 Hz'" in questions_of(written(tmp_path, text))[1]
+
+
+def test_equal_columns_of_times_are_one(tmp_path: Path):
+    names = [name for axis in "XYZ" for name in ("X [s]", f"IM sensor 1: ACC 1.{axis} [m/s2]")]
+    names += [name for axis in "XYZ" for name in ("X [s]", f"IM sensor 1: GYRO 1.{axis} [rad/s]")]
+    columns = [column for values in (*FORCE.T, *RATE.T) for column in (TIME, values)]
+    assert_read(imported(tmp_path, table(names, columns)).record)
+
+
+def test_calibrated_columns_are_asked_about_before_raw_ones(tmp_path: Path):
+    counts = np.round(2000.0 + 80.0 * FORCE).astype(int)
+    names = [
+        "time [s]",
+        *named("S_Accel_LN_{}_RAW"),
+        *named("S_Accel_LN_{}_CAL [m/s2]"),
+        *named("S_Gyro_{}_CAL [rad/s]"),
+    ]
+    path = written(tmp_path, table(names, [TIME, counts, FORCE, RATE]))
+    keys, message = questions_of(path)
+    assert keys == {"columns.force"}
+    first = message.split("--set ")[1]
+    assert "RAW" not in first
+    answer = ",".join(named("S_Accel_LN_{}_CAL [m/s2]"))
+    assert_read(th.import_record(path, answers={"columns.force": answer}).record)
+
+
+def ronin(folder: Path, *, synced: bool) -> Path:
+    """Return a file as RoNIN's: arrays with their own times, and arrays that share one."""
+    path = folder / "data.hdf5"
+    stamps = 310_000_000_000_000 + 10_000_000 * np.arange(COUNT)
+    with h5py.File(path, "w") as file:
+        for name, values in (("acce", FORCE), ("gyro", RATE), ("gyro_uncalib", RATE + 0.1), ("linacce", SHAKEN)):
+            file[f"raw/imu/{name}"] = np.column_stack([stamps, values])
+            if synced:
+                file[f"synced/{name}"] = values
+        if synced:
+            file["synced/time"] = 1200.0 + TIME
+    return path
+
+
+def test_a_file_of_ronin_needs_no_answer(tmp_path: Path):
+    assert_read(th.import_record(ronin(tmp_path, synced=True)).record)
+
+
+def test_two_tables_of_a_file_are_joined(tmp_path: Path):
+    path = ronin(tmp_path, synced=False)
+    keys, message = questions_of(path)
+    assert keys == {"part", "units.time", "units.force", "units.rate"}
+    assert "--set part=raw/imu/acce,raw/imu/gyro or" in message
+    answers = {"units.time": "ns", "units.force": "m/s2", "units.rate": "rad/s"}
+    assert_read(th.import_record(path, part="raw/imu/acce,raw/imu/gyro", answers=answers).record)
