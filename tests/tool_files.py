@@ -136,8 +136,7 @@ FILES = {
                 np.stack([FORCE, RATE], axis=1).reshape(-1, 3),
             ],
         ),
-        units("m/s2", "rad/s")
-        | {"columns.force": "x,y,z", "columns.rate": "x,y,z", "part": "sensor=accelerometer,sensor=gyroscope"},
+        units("m/s2", "rad/s") | {"part": "sensor=accelerometer,sensor=gyroscope"},
     ),
     "Crossbow": ToolFile(
         table(

@@ -17,7 +17,7 @@ from .units import known_unit
 NUMBER = r"(?:[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?|[+-]?\b(?:nan|inf|ovf)\b)"
 _NUMBERS = re.compile(rf"\s*[(\[]?\s*(?P<numbers>{NUMBER}(?:[,;\s]\s*{NUMBER})*)\s*[)\]]?(?P<behind>.*)", re.IGNORECASE)
 _CLOCK = re.compile(r"(?<![\w.:])\d{1,3}:\d\d(?::\d\d)?(?:[.,]\d+)?(?![\w.]|:\S)")
-_BEFORE = re.compile(r"([\d.,/T\0 -]*\d)(?:[|,;\t> ]+(?=[^\W\d])|$)")
+_BEFORE = re.compile(r"[\[(]?([\d.,/T\0 -]*\d)[\])]?(?:[|,;\t> ]+(?=[^\W\d])|$)")
 _LABEL = re.compile(r"[^\W\d][^:=]{0,40}")
 _AXIS = re.compile(r"(?P<stem>.*?)[ _.-]?(?P<axis>[xyzwXYZW])")
 _LABELLED = re.compile(r"\s*[^\W\d][^:=]*[:=]")
@@ -61,7 +61,7 @@ class Labels:
         label, *parts = re.split(r"\s*[:=]+", line)
         readings = list[Reading]()
         before = _BEFORE.match(label)
-        if before:
+        if before and parts:
             readings.append(Reading(BEFORE, before[1].replace("\0", ":")))
             label = label[before.end() :]
         for place, part in enumerate(parts, 1):
@@ -170,15 +170,18 @@ def labelled_sheet(path: Path, lines: Sequence[str], encoding: str) -> Sheet | N
 
 def _are_labelled(lines: Sequence[str]) -> bool:
     """Return True if most lines have labels that come again, and few are rows of numbers alone."""
-    labels, filled = Labels(), [text for text in (SERIAL.sub("", line) for line in lines) if text.strip()]
+    labels, plain, others = Labels(), 0, 0
     forms: Counter[Form] = Counter()
-    plain = 0
-    for line in filled:
-        form = _form(labels.readings(line))
+    for line in lines:
+        text = SERIAL.sub("", line)
+        form = _form(labels.readings(text))
         forms[form] += bool(form)
-        plain += not form and not _LABELLED.match(line) and len(re.findall(NUMBER, line)) >= FEWEST
+        is_row = not _LABELLED.match(text) and len(re.findall(NUMBER, text)) >= FEWEST
+        plain += not form and is_row
+        # list items and lines between rows have no words
+        others += not form and bool(is_row or re.search(r"[^\W\d_]", text))
     again = sum(count for count in forms.values() if count >= FEWEST)
-    return again > 0 and 2 * again > len(filled) - len(forms) and 2 * plain <= max(forms.values())
+    return again > max(others - len(forms), 0) and 2 * plain <= max(forms.values())
 
 
 def _form(readings: Sequence[Reading]) -> Form:

@@ -32,6 +32,7 @@ _DATE = re.compile(r"(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})")
 _NAMED = re.compile(r"(\d{1,2})[. -]+([^\W\d_]{3,9})[. -]+(\d{4}|\d{2})|([^\W\d_]{3,9})[. ]+(\d{1,2}),? (\d{4})")
 _WEEKDAY = re.compile(r"^(?:mon|tue|wed|thu|fri|sat|sun|mo|di|mi|do|fr|sa|so)[a-z]{0,7}\.?,? +(?=\w)", re.IGNORECASE)
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T ](\d\d)(\d\d)(\d\d(?:[.,]\d+)?)")
+_POINTS = re.compile(r"(?<=\dT)(\d\d)\.(\d\d)\.(\d\d)(?=\.|$)")
 _YEAR_LAST = re.compile(r"([^\W\d_]{3,9}) +(\d{1,2}) +(\S+:\S+) +(\d{4})")
 _BEFORE_CLOCK = re.compile(r"(?<=\d)[T\s,;]+(?=\d+:)")
 MONTHS = ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
@@ -272,6 +273,7 @@ def date_orders(texts: Iterable[str]) -> list[str]:
 def _spelled(text: str) -> str:
     """Return a date and time without a weekday, the date first, with marks between their parts."""
     text = _WEEKDAY.sub("", text.strip(), count=1)
+    text = _POINTS.sub(r"\1:\2:\3", text)
     text = _YEAR_LAST.sub(r"\2 \1 \4 \3", text)
     return _COMPACT.sub(r"\1-\2-\3 \4:\5:\6", text)
 

@@ -68,7 +68,7 @@ STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 USUAL_STEP = (2e-4, 0.5)
 """Usual steps of a series [s]."""
 SLOW, STILL = 2.0, 0.3
-"""Rate below which a number is more likely in rad/s than in deg/s, if it varies by more than the second."""
+"""Rate below which a number is likelier in rad/s than in deg/s, beside m/s² or if it varies by the second."""
 ALIKE = 0.7
 """Correlation of the turns of gravity with rates from which they are the gyros."""
 NEAR_TURN = 1.4
@@ -421,7 +421,8 @@ def _rate_units(table: UnderstoodTable, fields: Sequence[Field]) -> list[str]:
     if whole and largest > FASTEST_WHOLE:
         return ["655360 LSB/(deg/s)", *usual] if largest > LARGEST_OF_16_BITS else usual
     # a moving sensor in deg/s reads more
-    is_slow = largest < SLOW and float(np.ptp(values, axis=0).max()) > STILL
+    is_si = len(forces) == 3 and force_units(median_size(table, forces))[:1] == ["m/s2"]
+    is_slow = largest < SLOW and (is_si or float(np.ptp(values, axis=0).max()) > STILL)
     wanders = float(np.abs(np.median(values, axis=0)).max())
     if largest < FASTEST and (is_slow or wanders < 0.03):
         return ["rad/s", "deg/s"]

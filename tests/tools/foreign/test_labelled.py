@@ -22,6 +22,11 @@ ROSTOPIC = (
     "angular_velocity: \n  x: {w[0]}\n  y: {w[1]}\n  z: {w[2]}\nangular_velocity_covariance: [0.0, 0.0, 0.0]\n"
     "linear_acceleration: \n  x: {a[0]}\n  y: {a[1]}\n  z: {a[2]}\n---\n"
 )
+ROS2 = (
+    "header:\n  stamp:\n    sec: 1700000000\n    nanosec: {k}0000000\n  frame_id: imu_link\n"
+    "angular_velocity:\n  x: {w[0]}\n  y: {w[1]}\n  z: {w[2]}\nangular_velocity_covariance:\n- 0.0\n- 0.0\n- 0.0\n"
+    "linear_acceleration:\n  x: {a[0]}\n  y: {a[1]}\n  z: {a[2]}\n---\n"
+)
 
 
 def samples(form: str, columns: np.ndarray | None = None) -> str:
@@ -68,6 +73,10 @@ TEXTS: dict[str, tuple[str, dict[str, str]]] = {
     ),
     "rostopic echo": (
         "".join(ROSTOPIC.format(k=k, w=RATE[k].tolist(), a=FORCE[k].tolist()) for k in range(COUNT)),
+        UNITS,
+    ),
+    "ros2 topic echo": (
+        "".join(ROS2.format(k=k, w=RATE[k].tolist(), a=FORCE[k].tolist()) for k in range(COUNT)),
         UNITS,
     ),
     "mavlogdump": (
