@@ -26,8 +26,8 @@ _WORDS = re.compile(r"[^\W\d][^\W\d ]*(?: [^\W\d]+)* +(?=[+-]?\d)")
 MARKS, AROUND = "|,;\t", " \t|,;'\"{}"
 FEWEST = 3
 """Smallest number of labels of a table, and of its rows."""
-LONGEST_UNIT = 20
-"""Largest length of a unit [characters]."""
+LONGEST_LINE, LONGEST_UNIT = 1000, 20
+"""Largest length of a line with labels, and of a unit [characters]."""
 MOST_BEHIND = 0.8
 """Share of the lines behind others, as empty ones, that begin with the first label of a row."""
 Form = tuple[tuple[str, str], ...]
@@ -55,6 +55,8 @@ class Labels:
 
     def readings(self, line: str) -> list[Reading]:
         """Return the readings of a line; none where a part of it is neither a label, a number nor a unit."""
+        if len(line) > LONGEST_LINE:
+            return []
         if ":" not in line and "=" not in line:
             line = _WORDS.sub(lambda words: f"{words[0].rstrip()}:", line, count=1)
         line = _CLOCK.sub(lambda time: time[0].replace(":", "\0"), line.strip())
