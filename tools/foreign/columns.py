@@ -320,21 +320,15 @@ def take_role(table: UnderstoodTable, fields: dict[str, Field], role: RecordKind
         if len(triads) == 1 and triads[0].quantity in ("", quantity):
             fields.update(zip(columns, triads[0].fields, strict=True))
     missing = without_triads(table, [column for column in columns if column not in fields], fields)
-    free = _channels_left_of(table, fields, quantity)
+    used, times = set(fields.values()), rising(table, table.filled)
+    free = [field for field in table.filled if field not in used and field not in times]
+    free = [field for field in free if field.quantity in ("", quantity)]
     if missing and len(free) < len(missing):
         raise InputError(
             f"{table.sheet.path}: none of its columns can be {INSTRUMENTS[quantity]}; of two files one has the "
             "accelerometers and the other the gyros: give that file, or import this one alone"
         )
     ask_for_each(table, missing, [field.label for field in free])
-
-
-def _channels_left_of(table: UnderstoodTable, fields: dict[str, Field], quantity: str) -> list[Field]:
-    """Return the columns without a meaning whose names say no other quantity and which are no time or count."""
-    used, times = set(fields.values()), rising(table, table.filled)
-    return [
-        field for field in table.filled if field not in used and field not in times and field.quantity in ("", quantity)
-    ]
 
 
 def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str, Field]) -> list[str]:

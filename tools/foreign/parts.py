@@ -83,7 +83,7 @@ def sheet_of_part(file: Path, name: str) -> Sheet:
     else:
         best = max(rank_of(part.names) for part in parts)
         chosen = [part for part in parts if rank_of(part.names) == best]
-    chosen.sort(key=lambda part: (-(heading_of_time(part)), not part.name, -part.rows, part.name))
+    chosen.sort(key=lambda part: (not _has_time(part), not part.name, -part.rows, part.name))
     names = [part.name or WHOLE for part in chosen]
     gyros = (
         []
@@ -129,8 +129,7 @@ def of_instance(sheet: Sheet, part: str) -> Sheet:
     return replace(sheet, lines=(), cells=cells, frame=None)
 
 
-def heading_of_time(part: Part) -> bool:
-    """Return True if a column of a part is a time by its name."""
+def _has_time(part: Part) -> bool:
     return any(heading(name).column == TIMES for name in part.names)
 
 

@@ -282,7 +282,7 @@ def force_units(size: float) -> list[str]:
 ANGLE_UNITS = ("deg", "rad", "arcmin", "arcsec")
 FOLLOWS, DIFFERS = 0.05, 0.3
 """Part of the readings that the vertical leaves in the right unit of angles at most, in any other at least."""
-LARGEST = 1e9
+LARGEST_ANGLE = 1e9
 """Size of a number from which it is no reading or angle."""
 FEWEST_POSITIONS = 12
 """Number of positions below which readings may follow the vertical by chance."""
@@ -297,7 +297,7 @@ def angle_unit(table: UnderstoodTable) -> str:
     if table.kind is not POSITION or not set(columns) <= table.origins.keys():
         return ""
     values = numbers_in(table, [table.origins[column].field for column in columns])
-    if len(values) < FEWEST_POSITIONS or not (np.abs(values) < LARGEST).all():
+    if len(values) < FEWEST_POSITIONS or not (np.abs(values) < LARGEST_ANGLE).all():
         return ""
     readings = values[:, 2:] - values[:, 2:].mean(axis=0)
     size = float(np.linalg.norm(readings))
