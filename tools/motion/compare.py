@@ -51,6 +51,8 @@ SPLITTER = np.float32(4097.0)
 """2^12 + 1: splits the 24 bits of a mantissa into halves."""
 LANES = 8
 """Runs that advance together: one instruction then acts on four or eight of them."""
+OF_LANE = 51
+"""Numbers of one of them: errors, generator, remainder, attitude, and the increments of the step before."""
 STREAM = 4.0
 """Stream of the numbers that `GyroBlock` draws its bounded errors from."""
 ROUNDINGS = ("independently", "feedback", "pairs")
@@ -402,20 +404,18 @@ def angles_of_runs(algorithm: Algorithm, samples: Samples, true: np.ndarray, gyr
 
     Each run has the bits of `read_increments`, `run_algorithm` with renormalisation and `angle_between`.
     """
-    errors, generators = np.empty((14, LANES)), np.empty((GENERATOR_SIZE, LANES))
+    begun = np.zeros((OF_LANE, LANES))
     for lane, run in enumerate(gyros):
-        errors[:, lane] = [*run.scale_misalignment, *run.bias, run.quantum, run.noise_bound]
         generator = [0.0] * GENERATOR_SIZE
         seed_generator(float(run.seed), STREAM, generator)
         # The reading at the start has errors, too.
         gyro.draw_error(1.0, generator, [0.0] * 3)
-        generators[:, lane] = generator
+        begun[:24, lane] = [*run.scale_misalignment, *run.bias, run.quantum, run.noise_bound, *generator, 0, 0, 0, 1]
     ends = np.ascontiguousarray(true[algorithm.samples - 1 :: algorithm.samples])
     apart = np.empty((2, len(samples.increments) // algorithm.samples, LANES))
-    rates = samples.increments / samples.period
     work = (_table_of(algorithm.number), np.zeros(SPACE_SIZE), np.zeros(4))
-    runner = _lanes(algorithm.kernel, algorithm.previous, algorithm.samples)
-    runner(samples.period, rates, errors, generators, work, ends, apart)
+    run_lanes = _lanes(algorithm.kernel, algorithm.previous, algorithm.samples)
+    run_lanes(samples.period, samples.increments / samples.period, begun, work, ends, apart)
     vector, scalar = apart.transpose(0, 2, 1)
     return 2.0 * np.arctan2(vector, scalar)
 
@@ -425,74 +425,45 @@ def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int) -> Ca
     turn, compare = _turn(kernel, keeps_previous, compiled), compiled(rotation.compare)
     multiply, normalise = compiled(rotation.multiply), compiled(rotation.normalise)
     draw_error, read_rates = compiled(gyro.draw_error), compiled(gyro.read_rates)
-    read_in_quanta = compiled(gyro.read_in_quanta)
-    view, place = local_array()
+    read_in_quanta, (view, place) = compiled(gyro.read_in_quanta), local_array()
+    changed = OF_LANE if keeps_previous else 27
 
     @loop_compiled
-    def run(period, rates, errors, generators, work, ends, apart):
-        nothing, error, rate = view(place(3), 3), view(place(3), 3), view(place(3), 3)
-        reading, added, own = view(place(3), 3), view(place(3), 3), view(place(3), 3)
-        gamma, bias, increment, carried = view(place(9), 9), view(place(3), 3), view(place(3), 3), view(place(3), 3)
-        generator, attitude, turned = view(place(6), 6), view(place(4), 4), view(place(4), 4)
-        true, angle = view(place(4), 4), view(place(2), 2)
-        g, previous = view(place(24), 24), view(place(24), 24)
-        of_run, drawn = view(place(112), (14, LANES)), view(place(48), (6, LANES))
-        remainder, state = view(place(24), (3, LANES)), view(place(32), (4, LANES))
-        before, result = view(place(192), (24, LANES)), view(place(16), (2, LANES))
-        for lane in range(LANES):
-            for i in range(14):
-                of_run[i, lane] = errors[i, lane]
-            for i in range(6):
-                drawn[i, lane] = generators[i, lane]
-            for i in range(3):
-                remainder[i, lane] = 0.0
-            for i in range(4):
-                state[i, lane] = 0.0
-            state[0, lane] = 1.0
-            for i in range(24):
-                before[i, lane] = 0.0
-        preceded = 0.0
+    def run(period, rates, begun, work, ends, apart):
+        # The errors of a run, then its generator, carried remainder, attitude and last step; `kept`: of all runs.
+        of, kept, result = view(place(51), 51), view(place(408), (51, LANES)), view(place(16), (2, LANES))
+        gamma, bias, generator, carried, attitude, previous = of[:9], of[9:12], of[14:20], of[20:23], of[23:27], of[27:]
+        nothing, error, rate, increment = view(place(3), 3), view(place(3), 3), view(place(3), 3), view(place(3), 3)
+        reading, added, own, half = view(place(3), 3), view(place(3), 3), view(place(3), 3), view(place(2), 2)
+        g, turned = view(place(24), 24), view(place(4), 4)
+        for i in range(51):
+            for lane in range(LANES):
+                kept[i, lane] = begun[i, lane]
         for k in range(apart.shape[1]):
             for lane in range(LANES):
-                for i in range(9):
-                    gamma[i] = of_run[i, lane]
-                for i in range(3):
-                    bias[i] = of_run[9 + i, lane]
-                    carried[i] = remainder[i, lane]
-                for i in range(6):
-                    generator[i] = drawn[i, lane]
+                for i in range(51):
+                    of[i] = kept[i, lane]
                 for i in range(samples):
                     for p in range(3):
                         rate[p] = rates[samples * k + i, p]
-                    draw_error(of_run[13, lane], generator, error)
+                    draw_error(of[13], generator, error)
                     read_rates(gamma, bias, nothing, error, rate, nothing, reading, added, own)
-                    read_in_quanta(period, of_run[12, lane], reading, carried, increment)
+                    read_in_quanta(period, of[12], reading, carried, increment)
                     for p in range(3):
                         g[3 * i + p] = increment[p]
-                for i in range(6):
-                    drawn[i, lane] = generator[i]
-                for i in range(3):
-                    remainder[i, lane] = carried[i]
-                if keeps_previous:
-                    for i in range(24):
-                        previous[i] = before[i, lane]
-                    for i in range(3 * samples):
-                        before[i, lane] = g[i]
-                turn(samples, preceded, (previous, g), work, turned)
-                for i in range(4):
-                    attitude[i] = state[i, lane]
-                    true[i] = ends[k, i]
+                turn(samples, min(1.0, float(k)), (previous, g), work, turned)
+                for i in range(3 * samples):
+                    previous[i] = g[i]
                 multiply(attitude, turned, attitude)
                 normalise(attitude)
-                compare(attitude, true, angle)
-                for i in range(4):
-                    state[i, lane] = attitude[i]
+                for i in range(14, changed):
+                    kept[i, lane] = of[i]
+                compare(attitude, ends[k], half)
                 for i in range(2):
-                    result[i, lane] = angle[i]
-            for lane in range(LANES):
-                for i in range(2):
+                    result[i, lane] = half[i]
+            for i in range(2):
+                for lane in range(LANES):
                     apart[i, k, lane] = result[i, lane]
-            preceded = 1.0
 
     return run
 
