@@ -60,10 +60,6 @@ def explanation_page(result: Diagnosis, number: int) -> Page:
     if not 0 <= number < len(result.explanations):
         raise InputError(f"explanation {number + 1}: the diagnosis has {len(result.explanations)}")
     explanation = result.explanations[number]
-    places = [cause.place for cause in explanation.causes]
-    matching = [finding for finding in result.findings if [cause.place for cause in finding.causes] == places]
-    changed = {"explanations": (explanation,), "causes": explanation.causes, "findings": tuple(matching[:1])}
-    alone = result.model_copy(update={"verdict": "explained", "alternatives": None, **changed})
     following = [section for section in pages.remarks_of(result) if section.title.startswith("Next measurements")]
     sections: list[Section | None] = []
     if len(result.explanations) > 1:
@@ -76,7 +72,6 @@ def explanation_page(result: Diagnosis, number: int) -> Page:
     sections.append(_gain_section(result, explanation, added))
     if explanation is result.best:
         sections.append(pages.gain_section(result))
-    sections += [pages.cause_section(alone) if matching else None, pages.change_section(alone)]
     noun = "number" if explanation.numbers == 1 else "numbers"
     title = explanation.sentence[:1].upper() + explanation.sentence[1:]
     shown = [section for section in sections if section is not None]
@@ -88,11 +83,15 @@ def _curve_sections(evidence: Evidence | None, explanation: Explanation, added: 
     if evidence is None or added is None:
         return [Section("What it adds to the readings", ["Its model has other parameters: no curve can be drawn."])]
     channels = list(channels_of(evidence))
-    largest = [float(np.abs(added.added[channel.rows]).max(initial=0.0)) for channel in channels]
+    aside = np.isnan(added.remaining)
+    # Beside an effect that acts everywhere, readings that are set aside would hide its curve.
+    hidden = aside & bool(explanation.causes)
+    curve, without = (np.where(hidden, np.nan, values) for values in (added.added, added.without))
+    largest = [float(np.nanmax(np.abs(curve[channel.rows]), initial=0.0)) for channel in channels]
     most = sorted(range(len(channels)), key=lambda k: -largest[k])[:MOST_CURVES]
     shown = [channels[k] for k in sorted(most) if largest[k] >= NOTICEABLE * max(largest)]
-    on = min(shown[0].quantities, key=lambda name: _roughness(shown, name, added.added))
-    if explanation.kind in ("rows", "stretch") and ROW in shown[0].quantities:
+    on = min(shown[0].quantities, key=lambda name: _roughness(shown, name, curve))
+    if aside.any() and not hidden.any() and ROW in shown[0].quantities:
         on = ROW
     if explanation.kind == "sigma":
         text = "It adds nothing to any reading: it says that the noise is larger than its bound."
@@ -101,20 +100,25 @@ def _curve_sections(evidence: Evidence | None, explanation: Explanation, added: 
             f"At most {digits(max(largest), 3)} σ. The curve is what the explanation adds at each reading; the circles "
             "are the readings less the model without it, with the parameters that belong to the explanation."
         )
-    if not np.isfinite(added.remaining).all():
+    if hidden.any():
+        text += " Readings that it sets aside are not drawn."
+    elif aside.any():
         text += " Readings that it sets aside are off by what the curve shows; everywhere else it adds nothing."
     titles = [channel.title for channel in shown]
     values = [channel.quantities[on] for channel in shown]
-    parts = [(added.without[channel.rows], added.added[channel.rows]) for channel in shown]
+    parts = [(without[channel.rows], curve[channel.rows]) for channel in shown]
     before = evidence.model.baseline
     errors = before.left / before.allowed
-    columns = [(c.title, c.quantities, errors[c.rows], added.remaining[c.rows]) for c in channels]
+    # Of a carried record only one part has more quantities than time.
+    like = shown[0] if len(shown[0].quantities) > 1 else max(channels, key=lambda channel: len(channel.quantities))
+    alike = [channel for channel in channels if channel.quantities.keys() == like.quantities.keys()]
+    drawn = [(c.title, c.quantities, errors[c.rows], added.remaining[c.rows]) for c in alike]
     return [
         Section("What it adds to the readings", [text], pictures.additions(titles, on, values, parts)),
         Section(
             "Residuals before and after",
             [],
-            pictures.residuals_by_quantity(columns),
+            pictures.residuals_by_quantity(drawn),
             "Residuals without the explanation and with it, in units of the noise bound; the band is the bound.",
         ),
     ]
@@ -128,6 +132,7 @@ def _roughness(channels: list[ChannelRows], name: str, added: NDArray) -> float:
         if values is None or np.ptp(values) == 0.0:
             return np.inf
         curve = added[channel.rows][np.argsort(values, kind="stable")]
+        curve = curve[np.isfinite(curve)]
         rough += float(np.abs(np.diff(curve)).sum() / max(np.ptp(curve), 1e-12))
     return round(rough, 3)
 

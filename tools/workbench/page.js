@@ -273,9 +273,10 @@ function showExplanation(explanation, number) {
 
 // What a change changed in the answers about the same files.
 function showBefore() {
-  const bodies = [];
-  for (const one of beside().filter(one => one.before)) {
-    const changed = differences(one.before, one.answer), body = element("tbody", null), head = element("tr", null);
+  const bodies = [], every = beside().filter(one => one.before);
+  for (const one of every) {
+    // A diagnosis has the parameters of the calibration beside it.
+    const changed = differences(one.before, one.answer, one.command !== "diagnose" || every.length < 2), body = element("tbody", null), head = element("tr", null);
     head.append(element("th", one.command, { colspan: 3, scope: "rowgroup" }));
     body.append(head, ...changed.map(([name, first, second]) => {
       const row = element("tr", null);
@@ -289,12 +290,12 @@ function showBefore() {
   $("before").append(...bodies);
 }
 
-// Name, text before and text after of what differs in two answers.
-function differences(before, after) {
+// Name, text before and text after of what differs in two answers, with their parameters or without.
+function differences(before, after, withParameters) {
   const rows = [["verdict", before.verdict.split(":")[0], after.verdict.split(":")[0]]];
   after.sentences.forEach((text, k) => rows.push(["", before.sentences[k] || "", text]));
   const parts = answer => new Map([...Object.entries(answer.key), ...answer.explanations.flatMap(one => one.sizes),
-    ...answer.parameters.map(one => [`${one.symbol} ${one.name}${one.unit && one.unit !== "1" ? ` [${one.unit}]` : ""}`, one.text])]);
+    ...(withParameters ? answer.parameters : []).map(one => [`${one.symbol} ${one.name}${one.unit && one.unit !== "1" ? ` [${one.unit}]` : ""}`, one.text])]);
   const earlier = parts(before), later = parts(after);
   for (const name of new Set([...earlier.keys(), ...later.keys()])) rows.push([name, String(earlier.get(name) ?? "–"), String(later.get(name) ?? "–")]);
   return rows.filter(([, first, second]) => first !== second);

@@ -139,21 +139,20 @@ Residuals: TypeAlias = tuple[str, Mapping[str, NDArray], NDArray, NDArray]
 
 @drawn
 def residuals_by_quantity(channels: Sequence[Residuals]) -> Drawn:
-    """Draw the residuals of channels against each of their quantities, before and after; NaN for unused ones."""
-    columns = list(max((quantities for _, quantities, _, _ in channels), key=len))
-    figure, panels = sheet(0.9 + 1.5 * len(channels), len(channels), len(columns), sharex="col", sharey="row")
-    for row, (title, quantities, before, after) in enumerate(channels):
-        for column, name in enumerate(columns):
-            axes = panels[row, column]
-            if name not in quantities:
-                axes.set_visible(False)
-                continue
+    """Draw the residuals of channels against each of their quantities, before and after; NaN for unused ones.
+
+    All channels have the same quantities.
+    """
+    names = list(channels[0][1])
+    figure, panels = sheet(0.9 + 1.5 * len(channels), len(channels), len(names), sharex="col", sharey="row")
+    for of_channel, (title, quantities, before, after) in zip(panels, channels, strict=True):
+        for axes, values in zip(of_channel, quantities.values(), strict=True):
             zero_line(axes)
-            axes.plot(quantities[name], before, **BEFORE, label="before")
-            axes.plot(quantities[name], after, **AFTER, label="with it")
-        panels[row, 0].set(title=title, ylabel="residual [σ]")
-    for column, name in enumerate(columns):
-        panels[-1, column].set_xlabel(name)
+            axes.plot(values, before, **BEFORE, label="before")
+            axes.plot(values, after, **AFTER, label="with it")
+        of_channel[0].set(title=title, ylabel="residual [σ]")
+    for axes, name in zip(panels[-1], names, strict=True):
+        axes.set_xlabel(name)
     legend(figure)
     return figure, "Residuals against each quantity, before and after"
 
