@@ -561,6 +561,12 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
             f"the norms scatter by {digits(1e3 * fit.deviation, 2)} mg, {digits(fit.scatter, 2)} "
             "times as much as the noise at rest: this model does not explain everything"
         )
+    spare = len(fit.norms.reading) - fit.norms.effective(fit.forces)
+    if not run.basis and isinstance(run.record, PoseRecord) and spare < 1.0:
+        remarks.append(
+            "no rest is beside the parameters, so nothing tests that a reading errs by "
+            f"{digits(1e3 * fit.deviation, 2)} mg (1 sd), as is assumed: add poses, or give --noise-sd or --noise-bound"
+        )
     large = [
         f"{name} = {digits(float(value), 2)}"
         for name, value in zip(NAMES, fit.forces.x, strict=True)

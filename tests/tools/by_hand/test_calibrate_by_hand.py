@@ -64,6 +64,10 @@ def test_three_spare_readings_tell_that_the_model_does_not_explain_them() -> Non
         p = result[symbol]
         assert abs(present(p.estimate) - truth(instrument)[symbol]) < 4.0 * present(p.standard_error), symbol
     assert th.calibrate(table, gravity=GRAVITY).warnings == []
+    # Nine poses test nothing.
+    nine = table[[*range(6), 6, 8, 10]]
+    assert any("no rest is beside the parameters" in line for line in th.calibrate(nine, gravity=GRAVITY).warnings)
+    assert th.calibrate(nine, gravity=GRAVITY, noise_bound=1e-3).warnings == []
 
 
 def test_a_move_in_which_rows_are_lost_is_named() -> None:
