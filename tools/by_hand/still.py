@@ -17,6 +17,8 @@ from ..records.steps import reading_step
 WIDER = 5.0
 """The limit of a second pass, where the first leaves fewer than `FEWEST` rests."""
 FEWEST = 9
+FIRST_ROWS = 1000
+"""Rows that mostly show already that steps are narrower than the noise."""
 SAME_RATE = np.radians(2.0)
 """Largest excess turn of a still window over the stillest ones [rad/s]."""
 STILLEST = 0.1
@@ -177,8 +179,14 @@ def mean_of_rows(values: NDArray) -> NDArray[np.float64]:
 
 def _of_steps(values: NDArray, spread: ArrayLike) -> NDArray[np.float64]:
     """Return the error (K, C) of means over rests by steps of the readings (N, C) that noise does not even out."""
+    spread = np.asarray(spread)
+    changes = np.abs(np.diff(values[:FIRST_ROWS], axis=0))
+    # No step is wider than the least change, and a sort of all readings takes a while.
+    least = np.where(changes > 0.0, changes, np.inf).min(axis=0, initial=np.inf).max()
+    if spread.size and spread.min() >= 0.5 * least:
+        return np.zeros(spread.shape)
     step = once(reading_step, values)
-    return np.where(np.asarray(spread) < 0.5 * step, step / np.sqrt(12.0), 0.0)
+    return np.where(spread < 0.5 * step, step / np.sqrt(12.0), 0.0)
 
 
 def _spread(values: NDArray) -> NDArray[np.float64]:
