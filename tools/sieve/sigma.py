@@ -78,8 +78,8 @@ def _with_effect(evidence: Evidence, candidates: LeadingFunctions, residual: Res
         return ()
     explained = residual.of_blocks(list(candidates.effects.values()))
     best = int(np.argmax(explained))
-    left = residual.beside(candidates.effects[places[best]])
-    if np.sqrt(left.squares / len(left.errors)) > MOST_WITH_EFFECT or not candidates.is_noise(left):
+    left = _residual_beside(evidence, candidates, places[best])
+    if left is None or np.sqrt(left.squares / len(left.errors)) > MOST_WITH_EFFECT or not candidates.is_noise(left):
         return ()
     variance = left.squares / left.freedom
     near = np.flatnonzero(explained >= explained[best] - APART * variance)
@@ -90,6 +90,19 @@ def _with_effect(evidence: Evidence, candidates: LeadingFunctions, residual: Res
         if simple is not None:
             found.append(simple)
     return tuple(found)
+
+
+def _residual_beside(evidence: Evidence, candidates: LeadingFunctions, place: EffectPlace) -> Residual | None:
+    """Return the residual beside an effect; where its size widens bounds, over these. None where it has no fit."""
+    if place.definition.untold is None:
+        return candidates.residual.beside(candidates.effects[place])
+    fit = _fit_of(evidence, place)
+    return None if fit is None else _residual_of(fit)
+
+
+def _residual_of(fit: Fit) -> Residual:
+    """Return the residual of a fit over what it allows."""
+    return Residual(fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None])
 
 
 def _beside(evidence: Evidence, place: EffectPlace) -> Simple | None:
@@ -115,7 +128,7 @@ def _with_bent_effect(evidence: Evidence, candidates: LeadingFunctions) -> tuple
         return ()
     faults = []
     for fit in bent_fits(wider, Work(MOST_WORK))[:MOST_RIVALS]:
-        remaining = Residual(fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None])
+        remaining = _residual_of(fit)
         times = MOST_WITH_EFFECT * fit.radius
         if times > evidence.model.limit and candidates.is_noise(remaining):
             faults.append(_beside_bent(evidence, fit.places[0], times))

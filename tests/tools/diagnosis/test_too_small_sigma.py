@@ -65,6 +65,16 @@ def test_beside_an_effect_both_are_named(seed):
 
 
 @pytest.mark.first(1)
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
+def test_beside_a_hysteresis_whose_senses_are_unknown_in_some_rows(seed):
+    hidden = th.hide(seed, "hysteresis")
+    diagnosis = diagnose(hidden.record, noise_bound=1e-5 / 1.9, rerun=False)
+    assert (diagnosis.verdict, diagnosis.best.kind) == ("explained", "sigma")
+    assert diagnosis.best.where == ("sigma", hidden.secret["hidden"]["where"])
+    assert [cause.effect for cause in diagnosis.best.causes] == ["hysteresis"]
+
+
+@pytest.mark.first(1)
 @pytest.mark.parametrize("size", [6e-5, 1.5e-4, 4e-4])
 def test_an_effect_with_the_right_bound_is_no_noise(size):
     diagnosis = diagnose(with_effect(31, QUADRATIC, size), noise_bound=1e-5, rerun=False)
