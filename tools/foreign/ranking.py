@@ -460,13 +460,10 @@ def _unit_of_turns(table: UnderstoodTable, forces: Sequence[Field], rates: Seque
     if len(times) < MANY_ROWS or correlation < ALIKE or not np.median(np.diff(times)) > 0.0:
         return ""
     scale /= float(np.median(np.diff(times)))
-    for text in ("rad/s", "deg/s"):
-        known = known_unit(text)
-        assert known is not None
-        if abs(math.log(scale / known.factor)) < math.log(NEAR_TURN):
-            return text
-    counts = DEGREE / scale
-    usual = min(map(float, RANGES.values()), key=lambda number: abs(math.log(number / counts)))
-    if abs(math.log(usual / counts)) < math.log(NEAR_TURN):
-        counts = usual
-    return f"{float(f'{counts:.3g}'):g} LSB/(deg/s)" if whole else ""
+    sizes = {"rad/s": 1.0, "deg/s": DEGREE}
+    if whole:
+        sizes |= {f"{counts} LSB/(deg/s)": DEGREE / float(counts) for counts in RANGES.values()}
+    text, size = min(sizes.items(), key=lambda entry: abs(math.log(entry[1] / scale)))
+    if abs(math.log(size / scale)) < math.log(NEAR_TURN):
+        return text
+    return f"{DEGREE / scale:.3g} LSB/(deg/s)" if whole else ""
