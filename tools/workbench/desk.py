@@ -362,7 +362,7 @@ class Desk:
             worker.future = None
             self.number += 1
             self.answered += 1
-            entry.ended, entry.outdated = True, False
+            entry.ended = True
             refusal = "the process of the calculation ended; there may be too little memory"
             if future.exception() is None:
                 answer, refusal = future.result()
@@ -373,7 +373,7 @@ class Desk:
 
     def _take(self, entry: DeskAnswer, answer: Mapping[str, Any], *, same_request: bool) -> None:
         entry.before = entry.answer if same_request else None
-        entry.answer = answer
+        entry.answer, entry.outdated = answer, False
         command, files = entry.request.command, entry.request.files
         outcome = {"command": command, "together": len(files) > 1, "verdict": answer["verdict"], "key": answer["key"]}
         for number in files:
