@@ -412,12 +412,11 @@ def angles_of_runs(algorithm: Algorithm, samples: Samples, true: np.ndarray, gyr
         gyro.draw_error(1.0, generator, [0.0] * 3)
         begun[:24, lane] = [*run.scale_misalignment, *run.bias, run.quantum, run.noise_bound, *generator, 0, 0, 0, 1]
     ends = np.ascontiguousarray(true[algorithm.samples - 1 :: algorithm.samples])
-    apart = np.empty((2, len(samples.increments) // algorithm.samples, LANES))
+    apart = np.empty((2, LANES, len(samples.increments) // algorithm.samples))
     work = (_table_of(algorithm.number), np.zeros(SPACE_SIZE), np.zeros(4))
     run_lanes = _lanes(algorithm.kernel, algorithm.previous, algorithm.samples)
     run_lanes(samples.period, samples.increments / samples.period, begun, work, ends, apart)
-    vector, scalar = apart.transpose(0, 2, 1)
-    return 2.0 * np.arctan2(vector, scalar)
+    return 2.0 * np.arctan2(*apart)
 
 
 @cache
@@ -439,7 +438,7 @@ def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int) -> Ca
         for i in range(51):
             for lane in range(LANES):
                 kept[i, lane] = begun[i, lane]
-        for k in range(apart.shape[1]):
+        for k in range(apart.shape[2]):
             for lane in range(LANES):
                 for i in range(51):
                     of[i] = kept[i, lane]
@@ -463,7 +462,7 @@ def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int) -> Ca
                     result[i, lane] = half[i]
             for i in range(2):
                 for lane in range(LANES):
-                    apart[i, k, lane] = result[i, lane]
+                    apart[i, lane, k] = result[i, lane]
 
     return run
 
