@@ -51,6 +51,23 @@ def test_a_turn_in_the_wrong_sense_is_refused_in_one_line() -> None:
         th.calibrate(table.drop("part").with_columns(turn=pl.lit("once round")), gravity=GRAVITY)
 
 
+@pytest.mark.parametrize(("angle", "words"), [(270, "it is not used"), (330, "are unit, rows and known turns right")])
+def test_turns_that_are_all_given_wrong_are_left_out_or_doubted(angle: int, words: str) -> None:
+    """Nothing but the usual size of scale factor errors contradicts them: the session has no moves between rests."""
+    instrument, table = ferraris(3)
+    wrong = table.with_columns(part=pl.col("part").str.replace("360", str(angle)))
+    result = th.calibrate(wrong, gravity=GRAVITY)
+    assert sum(words in line for line in result.warnings) == 3
+    for symbol in ("M11", "M22", "M33"):
+        p = result[symbol]
+        if angle == 270:
+            assert not p.determined
+            assert abs(present(p.estimate) - truth(instrument)[symbol]) < 3.0 * present(p.standard_error)
+    for refused in ("-360", "720"):
+        with pytest.raises(ValueError, match=f"turn . about axis . is {refused} degrees, and its gyro reads"):
+            th.calibrate(table.with_columns(part=pl.col("part").str.replace("360", refused)), gravity=GRAVITY)
+
+
 def test_known_turns_are_found_among_the_moves_where_words_tell_them() -> None:
     rng = np.random.default_rng(6)
     instrument = Instrument(6)
