@@ -97,8 +97,8 @@ def _curve_sections(evidence: Evidence | None, explanation: Explanation, added: 
         text = "It adds nothing to any reading: it says that the noise is larger than its bound."
     else:
         text = (
-            f"At most {digits(max(largest), 3)} σ. The curve is what the explanation adds at each reading; the circles "
-            "are the readings less the model without it, with the parameters that belong to the explanation."
+            f"At most {upwards(max(largest), 3)} σ. The curve is what the explanation adds at each reading; the "
+            "circles are the readings less the model without it, with the parameters that belong to the explanation."
         )
     if hidden.any():
         text += " Readings that it sets aside are not drawn."

@@ -229,7 +229,7 @@ def test_other_draws_are_two_samples_and_chance_alone_is_not_called_a_change(tmp
         (lambda folder: (folder / "campaign.json").unlink(), (), "holds no campaign"),
         (lambda folder: (folder / "campaign.json").write_text("{"), (), "is not JSON"),
         (lambda folder: (folder / "campaign.json").write_text("[]"), (), "is not the manifest of a campaign"),
-        (lambda folder: next((folder / "runs").glob("*2.parquet")).unlink(), (), "(1 of 6 files of runs are missing)"),
+        (lambda folder: next((folder / "runs").glob("*2.parquet")).unlink(), (), "(1 of 7 files of runs are missing)"),
         (lambda folder: None, ("--gate",), "--gate: goes with --against"),
     ],
 )
@@ -249,9 +249,9 @@ def test_what_cannot_be_reported_is_refused_and_left_alone(tmp_path, prepare, wo
     ("name", "make", "message"),
     [
         ("campaign.json", lambda path: os.mkfifo(path), "campaign.json: is not a regular file"),
-        ("runs/part-00002.parquet", lambda path: os.mkfifo(path), "(1 of 6 files of runs are missing)"),
-        ("runs/part-00002.parquet", lambda path: path.symlink_to("gone"), "(1 of 6 files of runs are missing)"),
-        ("runs/part-00002.parquet", lambda path: path.symlink_to(path), "(1 of 6 files of runs are missing)"),
+        ("runs/part-00002.parquet", lambda path: os.mkfifo(path), "(1 of 7 files of runs are missing)"),
+        ("runs/part-00002.parquet", lambda path: path.symlink_to("gone"), "(1 of 7 files of runs are missing)"),
+        ("runs/part-00002.parquet", lambda path: path.symlink_to(path), "(1 of 7 files of runs are missing)"),
     ],
 )
 def test_pipes_and_links_to_nothing_are_no_results(name, make, message, tmp_path, capsys):
