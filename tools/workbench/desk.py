@@ -140,6 +140,7 @@ class Desk:
         self.files: list[OpenFile] = []
         self.answers: list[DeskAnswer] = []
         self._asked: DeskAnswer | None = None
+        self._answered: DeskAnswer | None = None
         self.refusal = ""
         self.number = self.answered = 0
         for path in paths:
@@ -305,7 +306,7 @@ class Desk:
 
     @property
     def answer(self) -> Mapping[str, Any] | None:
-        """The answer to the last request of the person; None before the first one."""
+        """The answer to the last request of the person that has one; None before the first one."""
         return None if self._asked is None else self._asked.answer
 
     def run(self, request: DeskRequest) -> None:
@@ -324,6 +325,8 @@ class Desk:
             self._record(number)
         with self._lock:
             self.refusal = ""
+            if self.answer is not None:
+                self._answered = self._asked
             self._asked = self._entry(request)
             if self._asked is None:
                 self._asked = DeskAnswer(request)
@@ -369,6 +372,8 @@ class Desk:
                 if not refusal:
                     self._take(entry, answer, same_request=same_request)
             self.refusal = refusal or self.refusal
+            if refusal and entry is self._asked and entry.answer is None:
+                self._asked = self._answered or entry
             self._begin_next()
 
     def _take(self, entry: DeskAnswer, answer: Mapping[str, Any], *, same_request: bool) -> None:
