@@ -124,17 +124,21 @@ def change_of_bias(rests: StillRests, x: NDArray, values: NDArray) -> BiasChange
         return None
     off = rests.rate[quiet] - inputs_of(x, rests.force[quiet]) @ values[SENSITIVITY].reshape(3, 3).T
     least = np.maximum(np.median(rests.rate_deviation[quiet], axis=0), 0.3 * EARTH_RATE)
-    count, best, change = len(quiet), CHANCE / (3.0 * len(quiet)), None
-    for first in range(2, count - 1):
-        parts = off[:first], off[first:]
-        within = sum(np.square(part - part.mean(axis=0)).sum(axis=0) for part in parts) / (count - 2)
-        size = parts[1].mean(axis=0) - parts[0].mean(axis=0)
-        error = np.sqrt(np.maximum(within, least**2) * (1.0 / first + 1.0 / (count - first)))
-        chance = 2.0 * stdtr(count - 2, -np.abs(size) / error)
-        if chance.min() < best:
-            best = float(chance.min())
-            change = BiasChange(int(quiet[first]), np.where(chance < CHANCE / (3.0 * count), size, 0.0))
-    return change
+    count = len(quiet)
+    off = off - off.mean(axis=0)
+    # Sums and squares of the rests before each change, from the third rest on, and of those after it.
+    first = np.arange(2, count - 1)[:, None]
+    before, squares = np.cumsum(off, axis=0)[1:-2], np.square(off).sum(axis=0)
+    after = off.sum(axis=0) - before
+    within = (squares - np.square(before) / first - np.square(after) / (count - first)) / (count - 2)
+    size = after / (count - first) - before / first
+    error = np.sqrt(np.maximum(within, least**2) * (1.0 / first + 1.0 / (count - first)))
+    chance = 2.0 * stdtr(count - 2, -np.abs(size) / error)
+    limit = CHANCE / (3.0 * count)
+    best = int(np.argmin(chance.min(axis=1)))
+    if not chance[best].min() < limit:
+        return None
+    return BiasChange(int(quiet[best + 2]), np.where(chance[best] < limit, size[best], 0.0))
 
 
 @dataclass(frozen=True, eq=False)
