@@ -117,7 +117,8 @@ class _KeptCode:
 
 def _names_of(function: Callable[..., Any]) -> list[str]:
     """Return the names of a function, and of every function or value that it encloses."""
-    names = [f"{function.__module__}.{function.__qualname__}"]
+    # The line tells functions of one name in one module apart.
+    names = [f"{function.__module__}.{function.__qualname__}.{function.__code__.co_firstlineno}"]
     for cell in function.__closure__ or ():
         value = cell.cell_contents
         inner = value if isinstance(value, FunctionType) else getattr(value, "py_func", None)
