@@ -26,10 +26,10 @@ from ..motion.norm import NAMES, UNITS_OF, norm_equations
 from ..motion.possible import BOX, Possible, central_parameters, nearest_possible, possible_forces
 from ..records import ForceRecord, PoseRecord
 from ..rounding import digits, upwards
-from .forces import Faces, Forces, Norms, fitted_forces, scatter_of
+from .forces import Faces, Forces, Norms, fitted_forces, probable_error, scatter_of
 from .gyros import MOVE_ERROR, GyroFit, fitted_gyros
 from .gyros import PRIOR as GYRO_PRIOR
-from .moves import BIAS, MATRIX, ROUGH, Moves, Way, Windows
+from .moves import BIAS, MATRIX, ROUGH, Moves, Turns, Way, Windows
 from .run import HandRecord, HandRequest, Run, run_of
 
 WORDS = (
@@ -54,8 +54,12 @@ FOLDS, FEWEST_FOLDED = 5, 12
 """Contiguous parts that are left out in turn; of fewer rests none is."""
 LARGE, LARGE_OF_GYRO = 0.2, 0.06
 """A larger parameter of accelerometers, and a larger scale factor error of a gyro, get a warning."""
+LEAST_OF_CLOCK = 3e-3
+"""A smaller common scale factor error of the gyros is not worth a remark on the clock."""
 CONTRADICTED = 4.0
 """A known turn is wrong where the moves contradict it by this number of standard deviations."""
+ALIKE = 2.0
+"""Known turns are doubted where usual gyros miss their mean by this number of standard deviations."""
 FAR_MOVE = 10.0
 """A move whose error exceeds the median, and the usual error of a move, by this factor is left out."""
 FAR_OF_PRIOR, FEWEST_SOUND = 6.0, 10
@@ -134,6 +138,8 @@ def fit_of(run: Run, near: HandFit | None = None) -> HandFit:
     norms = Norms.of(run.rests.force, run.deviation)
     forces = fitted_forces(norms, run.faces)
     scatter, chance = scatter_of(forces, norms)
+    if len(run.rests) and not run.tells_noise:
+        scatter, chance = probable_error(forces, norms) / LEAST_SD, 1.0
     if scatter > 1.0 and (not run.basis or chance < CHANCE):
         norms = replace(norms, deviation=norms.deviation * scatter)
         forces = fitted_forces(norms, run.faces)
@@ -160,10 +166,19 @@ def checked_fit(run: Run) -> tuple[Run, HandFit]:
             run = replace(run, moves=run.moves.in_axes_of(fit.forces))
             fit = with_gyros(run, fit)
         return run, fit
-    without = fit_of(replace(run, turns=None))
-    assert without.gyros is not None
-    off, slopes = turns.rows(without.gyros.values)
-    error = np.sqrt(1.0 + np.einsum("ti,ij,tj->t", slopes, without.gyros.covariance, slopes))
+    run = _with_checked_turns(run, turns)
+    return run, fit_of(run)
+
+
+def _with_checked_turns(run: Run, turns: Turns) -> Run:
+    """Return a run without the known turns that its other readings contradict.
+
+    Turns that differ alike from gyros of the usual size are doubted: the error of their angles holds that difference.
+    """
+    without = fit_of(replace(run, turns=None)).gyros
+    assert without is not None
+    off, slopes = turns.rows(without.values)
+    error = np.sqrt(1.0 + np.einsum("ti,ij,tj->t", slopes, without.covariance, slopes))
     wrong = np.abs(off) > CONTRADICTED * error
     warnings = list(run.warnings)
     for number in np.flatnonzero(wrong):
@@ -173,8 +188,16 @@ def checked_fit(run: Run) -> tuple[Run, HandFit]:
         )
     kept = np.flatnonzero(~wrong)
     turns = replace(turns, way=turns.way.those(kept), angle=turns.angle[kept])
-    run = replace(run, turns=turns, warnings=tuple(warnings))
-    return run, fit_of(run)
+    if len(kept):
+        common, by_gyros = float(off[kept].mean()), slopes[kept].mean(axis=0)
+        if abs(common) > max(CONTRADICTED, ALIKE * float(np.sqrt(by_gyros @ without.covariance @ by_gyros))):
+            turns = replace(turns, error=abs(common) * turns.error)
+            size, sense = digits(float(np.degrees(turns.error)), 2), "more" if common > 0.0 else "less"
+            warnings.append(
+                f"the gyros read {size}° {sense} than the known turns, on average: are these right? Each is taken as "
+                f"known to {size}° (1 sd)"
+            )
+    return replace(run, turns=turns, warnings=tuple(warnings))
 
 
 def _with_sound_moves(run: Run) -> Run:
@@ -311,11 +334,18 @@ def _sigma(run: Run, fit: HandFit) -> Sigma:
 
 
 def _why(run: Run, fit: HandFit) -> str:
+    if not run.tells_noise and _spare(fit) < 1.0:
+        return "assumed, as no reading is beside the parameters"
     if fit.scatter > 1.0:
         return "the scatter of the norms"
     if len(run.deviation) and np.median(run.deviation) > LEAST_SD:
         return "the noise within the rests"
     return "the least that real instruments leave, more than the noise at rest"
+
+
+def _spare(fit: HandFit) -> float:
+    """Return the number of readings beside the parameters that they determine."""
+    return len(fit.norms.reading) - fit.norms.effective(fit.forces)
 
 
 def name_of(symbol: str) -> str:
@@ -556,13 +586,17 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
             f"the norms scatter {digits(fit.scatter, 2)} times as much as the given noise explains: the standard "
             "errors hold that scatter"
         )
-    elif fit.scatter > MORE:
+    elif fit.scatter > MORE and run.tells_noise:
         remarks.append(
             f"the norms scatter by {digits(1e3 * fit.deviation, 2)} mg, {digits(fit.scatter, 2)} "
             "times as much as the noise at rest: this model does not explain everything"
         )
-    spare = len(fit.norms.reading) - fit.norms.effective(fit.forces)
-    if not run.basis and isinstance(run.record, PoseRecord) and spare < 1.0:
+    elif fit.scatter > MORE and _spare(fit) >= 1.0:
+        remarks.append(
+            f"the norms scatter by {digits(1e3 * fit.deviation, 2)} mg: readings are so noisy, or the model does not "
+            "explain everything"
+        )
+    if not run.tells_noise and _spare(fit) < 1.0:
         remarks.append(
             "no rest is beside the parameters, so nothing tests that a reading errs by "
             f"{digits(1e3 * fit.deviation, 2)} mg (1 sd), as is assumed: add poses, or give --noise-sd or --noise-bound"
@@ -583,6 +617,14 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
                     f"gyro {axis} has a scale factor error of {digits(100.0 * value, 2)} %: are unit, rows and known "
                     "turns right?"
                 )
+        error = float(np.sqrt(np.diag(fit.gyros.covariance)[MATRIX][::4].mean() / 3.0))
+        common = float(rows.mean() - 1.0)
+        if abs(common) > max(3.0 * float(rows.std()), 3.0 * error, LEAST_OF_CLOCK):
+            size, sense = digits(100.0 * abs(common), 2), "fast" if common > 0.0 else "slow"
+            remarks.append(
+                f"all gyros' scale factors err alike, by {'' if common > 0.0 else '-'}{size} %: a clock of the record "
+                f"that runs {sense} by {size} % would show so too; the record does not tell which"
+            )
     change = None if fit.gyros is None else fit.gyros.change
     if change is not None and run.moves is not None:
         time = digits(float(run.moves.way.series.time_s[run.rests.rows[change.rest].start]), 4)

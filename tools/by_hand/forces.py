@@ -20,6 +20,8 @@ SPARE = 6
 LEAST_SPARE, UNLIKELY = 0.5, 1e-4
 """A few readings beside the parameters, from the first number on, contradict the noise if their scatter has a smaller
 probability than the second."""
+ERRORS = np.geomspace(3e-5, 1e-2, 200)
+"""Errors of averaged readings [g], each as probable as another where nothing but the norms tells them."""
 ROUNDS = 30
 
 
@@ -174,6 +176,22 @@ def scatter_of(forces: Forces, norms: Norms) -> tuple[float, float]:
     if freedom < SPARE and chance > UNLIKELY:
         return float("nan"), 1.0
     return float(np.sqrt(square / freedom)), chance
+
+
+def probable_error(forces: Forces, norms: Norms) -> float:
+    """Return the rms error of readings [g] that norms make probable, where all errors are alike and nothing else tells.
+
+    With J of the slopes, P of the prior and r of the norms without parameters, r has the covariance J P Jᵀ + σ² I.
+    """
+    error = norms.deviation[0]
+    residual, slopes = norms.weighted(forces.x)
+    scaled = slopes * norms.prior
+    spread, vectors = np.linalg.eigh(scaled @ scaled.T)
+    square = np.square((residual - slopes @ forces.x) @ vectors)
+    variance = np.maximum(spread, 0.0) + np.square(ERRORS[:, None] / error)
+    likelihood = -0.5 * (np.log(variance) + square / variance).sum(axis=1)
+    weight = np.exp(likelihood - likelihood.max())
+    return float(np.sqrt(weight @ np.square(ERRORS) / weight.sum()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -124,6 +124,11 @@ class Run:
     turns: Turns | None
     warnings: tuple[str, ...]
 
+    @property
+    def tells_noise(self) -> bool:
+        """Whether the errors of readings are known but by the norms: from options or from the scatter at rest."""
+        return bool(self.basis) or not isinstance(self.record, PoseRecord) or self.record.scatter is not None
+
     def those(self, chosen: NDArray[np.int_]) -> "Run":
         """Return the run with some of the rests, and the moves between neighbours among them."""
         faces = None if self.faces is None else replace(self.faces, up=self.faces.up[chosen])

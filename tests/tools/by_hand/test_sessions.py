@@ -51,21 +51,31 @@ def test_a_turn_in_the_wrong_sense_is_refused_in_one_line() -> None:
         th.calibrate(table.drop("part").with_columns(turn=pl.lit("once round")), gravity=GRAVITY)
 
 
-@pytest.mark.parametrize(("angle", "words"), [(270, "it is not used"), (330, "are unit, rows and known turns right")])
+@pytest.mark.parametrize(
+    ("angle", "words"), [(270, "it is not used"), (330, "are these right"), (380, "are these right")]
+)
 def test_turns_that_are_all_given_wrong_are_left_out_or_doubted(angle: int, words: str) -> None:
-    """Nothing but the usual size of scale factor errors contradicts them: the session has no moves between rests."""
-    instrument, table = ferraris(3)
-    wrong = table.with_columns(part=pl.col("part").str.replace("360", str(angle)))
-    result = th.calibrate(wrong, gravity=GRAVITY)
-    assert sum(words in line for line in result.warnings) == 3
-    for symbol in ("M11", "M22", "M33"):
-        p = result[symbol]
-        if angle == 270:
-            assert not p.determined
+    """Nothing but the usual size of scale factor errors contradicts them: the block has no moves between rests."""
+    for seed in (3, 8):
+        instrument, table = ferraris(seed)
+        wrong = table.with_columns(part=pl.col("part").str.replace("360", str(angle)))
+        result = th.calibrate(wrong, gravity=GRAVITY)
+        assert sum(words in line for line in result.warnings) == (3 if angle == 270 else 1)
+        assert result.verdict == "insufficient"
+        assert any("turns by 90°" in entry.close_by for entry in result.open)
+        for symbol in ("M11", "M22", "M33"):
+            p = result[symbol]
             assert abs(present(p.estimate) - truth(instrument)[symbol]) < 3.0 * present(p.standard_error)
     for refused in ("-360", "720"):
         with pytest.raises(ValueError, match=f"turn . about axis . is {refused} degrees, and its gyro reads"):
             th.calibrate(table.with_columns(part=pl.col("part").str.replace("360", refused)), gravity=GRAVITY)
+
+
+def test_a_clock_that_is_fast_is_named_beside_the_scale_factors_it_shows_as() -> None:
+    _, table = hand_moved(15, 18)
+    fast = th.calibrate(table.with_columns(pl.col("time_s") * 1.05), gravity=GRAVITY)
+    assert any("runs fast by" in line and "does not tell which" in line for line in fast.warnings)
+    assert not any("clock" in line for line in th.calibrate(table, gravity=GRAVITY).warnings)
 
 
 def test_known_turns_are_found_among_the_moves_where_words_tell_them() -> None:
