@@ -30,12 +30,8 @@ RENAMED: dict[tuple[int | str, ...], tuple[int | str, ...]] = {
     ("noise_bound_basis",): ("sigma", "from"),
 }
 """Places of fields in the former schemas -> their places now."""
-MENDS = {
-    "falsified": "no values fit its readings: `trihedron diagnose` says what the model lacks",
-    "insufficient": "measure at its next_positions, or say by --prior what is known",
-    "noise-unknown": "its readings differ by more than their scatter within rests: calibrate with --noise-bound",
-}
-"""Remedy if a calibration gives no parameters, by its verdict."""
+FURTHER_POSITIONS = "measure at its next_positions, or say by --prior what is known"
+"""Remedy if an insufficient calibration lacks an estimate."""
 GRAVITIES = (4.9, 14.7)
 """[m/s²]: half and one and a half times the standard, as readings are taken to be."""
 CASES = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}
@@ -75,14 +71,19 @@ Parameters = dict[str, float | list[float]]
 def bench_parameters(calibration: Any) -> dict[str, Parameters]:
     """The parameters that make the simulated bench predict as it was calibrated, by component.
 
-    Δβ, α* and Δg cannot be told from other parameters: they are set to zero, and the others contain their effect.
+    They are the estimates, for any verdict. Δβ, α* and Δg cannot be told from other parameters: they are set to zero,
+    and the others contain their effect. Without a table there are the instruments alone.
 
     Raises
     ------
     ValueError
-        for another schema, a result that is not consistent, or several mountings
+        for another schema, a missing estimate, or several mountings
     """
-    content = _consistent(calibration)
+    content = _one_calibration(calibration)
+    if BY_HAND in content:
+        block = calibrated_block(content)
+        blocks = {"AccelerometerBlock": block, "AccelerometerCompensation": dict(block)}
+        return blocks | _gyros(content, _gravity(content))
     mountings = content.get("mountings")
     if not isinstance(mountings, Mapping) or len(mountings) != 1:
         raise ValueError("the calibration must have exactly one mounting to give parameters")
@@ -91,7 +92,7 @@ def bench_parameters(calibration: Any) -> dict[str, Parameters]:
         mounting = checked_rotation(matrix)
     except ValueError as error:
         raise ValueError(f"mounting '{name}': {error}") from error
-    with _complete():
+    with _complete(content.get("verdict")):
         gravity = _gravity(content)
         return component_parameters(target_estimates(content), gravity, mounting) | _gyros(content, gravity)
 
@@ -432,16 +433,6 @@ def checked_number(value: Any, what: str) -> float:
     return float(value)
 
 
-def _consistent(calibration: Any) -> Mapping[str, Any]:
-    """The calibration, of several records that of the last, when it is a consistent one; a ValueError else."""
-    calibration = _one_calibration(calibration)
-    verdict = calibration.get("verdict")
-    if not gives_parameters(verdict, calibration.get("estimator")):
-        mend = f"; {MENDS[verdict]}" if isinstance(verdict, str) and verdict in MENDS else ""
-        raise ValueError(f"the calibration's verdict is {verdict!r}; only a consistent one gives parameters{mend}")
-    return calibration
-
-
 def _one_calibration(calibration: Any) -> Mapping[str, Any]:
     """The calibration, of several records that of the last, in the present schema; a ValueError for anything else."""
     calibration = of_one_record(calibration)
@@ -469,7 +460,7 @@ def _complete(verdict: object = None) -> Iterator[None]:
     try:
         yield
     except KeyError as error:
-        mend = f"; {MENDS['insufficient']}" if verdict == "insufficient" else ""
+        mend = f"; {FURTHER_POSITIONS}" if verdict == "insufficient" else ""
         raise ValueError(f"the calibration lacks {error.args[0]!r}{mend}") from error
 
 

@@ -169,10 +169,9 @@ def test_without_a_possible_point_there_is_no_estimate_and_it_is_said(tmp_path: 
     assert falsified.estimator == "least squares"
     text = str(falsified)
     assert "Estimates are those of least squares: no parameters of the model keep every reading" in text
-    with pytest.raises(ValueError, match="only a consistent one gives parameters; no values fit its readings: `trihe"):
-        bench_parameters(falsified.to_json())
     # The estimates are of use all the same, without a guarantee.
     values = {e.symbol: e.estimate for e in falsified.parameters}
+    assert bench_parameters(falsified.to_json())["TurntableMotion"]["kappa"] == values["X1"]
     assert calibrated_block(falsified.to_json())["bias"] == [values[s] for s in ("X16", "X17", "X18")]
     correction = correction_of(falsified.to_json(), "here")
     assert correction.low is None

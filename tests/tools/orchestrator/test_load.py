@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 import trihedron as th
+from by_hand import Instrument
+from by_hand import calibration as hand_calibration
 from foreign_fmus import declaring, rewritten
 from foreign_fmus.foreign_failing import WAYS
 from generator.stands import random_bench, simulated
@@ -328,7 +330,6 @@ def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path) ->
     computer = {"c": {"component": "AttitudeComputer", "parameters_from": "c.json"}}
     for content, says in (
         (calibration, "says nothing about AttitudeComputer; known: "),
-        ({**calibration, "verdict": "falsified"}, "gives parameters; no values fit its readings: `trihedron diagnose`"),
         ({**calibration, "gravity_mps2": -9.8}, "gravity_mps2: Input should be greater than or equal to 4.9, not -9.8"),
         (of_unit("X17", unit="mg"), "the unit of X17 is 'mg', and must be g"),
         (of_unit("X1", unit="deg"), "the unit of X1 is 'deg', and must be 1 or rad"),
@@ -341,3 +342,16 @@ def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path) ->
         message = refusal(tmp_path, computer)
         assert message.startswith("fmus.c.parameters_from: c.json: ")
         assert says in message
+
+
+@pytest.mark.parametrize("verdict", ["usable", "insufficient", "falsified"])
+def test_a_calibration_without_a_table_gives_parameters_of_instruments(tmp_path: Path, verdict: str) -> None:
+    instrument = Instrument(4)
+    content = hand_calibration(instrument, sensitivity=False, verdict=verdict)
+    (tmp_path / "hand.json").write_text(json.dumps(content), encoding="utf-8")
+    block, gyros = ({"component": name, "parameters_from": "hand.json"} for name in ("AccelerometerBlock", "GyroBlock"))
+    columns = {"bias_g": "block.bias[2]", "m12": "gyros.scale_misalignment[2]", "b_radps": "gyros.bias[3]"}
+    row = run(tmp_path, {"block": block, "gyros": gyros}, record={"columns": columns}).table.row(0)
+    assert row[-3:] == (instrument.bias[1], instrument.gyro_matrix[0, 1], instrument.gyro_bias[2])
+    message = refusal(tmp_path, {"t": {"component": "TurntableMotion", "parameters_from": "hand.json"}})
+    assert "says nothing about TurntableMotion; known: " in message
