@@ -28,7 +28,7 @@ from .calibration import Asked, calibrate, calibrate_by_encoders, reading_uncert
 from .estimates import Solution, open_directions, solve_system
 from .in_motion import InMotion, lag_targets, with_motion
 from .model import Linearisation
-from .targets import Target, error_weights
+from .targets import MOTION_NAMES, Target, error_weights
 from .turns import WithTurns, turns_of, with_turns
 
 if TYPE_CHECKING:
@@ -36,13 +36,6 @@ if TYPE_CHECKING:
 
     from ..motion import AtTable
 
-WORDS = {
-    "B": ("gyro-bias", "rad/s"),
-    "M": ("gyro-misalignment", "rad"),
-    "S": ("gyro-g-sensitivity", "rad/s/g"),
-    "L": ("gyro-lag", "s"),
-}
-"""Name and unit of the gyros' parameters by their symbols' letter; the diagonal of M are scale-factor errors."""
 OF_AXES = ("X3", "X8", "-X12", "X13")
 """Targets whose errors turn the block by an angle that depends on the table's; what stays in the base drops out."""
 GAINED = 0.99
@@ -267,24 +260,13 @@ def _with_latency(
     return calibration.model_copy(update=changed)
 
 
-def gyro_names() -> list[tuple[str, str]]:
-    """Symbol and unit of each of the gyros' parameters."""
-    return [(target.symbol, target.unit) for target in gyro_targets(0)]
-
-
 def gyro_targets(before: int) -> list[Target]:
     """Return a target for each parameter of the gyros, numbered after the `before` ones of bench and accelerometers."""
     targets = []
     for k, symbol in enumerate(GYRO_PARAMETERS):
-        name, unit = WORDS[symbol[0]]
-        place = symbol[1:]
-        if name == "gyro-misalignment" and place[0] == place[1]:
-            name, unit, place = "gyro-scale-factor-error", "1", place[0]
-        if place:
-            name = f"{name}-{place}"
         weights = np.zeros(before + len(GYRO_PARAMETERS))
         weights[before + k] = 1.0
-        targets.append(Target(symbol, name, unit, weights))
+        targets.append(Target(symbol, *MOTION_NAMES[symbol], weights))
     return targets
 
 

@@ -22,7 +22,7 @@ from ..motion.rests import sampling_of
 from ..records import BenchRecord, PositionRecord
 from ..records.rests import without_turns
 from .model import Linearisation, Parametrisation, Positions, predicted_input, predicted_reading, reading_jacobian
-from .targets import Target
+from .targets import MOTION_NAMES, Target
 from .turns import ROUNDS, STILL, WithTurns, fitted_step
 
 HALF_S, HALF_RAD, FEWEST = 0.08, 0.08, 3
@@ -289,7 +289,5 @@ def lag_targets(count: int) -> list[Target]:
     behind[count] = 1.0
     between = -behind
     between[count - len(GYRO_PARAMETERS) + LAG] = 1.0
-    return [
-        Target(LATENCIES[0], "accelerometer-lag", "s", behind),
-        Target(LATENCIES[1], "gyro-lag-behind-accelerometers", "s", between),
-    ]
+    lags = zip(LATENCIES, (behind, between), strict=True)
+    return [Target(symbol, *MOTION_NAMES[symbol], weights) for symbol, weights in lags]

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.bench import SYMMETRIC_PAIRS, TARGETS
+from ...models.bench import GYRO_PARAMETERS, SYMMETRIC_PAIRS, TARGETS
 from ..errors import InputError, nearest
 from .model import Linearisation, Parametrisation, determined
 
@@ -48,6 +48,28 @@ NAMES = {
     "X14-X15": ("scale-factor-asymmetry-3", "1"),
 }
 """Physical name and unit of each target of the paper, and of the asymmetries."""
+
+GYRO_NAMES = {
+    "B": ("gyro-bias", "rad/s"),
+    "M": ("gyro-misalignment", "rad"),
+    "S": ("gyro-g-sensitivity", "rad/s/g"),
+    "L": ("gyro-lag", "s"),
+}
+"""Name and unit of the gyros' parameters by their symbols' letter; the diagonal of M are scale-factor errors."""
+
+
+def _motion_names() -> dict[str, tuple[str, str]]:
+    """Return name and unit of the parameters that only motion shows, by their symbols."""
+    named = {"A": ("accelerometer-lag", "s"), "L-A": ("gyro-lag-behind-accelerometers", "s")}
+    named |= {f"r{p}{axis}": (f"accelerometer-place-{p}{axis}", "m") for p in (1, 2, 3) for axis in (1, 2, 3)}
+    for symbol in GYRO_PARAMETERS:
+        name, unit = GYRO_NAMES[symbol[0]]
+        named[symbol] = ("-".join(filter(None, (name, symbol[1:]))), unit)
+    return named | {f"M{axis}{axis}": (f"gyro-scale-factor-error-{axis}", "1") for axis in (1, 2, 3)}
+
+
+MOTION_NAMES = _motion_names()
+"""Physical name and unit of lags, of places of accelerometers, and of gyros."""
 
 SYMMETRIC_CONVENTION = {
     "X6+X8": "(X6+X8)/2",
@@ -109,7 +131,8 @@ def convention_targets(p: Parametrisation, convention: str) -> list[Target]:
 def words_of(name: str) -> str:
     """Return a parameter in words, if it has words."""
     target, at, mounting = name.partition("@")
-    return NAMES[target][0] + at + mounting if target in NAMES else name
+    named = NAMES | MOTION_NAMES
+    return named[target][0] + at + mounting if target in named else name
 
 
 def unit_of(name: str) -> str:

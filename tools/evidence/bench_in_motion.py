@@ -15,17 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.parameters import elements_of
-from ...models.bench import BIAS, MATRIX
+from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX
 from ...models.effects import EffectPlace
 from ..bounded.programmes import MANY_ROWS, Growth, Interval, SolverError, any_centre, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibrated import Calibration
 from ..calibration.calibration import Asked
 from ..calibration.gyros import BenchOnEarth as Place
-from ..calibration.gyros import fit_whole, gyro_names, with_gyros
+from ..calibration.gyros import fit_whole, with_gyros
 from ..calibration.in_motion import FURTHER, InMotion, with_motion
 from ..calibration.model import Linearisation
 from ..calibration.parameter_sets import Sized, Start
+from ..calibration.targets import MOTION_NAMES
 from ..calibration.turns import WithTurns, beside_turns
 from ..errors import InputError
 from ..records import BenchRecord, PositionRecord
@@ -633,6 +634,6 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evid
     whole, _ = beside_turns(moving.read.here, fitted.turns, start.point[: -len(FURTHER)])
     of_gyros = effects_of_gyros(with_temperature=raw.temperature is not None)
     places = without.places + IN_MOTION + of_gyros
-    names = (*rests.names, *gyro_names(), ("A", "s"), *((symbol, "m") for symbol in FURTHER[1:]))
+    names = (*rests.names, *((symbol, MOTION_NAMES[symbol][1]) for symbol in (*GYRO_PARAMETERS, *FURTHER)))
     model = BenchInMotion(names, start.point, places, calibration, rests, moving, whole, travel, raw)
     return Evidence.of(WholeReader(model), Source(record, whole_evidence, {"place": place, **options}))

@@ -268,6 +268,7 @@ PHYSICAL_WORDS = (
     (r"gyro-misalignment-(\d)(\d)", r"misalignment of gyro \1 towards axis \2"),
     (r"gyro-g-sensitivity-(\d)(\d)", r"sensitivity of gyro \1 to specific force along axis \2"),
     ("gyro-lag-behind-accelerometers", "lag of the gyros behind the accelerometers"),
+    (r"accelerometer-place-(\d)(\d)", r"place of accelerometer \1 along axis \2"),
     ("accelerometer-lag", "lag of the accelerometers behind the encoders"),
     (r"gyro-lag", "lag of the gyros behind the encoders"),
     (r"scale-factor-error-plus-(\d)", r"scale-factor error of accelerometer \1 for positive input"),

@@ -164,7 +164,7 @@ def moved_targets_section(result: Diagnosis) -> Section | None:
     if not result.targets:
         return None
     nominal = result.calibration
-    nominal_parameters = {p.symbol: p for p in nominal.parameters}
+    named = {p.symbol: p for p in (*result.stated.parameters, *nominal.parameters)}
     intervals = []
     for target in result.targets:
         low, high = target["low"], target["high"]
@@ -179,8 +179,8 @@ def moved_targets_section(result: Diagnosis) -> Section | None:
         symbol, low, high = target["symbol"], target["low"], target["high"]
         moved = to_bound(target["after"] - target["before"], half_width(low, high))
         meaning, unit = "", ""
-        if symbol in nominal_parameters:
-            meaning, unit = physical_words(nominal_parameters[symbol].name), unit_text(nominal_parameters[symbol].unit)
+        if symbol in named:
+            meaning, unit = physical_words(named[symbol].name), unit_text(named[symbol].unit)
         after, lowest, highest = interval(target["after"], low, high)
         rows.append([symbol_text(symbol), meaning, after, moved, bar, lowest, highest, unit])
     header = ["target", "meaning", "with the effects", "moved by", "interval", "low", "high", "unit"]

@@ -173,6 +173,8 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     assert "the encoder of the outer axis errs by" in printed
     page = (tmp_path / "found.html").read_text(encoding="utf-8")
     assert "Turns, as the gyros saw them" in page
+    for words in ("place of accelerometer 1 along axis 1", "bias of gyro 1", "lag of the accelerometers behind"):
+        assert words in page
     witnesses = re.search(r"Two witnesses.*?radius (\S+) → (\S+); gyros.*?radius (\S+) → ([\d.]+\d)", page)
     assert witnesses is not None
     accelerometers, gyros = witnesses.groups()[:2], witnesses.groups()[2:]
