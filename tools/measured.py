@@ -43,6 +43,8 @@ from .options import (
     Without,
 )
 
+NORM_ALONE = "beside records by hand, positions of a table count by the norm of gravity alone, not by their angles"
+
 
 def import_record(
     file: "str | Path | records.Source",
@@ -601,7 +603,8 @@ def calibrate_together(
     Parameters
     ----------
     first, others : path, table in memory or record
-        Records of a table (positions or raw), or all without one, two at least.
+        Records of a table (positions or raw), without one, or of both kinds, two at least. Of both, those of a table
+        count by the norm of gravity, without its angles and gyros.
 
     Returns
     -------
@@ -615,18 +618,18 @@ def calibrate_together(
     """
     runs = _several((first, *others), records.TO_CALIBRATE, channels, stamps)
     of_table = [isinstance(run, records.PositionRecord) for run in runs.values()]
-    if not any(of_table):
+    if not all(of_table):
         refused = {"baseline": baseline != "asymmetric", "bounds": tuple(bounds) != (3e-3, 1e-2)}
         refused |= {"mounting": mounting != "identity"}
         for label, run in runs.items():
             _refuse(refused, run, "records of a table")
+            if isinstance(run, records.PositionRecord):
+                run = replace(run.poses, warnings=(*run.warnings, NORM_ALONE))
             runs[label] = _trusted_in_parts(run, trust=trust, moves=False, gravity=gravity)
         request = by_hand.HandRequest(
             noise_bound=noise_bound, noise_sd=noise_sd, gravity=gravity, rest_scatter=rest_scatter
         )
         return by_hand.calibrate_runs_by_hand(runs, request, shared, own)
-    if not all(of_table):
-        raise InputError("some records are of a table and others are not: calibrate each kind by itself")
     for run in runs.values():
         _refuse({"rest_scatter": rest_scatter}, run, "records without a table")
         if noise_bound is None and noise_sd is None and not records.tells_noise(run):

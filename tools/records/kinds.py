@@ -418,6 +418,12 @@ class PositionRecord(_Record):
         return np.tile(noise_bound + self.steps.error + within / gravity, len(self))
 
     @property
+    def poses(self) -> "PoseRecord":
+        """The readings without the table's angles."""
+        names = [each.name for each in fields(PoseRecord) if hasattr(self, each.name)]
+        return PoseRecord(**{name: getattr(self, name) for name in names})
+
+    @property
     def with_steps(self) -> Self:
         """The record with the rounding of its encoders in the bounds, if their steps show in its angles."""
         return replace(self, steps=angle_steps(self.alpha, self.beta))

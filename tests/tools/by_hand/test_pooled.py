@@ -1,11 +1,12 @@
 """Several runs without a table: pooled where they are one instrument, apart where they are not."""
 
 import numpy as np
+import polars as pl
 import pytest
 
 import trihedron as th
 from by_hand import GRAVITY, NAMES, present
-from hand_sessions import runs, truth
+from hand_sessions import directions, hand_moved, poses, runs, truth
 
 SD = 4e-4
 BOUND = 1e-3
@@ -117,3 +118,22 @@ def test_biases_are_shared_where_that_is_asked_for() -> None:
     assert first.parameters[0].estimate != second.parameters[0].estimate
     with pytest.raises(ValueError, match=r"shared.*bias-\* may be shared"):
         th.calibrate_together(*tables, noise_sd=SD, shared=["gamma-*"])
+
+
+def test_a_table_and_a_record_by_hand_are_pooled_by_the_norm_of_gravity() -> None:
+    """The record by hand alone has too few rests for the gyros' axes."""
+    instrument, hand = hand_moved(21, 7, error=SD)
+    rng = np.random.default_rng(21)
+    angles = {name: pl.Series(rng.uniform(0.0, 360.0, 24)) for name in ("alpha_deg", "beta_deg")}
+    table = poses(instrument, directions(rng, 24), gaussian(rng, (24, 3)))
+    table = table.with_columns(time_s=10.0 * pl.col("position"), **angles)
+    result = th.calibrate_together(table, hand, noise_sd=SD, gravity=GRAVITY)
+    assert present(present(result.by_hand).pooled).one_instrument
+    assert any("positions of a table count by the norm of gravity alone" in line for line in result.warnings)
+    known = truth(instrument)
+    _, of_hand = result.of_record.values()
+    for p in [*result.parameters, *of_hand.parameters]:
+        assert abs(present(p.estimate) - known[p.symbol]) < 4.0 * present(p.standard_error), p.symbol
+    alone = th.calibrate(hand, noise_sd=SD, gravity=GRAVITY)
+    assert present(result["gamma_32"].standard_error) < 0.5 * present(alone["gamma_32"].standard_error)
+    assert present(result["M11"].standard_error) <= 1.05 * present(alone["M11"].standard_error)
