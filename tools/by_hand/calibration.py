@@ -619,7 +619,7 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
                 )
         error = float(np.sqrt(np.diag(fit.gyros.covariance)[MATRIX][::4].mean() / 3.0))
         common = float(rows.mean() - 1.0)
-        if abs(common) > max(3.0 * float(rows.std()), 3.0 * error, LEAST_OF_CLOCK):
+        if abs(common) > max(2.0 * float(rows.std()), 3.0 * error, LEAST_OF_CLOCK):
             size, sense = digits(100.0 * abs(common), 2), "fast" if common > 0.0 else "slow"
             remarks.append(
                 f"all gyros' scale factors err alike, by {'' if common > 0.0 else '-'}{size} %: a clock of the record "

@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 
 from ..motion.determinacy import COLUMNS, OPEN, PRIOR_SD, ROWS, Determinacy
 from ..motion.norm import inputs_of, norm_block, norm_equations
-from .small_turns import across, cross_matrices, rotations
+from .small_turns import across, cross_matrices, nearest_rotation, rotations
 
 FACE_ERROR = np.radians(2.0)
 """Tilt of a face on a table [rad]."""
@@ -219,9 +219,7 @@ class Faces:
         up = self.up[self.known]
         if not len(up) or np.linalg.matrix_rank(up, tol=0.3) < 2:
             return None
-        left, _, right = np.linalg.svd(up.T @ inputs_of(x, reading[self.known]), full_matrices=True)
-        sense = float(np.sign(np.linalg.det(left @ right)))
-        return left @ np.diag([1.0, 1.0, sense]) @ right
+        return nearest_rotation(up.T @ inputs_of(x, reading[self.known]))
 
     def tilts(self, x: NDArray, case: NDArray, reading: NDArray) -> NDArray[np.float64]:
         """Return the angles (F,) between measured and known directions [rad]."""

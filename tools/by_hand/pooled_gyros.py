@@ -1,7 +1,7 @@
 """Gyros of several runs together: M, and S where it is fitted, are the instrument's; biases and lag are each run's.
 
 The axes of a true attitude are turned against those of the accelerometers, by a known rotation to within its error or
-by any: (I + Mᵢ) = (I + M) Rᵢ. Where no run shows the accelerometers' axes, M is in those of the first true attitude.
+by any: I + Mᵢ = (I + M) Rᵢ. Where no run shows the accelerometers' axes, M is in those of the first true attitude.
 """
 
 import math
@@ -17,172 +17,206 @@ from .calibration import CHANCE, HandFit
 from .gyros import OF_TRUTH, PRIOR, GyroFit
 from .moves import MATRIX, SENSITIVITY, Windows
 from .run import Run
-from .small_turns import cross_matrices, rotations
+from .small_turns import cross_matrices, nearest_rotation, rotations
 
 ROUNDS = 10
 ANY = 1e6
 """Error of axes that may be any [rad]."""
+EXACT = 1e-9
+"""Error of axes that are known exactly: turned by less than any error [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Gyros:
-    """Gyros of one run by their readings alone.
+class RunGyros:
+    """Gyros of one run by its readings alone, in the axes of the run.
 
     Attributes
     ----------
+    run : Run
     fit : GyroFit
-    values : (s,) array
-        shared parameters in the axes of the run
-    information : (s, s) array
-        of the readings, without the prior
-    prior : (s,) array
-        standard deviations before the readings
+    shared : (s,) array of int
+        numbers of the shared parameters
     axes_error : float
         error of the run's axes [rad]; 0 of those of the accelerometers
+    prior : (s,) array
+        standard deviations of the shared parameters before the readings
     covariance : (22, 22) array
-        in the axes of the run
+        without the error of the axes
     """
 
+    run: Run
     fit: GyroFit
-    values: NDArray[np.float64]
-    information: NDArray[np.float64]
-    prior: NDArray[np.float64]
+    shared: NDArray[np.int_]
     axes_error: float
+    prior: NDArray[np.float64]
     covariance: NDArray[np.float64]
 
     @classmethod
-    def of(cls, run: Run, fit: GyroFit, shared: NDArray[np.int_]) -> "_Gyros":
+    def of(cls, run: Run, fit: GyroFit, shared: NDArray[np.int_]) -> "RunGyros":
         """Return the gyros of a run."""
-        axes_error, prior = 0.0, PRIOR.copy()
-        covariance = fit.covariance.copy()
+        axes_error, prior, covariance = 0.0, PRIOR.copy(), fit.covariance.copy()
         if isinstance(run.moves, Windows):
-            axes_error = ANY
-            if run.moves.case_error is None:
+            axes_error = ANY if run.moves.case_error is None else run.moves.case_error
+            if axes_error == ANY:
                 prior[MATRIX] = OF_TRUTH
             else:
-                axes_error = run.moves.case_error
                 covariance[MATRIX, MATRIX] -= axes_error**2 * np.eye(9)
-        information = np.linalg.inv(covariance[np.ix_(shared, shared)]) - np.diag(1.0 / prior[shared] ** 2)
-        return cls(
-            fit, fit.values[shared], np.asarray(information, dtype=np.float64), prior[shared], axes_error, covariance
-        )
+        return cls(run, fit, shared, axes_error, prior[shared], covariance)
 
-    def predicted(self, values: NDArray, rotation: NDArray) -> tuple[NDArray, NDArray]:
-        """Return the parameters (s,) in the axes of the run, and their slopes (s, s + 3) by shared ones and a turn."""
-        matrix = np.eye(3) + values[:9].reshape(3, 3)
-        of_run = values.copy()
-        of_run[:9] = (matrix @ rotation - np.eye(3)).ravel()
-        slopes = np.eye(len(values), len(values) + 3)
-        slopes[:9, :9] = np.kron(np.eye(3), rotation.T)
-        slopes[:9, -3:] = np.stack([(matrix @ turn @ rotation).ravel() for turn in cross_matrices(np.eye(3))], axis=1)
-        return of_run, slopes
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The shared parameters (s,)."""
+        return self.fit.values[self.shared]
+
+    @property
+    def information(self) -> NDArray[np.float64]:
+        """The information (s, s) of the readings on the shared parameters: without the prior's."""
+        return np.linalg.inv(self.covariance[np.ix_(self.shared, self.shared)]) - np.diag(self.prior**-2)
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """I + M (3, 3)."""
+        return np.eye(3) + self.fit.values[MATRIX].reshape(3, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class SharedGyros:
+    """Shared parameters of gyros of several runs.
+
+    Attributes
+    ----------
+    values : (s,) array
+    rotations : (R, 3, 3) array
+        R of each run
+    covariance : (s + 3 R, s + 3 R) array
+        of the values, and of a small turn of each run's axes [rad]
+    scatter : float
+        differences between runs in units of their errors, at least 1; the covariance holds them
+    """
+
+    values: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    scatter: float
+
+
+def _columns(count: int, number: int) -> NDArray[np.int_]:
+    """Return the columns (s + 3,) of the shared parameters, and of the turn of one run's axes."""
+    return np.append(np.arange(count), count + 3 * number + np.arange(3))
+
+
+def _determined(covariance: NDArray, prior: NDArray) -> float:
+    """Return the number of parameters that readings determine, and the prior does not."""
+    return len(prior) - float((np.diag(covariance) / prior**2).sum())
 
 
 def with_pooled_gyros(runs: Sequence[Run], fits: Sequence[HandFit]) -> tuple[list[HandFit], list[str]]:
     """Return the fits with the shared parameters of all gyros, and warnings where these differ."""
-    moved = [number for number, fit in enumerate(fits) if fit.gyros is not None]
-    if len(moved) < 2:
+    of_runs = [(number, fit.gyros) for number, fit in enumerate(fits) if fit.gyros is not None]
+    if len(of_runs) < 2:
         return list(fits), []
-    fitted = [fit.gyros.fitted for fit in fits if fit.gyros is not None]
-    shared = np.arange(MATRIX.start, MATRIX.stop)
-    if all(SENSITIVITY.start in numbers for numbers in fitted):
-        shared = np.arange(MATRIX.start, SENSITIVITY.stop)
-    gyros = []
-    for number in moved:
-        fit = fits[number].gyros
-        assert fit is not None
-        gyros.append(_Gyros.of(runs[number], fit, shared))
-    first = min(gyros, key=lambda gyro: gyro.axes_error)
-    if first.axes_error == ANY:
-        gyros[gyros.index(first)] = first = replace(first, axes_error=0.0)
-    values, turned, covariance, scatter = _solved(gyros, first)
-    lines = []
-    if scatter > 1.0:
-        lines.append(
-            f"the gyros of the records differ by {digits(scatter, 2)} times what their errors explain: the standard "
-            "errors of M hold that scatter"
+    sensitive = all(SENSITIVITY.start in fit.fitted for _, fit in of_runs)
+    shared = np.arange(MATRIX.start, SENSITIVITY.stop if sensitive else MATRIX.stop)
+    gyros = [RunGyros.of(runs[number], fit, shared) for number, fit in of_runs]
+    first = min(range(len(gyros)), key=lambda place: gyros[place].axes_error)
+    if gyros[first].axes_error == ANY:
+        gyros[first] = replace(gyros[first], axes_error=0.0)
+    solution = shared_gyros(gyros, gyros[first])
+    warnings = []
+    if solution.scatter > 1.0:
+        warnings.append(
+            f"the gyros of the records differ by {digits(solution.scatter, 2)} times what their errors explain: the "
+            "standard errors of M hold that scatter"
         )
-    together = list(fits)
-    for place, number in enumerate(moved):
-        columns = np.append(np.arange(len(shared)), len(shared) + 3 * place + np.arange(3))
-        together[number] = _pooled(
-            runs[number], fits[number], gyros[place], values, turned[place], covariance[np.ix_(columns, columns)]
-        )
-    return together, lines
+    pooled = list(fits)
+    for place, (number, _) in enumerate(of_runs):
+        pooled[number] = _with_shared(fits[number], gyros[place], solution, place)
+    return pooled, warnings
 
 
-def _solved(gyros: Sequence[_Gyros], first: _Gyros) -> tuple[NDArray, NDArray, NDArray, float]:
-    """Return shared values (s,), rotations (R, 3, 3), their covariance, and the scatter over the errors, 1 at least."""
-    values, count = first.values.copy(), len(first.values)
-    turned = np.tile(np.eye(3), (len(gyros), 1, 1))
-    for number, gyro in enumerate(gyros):
-        if gyro.axes_error == ANY:
-            of_run, of_first = (np.eye(3) + one.values[:9].reshape(3, 3) for one in (gyro, first))
-            left, _, right = np.linalg.svd(np.linalg.solve(of_first, of_run), full_matrices=False)
-            turned[number] = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-    start = turned.copy()
-    # Axes that are known exactly are turned by less than any error.
-    errors = np.array([max(gyro.axes_error, 1e-9) for gyro in gyros])
-    prior = np.concatenate([np.min([gyro.prior for gyro in gyros], axis=0), np.repeat(errors, 3)])
+def in_axes_of_run(values: NDArray, rotation: NDArray) -> tuple[NDArray, NDArray]:
+    """Return shared parameters (s,) in axes with I + Mᵢ = (I + M) R, and their slopes (s, s + 3) by M, S and a turn."""
+    matrix = np.eye(3) + values[:9].reshape(3, 3)
+    of_run = values.copy()
+    of_run[:9] = (matrix @ rotation - np.eye(3)).ravel()
+    slopes = np.eye(len(values), len(values) + 3)
+    slopes[:9, :9] = np.kron(np.eye(3), rotation.T)
+    slopes[:9, -3:] = np.stack([(matrix @ turn @ rotation).ravel() for turn in cross_matrices(np.eye(3))], axis=1)
+    return of_run, slopes
+
+
+def shared_gyros(gyros: Sequence[RunGyros], first: RunGyros) -> SharedGyros:
+    """Return the shared parameters by least squares, beginning with those of one run.
+
+    With N of a run's information, v of its values and p of the shared ones in its axes, the sum of (v − p)ᵀ N (v − p)
+    over the runs is least, beside the prior and the errors of the axes.
+    """
+    values, count = first.values, len(first.shared)
+    start = np.tile(np.eye(3), (len(gyros), 1, 1))
+    for number, one in enumerate(gyros):
+        if one.axes_error == ANY:
+            start[number] = nearest_rotation(np.linalg.solve(first.matrix, one.matrix))
+    turned, information = start, [one.information for one in gyros]
+    axes_errors = np.repeat([max(one.axes_error, EXACT) for one in gyros], 3)
+    prior = np.concatenate([np.min([one.prior for one in gyros], axis=0), axes_errors])
     for _ in range(ROUNDS):
-        matrix, right, square = np.diag(prior**-2), np.zeros(len(prior)), 0.0
-        right[:count] = -values / prior[:count] ** 2
-        for number, gyro in enumerate(gyros):
-            of_run, part = gyro.predicted(values, turned[number])
-            columns = np.append(np.arange(count), count + 3 * number + np.arange(3))
-            slopes = np.zeros((count, len(prior)))
-            slopes[:, columns] = part
-            off = gyro.values - of_run
-            matrix += slopes.T @ gyro.information @ slopes
-            right += slopes.T @ gyro.information @ off
-            turn = _turn_of(turned[number] @ start[number].T)
-            right[columns[count:]] -= turn / errors[number] ** 2
-            square += float(off @ gyro.information @ off)
-        covariance = np.linalg.inv(matrix)
-        change = covariance @ right
+        turns = [_small_turn(now @ before.T) for now, before in zip(turned, start, strict=True)]
+        normal, gradient = np.diag(prior**-2), -np.concatenate([values, *turns]) / prior**2
+        square = 0.0
+        for number, one in enumerate(gyros):
+            of_run, slopes = in_axes_of_run(values, turned[number])
+            columns, off = _columns(count, number), one.values - of_run
+            normal[np.ix_(columns, columns)] += slopes.T @ information[number] @ slopes
+            gradient[columns] += slopes.T @ information[number] @ off
+            square += float(off @ information[number] @ off)
+        covariance = np.linalg.inv(normal)
+        change = covariance @ gradient
         values = values + change[:count]
         turned = rotations(change[count:].reshape(-1, 3)) @ turned
         if np.abs(change).max() < 1e-10:
             break
-    freedom = -float(len(prior) - (np.diag(covariance) / prior**2).sum())
-    for gyro in gyros:
-        own = np.linalg.inv(gyro.information + np.diag(gyro.prior**-2))
-        freedom += count - float((np.diag(own) / gyro.prior**2).sum())
+    alone = [_determined(one.covariance[np.ix_(one.shared, one.shared)], one.prior) for one in gyros]
+    freedom = sum(alone) - _determined(covariance, prior)
     scatter = 1.0
     if freedom > 1.0 and chdtrc(freedom, square) < CHANCE:
         scatter = math.sqrt(square / freedom)
-    return values, turned, np.asarray(covariance * scatter**2), scatter
+    return SharedGyros(values, turned, covariance * scatter**2, scatter)
 
 
-def _turn_of(rotation: NDArray) -> NDArray[np.float64]:
+def _small_turn(rotation: NDArray) -> NDArray[np.float64]:
     """Return the vector (3,) of a small turn."""
     skew = 0.5 * (rotation - rotation.T)
     return np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
 
 
-def _pooled(run: Run, fit: HandFit, gyros: _Gyros, values: NDArray, rotation: NDArray, covariance: NDArray) -> HandFit:
-    """Return the fit of a run with pooled parameters, and its own ones as they follow from these."""
-    old = gyros.fit
-    assert run.moves is not None
-    count = len(values)
-    shared = np.arange(MATRIX.start, MATRIX.start + count)
-    own = np.setdiff1d(old.fitted, shared)
-    of_run, slopes = gyros.predicted(values, rotation)
-    gain = gyros.covariance[np.ix_(own, shared)] @ np.linalg.inv(gyros.covariance[np.ix_(shared, shared)])
-    new = old.values.copy()
-    new[own] += gain @ (of_run - gyros.values)
-    new[shared] = of_run
-    missed = run.moves.rows(fit.forces, new).error
-    new[shared] = values
-    spread = old.covariance.copy()
-    left = gyros.covariance[np.ix_(own, own)] - gain @ gyros.covariance[np.ix_(shared, own)]
-    by_shared = gain @ slopes @ covariance
-    spread[np.ix_(own, own)] = left + by_shared @ slopes.T @ gain.T
-    spread[np.ix_(own, shared)] = by_shared[:, :count]
-    spread[np.ix_(shared, own)] = by_shared[:, :count].T
-    spread[np.ix_(shared, shared)] = covariance[:count, :count]
+def _with_shared(fit: HandFit, gyros: RunGyros, solution: SharedGyros, number: int) -> HandFit:
+    """Return the fit of a run with the shared parameters, and with its biases and lag as they follow from these.
+
+    With v, C of the run alone, s its shared and o its other parameters, K = C_os C_ss⁻¹: o becomes
+    v_o + K (p − v_s), p of the shared parameters in its axes, and keeps the covariance C_oo − K C_so beside p's.
+    """
+    moves = gyros.run.moves
+    assert moves is not None
+    shared, others = gyros.shared, np.setdiff1d(gyros.fit.fitted, gyros.shared)
+    columns = _columns(len(shared), number)
+    of_solution = solution.covariance[np.ix_(columns, columns)]
+    in_axes, slopes = in_axes_of_run(solution.values, solution.rotations[number])
+    across = gyros.covariance[np.ix_(others, shared)]
+    follow = across @ np.linalg.inv(gyros.covariance[np.ix_(shared, shared)])
+    values = gyros.fit.values.copy()
+    values[others] += follow @ (in_axes - gyros.values)
+    values[shared] = in_axes
+    missed = moves.rows(fit.forces, values).error
+    values[shared] = solution.values
+    by_solution = np.vstack([np.eye(len(shared), len(columns)), follow @ slopes])
+    joint = by_solution @ of_solution @ by_solution.T
+    joint[len(shared) :, len(shared) :] += gyros.covariance[np.ix_(others, others)] - follow @ across.T
+    covariance = gyros.fit.covariance.copy()
+    every = np.append(shared, others)
+    covariance[np.ix_(every, every)] = joint
     forces = fit.forces
     if gyros.axes_error == ANY:
-        error = float(np.sqrt(np.linalg.eigvalsh(covariance[count:, count:])[-1]))
-        forces = replace(forces, case=rotation.T, case_error=error)
-    return replace(fit, forces=forces, gyros=replace(old, values=new, covariance=spread, missed=missed))
+        turn = of_solution[len(shared) :, len(shared) :]
+        error = float(np.sqrt(np.linalg.eigvalsh(turn)[-1]))
+        forces = replace(forces, case=solution.rotations[number].T, case_error=error)
+    return replace(fit, forces=forces, gyros=replace(gyros.fit, values=values, covariance=covariance, missed=missed))

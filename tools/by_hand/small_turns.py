@@ -33,3 +33,9 @@ def across(direction: NDArray) -> NDArray[np.float64]:
     first = np.cross(direction, least)
     first = first / np.linalg.norm(first, axis=1)[:, None]
     return np.stack([first, np.cross(direction, first)], axis=1)
+
+
+def nearest_rotation(matrix: NDArray) -> NDArray[np.float64]:
+    """Return the rotation (3, 3) nearest to a matrix: R with the largest trace of Rᵀ times it."""
+    first, _, second = np.linalg.svd(matrix)
+    return first @ np.diag([1.0, 1.0, np.linalg.det(first @ second)]) @ second
