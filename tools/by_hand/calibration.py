@@ -21,12 +21,12 @@ from ..calibrated import (
     TurnError,
     Verdict,
 )
-from ..motion.determinacy import DETERMINED, LEAST_SD, PRIOR_SD, UNSEEN, USABLE, closing_poses
+from ..motion.determinacy import DETERMINED, LEAST_SD, PRIOR_SD, UNSEEN, USABLE, USABLE_TURN, closing_poses
 from ..motion.norm import NAMES, UNITS_OF, norm_equations
 from ..motion.possible import BOX, Possible, central_parameters, nearest_possible, possible_forces
 from ..records import ForceRecord, PoseRecord
 from ..rounding import digits, upwards
-from .forces import Faces, Forces, Norms, fitted_forces, probable_error, scatter_of
+from .forces import Faces, Forces, Norms, fitted_forces, scatter_of
 from .gyros import MOVE_ERROR, GyroFit, fitted_gyros
 from .gyros import PRIOR as GYRO_PRIOR
 from .moves import BIAS, MATRIX, ROUGH, Moves, Turns, Way, Windows
@@ -46,8 +46,6 @@ MOST_POSES = 6
 """Largest number of poses that are asked for."""
 WELL = 3e-3
 """Largest predicted error of an unseen pose that asks for no further pose [g]."""
-USABLE_TURN = np.radians(1.0)
-"""Largest predicted error of a turn of 90° of gyros that are usable [rad]."""
 CHANCE = 1e-3
 """Readings scatter by more than a given noise where chance explains it with a smaller probability."""
 FOLDS, FEWEST_FOLDED = 5, 12
@@ -84,13 +82,25 @@ MORE_RESTS = "more rests, of two seconds and more"
 
 @dataclass(frozen=True, eq=False)
 class HandFit:
-    """Fit of a run: norms, accelerometers, gyros, and the ratio of the readings' scatter to its assumed value."""
+    """Fit of a run.
+
+    Attributes
+    ----------
+    norms : Norms
+    forces : Forces
+    gyros : GyroFit or None
+    scatter, chance : float
+        ratio of the readings' scatter to its assumed value, and the probability of a larger one
+    spare : float
+        number of readings beside the parameters that they determine
+    """
 
     norms: Norms
     forces: Forces
     gyros: GyroFit | None
     scatter: float
     chance: float
+    spare: float
 
     @property
     def deviation(self) -> float:
@@ -137,13 +147,12 @@ def fit_of(run: Run, near: HandFit | None = None) -> HandFit:
     """Fit accelerometers by the norm of gravity, and the gyros with these; `near` is a fit of much the same run."""
     norms = Norms.of(run.rests.force, run.deviation)
     forces = fitted_forces(norms, run.faces)
-    scatter, chance = scatter_of(forces, norms)
-    if len(run.rests) and not run.tells_noise:
-        scatter, chance = probable_error(forces, norms) / LEAST_SD, 1.0
+    scatter, chance = scatter_of(forces, norms, known=bool(run.basis), measured=run.tells_noise)
     if scatter > 1.0 and (not run.basis or chance < CHANCE):
         norms = replace(norms, deviation=norms.deviation * scatter)
         forces = fitted_forces(norms, run.faces)
-    return with_gyros(run, HandFit(norms, forces, None, scatter, chance), None if near is None else near.gyros)
+    fit = HandFit(norms, forces, None, scatter, chance, norms.spare(forces))
+    return with_gyros(run, fit, None if near is None else near.gyros)
 
 
 def with_gyros(run: Run, fit: HandFit, near: GyroFit | None = None) -> HandFit:
@@ -321,6 +330,8 @@ def _verdict(run: Run, fit: HandFit, possible: Possible | None, worst: float) ->
         return "falsified"
     if worst > USABLE or (fit.gyros is not None and fit.gyros.turn_error()[0] > USABLE_TURN):
         return "insufficient"
+    if not run.basis and run.tells_noise and len(run.rests) and fit.spare < 1.0:
+        return "insufficient"
     return "usable" if run.bound is None else "consistent"
 
 
@@ -334,18 +345,13 @@ def _sigma(run: Run, fit: HandFit) -> Sigma:
 
 
 def _why(run: Run, fit: HandFit) -> str:
-    if not run.tells_noise and _spare(fit) < 1.0:
+    if not run.tells_noise and fit.spare < 1.0:
         return "assumed, as no reading is beside the parameters"
     if fit.scatter > 1.0:
         return "the scatter of the norms"
     if len(run.deviation) and np.median(run.deviation) > LEAST_SD:
         return "the noise within the rests"
     return "the least that real instruments leave, more than the noise at rest"
-
-
-def _spare(fit: HandFit) -> float:
-    """Return the number of readings beside the parameters that they determine."""
-    return len(fit.norms.reading) - fit.norms.effective(fit.forces)
 
 
 def name_of(symbol: str) -> str:
@@ -591,12 +597,13 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
             f"the norms scatter by {digits(1e3 * fit.deviation, 2)} mg, {digits(fit.scatter, 2)} "
             "times as much as the noise at rest: this model does not explain everything"
         )
-    elif fit.scatter > MORE and _spare(fit) >= 1.0:
+    elif fit.scatter > MORE and fit.spare >= 1.0:
         remarks.append(
             f"the norms scatter by {digits(1e3 * fit.deviation, 2)} mg: readings are so noisy, or the model does not "
             "explain everything"
         )
-    if not run.tells_noise and _spare(fit) < 1.0:
+    is_of_use = not run.tells_noise or fit.forces.determinacy.worst <= USABLE
+    if not run.basis and len(run.rests) and is_of_use and fit.spare < 1.0:
         remarks.append(
             "no rest is beside the parameters, so nothing tests that a reading errs by "
             f"{digits(1e3 * fit.deviation, 2)} mg (1 sd), as is assumed: add poses, or give --noise-sd or --noise-bound"
@@ -627,13 +634,16 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
             )
     change = None if fit.gyros is None else fit.gyros.change
     if change is not None and run.moves is not None:
-        time = digits(float(run.moves.way.series.time_s[run.rests.rows[change.rest].start]), 4)
         sizes = " and ".join(
             f"gyro {axis + 1} by {digits(float(change.size[axis]), 2)} rad/s" for axis in np.flatnonzero(change.size)
         )
+        when = "drift over the record"
+        if change.rest is not None:
+            time = float(run.moves.way.series.time_s[run.rests.rows[change.rest].start])
+            when = f"change before {digits(time, 4)} s"
         remarks.append(
-            f"the rates at rest change before {time} s, of {sizes}: B is between, and its standard errors hold that; "
-            "calibrate the parts of the record as runs of their own"
+            f"the rates at rest {when}, of {sizes}: B is between, and its standard errors hold that; calibrate the "
+            "parts of the record as runs of their own"
         )
     if run.faces is not None and fit.forces.case is None and not isinstance(run.moves, Windows):
         remarks.append("the faces name one axis only: the axes of the case stay unknown; name faces of two axes")

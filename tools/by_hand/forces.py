@@ -17,11 +17,12 @@ FACE_ERROR = np.radians(2.0)
 """Tilt of a face on a table [rad]."""
 SPARE = 6
 """Fewer readings beside the parameters tell no scatter."""
-LEAST_SPARE, UNLIKELY = 0.5, 1e-4
-"""A few readings beside the parameters, from the first number on, contradict the noise if their scatter has a smaller
-probability than the second."""
-ERRORS = np.geomspace(3e-5, 1e-2, 200)
-"""Errors of averaged readings [g], each as probable as another where nothing but the norms tells them."""
+LEAST_SPARE = 0.5
+"""With less beside the parameters nothing at all does."""
+LARGEST_SCATTER, LEAST_SCATTER = 33.0, 0.1
+"""Errors of readings in units of their standard deviation: 10 mg, and of those that nothing measures also 0.03 mg."""
+USUAL = 0.9
+"""Part of the records whose rests err by no more than their noise."""
 ROUNDS = 30
 
 
@@ -106,6 +107,10 @@ class Norms:
         """Return the number of parameters that the readings determine, and the prior does not."""
         return float(len(forces.x)) - float((np.diag(forces.covariance) / self.prior**2).sum())
 
+    def spare(self, forces: Forces) -> float:
+        """Return the number of readings beside the parameters that they determine."""
+        return len(self.reading) - self.effective(forces)
+
 
 def fitted_forces(norms: Norms, faces: "Faces | None" = None) -> Forces:
     """Fit the parameters of accelerometers by least squares with the weak prior.
@@ -163,35 +168,43 @@ def _curvature(x: NDArray, covariance: NDArray, norms: Norms) -> NDArray[np.floa
     return added
 
 
-def scatter_of(forces: Forces, norms: Norms) -> tuple[float, float]:
+def scatter_of(forces: Forces, norms: Norms, *, known: bool, measured: bool) -> tuple[float, float]:
     """Return the scatter of the norms over that by the readings' deviations, and the probability of a larger one.
 
-    The scatter is NaN where too few readings are beside the parameters, and chance may explain theirs.
+    Parameters
+    ----------
+    forces : Forces
+    norms : Norms
+    known, measured : bool
+        whether the deviations are given, and whether the noise at rest tells them; else the norms alone do. The scatter
+        is NaN where they are measured, and too few readings are beside the parameters.
     """
-    freedom = len(norms.reading) - norms.effective(forces)
-    if freedom < LEAST_SPARE:
+    freedom = norms.spare(forces)
+    if measured and freedom < LEAST_SPARE:
         return float("nan"), 1.0
+    if not measured or (not known and freedom < SPARE):
+        return _probable_scatter(forces, norms, measured), 1.0
     square = norms.square(forces.x)
-    chance = float(chdtrc(freedom, square))
-    if freedom < SPARE and chance > UNLIKELY:
-        return float("nan"), 1.0
-    return float(np.sqrt(square / freedom)), chance
+    return float(np.sqrt(square / freedom)), float(chdtrc(freedom, square))
 
 
-def probable_error(forces: Forces, norms: Norms) -> float:
-    """Return the rms error of readings [g] that norms make probable, where all errors are alike and nothing else tells.
+def _probable_scatter(forces: Forces, norms: Norms, measured: bool) -> float:
+    """Return the rms scatter that few norms make probable.
 
-    With J of the slopes, P of the prior and r of the norms without parameters, r has the covariance J P Jᵀ + σ² I.
+    With J of the slopes, P of the prior and r of the norms without parameters, r has the covariance J P Jᵀ + s² I. Each
+    s is as probable as another before, but for the part of measured ones that err by no more than their noise.
     """
-    error = norms.deviation[0]
     residual, slopes = norms.weighted(forces.x)
     scaled = slopes * norms.prior
     spread, vectors = np.linalg.eigh(scaled @ scaled.T)
     square = np.square((residual - slopes @ forces.x) @ vectors)
-    variance = np.maximum(spread, 0.0) + np.square(ERRORS[:, None] / error)
+    sizes = np.geomspace(1.0 if measured else LEAST_SCATTER, LARGEST_SCATTER, 200)
+    before = np.full(len(sizes), (1.0 - USUAL * measured) / len(sizes))
+    before[0] += USUAL * measured
+    variance = np.maximum(spread, 0.0) + np.square(sizes[:, None])
     likelihood = -0.5 * (np.log(variance) + square / variance).sum(axis=1)
-    weight = np.exp(likelihood - likelihood.max())
-    return float(np.sqrt(weight @ np.square(ERRORS) / weight.sum()))
+    weight = before * np.exp(likelihood - likelihood.max())
+    return float(np.sqrt(weight @ np.square(sizes) / weight.sum()))
 
 
 @dataclass(frozen=True, eq=False)

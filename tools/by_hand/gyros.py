@@ -26,6 +26,8 @@ MOVE_ERROR, LEAST_MOVE = 2e-3, 1e-4
 CHANCE = 1e-6
 """Sensitivities to gravity are proven where chance explains them with a smaller probability, and they halve the
 scatter of the rates at rest."""
+DRIFTS = 1e-3 / 3.0
+"""The bias of a gyro drifts where chance explains the trend of its mean rates with a smaller probability."""
 FEWEST_RESTS = 7
 """Fewer quiet rests prove no sensitivity."""
 FAR = 3.0
@@ -46,9 +48,9 @@ class Sensitivity:
 
 @dataclass(frozen=True, eq=False)
 class BiasChange:
-    """Change (3,) of the gyros' biases between two rests [rad/s], 0 of those that keep theirs; `rest` is the later."""
+    """Change (3,) of the gyros' biases [rad/s], 0 of those that keep theirs: before a rest, or all along (None)."""
 
-    rest: int
+    rest: int | None
     size: NDArray[np.float64]
 
 
@@ -118,7 +120,10 @@ def sensitivity_of(rests: StillRests, forces: Forces) -> Sensitivity | None:
 
 
 def change_of_bias(rests: StillRests, x: NDArray, values: NDArray) -> BiasChange | None:
-    """Return the change that divides the mean rates at quiet rests best; None where chance or few rests explain it."""
+    """Return the change that divides the mean rates at quiet rests best, or their drift.
+
+    The result is None where chance explains both, or the rests are few.
+    """
     quiet = quiet_rests(rests)
     if len(quiet) < FEWEST_RESTS or rests.rate is None or rests.rate_deviation is None:
         return None
@@ -136,9 +141,16 @@ def change_of_bias(rests: StillRests, x: NDArray, values: NDArray) -> BiasChange
     chance = 2.0 * stdtr(count - 2, -np.abs(size) / error)
     limit = CHANCE / (3.0 * count)
     best = int(np.argmin(chance.min(axis=1)))
-    if not chance[best].min() < limit:
+    if chance[best].min() < limit:
+        return BiasChange(int(quiet[best + 2]), np.where(chance[best] < limit, size[best], 0.0))
+    time = np.array([rests.rows[number].start for number in quiet.tolist()], dtype=float)
+    time = (time - time.mean()) / np.ptp(time)
+    drift, spread = time @ off / (time @ time), float(time @ time)
+    within = np.square(off - np.outer(time, drift)).sum(axis=0) / (count - 2)
+    chance = 2.0 * stdtr(count - 2, -np.abs(drift) / np.sqrt(np.maximum(within, least**2) / spread))
+    if not chance.min() < DRIFTS:
         return None
-    return BiasChange(int(quiet[best + 2]), np.where(chance[best] < limit, size[best], 0.0))
+    return BiasChange(None, np.where(chance < DRIFTS, drift, 0.0))
 
 
 @dataclass(frozen=True, eq=False)

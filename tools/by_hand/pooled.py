@@ -217,7 +217,7 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
     for run, fit, of_run in zip(runs, alone, columns, strict=True):
         covariance = forces.covariance[np.ix_(of_run, of_run)]
         pooled = Forces(forces.x[of_run], covariance, fit.forces.case, fit.forces.case_error)
-        fits.append(with_gyros(run, replace(fit, forces=pooled)))
+        fits.append(with_gyros(run, replace(fit, forces=pooled, spare=norms.spare(forces))))
     bounds = Bounds.of(forces, norms, runs[0].bound)
     test = _test_of(forces, norms, alone)
     if bounds.possible is not None and runs[0].basis == "given":

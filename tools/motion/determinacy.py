@@ -26,6 +26,8 @@ OPEN = 0.25
 """A direction of the parameters is open where the rests leave more than this part of the variance before."""
 DETERMINED, USABLE = 1e-3, 1e-2
 """Predicted standard errors of |f| [g] in the worst pose up to which a calibration is determined, and of use."""
+USABLE_TURN = np.radians(1.0)
+"""Largest predicted error of a turn of 90° of gyros that are usable [rad]."""
 POWER = 8
 """Power of the predicted errors whose mean a further pose is to lessen."""
 MOST_POSES = 24

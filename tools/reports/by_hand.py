@@ -8,6 +8,7 @@ import numpy as np
 from ..calibrated import ByHand, Calibration, Parameter
 from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import Cell, unit_text
+from ..motion.determinacy import USABLE_TURN
 from ..rounding import digits, exactly, residual, upwards
 from . import bench
 
@@ -60,6 +61,11 @@ def verdict_sentence(result: Calibration) -> str:
             return (
                 f"Insufficient: |f| in an unmeasured pose may be wrong by {worst} (1 sd). Use the estimates near the "
                 "measured poses only."
+            )
+        if basis.turn_error is None or basis.turn_error.worst <= USABLE_TURN:
+            return (
+                "Insufficient: no rest is beside the parameters, so nothing tests the stated errors. Add a few "
+                "rests in further poses."
             )
         return "Insufficient: the accelerometers are calibrated, but the moves do not determine the gyros."
     if result.verdict == "consistent":

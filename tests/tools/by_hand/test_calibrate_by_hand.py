@@ -99,6 +99,31 @@ def test_a_move_in_which_rows_are_lost_is_named() -> None:
     assert not any("rows lost" in line for line in th.calibrate(table, gravity=GRAVITY).warnings)
 
 
+def test_nine_rests_whose_errors_nothing_tests_are_insufficient() -> None:
+    """Readings err by 2 mg from rest to rest, seven times as much as is assumed; one more rest shows it."""
+    for seed in (2, 5):
+        result = th.calibrate(hand_moved(seed, 9, error=2e-3)[1], gravity=GRAVITY)
+        assert result.verdict == "insufficient"
+        assert any("nothing tests that a reading errs by" in line for line in result.warnings) or result.open
+        assert th.calibrate(hand_moved(seed, 9)[1], gravity=GRAVITY, noise_sd=3e-4).verdict != "usable"
+    for seed in (2, 3, 5):
+        instrument, table = hand_moved(seed, 11, error=2e-3)
+        result = th.calibrate(table, gravity=GRAVITY)
+        for symbol in NAMES:
+            p = result[symbol]
+            assert abs(present(p.estimate) - truth(instrument)[symbol]) < 4.0 * present(p.standard_error), symbol
+
+
+def test_a_bias_of_a_gyro_that_drifts_is_named() -> None:
+    instrument, table = hand_moved(4, 18)
+    drift = 0.004 * pl.col("time_s") / float(table["time_s"][-1])
+    result = th.calibrate(table.with_columns(pl.col("w2_radps") + drift), gravity=GRAVITY)
+    (line,) = [line for line in result.warnings if "the rates at rest drift over the record, of gyro 2 by" in line]
+    assert line.count("gyro") == 1
+    error = present(result["B2"].standard_error)
+    assert abs(present(result["B2"].estimate) - truth(instrument)["B2"] - 0.002) < error < 0.003
+
+
 @pytest.mark.parametrize(("seed", "step"), [(1, 0.002), (2, 0.01)])
 def test_a_bias_of_a_gyro_that_changes_is_named_and_its_error_holds_that(seed: int, step: float) -> None:
     instrument, table = hand_moved(seed, 18)
