@@ -173,8 +173,6 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     assert "the encoder of the outer axis errs by" in printed
     page = (tmp_path / "found.html").read_text(encoding="utf-8")
     assert "Turns, as the gyros saw them" in page
-    for words in ("place of accelerometer 1 along axis 1", "bias of gyro 1", "lag of the accelerometers behind"):
-        assert words in page
     witnesses = re.search(r"Two witnesses.*?radius (\S+) → (\S+); gyros.*?radius (\S+) → ([\d.]+\d)", page)
     assert witnesses is not None
     accelerometers, gyros = witnesses.groups()[:2], witnesses.groups()[2:]
@@ -184,6 +182,9 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     assert (tmp_path / "extended" / "GyroCompensation.ssv").exists()
     diagnosis = Diagnosis.model_validate_json((tmp_path / "found.json").read_text(encoding="utf-8"))
     assert [cause.place for cause in diagnosis.causes] == [HARMONIC]
+    text = str(diagnosis.stated)
+    for words in ("place of accelerometer 1 along axis 1", "bias of gyro 1", "lag of the accelerometers behind"):
+        assert words in text
     (low, high), _ = diagnosis.causes[0].intervals
     assert low <= 6e-5 <= high
     assert main(["diagnose", "bench.csv", "--noise-bound", "1e-5", "--latitude-deg", "10"]) == 2
