@@ -37,5 +37,5 @@ def across(direction: NDArray) -> NDArray[np.float64]:
 
 def nearest_rotation(matrix: NDArray) -> NDArray[np.float64]:
     """Return the rotation (3, 3) nearest to a matrix: R with the largest trace of Rᵀ times it."""
-    first, _, second = np.linalg.svd(matrix)
+    first, _, second = np.linalg.svd(matrix, full_matrices=False)
     return first @ np.diag([1.0, 1.0, np.linalg.det(first @ second)]) @ second
