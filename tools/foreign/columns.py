@@ -2,8 +2,10 @@
 
 import re
 from collections.abc import Sequence
+from itertools import chain
 from typing import NoReturn
 
+from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError, nearest
 from ..records.columns import (
     ANGLES,
@@ -18,13 +20,15 @@ from ..records.columns import (
     RecordKind,
     quoted,
 )
-from .deciding_units import ONE_G, TRUE_SIZE
+from .deciding_units import TRUE_SIZE
 from .mapping import OPEN
 from .names import DATE, POSITION, QUANTITY_OF, gyro_of, normal
 from .presets import presets
 from .ranking import (
     ALIKE,
+    MEANING,
     Triad,
+    estimates_of_gravity,
     force_units,
     is_derived,
     is_estimate_of_gravity,
@@ -48,10 +52,7 @@ from .units import known_unit
 
 PARTS_OF_ANGLES = ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin", "arcsec", "minutes", "seconds")
 """Units of minutes and seconds of an arc, beside degrees."""
-NO_READING = frozenset(
-    ["std", "sigma", "noise", "bias", "error", "offset", "var", "rms", "max", "min", "cov", "gravity"]
-)
-"""Words in the names of three columns that are not readings in any unit."""
+
 TREATED, UNTREATED = ("cal", "calibrated"), ("raw", "uncal", "uncalib", "uncalibrated", "uncomp")
 """Words of the columns with and without a unit among several of one instrument."""
 INSTRUMENTS = {FORCE_QUANTITY: "accelerometers", RATE_QUANTITY: "gyros"}
@@ -89,21 +90,17 @@ def fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
         if column and column not in mapped and field not in fields.values():
             candidates.setdefault(column, []).append(field)
     if candidates.keys() >= set(FORCE) and candidates.keys().isdisjoint(RATE + ANGLES):
+        estimates = estimates_of_gravity(table, [field for field in filled if gyro_of(field.head)])
         for field in filled:
             gyro = gyro_of(field.head)
-            if gyro and gyro not in mapped:
+            if gyro and gyro not in mapped and field not in estimates:
                 candidates.setdefault(gyro, []).append(field)
     for quantity, columns in TRIADS_OF.items():
         if (candidates.keys() | fields.keys() | mapped).isdisjoint(columns + INCREMENT):
             _take_triads(table, quantity, [field for field in filled if field not in fields.values()], candidates)
     layout = presets().get(mapping.preset)
-    is_open = (candidates.keys() | fields.keys()).isdisjoint(FORCE)
-    if (
-        layout
-        and layout.without_gravity
-        and is_open
-        and re.search(layout.without_gravity, normal(table.sheet.path.stem))
-    ):
+    without = layout and layout.without_gravity and re.search(layout.without_gravity, normal(table.sheet.path.stem))
+    if layout and without and (candidates.keys() | fields.keys()).isdisjoint(FORCE):
         _refuse_without_gravity(table, f"acceleration without gravity by its name, in {layout.title}")
     fields |= _readings_beside(table, filled, candidates.keys() | fields.keys() | mapped)
     _refuse_parts(table, filled, candidates)
@@ -129,10 +126,12 @@ def _propose(table: UnderstoodTable, quantity: str, triads: Sequence[Triad], why
     table.ask(f"columns.{quantity}", answers, why or f"which columns are the {INSTRUMENTS[quantity]}")
 
 
-def ask_for_each(table: UnderstoodTable, columns: Sequence[str], free: Sequence[str]) -> None:
-    """Ask for columns one by one; each question has another first answer."""
+def ask_for_each(table: UnderstoodTable, columns: Sequence[str], fields: Sequence[Field]) -> None:
+    """Ask for columns one by one; each question has another first answer, none a column that is proposed already."""
+    proposed = {*chain(*table.proposed.values())}
+    free = [field.label for field in fields if field not in proposed]
     for k, column in enumerate(columns):
-        first = k % len(free) if free else 0
+        first = k % max(len(free), 1)
         answers = [*free[first:], *free[:first]][:3]
         table.ask(f"columns.{column}", answers or ("NAME",), f"which column is {column}")
 
@@ -146,8 +145,7 @@ def _ask_of_alike(table: UnderstoodTable, candidates: dict[str, list[Field]]) ->
             continue
         triads = [Triad((x, y, z), quantity) for x, y, z in zip(*groups, strict=True)]
         plain = [triad for triad in triads if "linear" not in normal(triad.fields[0].head.name).split()]
-        triads = plain or triads
-        triads.sort(key=lambda triad: _unlikeliness(table, triad))
+        triads = sorted(plain or triads, key=lambda triad: _unlikeliness(table, triad))
         if len(triads) == 1:
             for column, field in zip(columns, triads[0].fields, strict=True):
                 candidates[column] = [field]
@@ -235,21 +233,17 @@ def _readings_beside(table: UnderstoodTable, filled: list[Field], columns: set[s
     If the names do not tell, ask whether numbered columns are readings or sensors.
     """
     groups: dict[str, dict[int, Field]] = {column: {} for column in FORCE}
-    units, texts, are_readings = set[str](), list[str](), True
     for field in filled:
-        head = field.head
-        if head.numbered and head.number not in groups[head.numbered]:
-            groups[head.numbered][head.number] = field
-            units.add(head.unit)
-            texts.append(head.text)
-            are_readings = are_readings and head.reading
+        if field.head.numbered:
+            groups[field.head.numbered].setdefault(field.head.number, field)
     x, y, z = groups.values()
     if len(x) < 2 or not x.keys() == y.keys() == z.keys() or not columns.isdisjoint(FORCE + RATE + INCREMENT):
         return {}
-    if table.mapping.beside == "none" or len(units) > 1:
+    heads = [field.head for field in filled if field in {*x.values(), *y.values(), *z.values()}]
+    if table.mapping.beside == "none" or len({head.unit for head in heads}) > 1:
         return {}
-    if table.mapping.beside != "average" and not are_readings:
-        why = f"whether {texts[0]!r} to {texts[-1]!r} are readings of one rest, or other sensors (none)"
+    if table.mapping.beside != "average" and not all(head.reading for head in heads):
+        why = f"whether {heads[0].text!r} to {heads[-1].text!r} are readings of one rest, or other sensors (none)"
         table.ask("beside", ("average", "none"), why)
     first = {}
     for column, group in groups.items():
@@ -266,10 +260,7 @@ def _field_named(table: UnderstoodTable, column: str, name: str) -> Field:
             return fields[names.index(spelled)]
     if name.isascii() and name.isdigit() and 1 <= int(name) <= len(fields):
         return fields[int(name) - 1]
-    heads = []
-    for field in fields:
-        if field.head.text:
-            heads.append(field.head.text)
+    heads = [field.head.text for field in fields if field.head.text]
     raise InputError(f"{table.sheet.path}: columns.{column}: there is no column {quoted(name)}; {nearest(name, heads)}")
 
 
@@ -297,11 +288,11 @@ def without_only_triad(table: UnderstoodTable, fields: dict[str, Field], left: l
 def _is_gravity(table: UnderstoodTable, triad: Triad) -> bool:
     """Return True if most readings of three columns, in a certain unit, have the size of gravity."""
     unit = known_unit(table.mapping.units.get(FORCE_QUANTITY, ""))
-    is_estimate = not NO_READING.isdisjoint(normal(table.sheet.path.stem).split())
+    is_estimate = not MEANING["no_reading"].isdisjoint(normal(table.sheet.path.stem).split())
     if unit is None or unit.raw or is_estimate:
         return False
     size, spread = size_of(table, triad.fields)
-    return TRUE_SIZE[0] < size * unit.factor / ONE_G < TRUE_SIZE[1] and spread < STEADY_GRAVITY
+    return TRUE_SIZE[0] < size * unit.factor / STANDARD_GRAVITY < TRUE_SIZE[1] and spread < STEADY_GRAVITY
 
 
 def _refuse_without_gravity(table: UnderstoodTable, what: str) -> NoReturn:
@@ -328,25 +319,21 @@ def take_role(table: UnderstoodTable, fields: dict[str, Field], role: RecordKind
             f"{table.sheet.path}: none of its columns can be {INSTRUMENTS[quantity]}; of two files one has the "
             "accelerometers and the other the gyros: give that file, or import this one alone"
         )
-    ask_for_each(table, missing, [field.label for field in free])
+    ask_for_each(table, missing, free)
 
 
 def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str, Field]) -> list[str]:
     """Ask for all three channels at once where none is known; return the columns that are still missing."""
-    used = set(fields.values())
-    for proposed in table.proposed.values():
-        used.update(proposed)
-    free, without = [], []
-    for field in table.filled:
-        if is_without_gravity(field):
-            without.append(field)
-        elif field not in used and table.values(field.texts) and may_be_channel(table, field):
-            free.append(field)
+    used = {*fields.values(), *chain(*table.proposed.values())}
+    without = [field for field in table.filled if is_without_gravity(field)]
+    others = (field for field in table.filled if field not in used and field not in without)
+    free = [field for field in others if table.values(field.texts) and may_be_channel(table, field)]
     triads = [triad for triad in named_triads(free) if not triad.quantity and not is_derived(triad)]
     triads.sort(key=lambda triad: (triad.further, not force_units(median_size(table, triad.fields))))
-    times = rising(table, free)[:1]
-    without_axis = [field for field in free if field not in times and not AXIS.search(normal(field.head.name))]
-    triads = triads or unnamed_triads(table, without_axis)
+    if not triads:
+        times = rising(table, free)[:1]
+        without_axis = [field for field in free if field not in times and not AXIS.search(normal(field.head.name))]
+        triads = unnamed_triads(table, without_axis)
     left_over = list(missing)
     for quantity, columns in TRIADS_OF.items():
         if not set(missing).issuperset(columns) or table.is_asked(f"columns.{quantity}"):

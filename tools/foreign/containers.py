@@ -21,10 +21,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..files import bytes_of
 from .array_reader import HDF5, NUMPY, UNNAMED
 from .layout import are_beside, parts_of_seconds
 from .names import heading
-from .sheet import LOOKED_AT
+from .sheet import LOOKED_AT, refuse_other
+from .tables import TABLES
 from .workbook import output_of_reader
 
 MOST_CHANNELS = 16
@@ -34,13 +36,14 @@ ULOG = b"ULog\x01\x12\x35"
 PARQUET, ROS1, MCAP, TDMS, SQLITE = b"PAR1", b"#ROSBAG V", b"\x89MCAP", b"TDSm", b"SQLite format 3\0"
 ARDUPILOT = re.compile(rb"^FMT, ?\d+, ?\d+,", re.MULTILINE)
 """Line of a text log of ArduPilot that names the columns of a message."""
+JSON = re.compile(rb'(\xef\xbb\xbf)?\s*(\[\s*)?\{\s*"')
+"""First bytes of objects, one after the other or in a list."""
+LARGEST_JSON = 150_000_000
+"""Largest file of objects that is read [bytes]: they are held whole."""
 EXTRAS = {"nptdms": "pip install 'trihedron[tdms]'"}
 """Library -> command that installs it, if not that for all others."""
 EXTRA = "pip install 'trihedron[logs]'"
-SUFFIXES = {".npy": "NumPy file", ".parquet": "Parquet file", ".ulg": "ULog file", ".bag": "ROS 1 bag"}
-SUFFIXES |= {".mcap": "MCAP file", ".tdms": "TDMS file", ".h5": "HDF5 file", ".hdf5": "HDF5 file"}
-SUFFIXES |= {".db3": "ROS 2 bag"}
-"""Ending of a name -> the kind of file that it must be."""
+
 IMU = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
 IMU_COLUMNS = (
     "header.stamp",
@@ -49,8 +52,6 @@ IMU_COLUMNS = (
 )
 ARRAY_READER = Path(__file__).with_name("array_reader.py")
 """Programme that reads HDF5 and MATLAB files: their libraries may crash on a damaged one."""
-RATES = ("fs", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "frequency", "freq")
-"""Names of a single number beside a table that may be its rate [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ class Tree:
             names += _names_in(path, self.shapes[path])
         rate = 0.0
         for path, number in self.numbers.items():
-            if path.rpartition("/")[2].replace("_", "").lower() in RATES and number > 0.0:
+            if path.rpartition("/")[2].replace("_", "").lower() in TABLES["rates"]["names"] and number > 0.0:
                 rate = number
         return Part(name, rows, tuple(names), partial(self._read, paths), rate)
 
@@ -280,7 +281,9 @@ def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Par
             return word, reader
     if ARDUPILOT.search(begin):
         return "text log of ArduPilot", _ardupilot_parts
-    word = SUFFIXES.get(path.suffix.lower())
+    if JSON.match(begin):
+        return "JSON file", _json_parts
+    word = TABLES["kinds"].get(path.suffix.lower())
     if word and begin:
         raise InputError(f"{path}: does not begin as a {word} does; copy or export it again")
     return None
@@ -351,12 +354,17 @@ def _ulog_parts(path: Path) -> list[Part]:
     parts = []
     for topic in log.data_list:
         name = f"{topic.name}/{topic.multi_id}" if topic.name in several else topic.name
-        rows = len(topic.data["timestamp"])
-        names = [_short(topic.name, column) for column in topic.data]
-        channels = [Channel(column, values) for column, values in zip(names, topic.data.values(), strict=True)]
-        if rows >= FEWEST_ROWS:
-            parts.append(Part(name, rows, tuple(names), partial(list, channels), remark=remark))
+        channels = [Channel(_short(topic.name, column), values) for column, values in topic.data.items()]
+        parts += _parts_with(name, channels, remark)
     return parts
+
+
+def _parts_with(name: str, channels: list[Channel], remark: str = "") -> list[Part]:
+    """Return the part of columns that are read, none where it has too few rows."""
+    rows = len(channels[0].values)
+    if rows < FEWEST_ROWS:
+        return []
+    return [Part(name, rows, tuple(channel.name for channel in channels), partial(list, channels), remark=remark)]
 
 
 def _remark_of(output: io.StringIO) -> str:
@@ -381,7 +389,7 @@ def _tdms_parts(path: Path) -> list[Part]:
         channels: dict[int, list[Channel]] = {}
         for channel in group.channels():
             values = np.asarray(channel[:])
-            if values.dtype.kind not in "iufb" or len(values) < FEWEST_ROWS:
+            if values.dtype.kind not in "iufb":
                 continue
             unit = str(channel.properties.get("unit_string", ""))
             same = channels.setdefault(len(values), [])
@@ -390,19 +398,19 @@ def _tdms_parts(path: Path) -> list[Part]:
                 begin = channel.properties.get("wf_start_offset", 0.0)
                 same.append(Channel("time", begin + np.arange(len(values)) * step, "s"))
             same.append(Channel(channel.name, values, unit))
-        for rows, same in channels.items():
-            names = tuple(one.name for one in same)
-            parts.append(Part(group.name, rows, names, partial(list, same), remark=remark))
+        for same in channels.values():
+            parts += _parts_with(group.name, same, remark)
     return parts
 
 
 def _ros_parts(path: Path) -> list[Part]:
     with _ros_reader(path) as reader:
         connections = [(connection.topic, connection.msgtype, connection.msgcount) for connection in reader.connections]
-    parts = []
-    for topic, kind, count in connections:
-        if kind in IMU and count >= FEWEST_ROWS:
-            parts.append(Part(topic.strip("/"), count, IMU_COLUMNS, partial(_imu_channels, path, topic)))
+    parts = [
+        Part(topic.strip("/"), count, IMU_COLUMNS, partial(_imu_channels, path, topic))
+        for topic, kind, count in connections
+        if kind in IMU and count >= FEWEST_ROWS
+    ]
     if not parts:
         kinds = sorted({kind for _, kind, _ in connections})
         raise InputError(f"{path}: has no messages sensor_msgs/Imu, but {', '.join(kinds)[:200] or 'none'}")
@@ -447,12 +455,27 @@ def _mcap_parts(path: Path) -> list[Part]:
                 rows.setdefault(channel.topic, []).append({"log_time": message.log_time} | json.loads(message.data))
     parts = []
     for topic, messages in rows.items():
-        frame = pl.json_normalize(messages, separator=".", infer_schema_length=None)
-        channels = joined_stamps(table_channels(frame))
-        if len(frame) >= FEWEST_ROWS:
-            names = tuple(channel.name for channel in channels)
-            parts.append(Part(topic.strip("/"), len(frame), names, partial(list, channels)))
+        parts += _parts_with(topic.strip("/"), _channels_of_objects(messages))
     return parts
+
+
+def _channels_of_objects(objects: Sequence[Mapping[str, Any]]) -> list[Channel]:
+    """Return the columns of objects of JSON; names inside others have points between them."""
+    return joined_stamps(table_channels(pl.json_normalize(objects, separator=".", infer_schema_length=None)))
+
+
+def _json_parts(path: Path) -> list[Part]:
+    """Return the table of a list of objects, or of lines with an object each."""
+    content = bytes_of(path, "a measured file is needed", most=LARGEST_JSON)
+    try:
+        objects = [json.loads(line) for line in content.splitlines() if line.strip()]
+    except ValueError:
+        objects = json.loads(content)
+    if len(objects) == 1:
+        (objects,) = objects
+    if len(objects) < FEWEST_ROWS or not all(isinstance(one, dict) for one in objects):
+        refuse_other(path, content)
+    return _parts_with("", _channels_of_objects(objects))
 
 
 def _ardupilot_parts(path: Path) -> list[Part]:
@@ -463,11 +486,11 @@ def _ardupilot_parts(path: Path) -> list[Part]:
             counts[message] += 1
             if message == "FMT":
                 names[fields[2]] = tuple(fields[4:])
-    parts = []
-    for message, columns in names.items():
-        if columns and counts[message] >= FEWEST_ROWS:
-            parts.append(Part(message, counts[message], columns, partial(_ardupilot_channels, path, message, columns)))
-    return parts
+    return [
+        Part(message, counts[message], columns, partial(_ardupilot_channels, path, message, columns))
+        for message, columns in names.items()
+        if columns and counts[message] >= FEWEST_ROWS
+    ]
 
 
 def _ardupilot_channels(path: Path, message: str, columns: Sequence[str]) -> list[Channel]:

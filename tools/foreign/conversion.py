@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +34,7 @@ from .mapping import OPEN, plural
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES
 from .numbers import (
     BLANKS,
+    Numbers,
     bare,
     bits_of_signed,
     is_missing,
@@ -75,13 +75,13 @@ class Conversion:
         standard error of a mean of them, pooled over the rests [m/s²]
     """
 
-    numbers: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    numbers: dict[str, Numbers] = field(default_factory=dict)
     words: dict[str, list[str]] = field(default_factory=dict)
     row: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     left_out: dict[str, list[int]] = field(default_factory=dict)
     resolution: dict[str, float] = field(default_factory=dict)
     readings: NDArray[np.int_] | None = None
-    scatter: NDArray[np.float64] | None = None
+    scatter: Numbers | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -91,9 +91,8 @@ def converted(table: UnderstoodTable) -> Conversion:
     Raises InputError with the row and column that cannot be converted.
     """
     frame = numeric_frame(table)
-    given: dict[str, NDArray[np.float64]] = {}
+    given: dict[str, Numbers] = {}
     lines: Sequence[int] = []
-    places = np.zeros(0, dtype=np.int_)
     if frame is not None:
         given, places, left_out = values_of_frame(table, frame)
         texts = {column: origin.field.texts[:DIGITS_OF] for column, origin in table.origins.items()}
@@ -104,28 +103,23 @@ def converted(table: UnderstoodTable) -> Conversion:
         return Conversion(left_out=left_out)
     if not len(places):
         raise InputError(f"{table.sheet.path}: no row has all that a {table.kind.name} needs")
-    numbers: dict[str, NDArray[np.float64]] = {}
+    numbers: dict[str, Numbers] = {}
     for column, origin in table.origins.items():
-        if column == TIMES and given:
-            numbers[TIMES] = counted_times(table, given[TIMES])
-        elif column == TIMES and origin.form == NUMBER:
-            values = _values(table, TIMES, texts[TIMES], lines)
-            numbers[TIMES] = numbered_times(table, texts[TIMES], values)
-        elif column == TIMES:
-            numbers[TIMES] = written_times(table, texts, lines)
-        elif origin.form == NAME and column not in TEXTS:
+        if column == DATE or column in TEXTS:
+            continue
+        if origin.form == NAME:
             labels = np.array(texts[column])
             numbers[column] = np.cumsum(np.append(True, labels[1:] != labels[:-1]))
-        elif column not in (*TEXTS, DATE):
+        elif origin.form != NUMBER:
+            numbers[column] = written_times(table, texts, lines)
+        else:
             values = given[column] if given else _values(table, column, texts[column], lines)
-            _ask_of_fillers(table, column, values)
-            values = _counts(table, column, values)
-            values = (values - origin.offset) * origin.sign
-            # Units of angle give degrees; only the columns of increments are in radians.
-            size = DEGREE if column in INCREMENT else 1.0
-            if origin.unit is not None:
-                values = values * (origin.unit.factor * size) + origin.unit.offset
-            numbers[column] = values
+            if column != TIMES:
+                numbers[column] = _converted(table, column, values)
+            elif given:
+                numbers[TIMES] = counted_times(table, values)
+            else:
+                numbers[TIMES] = numbered_times(table, texts[TIMES], values)
     if table.kind is POSES:
         numbers.setdefault("position", np.arange(1.0, len(lines) + 1.0))
     elif TIMES not in numbers:
@@ -139,30 +133,35 @@ def converted(table: UnderstoodTable) -> Conversion:
         for column in QUATERNION[1:]:
             numbers[column] = -numbers[column]
     words = {column: [text.strip() for text in texts[column]] for column in TEXTS if column in texts}
-    resolutions = {}
-    if frame is None or table.sheet.frame is None:
-        resolutions = _resolutions(table, texts)
+    resolutions = _resolutions(table, texts) if table.sheet.frame is None or frame is None else {}
     conversion = Conversion(numbers, words, places, left_out, resolutions)
     if table.kind is POSITION:
         _average(table, conversion)
     return conversion
 
 
+def _converted(table: UnderstoodTable, column: str, values: Numbers) -> Numbers:
+    """Return numbers of a file (N,) in the unit of a column of the record."""
+    origin = table.origins[column]
+    _ask_of_fillers(table, column, values)
+    values = (_counts(table, column, values) - origin.offset) * origin.sign
+    if origin.unit is None:
+        return values
+    # Units of angle give degrees; only the columns of increments are in radians.
+    size = DEGREE if column in INCREMENT else 1.0
+    return values * (origin.unit.factor * size) + origin.unit.offset
+
+
 def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dict[str, list[int]]]:
     """Return the texts of the columns, row by row, and their lines; leave out rows without a number, by reason."""
     missing, marked, origins = table.mapping.missing, table.is_marked, table.origins
     # readings side by side become rows that are otherwise alike
-    turns: list[dict[str, int]] = []
-    for k in range(max((1 + len(origin.beside) for origin in origins.values()), default=1)):
-        turn = {}
-        for column, origin in origins.items():
-            fields = (origin.field, *origin.beside)
-            turn[column] = fields[k % len(fields)].place
-        turns.append(turn)
-    numeric = []
-    for column, origin in origins.items():
-        if origin.form == NUMBER:
-            numeric.append(column)
+    places = {column: [field.place for field in (origin.field, *origin.beside)] for column, origin in origins.items()}
+    turns = [
+        {column: beside[k % len(beside)] for column, beside in places.items()}
+        for k in range(max(map(len, places.values()), default=1))
+    ]
+    numeric = [column for column, origin in origins.items() if origin.form == NUMBER]
     texts: dict[str, list[str]] = {column: [] for column in origins}
     lines: list[int] = []
     left_out: dict[str, list[int]] = {}
@@ -193,7 +192,7 @@ def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dic
     return texts, lines, left_out
 
 
-def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequence[int]) -> NDArray[np.float64]:
+def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequence[int]) -> Numbers:
     """Return the numbers of a column's cells (N,), in the file's unit.
 
     Raises InputError if a cell is not a number or has another unit.
@@ -213,16 +212,12 @@ def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequen
             what = f"{quoted(text.strip())} is in another unit than {origin.name!r} or the rows before"
             raise InputError(f"{at} {line}: {what}; one unit for a column is needed")
         first = first or unit
-    plain = None
-    if column not in QUATERNION:
-        plain = numbers_of(texts, table.decimal)
+    plain = None if column in QUATERNION else numbers_of(texts, table.decimal)
     if plain is not None:
         return np.array(plain)
     values = []
     for text, line in zip(texts, lines, strict=True):
-        value = table.reading(column, text)
-        if column in QUATERNION and is_missing(text):
-            value = np.nan
+        value = np.nan if column in QUATERNION and is_missing(text) else table.reading(column, text)
         if value is None:
             what = f"{quoted(text.strip())} is not a number with decimal {table.decimal!r}"
             hint = "--set missing=TEXT leaves such rows out"
@@ -231,50 +226,42 @@ def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequen
     return np.array(values) * _signs(table, column, texts, lines)
 
 
-def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Sequence[int]) -> NDArray[np.float64]:
+def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Sequence[int]) -> Numbers:
     """Return +1 or -1 for each cell (N,) from the mark behind its number, CW or CCW.
 
     Raises InputError if some cells have no mark.
     """
-    quantity, origin = QUANTITY_OF.get(column, ""), table.origins[column]
-    senses = [sense_behind(text, quantity) for text in texts]
-    signs = np.ones(len(texts))
-    marked = sorted(set(senses) - {""})
-    if not marked:
-        return signs
-    positive = table.mapping.of(column).positive
+    origin, positive = table.origins[column], table.mapping.of(column).positive
+    senses = [sense_behind(text, QUANTITY_OF.get(column, "")) for text in texts]
     if positive in ("", OPEN):
         ask_of_senses(table, column, texts)
-        return signs
-    for row, (text, sense, line) in enumerate(zip(texts, senses, lines, strict=True)):
-        if sense == OPPOSITE[positive]:
-            signs[row] = -1.0
-        elif sense != positive and table.value(text) != 0.0:
+    if positive in ("", OPEN) or not any(senses):
+        return np.ones(len(texts))
+    for text, sense, line in zip(texts, senses, lines, strict=True):
+        if sense not in (positive, OPPOSITE[positive]) and table.value(text) != 0.0:
             what = f"column {origin.name!r}: {quoted(text.strip())} is neither {positive} nor {OPPOSITE[positive]}"
             raise InputError(f"{table.sheet.path}: row {line}, {what}, but columns.{column}.positive has another sense")
-    return signs
+    return np.where(np.array(senses) == OPPOSITE[positive], -1.0, 1.0)
 
 
-def _ask_of_fillers(table: UnderstoodTable, column: str, values: NDArray[np.float64]) -> None:
+def _ask_of_fillers(table: UnderstoodTable, column: str, values: Numbers) -> None:
     """Ask whether numbers as -9999, unlike all others of a column (N,), stand for missing measurements."""
     if "none" in table.mapping.missing:
         return
     is_filler = np.isin(np.abs(values), FILLERS)
     others = values[~is_filler]
-    if not is_filler.any() or not len(others):
+    if len(others) in (0, len(values)):
         return
     filler = float(values[is_filler][0])
-    have_decimals = float(np.mean(others != np.round(others))) > 0.5
-    if have_decimals or abs(filler) > 2.0 * float(np.abs(others).max()):
+    if np.mean(others != np.round(others)) > 0.5 or abs(filler) > 2.0 * np.abs(others).max():
         origin = table.origins[column]
-        written = [text.strip() for text in origin.field.texts if table.value(text) == filler]
-        text = next(iter(written), str(round(filler)))
-        count = int(np.count_nonzero(is_filler))
-        why = f"{origin.name!r} has {text!r} in {plural(count, 'row')}: no measurement, or a number (none)"
+        written = (text.strip() for text in origin.field.texts if table.value(text) == filler)
+        text, rows = next(written, str(round(filler))), plural(int(is_filler.sum()), "row")
+        why = f"{origin.name!r} has {text!r} in {rows}: no measurement, or a number (none)"
         table.ask("missing", (text, "none"), why)
 
 
-def _counts(table: UnderstoodTable, column: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _counts(table: UnderstoodTable, column: str, values: Numbers) -> Numbers:
     """Return the counts of a channel (N,); restore the sign of two's complement counts written without one."""
     kind = table.mapping.integers
     if column not in FORCE + RATE:
@@ -300,26 +287,19 @@ def _resolutions(table: UnderstoodTable, texts: dict[str, list[str]]) -> dict[st
     """Return half a last digit as written, in the record's units, by the unit in the columns' names."""
     resolutions = {}
     for unit, columns in RESOLUTIONS.items():
-        largest = 0.0
-        for column in columns:
-            if column in texts:
-                largest = max(largest, _resolution(table, column, texts[column]))
-        if largest > 0.0:
-            resolutions[unit] = largest
+        sizes = [_resolution(table, column, texts[column]) for column in columns if column in texts]
+        if max(sizes, default=0.0) > 0.0:
+            resolutions[unit] = max(sizes)
     return resolutions
 
 
 def _resolution(table: UnderstoodTable, column: str, texts: Sequence[str]) -> float:
     unit = table.origins[column].unit
-    first = []
-    for text in islice(texts, DIGITS_OF):
-        first.append(bare(text).replace("−", "-"))
+    first = [bare(text).replace("−", "-") for text in texts[:DIGITS_OF]]
     if any(table.value(text) is None for text in first):
         # seconds of an arc, or minutes if there are none
-        decimals = parts = 0
-        for text in first:
-            decimals = max(decimals, len(text.rstrip("\"″”s'′ ").replace(",", ".").partition(".")[2]))
-            parts = max(parts, len(sexagesimal_parts(text)))
+        decimals = max(len(text.rstrip("\"″”s'′ ").replace(",", ".").partition(".")[2]) for text in first)
+        parts = max(len(sexagesimal_parts(text)) for text in first)
         return 0.5 * 10.0**-decimals / 60.0 ** (parts - 1)
     unmarked = str.maketrans(table.decimal, ".", BLANKS + table.thousands)
     digits = max((significant_digits(text.translate(unmarked)) for text in first), default=0)
@@ -364,7 +344,7 @@ def _average(table: UnderstoodTable, conversion: Conversion) -> None:
         conversion.words[column] = np.array(texts)[begins].tolist()
 
 
-def _moved(numbers: dict[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
+def _moved(numbers: dict[str, Numbers]) -> NDArray[np.bool_]:
     """Return a mask of the rows (N,) whose angles differ from the previous row's."""
     moved = np.zeros(len(numbers[ANGLES[0]]), dtype=bool)
     moved[0] = True
@@ -374,9 +354,7 @@ def _moved(numbers: dict[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
     return moved
 
 
-def _means(
-    name: str, values: NDArray[np.float64], begins: NDArray[np.int_], sizes: NDArray[np.int_]
-) -> NDArray[np.float64]:
+def _means(name: str, values: Numbers, begins: NDArray[np.int_], sizes: NDArray[np.int_]) -> Numbers:
     """Return means over the rests; an angle's mean is taken about its first reading, in case it passes 0 or ±180."""
     first = values[begins]
     if sizes.max() == 1 or name == "position":
@@ -387,26 +365,17 @@ def _means(
     return first + np.add.reduceat(apart, begins) / sizes
 
 
-def _scatter(
-    numbers: dict[str, NDArray[np.float64]], means: dict[str, NDArray[np.float64]], sizes: NDArray[np.int_]
-) -> NDArray[np.float64]:
+def _scatter(numbers: dict[str, Numbers], means: dict[str, Numbers], sizes: NDArray[np.int_]) -> Numbers:
     """Return the standard error of a rest's mean for each accelerometer (3,) [m/s²]: scatter pooled over all rests."""
-    squares = []
-    for name in FORCE:
-        squares.append(np.sum((numbers[name] - np.repeat(means[name], sizes)) ** 2))
+    squares = [np.sum((numbers[name] - np.repeat(means[name], sizes)) ** 2) for name in FORCE]
     return np.sqrt(np.array(squares) / np.sum(sizes - 1) * np.mean(1.0 / sizes))
 
 
 def record_columns(table: UnderstoodTable, conversion: Conversion) -> FileColumns:
     """Return the columns as a record's; refuse the first that no record of its kind can have, with the file's row."""
     numbers, kind, sizes = conversion.numbers, table.kind, conversion.resolution
-    present = []
-    for name in kind.known:
-        if name in numbers or name in conversion.words:
-            present.append(name)
-    scatter = ()
-    if conversion.scatter is not None:
-        scatter = tuple(conversion.scatter.tolist())
+    present = [name for name in kind.known if name in numbers or name in conversion.words]
+    scatter = () if conversion.scatter is None else tuple(conversion.scatter.tolist())
     columns = with_force(
         FileColumns(
             table.sheet.path,
@@ -427,16 +396,12 @@ def record_columns(table: UnderstoodTable, conversion: Conversion) -> FileColumn
 
 def _hint(table: UnderstoodTable, fault: RecordError) -> str:
     """Return advice on a fault of a column: another unit, or times from another source."""
-    if fault.column == TIMES:
-        origin = table.origins.get(TIMES)
-        if origin is not None and origin.field.head.column == SAMPLE:
-            coarse = "; where the counter begins again or stands: --set columns.sample=none and "
-            return f"{coarse}--set 'units.time=100 Hz'"
-        if "repeats" in fault.what:
-            instead = "--set 'units.time=100 Hz'"
-            if table.kind is POSITION:
-                instead = "--set time=order"
-            return f"; where times are written too coarsely: --set columns.time_s=none and {instead}"
+    origin = table.origins.get(TIMES)
+    if fault.column == TIMES and origin is not None and origin.field.head.column == SAMPLE:
+        return "; where the counter begins again or stands: --set columns.sample=none and --set 'units.time=100 Hz'"
+    if fault.column == TIMES and "repeats" in fault.what:
+        instead = "time=order" if table.kind is POSITION else "'units.time=100 Hz'"
+        return f"; where times are written too coarsely: --set columns.time_s=none and --set {instead}"
     if "gravity" in fault.what:
         return "; --set units.force=UNIT states their unit"
     return ""

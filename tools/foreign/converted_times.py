@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from decimal import Decimal, InvalidOperation
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..records.columns import (
@@ -14,6 +13,7 @@ from ..records.columns import (
 from .mapping import OPEN, plural
 from .names import DATE, TIMES
 from .numbers import (
+    Numbers,
     clock,
     moment,
 )
@@ -32,7 +32,7 @@ EPOCH = 1e8
 """Time above which times count from an epoch [s]: the first row is subtracted, since doubles would lose digits."""
 
 
-def numbered_times(table: UnderstoodTable, texts: Sequence[str], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def numbered_times(table: UnderstoodTable, texts: Sequence[str], values: Numbers) -> Numbers:
     """Return times [s] of numbers (N,): from the first row on if they count from an epoch.
 
     The difference is exact: doubles hold 16 digits, epochs in ns have 19.
@@ -50,7 +50,7 @@ def numbered_times(table: UnderstoodTable, texts: Sequence[str], values: NDArray
     return counted_times(table, values)
 
 
-def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
+def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int]) -> Numbers:
     """Return times [s] from the first row on of times of day and dates.
 
     Raises InputError with the row that has none.
@@ -61,15 +61,15 @@ def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Se
     dates = texts.get(DATE, [""] * len(lines))
     days, seconds = [], []
     for text, date, line in zip(texts[TIMES], dates, lines, strict=True):
-        at: tuple[int, float | None] | None = (0, clock(text, mapping.clock))
+        on, of_day = 0, clock(text, mapping.clock) if origin.form == CLOCK else None
         if origin.form != CLOCK:
-            at = moment(text, order, mapping.clock)
+            on, of_day = moment(text, order, mapping.clock) or (0, None)
         midnight = moment(date, order) if DATE in texts else (0, 0.0)
-        if at is None or at[1] is None or midnight is None:
+        if of_day is None or midnight is None:
             what = f"column {origin.name!r}: {quoted(text.strip())} has another format than the times before"
             raise InputError(f"{table.sheet.path}: row {line}, {what}")
-        days.append(at[0] + midnight[0])
-        seconds.append(at[1] + midnight[1])
+        days.append(on + midnight[0])
+        seconds.append(of_day + midnight[1])
     table.notes.append("times count from the first row")
     table.start = days[0] * Decimal(DAY) + Decimal(repr(seconds[0]))
     # days and seconds apart: doubles hold few digits of both together
@@ -83,7 +83,7 @@ def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Se
     return values
 
 
-def counted_times(table: UnderstoodTable, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def counted_times(table: UnderstoodTable, values: Numbers) -> Numbers:
     """Return times [s] of a column of numbers (N,), without the wraps of its counter."""
     unit = table.origins[TIMES].unit
     assert unit is not None
@@ -93,9 +93,7 @@ def counted_times(table: UnderstoodTable, values: NDArray[np.float64]) -> NDArra
     return values * unit.factor
 
 
-def _clock_changes(
-    table: UnderstoodTable, seconds: NDArray[np.float64], texts: Sequence[str], lines: Sequence[int]
-) -> NDArray[np.float64]:
+def _clock_changes(table: UnderstoodTable, seconds: Numbers, texts: Sequence[str], lines: Sequence[int]) -> Numbers:
     """Return the seconds (N,) that remove clock changes from local times; ask if one jumps at a full hour."""
     steps = np.diff(seconds)
     answer = table.mapping.clock_changes
@@ -103,10 +101,9 @@ def _clock_changes(
         return 0.0 * seconds
     period = float(np.median(np.abs(steps)))
     near = max(3.0 * period, 2.0)
-    is_change = np.abs(np.abs(steps - period) - HOUR) <= near
     # the clock is near a full hour before and after the change
-    for moments in (seconds[:-1], seconds[1:]):
-        is_change &= np.abs((moments + 0.5 * HOUR) % HOUR - 0.5 * HOUR) <= near
+    is_full = np.abs((seconds + 0.5 * HOUR) % HOUR - 0.5 * HOUR) <= near
+    is_change = (np.abs(np.abs(steps - period) - HOUR) <= near) & is_full[:-1] & is_full[1:]
     changes = np.flatnonzero(is_change)
     if period > 0.1 * HOUR or not changes.size:
         return 0.0 * seconds
@@ -120,7 +117,7 @@ def _clock_changes(
     return np.cumsum(jumps)
 
 
-def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+def unwrapped(counts: Numbers) -> tuple[Numbers, int]:
     """Return times (N,) of a counter without its wraps to zero, and the number of wraps; unchanged if there are
     none."""
     step = np.diff(counts)
@@ -128,12 +125,10 @@ def unwrapped(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
     if not wraps.any() or wraps.all() or counts.min() < 0.0:
         return counts, 0
     usual = float(np.median(step[~wraps]))
-    sizes = WRITTEN
-    if np.array_equal(counts, np.round(counts)):
-        sizes += COUNTERS
-    for size in sorted(sizes):
+    are_whole = np.array_equal(counts, np.round(counts))
+    for size in sorted((*WRITTEN, *COUNTERS) if are_whole else WRITTEN):
         over = step[wraps] + size
-        if counts.max() < size and (over > 0.0).all() and (over <= WRAPPED * usual).all():
-            turns = np.concatenate([[0], np.cumsum(wraps)])
+        if counts.max() < size and over.min() > 0.0 and over.max() <= WRAPPED * usual:
+            turns = np.append(0, np.cumsum(wraps))
             return counts + size * turns, int(turns[-1])
     return counts, 0

@@ -1,8 +1,10 @@
 """Decide the meaning of a sheet where its content proves it, and ask all other questions at once."""
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 
 from ..errors import InputError
 from ..records.columns import (
@@ -49,6 +51,7 @@ from .presets import preset_of
 from .ranking import (
     MANY_ROWS,
     bits_of_offset,
+    estimates_of_gravity,
     may_be_channel,
     numbers_in,
     zero_of,
@@ -72,6 +75,8 @@ MOST_ODD, NOTATION = 2, re.compile(r"\d[.,]\d|^0x|^[\da-fA-F]{4,}$")
 """Largest number of texts in another notation, such as (1.5), 1.5- or 0x1F; more are refused."""
 SEEN = 50
 """Number of texts of a column that show decimal marks before its meaning is known."""
+NEGATED = re.compile(r"[-−](?=\w)")
+"""Begin of the head of a column that may hold the opposite of a channel."""
 OTHER_MARK = {".": ",", ",": "."}
 """Decimal mark -> mark between thousands beside it."""
 
@@ -89,11 +94,12 @@ def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -
         mapping = preset.filled_in(mapping, names)
     table = UnderstoodTable(sheet, layout, mapping, given=given)
     marks = Marks()
-    for field in table.filled:
-        for text in field.texts[:SEEN]:
-            marks.see(bare(text))
+    for text in chain(*(field.texts[:SEEN] for field in table.filled)):
+        marks.see(bare(text))
     # until the columns are known
     table.decimal = sheet.stated.decimal or ("," if set(marks.decimal) == {","} else ".")
+    if len(marks.decimal) == 1 and OTHER_MARK[table.decimal] in marks.thousands | marks.doubtful:
+        table.thousands = OTHER_MARK[table.decimal]
     if sheet.stated.remark:
         table.notes.append(sheet.stated.remark)
     ask_of_instances(table, "" if preset is None else preset.instance)
@@ -120,6 +126,8 @@ def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -
     _ask_of_integers(table)
     for column, origin in table.origins.items():
         ask_of_senses(table, column, origin.field.texts)
+        if NEGATED.match(origin.field.head.text) and column not in mapping.columns:
+            table.ask(f"columns.{column}.sign", ("-1", "1"), f"{origin.name!r} may be the opposite of {column}")
     _decide_readings(table)
     columns = mapping.model_dump(by_alias=True)["columns"]
     for column, origin in sorted(table.origins.items(), key=lambda entry: entry[1].field.place):
@@ -134,12 +142,8 @@ def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -
 def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     """Decide the kind of record, and ask for its missing columns."""
     of_table = not fields.keys().isdisjoint(ANGLES)
-    of_block = not fields.keys().isdisjoint(RATE + INCREMENT)
-    columns = list(fields.values())
-    for further in table.beside.values():
-        columns += further
-    of_block = of_block or RATE_QUANTITY in table.proposed
-    left = _channels_left(table, fields, columns)
+    of_block = not fields.keys().isdisjoint(RATE + INCREMENT) or RATE_QUANTITY in table.proposed
+    left = _channels_left(table, fields, [*fields.values(), *chain(*table.beside.values())])
     if of_block and not of_table:
         _refuse_gyros_alone(table, fields, left)
     name = table.mapping.kind.replace(OPEN, "")
@@ -150,13 +154,13 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     are_alone = has_forces and len(left) < 2 and not of_table and not of_block
     if not name and are_alone:
         name = _kind_of_forces(table, fields)
-    free = [field.label for field in left]
+
     if not name and not of_table and not of_block:
         # two unknown columns can be angles alone, three can be gyros: the question below decides
         angles = sum(field.quantity == ANGLE for field in table.fields)
-        if "position" in fields or len(free) == 2 or angles == 2:
+        if "position" in fields or len(left) == 2 or angles == 2:
             name = POSITION.name
-        elif len(free) == 3:
+        elif len(left) == 3:
             name = STRAPDOWN_RATES.name
     required: Sequence[str] | None = None
     if not name:
@@ -179,10 +183,7 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
             name = POSITION.name
     table.kind = next(kind for kind in KINDS if kind.name == name and kind is not STRAPDOWN_VELOCITIES)
     if name == STRAPDOWN_RATES.name and not fields.keys().isdisjoint(INCREMENT):
-        if fields.keys().isdisjoint(VELOCITY):
-            table.kind = STRAPDOWN_INCREMENTS
-        else:
-            table.kind = STRAPDOWN_VELOCITIES
+        table.kind = STRAPDOWN_INCREMENTS if fields.keys().isdisjoint(VELOCITY) else STRAPDOWN_VELOCITIES
     table.settled["kind"] = name
     missing = [column for column in required or table.kind.required if column not in fields]
     missing = [column for column in missing if column not in ("position", TIMES)]
@@ -190,7 +191,7 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
         missing += RATE
     missing = without_triads(table, missing, fields)
     asked = [column for key, triad in TRIADS_OF.items() if table.is_asked(f"columns.{key}") for column in triad]
-    ask_for_each(table, [column for column in missing if column not in asked], free)
+    ask_for_each(table, [column for column in missing if column not in asked], left)
 
 
 def _channels_left(table: UnderstoodTable, fields: dict[str, Field], columns: list[Field]) -> list[Field]:
@@ -198,12 +199,10 @@ def _channels_left(table: UnderstoodTable, fields: dict[str, Field], columns: li
     used = set(columns)
     used.update(table.proposed.get(FORCE_QUANTITY, ()))
     has_forces = fields.keys() >= set(FORCE) or FORCE_QUANTITY in table.proposed
-    left = []
-    for field in table.filled:
-        is_force = has_forces and field.quantity == FORCE_QUANTITY
-        if field not in used and not is_force and may_be_channel(table, field):
-            left.append(field)
-    return left
+    if has_forces:
+        used |= {field for field in table.filled if field.quantity == FORCE_QUANTITY}
+        used |= estimates_of_gravity(table, [field for field in table.filled if field not in used])
+    return [field for field in table.filled if field not in used and may_be_channel(table, field)]
 
 
 def _refuse_gyros_alone(table: UnderstoodTable, fields: dict[str, Field], left: list[Field]) -> None:
@@ -227,7 +226,8 @@ def _kind_of_forces(table: UnderstoodTable, fields: dict[str, Field]) -> str:
     """Return the kind of a table of accelerometers alone: averaged poses, or a series; empty where it may be either."""
     if "position" in fields or (FACE in fields and TIMES not in fields and SAMPLE not in fields):
         return POSES.name
-    if not fields.keys().isdisjoint((TIMES, SAMPLE, DATE)) or table.is_asked(f"columns.{TIMES}"):
+    has_time = not fields.keys().isdisjoint((TIMES, SAMPLE, DATE)) or table.sheet.stated.time
+    if has_time or table.is_asked(f"columns.{TIMES}"):
         return FORCES.name
     return ""
 
@@ -235,10 +235,8 @@ def _kind_of_forces(table: UnderstoodTable, fields: dict[str, Field]) -> str:
 def _decide_marks(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     """Decide the decimal mark and the mark between thousands from numbers that prove them."""
     marks = Marks()
-    for column, field in fields.items():
-        if column not in (*TEXTS, DATE):
-            for text in field.texts:
-                marks.see(bare(text))
+    for text in chain(*(field.texts for column, field in fields.items() if column not in (*TEXTS, DATE))):
+        marks.see(bare(text))
     answer = table.mapping.decimal.replace(OPEN, "")
     proven = sorted(marks.decimal)
     if answer or table.sheet.stated.decimal:
@@ -269,16 +267,15 @@ def _decide_marks(table: UnderstoodTable, fields: dict[str, Field]) -> None:
 
 def _ask_of_integers(table: UnderstoodTable) -> None:
     """Ask for the zero of counts: they are all near 0 or near 65535, or in the middle of a converter's range."""
-    zero = zero_of(table.mapping.integers)
-    for column in FORCE + RATE:
-        origin = table.origins.get(column)
-        if zero and origin is not None and _is_of_counts(origin) and not origin.offset:
-            table.origins[column] = replace(origin, offset=zero)
+    channels = {column: table.origins[column] for column in FORCE + RATE if column in table.origins}
+    of_counts = {column: origin for column, origin in channels.items() if _is_of_counts(origin) and not origin.offset}
     if table.mapping.integers not in ("", OPEN):
+        for column, origin in of_counts.items():
+            table.origins[column] = replace(origin, offset=zero_of(table.mapping.integers))
         return
-    forces = [table.origins[column] for column in FORCE if column in table.origins]
-    fields = [origin.field for origin in forces] or list(table.proposed.get(FORCE_QUANTITY, ()))
-    if len(fields) == 3 and all(_is_of_counts(origin) and not origin.offset for origin in forces):
+    forces = [column for column in FORCE if column in channels]
+    fields = [channels[column].field for column in forces] or list(table.proposed.get(FORCE_QUANTITY, ()))
+    if len(fields) == 3 and of_counts.keys() >= set(forces):
         counts = numbers_in(table, fields)
         bits = bits_of_offset(counts)
         if bits:
@@ -287,15 +284,12 @@ def _ask_of_integers(table: UnderstoodTable) -> None:
             why = f"the accelerometers have counts {span}: zero is probably the middle of {bits} bits"
             table.ask("integers", (answer, "unsigned"), why)
             return
-    channels = [origin.field for column, origin in table.origins.items() if column in FORCE + RATE]
-    for proposed in table.proposed.values():
-        channels += proposed
-    for channel in channels:
-        values = table.values(channel.texts)
+    for field in (*(origin.field for origin in channels.values()), *chain(*table.proposed.values())):
+        values = table.values(field.texts)
         bits = bits_of_signed(values)
         if bits:
             span = f"from {int(min(values))} to {int(max(values))}"
-            why = f"column {channel.label!r} has counts {span}, near both ends of {bits} bits"
+            why = f"column {field.label!r} has counts {span}, near both ends of {bits} bits"
             table.ask("integers", (f"signed {bits}", "unsigned"), why)
             return
 
@@ -307,10 +301,7 @@ def _is_of_counts(origin: Origin) -> bool:
 
 def _decide_attitude(table: UnderstoodTable) -> None:
     """Decide the direction of a quaternion; ask unless the columns are a record's own."""
-    present = []
-    for column in QUATERNION:
-        if column in table.origins:
-            present.append(column)
+    present = [column for column in QUATERNION if column in table.origins]
     answer = table.mapping.attitude
     if len(present) < 4 or answer == "none":
         for column in present:
@@ -332,10 +323,7 @@ def _ask_of_words(table: UnderstoodTable) -> None:
     """
     if table.is_asked("decimal", "thousands"):
         return
-    numeric = {}
-    for column, origin in table.origins.items():
-        if origin.form == NUMBER:
-            numeric[column] = origin
+    numeric = {column: origin for column, origin in table.origins.items() if origin.form == NUMBER}
     words: dict[str, str] = {}
     for column, origin in numeric.items():
         line_of = {}
@@ -347,28 +335,20 @@ def _ask_of_words(table: UnderstoodTable) -> None:
         if texts and len(line_of) == len(set(texts)):
             table.ask(f"columns.{column}", ("NAME",), f"{origin.name!r} holds no numbers, but {quoted(texts[0])}")
             continue
-        places = []
-        for further in numeric.values():
-            if further is not origin:
-                places.append(further.field.place)
+        places = [further.field.place for further in numeric.values() if further is not origin]
         for line, text in origin.field.cells:
             if text in line_of and text not in words and _is_reading(table, line, places):
                 words[text] = f"row {line}, {origin.name!r}: {quoted(text)} is not a number{_beside(table, text)}"
     if words:
         # a comma separates answers
         answers = [text[:40] for text in words if "," not in text][:MOST_WORDS] or [next(iter(words))[:40]]
-        rows = "such rows"
-        if len(words) == 1:
-            rows = "it"
+        rows = "it" if len(words) == 1 else "such rows"
         table.ask("missing", (",".join(answers),), f"{next(iter(words.values()))}; this answer leaves {rows} out")
 
 
 def _refuse_notation(table: UnderstoodTable, origin: Origin, line_of: dict[str, int]) -> None:
     """Refuse numbers of a column in another notation; `line_of` has its texts that are not numbers, the first last."""
-    written = []
-    for text in line_of:
-        if NOTATION.search(text) and not text.startswith(COMMENT):
-            written.append(text)
+    written = [text for text in line_of if NOTATION.search(text) and not text.startswith(COMMENT)]
     if len(written) > MOST_ODD:
         first = written[-1]
         what = f"row {line_of[first]}, column {origin.name!r}: {quoted(first)} is not a number{_beside(table, first)}"
@@ -379,9 +359,8 @@ def _refuse_notation(table: UnderstoodTable, origin: Origin, line_of: dict[str, 
 def _is_reading(table: UnderstoodTable, line: int, places: list[int]) -> bool:
     """Return True if a row has a number in one of these fields and is not a comment."""
     texts = next(texts for row, texts in table.rows if row == line)
-    if texts[0].strip().startswith(COMMENT) and not table.is_marked:
-        return False
-    return any(table.value(cell(texts, place)) is not None for place in places)
+    is_comment = texts[0].strip().startswith(COMMENT) and not table.is_marked
+    return not is_comment and any(table.value(cell(texts, place)) is not None for place in places)
 
 
 def _beside(table: UnderstoodTable, text: str) -> str:
@@ -401,17 +380,12 @@ def _decide_readings(table: UnderstoodTable) -> None:
     before: list[float] = []
     still = 0
     for _, texts in table.rows:
-        angles = []
-        for column in ANGLES:
-            origin = table.origins[column]
-            value = table.reading(column, cell(texts, origin.field.place))
-            if value is not None:
-                angles.append(value * origin.unit.factor if origin.unit else value)
-        if len(angles) == 2:
-            apart = []
-            for a, b in zip(angles, before, strict=False):
-                apart.append(abs((a - b + 180.0) % 360.0 - 180.0))
-            still += bool(apart) and max(apart) <= STANDING_DEG
+        origins = [table.origins[column] for column in ANGLES]
+        values = [table.reading(c, cell(texts, o.field.place)) for c, o in zip(ANGLES, origins, strict=True)]
+        if None not in values:
+            angles = [v * (o.unit.factor if o.unit else 1.0) for v, o in zip(values, origins, strict=True)]  # type: ignore
+            apart = [abs((a - b + 180.0) % 360.0 - 180.0) for a, b in zip(angles, before, strict=False)]
+            still += max(apart, default=math.inf) <= STANDING_DEG
             before = angles
     if still:
         why = f"{still} rows have the position of the row before, and positions have no numbers"

@@ -94,10 +94,10 @@ def _ask_for_time(table: UnderstoodTable) -> None:
     timed = [field.label for field in table.filled if field.quantity == TIME]
     if not is_kind_open:
         _refuse_period(table, "no column has the name of a time")
-        if table.kind is POSITION and not timed:
-            table.settled["time"] = "order"
-            table.notes.append("the file has no times: rows count as 1 s apart")
-            return
+    if not is_kind_open and table.kind is POSITION and not timed:
+        table.settled["time"] = "order"
+        table.notes.append("the file has no times: rows count as 1 s apart")
+        return
     if TIME in table.mapping.units or (is_kind_open and not is_series):
         return
     if timed and not is_kind_open:
@@ -120,8 +120,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
 
 def _rate_beside(table: UnderstoodTable) -> str:
     """Return the only rate in the lines around the table, as "at 30 Hz" or "Sample rate: 100 Hz"; "" for several."""
-    lines = " ".join(f"{key}: {text};" for key, text in table.layout.remarks.items())
-    rates = {f"{rate} {unit}" for rate, unit in RATE_BESIDE.findall(lines)}
+    rates = {f"{rate} {unit}" for rate, unit in RATE_BESIDE.findall(table.layout.lines_around)}
     return rates.pop() if len(rates) == 1 else ""
 
 
@@ -135,21 +134,15 @@ def _refuse_period(table: UnderstoodTable, where: str) -> None:
 
 def _decide_dates(table: UnderstoodTable, field: Field) -> None:
     """Decide the order of day, month and year; ask if it matters for the times."""
-    texts: dict[str, None] = {}
-    for _, row in table.sheet.rows(table.layout.first, table.layout.last or None):
-        text = cell(row, field.place)
-        date = None
-        if not is_missing(text, table.mapping.missing):
-            date = date_of(text)
-        if date:
-            texts.setdefault(date)
+    rows = table.sheet.rows(table.layout.first, table.layout.last or None)
+    written = (cell(row, field.place) for _, row in rows)
+    dates = (date_of(text) for text in written if not is_missing(text, table.mapping.missing))
+    texts = list(dict.fromkeys(filter(None, dates)))
     orders = date_orders(texts)
-    times: dict[str, list[float]] = {}
-    for order in orders:
-        moments = np.array([parsed_moment(text, order) or 0.0 for text in texts])
-        times[order] = (moments - moments[:1]).tolist()
+    times = np.array([[parsed_moment(text, order) or 0.0 for text in texts] for order in orders])
+    times = times.reshape(len(orders), len(texts))
     answer = table.mapping.dates.replace(OPEN, "")
-    differing = [text for text, *at in zip(texts, *times.values(), strict=True) if len(set(at)) > 1]
+    differing = [text for text, at in zip(texts, (times - times[:, :1]).T, strict=True) if len(set(at.tolist())) > 1]
     if not answer and differing:
         table.ask("dates", orders, f"the meaning of {differing[0]!r} is not clear")
     table.settled["dates"] = answer or (orders[0] if orders else "")
@@ -168,7 +161,5 @@ def origin_of(table: UnderstoodTable, column: str, field: Field) -> Origin:
 
 def are_labels(field: Field) -> bool:
     """Return True if positions have names instead of numbers: P1, P2, ..., alike except for their numbers."""
-    patterns = set()
-    for text in field.texts:
-        patterns.add(re.sub(r"\d+", "0", text))
+    patterns = {re.sub(r"\d+", "0", text) for text in field.texts}
     return len(patterns) == 1 and "0" in min(patterns) and patterns.isdisjoint(("0", "-0", "0.0", "0,0"))

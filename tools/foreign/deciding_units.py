@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, POSES, POSITION, RATE
 from .mapping import OPEN, TRIADS
 from .names import QUANTITY_OF, SAMPLE, TIMES, normal
 from .numbers import sexagesimal, unit_behind
 from .ranking import angle_unit, force_units, likely_units, median_size
-from .understanding import CLOCK, MOMENT, Origin, UnderstoodTable
+from .tables import TABLES
+from .understanding import CLOCK, MOMENT, Field, Origin, UnderstoodTable
 from .units import (
     COUNTS,
     DOUBTFUL,
@@ -25,16 +27,6 @@ from .units import (
     spelled_unit,
 )
 
-SENSITIVITIES = {
-    "force": ("0.5 g", "16384 LSB/g"),
-    "rate": ("0.01 (deg/s)", "131 LSB/(deg/s)"),
-    "angle": ("0.01 deg", ""),
-    "velocity": ("0.001 m/s", ""),
-    "time": ("0.001 s", ""),
-    "temperature": ("0.01 degC", ""),
-}
-"""Quantity -> an example of one volt or count, and a sensitivity as data sheets write it."""
-ONE_G = 9.80665
 LEAST_SIZE, FEWEST = 0.2, 10
 """Median |f| [g], and number of rows, below which gravity is not in the readings."""
 TRUE_SIZE = (0.8, 1.25)
@@ -81,20 +73,20 @@ def _check_size(table: UnderstoodTable) -> None:
     if len(origins) < 3 or len(units) > 1 or unit is None or unit.raw:
         return
     fields = [origin.field for origin in origins]
-    answers = table.mapping.units
-    of_layout = table.given.units.get("force", OPEN) == OPEN and answers.get("force", OPEN) != OPEN
+    answer = table.mapping.units.get("force", OPEN)
     is_answered = table.given.units.get("force", OPEN) != OPEN
-    size = median_size(table, fields) * unit.factor / ONE_G
+    of_layout = answer != OPEN and not is_answered
+    size = median_size(table, fields) * unit.factor / STANDARD_GRAVITY
     if is_answered and not TRUE_SIZE[0] < size < TRUE_SIZE[1]:
         table.notes.append(f"|f| is about {size:.3g} g in the unit that is given, not 1 g")
     if is_answered or table.mapping.integers not in ("", OPEN):
         return
     near: list[str] = []
-    if force_units(size * ONE_G / unit.factor):
+    if force_units(size * STANDARD_GRAVITY / unit.factor):
         near = likely_units(table, "force", fields, EXAMPLES["force"][:3], None)
     is_linear = all("linear" in normal(field.head.name).split() for field in fields)
     if (of_layout or is_linear) and not TRUE_SIZE[0] < size < TRUE_SIZE[1] and (near or size >= LEAST_SIZE):
-        written = answers.get("force", "") or fields[0].head.unit
+        written = answer if of_layout else fields[0].head.unit
         of_what = f"the unit of {table.mapping.preset}" if of_layout else f"{written}: gravity may not be in it"
         table.ask("units.force", near or (written,), f"|f| is about {size:.3g} g in {of_what}")
     elif size < LEAST_SIZE and table.kind not in (POSITION, POSES) and len(fields[0].cells) >= FEWEST:
@@ -113,28 +105,24 @@ def _ask_for_unit(table: UnderstoodTable, quantity: str) -> None:
             return
     fields = table.proposed.get(quantity, ())
     answers = likely_units(table, quantity, fields, EXAMPLES[quantity][:3], None)
-    size = ""
-    if fields and quantity == "force":
-        size = f"; |f| is about {median_size(table, fields):.4g}"
-    table.ask(f"units.{quantity}", answers, f"{quantity} has no unit{size}")
+    table.ask(f"units.{quantity}", answers, _without_unit(table, quantity, quantity, fields))
+
+
+def _without_unit(table: UnderstoodTable, what: str, quantity: str, fields: Sequence[Field]) -> str:
+    """Return the reason for a question about a unit, with the size of specific force."""
+    size = f"; |f| is about {median_size(table, fields):.4g}" if fields and quantity == "force" else ""
+    return f"{what} has no unit{size}"
 
 
 def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[LaboratoryUnit | None, str]:
     """Return the unit of a column and its text; None if the user must be asked for it."""
     quantity, head, texts = QUANTITY_OF[column], origin.field.head, origin.field.texts
     source = table.mapping.of(column)
-    if source.unit:
-        key = f"columns.{column}.unit"
-    else:
-        key = f"units.{quantity}"
-    text = head.unit
-    for written in texts:
-        if not text and not sense_behind(written, quantity):
-            text = unit_behind(written)
+    key = f"columns.{column}.unit" if source.unit else f"units.{quantity}"
+    behind = (unit_behind(written) for written in texts if not sense_behind(written, quantity))
+    text = head.unit or next(filter(None, behind), "")
     doubtful = DOUBTFUL.get(spelled_unit(text).lower(), ())
-    stated = None
-    if not doubtful:
-        stated = known_unit(text)
+    stated = None if doubtful else known_unit(text)
     is_raw = stated is not None and stated.raw
     answer = source.unit or table.mapping.units.get(quantity, "")
     if answer not in ("", OPEN):
@@ -155,29 +143,27 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
         return known_unit(by_gravity), by_gravity
     columns = {"force": FORCE, "rate": RATE, "time": (TIMES,)}.get(quantity, ())
     fields = [table.origins[name].field for name in columns if name in table.origins]
-    usual: Sequence[str] = EXAMPLES[quantity][:3]
-    if is_raw:
-        usual = (example_sensitivity(quantity, text),)
-    answers: Sequence[str] = likely_units(table, quantity, fields, usual, stated)
+    usual = [example_sensitivity(quantity, text)] if is_raw else EXAMPLES[quantity][:3]
+    answers = likely_units(table, quantity, fields, usual, stated)
     if is_raw:
         answers = [answer for answer in answers if _is_sensitivity(answer)] or usual
         why = f"{head.text!r} is in {text}: the size of one {text}, for example"
     elif doubtful:
         answers, why = doubtful, f"what {text!r} of {head.text!r} is"
     elif text and text != head.text:
+        in_words = scaled_unit(text)
+        if in_words is not None and in_words.quantity == quantity:
+            answers = [text, *answers]
         why = f"{text!r} of {head.text!r} is not a known unit of {quantity}"
     elif column == SAMPLE:
         rates = [answer for answer in answers if is_rate(answer)]
-        answers, why = rates or ("100 Hz",), f"{head.text!r} counts samples; at which rate"
+        answers, why = rates or ["100 Hz"], f"{head.text!r} counts samples; at which rate"
     else:
         values = table.values(texts)
         # as a workbook counts days since 1900
         if quantity == TIME and values and DAYS[0] < min(values) and max(values) < DAYS[1]:
-            answers = ("d", "s", "ms")
-        size = ""
-        if quantity == "force":
-            size = f"; |f| is about {median_size(table, fields):.4g}"
-        why = f"{head.text or origin.name!r} has no unit{size}"
+            answers = ["d", "s", "ms"]
+        why = _without_unit(table, repr(head.text or origin.name), quantity, fields)
     table.ask(key, answers, why)
     return None, ""
 
@@ -190,7 +176,7 @@ def _is_sensitivity(text: str) -> bool:
 
 def example_sensitivity(quantity: str, text: str) -> str:
     """Return an example of one volt or count of a quantity; `text` is the converter's unit."""
-    volt, count = SENSITIVITIES[quantity]
+    volt, count = TABLES["sensitivities"][quantity]
     unit = known_unit(text)
     if count and unit is not None and unit.quantity == COUNTS:
         return count.replace("LSB", spelled_unit(text))

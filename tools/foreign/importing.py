@@ -33,7 +33,7 @@ from .deciding import understood
 from .frames import with_whole_text
 from .joining import GYROS, joined
 from .labelled import labelled_sheet
-from .layout import has_table, layout_of, upright, with_exact_seconds
+from .layout import has_table, layout_of, upright, with_exact_seconds, with_rate_above
 from .mapping import (
     OPEN,
     SCHEMA,
@@ -269,7 +269,7 @@ def _sheet_of_text(file: Path, lines: list[str], encoding: str, separator: str) 
     if lines[0].strip().startswith(LABVIEW):
         return labview_sheet(file, lines, encoding)
     sheet = None if separator else labelled_sheet(file, lines, encoding)
-    return upright(with_exact_seconds(sheet or text_sheet(file, lines, encoding, separator)))
+    return upright(with_exact_seconds(sheet or with_rate_above(text_sheet(file, lines, encoding, separator))))
 
 
 def mapping_beside(out: Path) -> Path:
@@ -304,10 +304,7 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     sheets = [upright(with_exact_seconds(sheet)) for sheet in workbook_sheets(file, content)]
     if mapping.sheet not in ("", OPEN):
         return [sheet_of_workbook(sheets, file, mapping.sheet)]
-    tables = []
-    for sheet in sheets:
-        if has_table(sheet, mapping):
-            tables.append(sheet)
+    tables = [sheet for sheet in sheets if has_table(sheet, mapping)]
     if not tables:
         raise InputError(f"{file}: no sheet has rows of at least three numbers; a table of measured data is needed")
     return tables
@@ -329,10 +326,7 @@ def _large_sheet(file: Path, head: bytes, whole: Path | bytes, mapping: Mapping)
 def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *, is_own: bool) -> OpenQuestions:
     """Return the questions about a table in one line; write the mapping to fill in unless the user gave that file."""
     count = len(table.questions)
-    missing = "one fact is"
-    if count != 1:
-        missing = f"{count} facts are"
-    what, advice = f"{file}: {missing} missing", ""
+    what, advice = f"{file}: {'one fact is' if count == 1 else f'{count} facts are'} missing", ""
     if mapping_file is not None:
         if not is_own:
             with at_once():
@@ -347,9 +341,7 @@ def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *,
 def _first_rows_as_written(table: UnderstoodTable) -> list[str]:
     """Return the names and the first rows of the file, for the end of a mapping."""
     header, rows = _first_rows(table)
-    lines = [f"{table.sheet.path.name}, {table.sheet.about}; its first rows:"]
-    for texts in (header, *rows):
-        lines.append(" | ".join(texts))
+    lines = [f"{table.sheet.path.name}, {table.sheet.about}; its first rows:", *map(" | ".join, (header, *rows))]
     return [printable(line)[:200] for line in lines]
 
 
@@ -375,9 +367,7 @@ def _range_of_readings(conversion: Conversion) -> str:
     """Return the smallest and the largest number of readings of a rest."""
     assert conversion.readings is not None
     low, high = int(conversion.readings.min()), int(conversion.readings.max())
-    if low == high:
-        return str(low)
-    return f"{low} to {high}"
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _imported(
@@ -388,15 +378,10 @@ def _imported(
 ) -> Imported:
     file, out, mapping_file = (None if path is None else str(path) for path in files)
     layout, columns = table.layout, record.columns()
-    lines = "no names"
-    if layout.names:
-        lines = f"names in row {layout.names}"
+    lines = f"names in row {layout.names}" if layout.names else "no names"
     if layout.units:
         lines += f", units in row {layout.units}"
-    left_out = []
-    for field in table.free_fields:
-        if field.head.text:
-            left_out.append(f"column {field.head.text!r}")
+    left_out = [f"column {field.head.text!r}" for field in table.free_fields if field.head.text]
     for why, rows in conversion.left_out.items():
         listed = ", ".join(map(str, rows[:LISTED])) + (", ..." if len(rows) > LISTED else "")
         left_out.append(f"{plural(len(rows), 'row')} ({why}): {listed}")
@@ -415,20 +400,15 @@ def _imported(
     notes += [f"results of this record would be wrong: {line}" for line in check.faults]
     scatter, readings = None, len(conversion.row)
     if conversion.readings is not None and conversion.scatter is not None:
-        readings = int(conversion.readings.sum())
-        scatter = tuple(conversion.scatter.tolist())
+        readings, scatter = int(conversion.readings.sum()), tuple(conversion.scatter.tolist())
         notes.append(
             f"{_range_of_readings(conversion)} readings averaged in each row; standard error of a mean "
             f"{upwards(max(scatter))} m/s², from which σ is taken without --noise-bound"
         )
-    first_rows = []
-    for k in range(min(SHOWN, len(record))):
-        row = {}
-        for name, values in columns.items():
-            row[name] = values[k]
-            if not isinstance(values[k], str):
-                row[name] = float(values[k])
-        first_rows.append(row)
+    first_rows = [
+        {name: values[k] if isinstance(values[k], str) else float(values[k]) for name, values in columns.items()}
+        for k in range(min(SHOWN, len(record)))
+    ]
     return Imported(
         file=str(file),
         kind=record.word,
@@ -449,24 +429,14 @@ def _imported(
 
 def _imported_column(table: UnderstoodTable, column: str) -> ImportedColumn:
     """Return a column of the record with its form in the file; the unit is its own, its quantity's, or its head's."""
-    origin, source = table.origins[column], table.mapping.of(column)
-    quantity = ""
-    if origin.unit is not None:
-        quantity = origin.unit.quantity
+    origin = table.origins[column]
+    quantity = "" if origin.unit is None else origin.unit.quantity
     by_quantity = table.whole_mapping.units.get(quantity, "")
-    unit = origin.field.head.unit or by_quantity
-    if quantity in table.mapping.units:
-        unit = by_quantity
-    unit = source.unit or unit
-    further = ""
-    if origin.beside:
-        further = f" and {len(origin.beside)} beside it"
-    name = "time_s"
-    if column != DATE:
-        name = column
+    in_head = "" if quantity in table.mapping.units else origin.field.head.unit
+    further = f" and {len(origin.beside)} beside it" if origin.beside else ""
     return ImportedColumn(
-        column=name,
+        column="time_s" if column == DATE else column,
         source=origin.name + further,
-        unit=unit,
+        unit=table.mapping.of(column).unit or in_head or by_quantity,
         sign=origin.sign,
     )

@@ -13,6 +13,7 @@ from ..rounding import digits, upwards
 from .conversion import Conversion
 from .mapping import OPEN
 from .names import TIMES
+from .numbers import Numbers
 from .understanding import UnderstoodTable
 
 GYROS = RecordKind("gyro record", (TIMES, *RATE), (TEMPERATURE,))
@@ -44,7 +45,7 @@ class Instrument:
     columns: tuple[str, ...]
     word: str
     unit: str
-    times: NDArray[np.float64]
+    times: Numbers
 
     @property
     def file(self) -> str:
@@ -61,7 +62,7 @@ class Instrument:
         """True if the times begin at 0 s, as those of any clock that begins with its file."""
         return self.table.start == 0 and abs(float(self.conversion.numbers[TIMES][0])) < 0.5 * self.step
 
-    def at(self, times: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    def at(self, times: Numbers) -> dict[str, Numbers]:
         """Return the channels, interpolated linearly to other times (M,) [s]."""
         return {column: np.interp(times, self.times, self.conversion.numbers[column]) for column in self.columns}
 
@@ -98,12 +99,10 @@ def joined(forces: Side, rates: Side) -> Side:
     notes.append(_lag_note(force, rate, numbers, is_open=is_open))
     if table.start != 0:
         numbers[TIMES] = times - times[0]
-    for free in rates[0].free_fields:
-        if free.head.text:
-            notes.append(f"left out of {rate.file}: column {free.head.text!r}")
-    outside = int(np.count_nonzero(~inside))
-    if outside:
-        notes.append(f"{outside} rows of {fast.file} are outside the times of {slow.file}")
+    names = (field.head.text for field in rates[0].free_fields)
+    notes += [f"left out of {rate.file}: column {name!r}" for name in names if name]
+    if not inside.all():
+        notes.append(f"{np.count_nonzero(~inside)} rows of {fast.file} are outside the times of {slow.file}")
     table.kind, table.notes = STRAPDOWN_RATES, []
     table.origins |= {column: origin for column, origin in rates[0].origins.items() if column in RATE}
     resolution = {} if slow is force and not are_same else force.conversion.resolution
@@ -131,7 +130,7 @@ def _common_rows(fast: Instrument, slow: Instrument) -> NDArray[np.bool_]:
     return inside
 
 
-def _lag_note(force: Instrument, rate: Instrument, numbers: dict[str, NDArray[np.float64]], *, is_open: bool) -> str:
+def _lag_note(force: Instrument, rate: Instrument, numbers: dict[str, Numbers], *, is_open: bool) -> str:
     """Return what turns of gravity show of the clocks; ask for the lag where it shows two that begin at 0 s."""
     is_doubtful = is_open and force.counts_from_zero and rate.counts_from_zero
     lag, correlation = lag_of(numbers, LONGEST_START if is_doubtful else LONGEST_LAG)
@@ -146,7 +145,7 @@ def _lag_note(force: Instrument, rate: Instrument, numbers: dict[str, NDArray[np
     return f"{measured} (correlation {digits(correlation, 2)}); not corrected{not_certain}"
 
 
-def lag_of(numbers: dict[str, NDArray[np.float64]], longest: float) -> tuple[float, float]:
+def lag_of(numbers: dict[str, Numbers], longest: float) -> tuple[float, float]:
     """Return the lag [s] of the gyros behind the accelerometers, and the correlation of the turns of gravity there.
 
     The lag is at most `longest` [s] and a quarter of the record; both are 0 for a record that is too short.
@@ -177,9 +176,7 @@ def lag_of(numbers: dict[str, NDArray[np.float64]], longest: float) -> tuple[flo
     shifts = np.arange(middle - NEAR, middle + NEAR + 1)
     margin = abs(middle) + NEAR
     fixed = turning[margin : count - margin]
-    scores = []
-    for shift in shifts:
-        scores.append(np.corrcoef(fixed, expected[margin + shift : count - margin + shift])[0, 1])
+    scores = [np.corrcoef(fixed, expected[margin + shift : count - margin + shift])[0, 1] for shift in shifts]
     best = int(np.argmax(scores[1:-1])) + 1
     left, top, right = scores[best - 1 : best + 2]
     curvature = min(left - 2.0 * top + right, -1e-12)

@@ -6,7 +6,7 @@ Serial monitors, examples of sensors' libraries and `rostopic echo` write such t
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
@@ -103,26 +103,6 @@ class Labels:
         return [Reading(f"{self.stem} {label}".strip(), numbers[0], unit, self.stem)]
 
 
-@dataclass
-class Rows:
-    """Rows of labelled numbers by their lines; a row begins where the place of a label does not increase."""
-
-    order: dict[str, int]
-    texts: dict[int, list[str]] = field(default_factory=dict)
-    line: int = 0
-    before: int = 0
-
-    def add(self, line: int, time: str, readings: list[Reading]) -> None:
-        """Add the readings of a line."""
-        for reading in readings:
-            place = self.order[reading.label]
-            if place <= self.before or not self.texts:
-                self.line = line
-                self.texts[line] = [time] + [""] * len(self.order)
-            self.texts[self.line][place] = reading.text
-            self.before = place
-
-
 def labelled_sheet(path: Path, lines: Sequence[str], encoding: str) -> Sheet | None:
     """Return a text of labelled numbers as a sheet; None for any other text.
 
@@ -148,18 +128,23 @@ def labelled_sheet(path: Path, lines: Sequence[str], encoding: str) -> Sheet | N
     names = list(units)
     at = names.index(first)
     names = names[at:] + names[:at]
-    rows, damaged = Rows({name: place for place, name in enumerate(names, 1)}), list[int]()
+    rows, damaged, before, row = dict[int, list[str]](), list[int](), 0, list[str]()
     for line, (time, readings) in enumerate(zip(times, read, strict=True)):
-        if _form(readings) in usual:
-            rows.add(line, time[1] if time else "", readings)
-        elif readings:
+        if readings and _form(readings) not in usual:
             damaged.append(line + 1)
             if readings[0].label == first:
                 # an empty row keeps the count of rows
-                rows.texts[line], rows.before = ["-"] * (len(names) + 1), len(names)
-    begin = min(rows.texts)
+                rows[line], before = ["-"] * (len(names) + 1), len(names)
+            continue
+        for reading in readings:
+            place = names.index(reading.label) + 1
+            if place <= before or not rows:
+                # a row begins where the place of a label does not increase
+                row = rows[line] = [time[1] if time else ""] + [""] * len(names)
+            row[place], before = reading.text, place
+    begin = min(rows)
     without = 0 if any(times) else 1
-    cells = [[line] if place < begin else rows.texts.get(place, [])[without:] for place, line in enumerate(lines)]
+    cells = [[line] if place < begin else rows.get(place, [])[without:] for place, line in enumerate(lines)]
     shape = f"labels before the numbers, a row from {first!r} to {names[-1]!r}"
     inside, remark = [line for line in damaged if line > begin], ""
     if inside:
@@ -172,16 +157,15 @@ def labelled_sheet(path: Path, lines: Sequence[str], encoding: str) -> Sheet | N
 
 def _are_labelled(lines: Sequence[str]) -> bool:
     """Return True if most lines have labels that come again, and few are rows of numbers alone."""
-    labels, plain, others = Labels(), 0, 0
-    forms: Counter[Form] = Counter()
+    labels, forms, plain, others = Labels(), Counter[Form](), 0, 0
     for line in lines:
         text = SERIAL.sub("", line)
         form = _form(labels.readings(text))
         forms[form] += bool(form)
-        is_row = not _LABELLED.match(text) and len(re.findall(NUMBER, text)) >= FEWEST
-        plain += not form and is_row
+        is_row = not form and not _LABELLED.match(text) and len(re.findall(NUMBER, text)) >= FEWEST
+        plain += is_row
         # list items and lines between rows have no words
-        others += not form and bool(is_row or re.search(r"[^\W\d_]", text))
+        others += is_row or (not form and re.search(r"[^\W\d_]", text) is not None)
     again = sum(count for count in forms.values() if count >= FEWEST)
     return again > max(others - len(forms), 0) and 2 * plain <= max(forms.values())
 

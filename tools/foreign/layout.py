@@ -14,7 +14,7 @@ from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
 from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, normal, of_name
 from .numbers import bare, has_degree_mark, is_clock, is_missing, parsed_number, unit_behind
-from .sheet import LOOKED_AT, Row, Sheet, cell, has_text, is_data, is_value, is_word
+from .sheet import LOOKED_AT, HeaderFacts, Row, Sheet, cell, has_text, is_data, is_value, is_word
 from .units import TIME, known_unit
 
 TAIL = 300
@@ -31,6 +31,8 @@ SECONDS = ("s", "sec", "secs", "seconds")
 """Names of whole seconds."""
 OF_A_REST = (POSITION, *ANGLES, TEMPERATURE, TIMES, DATE)
 """Columns that the heading of a block may give for a rest."""
+EPOCH, FASTEST_RATE = 1e8, 1000.0
+"""Least start of a record since an epoch [s], and largest rate above its columns [Hz]."""
 LEAST_BLOCKS = 2
 """Smallest number of headings with angles that make blocks; fewer are lines around a table."""
 LONGEST_PAIRS = 400
@@ -57,6 +59,11 @@ class SheetLayout:
     looked_at: list[Row]
     remarks: dict[str, str]
 
+    @property
+    def lines_around(self) -> str:
+        """The lines around the table as one text."""
+        return " ".join(f"{key}: {text};" for key, text in self.remarks.items())
+
 
 def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     """Find the table of a sheet.
@@ -65,17 +72,12 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     """
     head = list(islice(sheet.rows(), LOOKED_AT))
     first = _first_data(sheet, head, mapping)
-    above = []
-    for row in head:
-        if row[0] < first:
-            above.append(row)
+    above = [row for row in head if row[0] < first]
     above, rows = _with_name_of_index(above), head[len(above) :]
     width = Counter(_width(texts) for _, texts in rows).most_common(1)[0][0]
     units, names = mapping.units_row, mapping.names
     if units < 0:
-        units = 0
-        if above and is_unit_row(above[-1][1]):
-            units = above[-1][0]
+        units = above[-1][0] if above and is_unit_row(above[-1][1]) else 0
     if names < 0:
         names = sheet.stated.header_row or (0 if sheet.stated.names else _names_row(above, units, width))
     lines = dict(above)
@@ -99,22 +101,14 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     if sheet.frame is not None:
         count = sheet.frame.width
         groups = [""] * count
-    headings, in_two_lines = [], False
+    headings, inside = [], {names, units}
     for place in range(count):
-        unit = cell(under, place)
-        name = cell(cells, place)
-        if not unit.strip():
-            unit = _unit_in(rows, place)
-        headings.append(_heading(groups[place], name, unit))
-        in_two_lines |= headings[-1].text not in ("", " ".join(name.split()))
-    if in_two_lines:
-        inside = {names, units, names - 1}
-    else:
-        inside = {names, units}
-    around = []
-    for row in above:
-        if row[0] not in inside:
-            around.append(row)
+        unit, name = cell(under, place), cell(cells, place)
+        headings.append(_heading(groups[place], name, unit if unit.strip() else _unit_in(rows, place)))
+        if headings[-1].text not in ("", " ".join(name.split())):
+            # names in two lines
+            inside.add(names - 1)
+    around = [row for row in above if row[0] not in inside]
     last = mapping.last or _last_data(sheet, first)
     if last:
         around += sheet.rows(last + 1)
@@ -144,10 +138,7 @@ def _width(texts: Sequence[str]) -> int:
 
 def _first_data(sheet: Sheet, head: Sequence[Row], mapping: Mapping) -> int:
     """Return the first row of the longest stretch of data."""
-    if mapping.first > 0:
-        stated = mapping.first
-    else:
-        stated = sheet.stated.first_row
+    stated = mapping.first if mapping.first > 0 else sheet.stated.first_row
     lines = list(dict(head))
     if stated:
         at = next((line for line in lines if line >= stated), 0)
@@ -166,17 +157,15 @@ def _first_data(sheet: Sheet, head: Sequence[Row], mapping: Mapping) -> int:
     if not longest:
         raise InputError(f"{sheet.path}: has no rows of at least three numbers; a table of measured data is needed")
     first, second = head[at][1], head[at + 1][1] if at + 1 < len(head) else []
-    names = [is_word(name) and is_value(below) for name, below in zip(first, second, strict=False)]
+    names = sum(is_word(name) and is_value(below) for name, below in zip(first, second, strict=False))
     # names, most of them numbers
-    if sum(names) > 1:
-        return lines[at + 1]
-    return lines[at]
+    return lines[at + (names > 1)]
 
 
 def _names_row(above: Sequence[Row], units: int, width: int) -> int:
     """Return the nearest row of names above the data (words in two thirds of its fields); 0 if there is none."""
     lines = dict(above)
-    line = next((line for line in reversed(lines) if line != units), 0)
+    line = next((line for line in reversed(lines) if line != units and any(map(is_word, lines[line]))), 0)
     over = lines.get(line - 1, [])
     words = names = 0
     for place, text in enumerate(lines.get(line, [])):
@@ -234,9 +223,7 @@ def _unit_in(rows: Sequence[Row], place: int) -> str:
     if has_degree_mark(text) or (parsed_number(bare(text), ".") is None and parsed_number(bare(text), ",") is None):
         return ""
     unit = unit_behind(text)
-    if known_unit(unit):
-        return unit
-    return ""
+    return unit if known_unit(unit) else ""
 
 
 def _refuse_fields(sheet: Sheet, names: tuple[int, int], readings: tuple[int, int]) -> None:
@@ -254,28 +241,17 @@ def _last_data(sheet: Sheet, first: int) -> int:
         return 0
     count = len(sheet.cells if sheet.cells is not None else sheet.lines)
     tail = list(sheet.rows(max(first, count - TAIL)))
-    lines = []
-    for line, texts in tail:
-        if is_data(texts):
-            lines.append(line)
-    if lines and lines[-1] != tail[-1][0]:
-        return lines[-1]
-    return 0
+    last = next((line for line, texts in reversed(tail) if is_data(texts)), 0)
+    return 0 if not last or last == tail[-1][0] else last
 
 
 def _remarks(rows: Sequence[Row]) -> dict[str, str]:
     """Return the lines around a table as key and text: "Serial number: A-17", "Operator;Meier"; others are remarks."""
     remarks: dict[str, str] = {}
     for _, texts in rows[:MOST_REMARKS]:
-        parts = []
-        for part in map(_printable, texts):
-            if part:
-                parts.append(part)
+        parts = list(filter(None, map(_printable, texts)))
         pairs = [re.fullmatch(r"([^\W\d][^:=]{0,60}?)\s*(?:[:=])\s*(\S.*)", part) for part in parts]
-        keyed = []
-        for pair in pairs:
-            if pair:
-                keyed.append(pair.groups())
+        keyed = [pair.groups() for pair in pairs if pair]
         if len(keyed) < len(parts):
             key = parts[0].rstrip(":= ")
             is_key = len(parts) > 1 and key and not key[0].isdigit() and ":" not in key
@@ -376,6 +352,19 @@ def _with_joined(sheet: Sheet, head: int, whole: int, part: int, digits: int) ->
     return replace(sheet, lines=(), cells=cells, stated=stated)
 
 
+def with_rate_above(sheet: Sheet) -> Sheet:
+    """Return a sheet with its names and rate, where three columns begin with their start and their rate: Empatica."""
+    rows = list(islice(sheet.rows(), 2))
+    values = [{parsed_number(text) for text in texts} for _, texts in rows]
+    if len(rows) < 2 or len(rows[0][1]) != 3 or max(map(len, values)) > 1:
+        return sheet
+    (start,), (rate,) = values
+    if start is None or rate is None or not start > EPOCH or not 1.0 <= rate <= FASTEST_RATE:
+        return sheet
+    names = tuple(f"acc {axis}" for axis in "xyz")
+    return replace(sheet, stated=HeaderFacts(names=names, first_row=rows[1][0] + 1, time=f"{rate:g} Hz"))
+
+
 def upright(sheet: Sheet) -> Sheet:
     """Return a sheet with a row for each reading, unchanged if it has this shape already.
 
@@ -391,33 +380,21 @@ def _turned(sheet: Sheet, rows: list[Row]) -> Sheet | None:
     """Turn a table with names at the left and a column for each position; return None for any other table."""
     row_of: dict[str, int] = {}
     for k, (_, texts) in enumerate(rows):
-        filled = []
-        for text in texts:
-            if text.strip():
-                filled.append(text)
-        column = ""
-        if not is_value(filled[0]):
-            column = heading(filled[0]).column
+        filled = [text for text in texts if text.strip()]
+        column = "" if is_value(filled[0]) else heading(filled[0]).column
         if column and sum(map(is_value, filled)) + 3 > len(filled) > 2:
             if column in row_of:
                 return None
             row_of[column] = k
     if not row_of.keys() >= set(FORCE + ANGLES):
         return None
-    first, last = min(row_of.values()), max(row_of.values())
-    cells: list[list[str]] = []
-    inside: list[list[str]] = []
-    for k, (_, texts) in enumerate(rows):
-        if first <= k <= last:
-            part = inside
-        else:
-            part = cells
-        part.append(texts)
-    cells.append([])
-    columns = list(zip_longest(*inside, fillvalue=""))
+    first, last = min(row_of.values()), max(row_of.values()) + 1
+    cells = [texts for _, texts in rows]
+    columns = list(zip_longest(*cells[first:last], fillvalue=""))
     while not has_text(columns[0]):
         columns.pop(0)
-    cells += map(list, columns)
+    cells[first:last] = []
+    cells += [[], *map(list, columns)]
     return replace(sheet, cells=cells, shape="a column for each position, turned")
 
 
@@ -431,9 +408,7 @@ def _flat(sheet: Sheet, rows: list[Row]) -> Sheet | None:
     names, title, blocks, before, unheaded, is_inside = [""], 0, 0, 0, 0, False
     for line, texts in rows:
         measured = is_data(texts)
-        pairs = {}
-        if not measured:
-            pairs = _pairs(texts)
+        pairs = {} if measured else _pairs(texts)
         if is_inside and (not measured or line > before + 1):
             # a block ends, and its heading does not apply below it
             rest, is_inside = {}, False
@@ -478,22 +453,14 @@ def _names_of(rest: dict[str, tuple[str, str]]) -> dict[str, str]:
 def _pairs(texts: list[str]) -> dict[str, tuple[str, str]]:
     """Return column of the record -> name, with its unit, and value: of "alpha = 20 deg" or "alpha [°];20"."""
     column_of: dict[str, tuple[str, str]] = {}
-    cells = []
-    for text in texts:
-        if text.strip() and len(text) <= LONGEST_PAIRS:
-            cells.append(" ".join(text.split()))
+    cells = [" ".join(text.split()) for text in texts if text.strip() and len(text) <= LONGEST_PAIRS]
     for text, behind in pairwise([*cells, ""]):
-        pairs = []
-        for pair in _PAIR.finditer(text):
-            pairs.append(pair.group("name", "value", "unit"))
+        pairs = [pair.group("name", "value", "unit") for pair in _PAIR.finditer(text)]
         if not pairs and is_value(behind):
             pairs = [(text.rstrip(":= "), behind, "")]
         for name, value, unit in pairs:
             head = heading(name)
             if head.column in OF_A_REST:
-                if unit and not head.unit and known_unit(unit):
-                    with_unit = f"{name} [{unit}]"
-                else:
-                    with_unit = name
-                column_of.setdefault(head.column, (with_unit, value))
+                has_unit = unit and not head.unit and known_unit(unit)
+                column_of.setdefault(head.column, (f"{name} [{unit}]" if has_unit else name, value))
     return column_of

@@ -211,12 +211,7 @@ def plural(count: int, noun: str) -> str:
 
 def printable(text: str) -> str:
     """Return a text in one line without control characters, for foreign names and cells."""
-    characters = []
-    for character in text:
-        if not character.isprintable():
-            character = " "
-        characters.append(character)
-    return "".join(characters)
+    return "".join(character if character.isprintable() else " " for character in text)
 
 
 def shell_word(text: str) -> str:
@@ -278,18 +273,9 @@ def _put_inside(section: dict[str, Any], name: str, inner: str, value: Any, opti
         raise InputError(f"{option}: name one of the {name}, as {name}.{example}")
     key, _, part = inner.partition(".")
     before = section.get(key, OPEN)
-    if isinstance(before, dict):
-        source = before
-    elif before == OPEN:
-        source = {}
-    else:
-        source = {"from": before}
-    if part:
-        section[key] = source | {part: value}
-    elif isinstance(before, dict):
-        section[key] = source | {"from": value}
-    else:
-        section[key] = value
+    if not isinstance(before, dict) and part:
+        before = {} if before == OPEN else {"from": before}
+    section[key] = before | {part or "from": value} if isinstance(before, dict) else value
 
 
 def mapping_text(mapping: Mapping, questions: Sequence[Question], notes: Sequence[str]) -> str:
@@ -328,16 +314,10 @@ def _key(name: str) -> str:
 def _value(value: Any) -> str:
     """Return a value in TOML."""
     if isinstance(value, AnyMapping):
-        fields = {}
-        for key, inner in value.items():
-            if (key, inner) not in _USUAL:
-                fields[key] = inner
+        fields = {key: inner for key, inner in value.items() if (key, inner) not in _USUAL}
         if list(fields) == ["from"]:
             return _value(fields["from"])
-        pairs = []
-        for key, inner in fields.items():
-            pairs.append(f"{key} = {_value(inner)}")
-        return "{ " + ", ".join(pairs) + " }"
+        return "{ " + ", ".join(f"{key} = {_value(inner)}" for key, inner in fields.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_value, value)) + "]"
     # TOML and JSON write strings and numbers alike, except for one character

@@ -8,81 +8,25 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..records.columns import ANGLES, APPROACH, INCREMENT, QUATERNION, TEXTS, UP
+from ..records.columns import APPROACH, INCREMENT, QUATERNION, TEXTS, UP
 from ..records.columns import FORCE as FORCES
 from ..records.columns import RATE as RATES
 from ..records.columns import TEMPERATURE as TEMPERATURES
 from ..records.columns import VELOCITY as VELOCITIES
-from .units import ANGLE, FORCE, QUANTITIES, RATE, TEMPERATURE, TIME, VELOCITY, LaboratoryUnit, known_unit, spelled_unit
+from .tables import TABLES
+from .units import ANGLE, FORCE, RATE, TEMPERATURE, LaboratoryUnit, known_unit, spelled_unit
 
 POSITION, TIMES, DATE, SAMPLE = "position", "time_s", "date", "sample"
-QUANTITY_OF: dict[str, str] = {}
+QUANTITY_OF: dict[str, str] = {column: quantity for column, (quantity, _) in TABLES["columns"].items()}
 """Column of a record -> quantity of its unit, without columns that have no unit."""
-OWN_UNIT: dict[str, str] = {}
+OWN_UNIT: dict[str, str] = {column: unit for column, (_, unit) in TABLES["columns"].items()}
 """Column of a record -> unit in its name."""
-for _columns, _quantity, _unit in (
-    ((TIMES,), TIME, "s"),
-    ((SAMPLE,), TIME, ""),
-    ((TEMPERATURES,), TEMPERATURE, "degC"),
-    (ANGLES, ANGLE, "deg"),
-    (INCREMENT, ANGLE, "rad"),
-    (FORCES, FORCE, "m/s2"),
-    (RATES, RATE, "rad/s"),
-    (VELOCITIES, VELOCITY, "m/s"),
-):
-    QUANTITY_OF |= dict.fromkeys(_columns, _quantity)
-    OWN_UNIT |= dict.fromkeys(_columns, _unit)
-
 NOTHING = ("-", "--", "#")
 """Texts in a row of units that are not units."""
-_FILLERS = (
-    "angle winkel axis achse encoder enc drehtisch table tisch reading readings actual ist istwert raw roh rohwert "
-    "measured gemessen mean mittel mittelwert avg average sensor signal output ausgang imu value wert угол ось axe "
-    "field out adc smooth data rad deg"
-)
+_FILLERS = TABLES["meaning"]["fillers"].split()
 """Words of heads that carry no meaning for the column."""
-_AXES = {
-    ANGLES[0]: "alpha α outer aussen aussenachse aussenwinkel aussere ausserer exterieur externe внешнии внешняя альфа",
-    ANGLES[1]: "beta β inner innen innenachse innenwinkel innere innerer interieur interne внутреннии внутренняя бета",
-}
-_TRIADS = {
-    FORCES: "f,gf,a,ac,acc,acce,accl,accel,accelerometer,acceleration,akzelerometer,beschl,beschleunigung,sf,ускорение,"
-    "акселерометр,specific force,linear acceleration,total acceleration",
-    RATES: "pqr,w,ω,omega,gy,gyr,gyro,gyros,gyroscope,kreisel,drehrate,rate,omg,winkelgeschwindigkeit,гироскоп,"
-    "angular rate,angular velocity,angular speed,ang vel,ang rate,rotation rate,rate gyro",
-    INCREMENT: "dtheta,dθ,delta theta,delta angle",
-    VELOCITIES: "dv,dvel,delta v,delta vel,delta velocity,velocity increment",
-}
+_TRIADS = dict(zip((FORCES, RATES, INCREMENT, VELOCITIES), TABLES["triads"].values(), strict=True))
 """Columns of three channels -> their names without the axis."""
-_PATTERNS = (
-    (
-        SAMPLE,
-        ("", TIME),
-        r"samples?( ?(no|nr|number|index|count|counter))?"
-        r"|(data ?)?(counter|cntr|cnt)|packet ?(counter|no|number)|index|idx|frame|scan",
-    ),
-    (
-        TIMES,
-        ("", TIME),
-        r"((elapsed|rel|relative|sample|system|host|device|sensor|utc|unix|local|start|elapsed ?real|up) ?|mess)?"
-        r"(time|zeit)( ?stamp| ?stempel| rel| of day| startup)?|t|ts|x value|elapsed|temps"
-        r"|stamp|header stamp|(unix ?|utc ?)?epoch|unix( ?time)?|uhrzeit|clock|date ?time"
-        r"|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время|i ?tow|tow|(gps ?)?(tow|time of week)|gps ?time",
-    ),
-    (
-        TEMPERATURES,
-        ("", *QUANTITIES),
-        r"(block |imu |sensor |chip )?(temp|temperature|temperatur|температура)( ?(block|imu|sensor|chip))?",
-    ),
-    (
-        POSITION,
-        ("",),
-        r"(pos|position|stellung|lage|messpunkt|punkt|point|rest|позиция|положение)"
-        r"( ?(no|nr|number|nummer|index|id|№))?|no|nr|n°|lfd ?nr|number|nummer|номер",
-    ),
-    (DATE, ("",), r"date|datum|дата"),
-)
-"""Columns, the quantities that the unit of a head may have ("": unknown), and their names, in order."""
 _TIMES_BY_UNIT = re.compile(r"([munμµ]|milli|micro|nano)?s(ecs?|econds?)?|millis|micros|nanos")
 """Names of times that are their units."""
 _READING = "r|rdg|reading|ablesung|lesung|messung|wdh|rep|repeat"
@@ -169,13 +113,9 @@ def from_one(headings: Sequence[Heading]) -> tuple[Heading, ...]:
 
 def of_name(text: str, name: str, unit: str) -> Heading:
     """Return the head of a column whose name and unit are known apart."""
-    stated = None
-    if unit:
-        stated = known_unit(unit)
+    stated = known_unit(unit) if unit else None
     column = column_of(name, stated)
-    numbered = None
-    if not column:
-        numbered = _NUMBERED.fullmatch(normal(name))
+    numbered = None if column else _NUMBERED.fullmatch(normal(name))
     if numbered is None:
         return Heading(text, name, unit, column)
     bare = numbered["name"] or numbered["behind"] or numbered["plain"] or f"{numbered['before']} {numbered['axis']}"
@@ -196,9 +136,7 @@ def joined_head(above: str, below: str) -> str:
     bracket = _BRACKET.match(above)
     if not bracket or not bracket["name"]:
         return f"{above} {below}"
-    unit = ""
-    if not _BRACKET.match(below):
-        unit = f" [{bracket['unit']}]"
+    unit = "" if _BRACKET.match(below) else f" [{bracket['unit']}]"
     return f"{bracket['name']} {below}{unit}"
 
 
@@ -212,9 +150,7 @@ def _splits(text: str) -> list[tuple[str, str]]:
     for count in (1, 2, 3, 4):
         # acc_x_mps2, gyro_x_deg_s, acc_x_m_s2
         name, unit = "_".join(parts[:-count]), "/".join(parts[len(parts) - count :])
-        stated = None
-        if name:
-            stated = known_unit(unit)
+        stated = known_unit(unit) if name else None
         if stated is None:
             continue
         head = of_name(name, name, unit)
@@ -231,9 +167,7 @@ def _splits(text: str) -> list[tuple[str, str]]:
 
 def gyro_of(head: Heading) -> str:
     """Return the gyro that "gx" means beside accelerometers; "" if it means none."""
-    axis = re.fullmatch(
-        r"g ?([xyz])", " ".join(word for word in normal(head.name).split() if word not in _FILLERS.split())
-    )
+    axis = re.fullmatch(r"g ?([xyz])", " ".join(word for word in normal(head.name).split() if word not in _FILLERS))
     unit = known_unit(head.unit)
     if axis is None or (unit is not None and not unit.raw):
         return ""
@@ -250,15 +184,13 @@ def normal(text: str) -> str:
 
 def column_of(name: str, unit: LaboratoryUnit | None) -> str:
     """Return the record's column that a name means, with its unit if that is known; "" if it is not clear."""
-    if unit is None or unit.raw:
-        quantity = ""
-    else:
-        quantity = unit.quantity
+    quantity = "" if unit is None or unit.raw else unit.quantity
     words, name = normal(name), name.strip()
     if not words and name in ("#", "№"):
         return POSITION
-    for column, quantities, pattern in _PATTERNS:
-        if quantity in quantities and re.fullmatch(pattern, words) and (column, name) != (TIMES, "T"):
+    for column, pattern in TABLES["patterns"].items():
+        is_named = quantity in pattern["quantities"] and re.fullmatch("|".join(pattern["names"]), words)
+        if is_named and (column, name) != (TIMES, "T"):
             return column
     if words == "t" and quantity == TEMPERATURE:
         return TEMPERATURES
@@ -268,12 +200,9 @@ def column_of(name: str, unit: LaboratoryUnit | None) -> str:
     quaternion = re.fullmatch(r"(?:q|quat|quaternion) ?([wxyz])", words)
     if quaternion and not quantity:
         return QUATERNION["wxyz".index(quaternion[1])]
-    meaningful = []
-    for word in words.split():
-        if word not in _FILLERS.split() or (word == "angle" and "delta" in words):
-            meaningful.append(word)
+    meaningful = [word for word in words.split() if word not in _FILLERS or (word == "angle" and "delta" in words)]
     if quantity in ("", ANGLE) and len(meaningful) == 1:
-        for column, names in _AXES.items():
+        for column, names in TABLES["axes"].items():
             if meaningful[0] in names.split():
                 return column
     return _triad(meaningful, quantity)
@@ -290,10 +219,7 @@ def _triad(words: list[str], quantity: str) -> str:
             return ""
         stem, axis = channel["stem"], channel["axis"]
     else:
-        axes = []
-        for word in words:
-            if word in ("x", "y", "z", "1", "2", "3"):
-                axes.append(word)
+        axes = [word for word in words if word in ("x", "y", "z", "1", "2", "3")]
         if len(axes) != 1 or len(words) > 4:
             return ""
         axis = axes[0]
@@ -302,14 +228,11 @@ def _triad(words: list[str], quantity: str) -> str:
     place = "xyz123".index(axis) % 3
     if stem in ("", "g", "channel", "kanal", "ch"):
         # only the unit gives such a name a meaning
-        if quantity in (FORCE, RATE):
-            return {FORCE: FORCES, RATE: RATES}[quantity][place]
-        return ""
+        columns = {FORCE: FORCES, RATE: RATES}.get(quantity)
+        return columns[place] if columns else ""
     for columns, names in _TRIADS.items():
-        if stem in names.split(",") or (columns is INCREMENT and stem == "delta" and quantity == ANGLE):
-            if quantity in ("", QUANTITY_OF[columns[0]]):
-                return columns[place]
-            return ""
+        if stem in names or (columns is INCREMENT and stem == "delta" and quantity == ANGLE):
+            return columns[place] if quantity in ("", QUANTITY_OF[columns[0]]) else ""
     return ""
 
 

@@ -11,50 +11,31 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench.rests import up
 from ..records.columns import ANGLES, POSITION
 from ..records.columns import FORCE as FORCES
 from ..records.columns import VELOCITY as VELOCITIES
 from .mapping import OPEN, Mapping
 from .names import TIMES, normal
-from .numbers import bits_of_signed, date_of
+from .numbers import Numbers, bits_of_signed, date_of
 from .presets import presets
+from .tables import TABLES
 from .understanding import Field, UnderstoodTable
 from .units import ANGLE, DEGREE, FORCE, RATE, TIME, VELOCITY, LaboratoryUnit, known_unit, scaled_unit
 
-_WORDS = {
-    FORCE: "acc acce accel accl accelerometer acceleration accelerations beschleunigung sf",
-    RATE: "gyr gyro gyros gyroscope rate omega omg ars kreisel drehrate",
-}
-"""Quantity -> words of names that mean it, with further words beside them."""
-_OTHER = (
-    "std sigma noise bias error offset var rms max min cov covariance grav gravity free user lin mag magn magnetic "
-    "magnetometer field est estimated gps vel velocity pos position quat quaternion euler angle dt clipping temp "
-    "temperature"
-)
-"""Words of names that are no readings of the instrument."""
-_NO_CHANNEL = (
-    "mag magn magnet magnetic magnetometer magnetfeld temp temperature temperatur pressure druck humidity battery "
-    "gravity lat lon latitude longitude altitude"
-)
-"""Words of names that are neither accelerometers, gyros nor angles of a table."""
+MEANING = {name: frozenset(words.split()) for name, words in TABLES["meaning"].items()}
+"""Words of names by their meaning: of an instrument, of other quantities, of no channel, of no gravity."""
 MANY_ROWS = 200
 """Number of rows from which a table is likelier a series than a table of rests."""
-_NO_GRAVITY = frozenset(("free", "user", "lin"))
-"""Words of accelerations without gravity."""
+
 LETTERS, DIGITS = ("x", "y", "z"), ("0", "1", "2", "3")
 AXES = (LETTERS, DIGITS[1:], DIGITS[:3])
 """Axes of three columns, in order."""
-SIZES = ("m/s2", "g", "mg", "16384 LSB/g", "8192 LSB/g", "4096 LSB/g", "2048 LSB/g", "1024 LSB/g", "256 LSB/g")
-FURTHER = ("1000 LSB/g", "800 LSB/g", "1200 LSB/g", "4000 LSB/g", "512 LSB/g", "128 LSB/g", "52428800 LSB/g")
-FURTHER += ("ug", "cm/s2", "ft/s2")
-"""Units of specific force, the usual ones first."""
 NEAR = 0.25
 """Largest relative distance of the median |f| from gravity of a likely unit."""
-ONE_G = 9.80665
-RANGES = {16384.0: "131", 8192.0: "65.5", 4096.0: "32.8", 2048.0: "16.4"}
+RANGES = dict(TABLES["likely"]["ranges"])
 """Counts per g -> counts per deg/s of the range that usually goes with it (MPU and ICM series)."""
 FASTEST = 35.0
 """Rate above which a number is more likely in deg/s than in rad/s."""
@@ -136,43 +117,41 @@ def may_be_channel(table: UnderstoodTable, field: Field) -> bool:
     """Return True if a column may be a channel or an angle: of a long series, it varies and does not only rise."""
     words = normal(field.head.name).split()
     stems = {re.sub(r"[xyz]$", "", word) for word in words}
-    if not stems.union(words).isdisjoint(_NO_CHANNEL.split()) or (stems == {"m"} and stems.isdisjoint(words)):
-        return False
-    if field.quantity in (TIME, "temperature"):
+    is_other = stems.union(words) & MEANING["no_channel"] or (stems == {"m"} and stems.isdisjoint(words))
+    if is_other or field.quantity in (TIME, "temperature"):
         return False
     if len(table.rows) < MANY_ROWS:
         return True
-    if field.texts and date_of(field.texts[0]):
-        return False
-    return len(set(field.texts)) >= FEWEST_VALUES and not rising(table, [field])
+    is_date = field.texts and date_of(field.texts[0])
+    return not is_date and len(set(field.texts)) >= FEWEST_VALUES and not rising(table, [field])
 
 
 def is_without_gravity(field: Field) -> bool:
     """Return True if a name means acceleration without gravity: free, of the user, or linear in short."""
     words = normal(field.head.name).split()
     short = any(word.startswith("linacc") for word in words)
-    return short or (not _NO_GRAVITY.isdisjoint(words) and FORCE in quantities_of(words))
+    return short or (not MEANING["no_gravity"].isdisjoint(words) and FORCE in quantities_of(words))
 
 
 def is_derived(triad: Triad) -> bool:
     """Return True if the names of three columns mean something that is no reading of the instrument."""
     words = normal(triad.fields[0].head.name).split()
-    return is_without_gravity(triad.fields[0]) or not set(_OTHER.split()).isdisjoint(words)
+    return is_without_gravity(triad.fields[0]) or not MEANING["other"].isdisjoint(words)
 
 
 def _quantity_of(stem: Sequence[str], of_unit: str) -> str:
     """Return the quantity that the words of a name mean, if its unit is not of another, or that of its unit."""
-    if not set(_OTHER.split()).isdisjoint(stem):
+    if not MEANING["other"].isdisjoint(stem):
         return ""
     for quantity in quantities_of(stem):
         if of_unit in ("", quantity, "counts", "voltage"):
             return quantity
-    return of_unit if of_unit in _WORDS else ""
+    return of_unit if of_unit in (FORCE, RATE) else ""
 
 
 def quantities_of(words: Sequence[str]) -> list[str]:
     """Return the quantities of instruments that some words mean."""
-    return [quantity for quantity, names in _WORDS.items() if not set(names.split()).isdisjoint(words)]
+    return [quantity for quantity in (FORCE, RATE) if not MEANING[quantity].isdisjoint(words)]
 
 
 def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Triad]:
@@ -190,7 +169,7 @@ def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Tria
     return [triad for _, triad in sorted(triads, key=lambda entry: entry[0])]
 
 
-def numbers_in(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.float64]:
+def numbers_in(table: UnderstoodTable, fields: Sequence[Field]) -> Numbers:
     """Return the numbers of some columns, in the rows that have all of them (N, columns); beyond `LARGEST` this."""
     rows = []
     for _, texts in table.rows:
@@ -200,7 +179,7 @@ def numbers_in(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.fl
     return np.clip(np.array(rows, dtype=np.float64).reshape(-1, len(fields)), -LARGEST, LARGEST)
 
 
-def bits_of_offset(counts: NDArray[np.float64]) -> int:
+def bits_of_offset(counts: Numbers) -> int:
     """Return the bits of a converter whose zero is in the middle of its range, by counts (N, 3) at rest; 0 if none.
 
     All counts are within the middle 80 % of its range, and their distance from its middle is steady.
@@ -226,16 +205,14 @@ def zero_of(integers: str) -> float:
     return 2.0 ** (int(integers.split()[1]) - 1)
 
 
-def values_of(table: UnderstoodTable, fields: Sequence[Field]) -> NDArray[np.float64]:
+def values_of(table: UnderstoodTable, fields: Sequence[Field]) -> Numbers:
     """Return the numbers of some columns, in the rows that have all of them (N, columns); counts with their signs."""
     values, integers = numbers_in(table, fields), table.mapping.integers
     if integers == "unsigned" or not len(values):
         return values
     if len(fields) == 3:
-        zero = zero_of(integers)
-        bits = bits_of_offset(values)
-        if integers in ("", OPEN) and bits:
-            zero = zero_of(f"offset {bits}")
+        bits = bits_of_offset(values) if integers in ("", OPEN) else 0
+        zero = zero_of(f"offset {bits}" if bits else integers)
         if zero and values.min() >= 0.0 and values.max() > 0.5 * zero:
             return values - zero
     for k in range(len(fields)):
@@ -267,18 +244,32 @@ def is_estimate_of_gravity(table: UnderstoodTable, triad: Triad) -> bool:
     return turns and spread < EXACT
 
 
+def estimates_of_gravity(table: UnderstoodTable, fields: Sequence[Field]) -> set[Field]:
+    """Return the columns x, y, z that are an estimate of gravity."""
+    triads = [triad for triad in named_triads(fields) if is_estimate_of_gravity(table, triad)]
+    return {field for triad in triads for field in triad.fields}
+
+
 def force_units(size: float) -> list[str]:
     """Return the units in which a median |f| is about 1 g, the nearest of the usual ones first."""
     near = []
-    for rank, text in enumerate(SIZES + FURTHER):
-        unit = scaled_unit(text)
-        assert unit is not None
-        distance = abs(size * unit.factor / ONE_G - 1.0)
-        if distance <= NEAR:
-            near.append((rank >= len(SIZES), distance, text))
+    for rank, texts in enumerate((TABLES["likely"]["usual"], TABLES["likely"]["further"])):
+        for text in texts:
+            distance = abs(size * factor_of(text) / STANDARD_GRAVITY - 1.0)
+            if distance <= NEAR:
+                near.append((rank, distance, text))
     return [text for *_, text in sorted(near)]
 
 
+def factor_of(text: str) -> float:
+    """Return the size of a known unit in the record's unit."""
+    unit = scaled_unit(text)
+    assert unit is not None
+    return unit.factor
+
+
+SCALE_BESIDE = re.compile(r"\d[\d.]* ?(?:LSB|counts?|digits?) ?/ ?[^\s,;:]+|\d[\d.]* ?[^\W\d]+/(?:LSB|count|digit)\b")
+"""A sensitivity in a line of text."""
 ANGLE_UNITS = ("deg", "rad", "arcmin", "arcsec")
 FOLLOWS, DIFFERS = 0.05, 0.3
 """Part of the readings that the vertical leaves in the right unit of angles at most, in any other at least."""
@@ -305,9 +296,7 @@ def angle_unit(table: UnderstoodTable) -> str:
         return ""
     misfits = []
     for text in ANGLE_UNITS:
-        unit = scaled_unit(text)
-        assert unit is not None
-        vertical = up(*np.radians(unit.factor * values[:, :2].T))
+        vertical = up(*np.radians(factor_of(text) * values[:, :2].T))
         vertical -= vertical.mean(axis=0)
         left = readings - vertical @ np.linalg.lstsq(vertical, readings)[0]
         misfits.append((float(np.linalg.norm(left)) / size, text))
@@ -319,10 +308,9 @@ def likely_units(
     table: UnderstoodTable, quantity: str, fields: Sequence[Field], usual: Sequence[str], stated: LaboratoryUnit | None
 ) -> list[str]:
     """Return units for a question, the likeliest first; `stated` is the unit of a converter that the file states."""
-    first: list[str] = []
-    likely = likely_of(table.mapping).get(quantity)
-    if likely:
-        first.append(likely)
+    likely = likely_of(table.mapping)
+    first = _stated_scale(table, quantity, fields)
+    first += [likely[quantity]] if quantity in likely else []
     if quantity == FORCE and len(fields) == 3:
         first = _force_answers(values_of(table, fields), first)
     elif quantity in (VELOCITY, ANGLE):
@@ -336,19 +324,27 @@ def likely_units(
     return list(dict.fromkeys([*first, *usual]))[:SHOWN]
 
 
-def _force_answers(values: NDArray[np.float64], likely: list[str]) -> list[str]:
+def _stated_scale(table: UnderstoodTable, quantity: str, fields: Sequence[Field]) -> list[str]:
+    """Return the only sensitivity in the lines around a table for its counts, as "131 LSB/(deg/s)"; else none."""
+    values = numbers_in(table, fields) if fields else np.zeros(0)
+    if (values != np.round(values)).any():
+        return []
+    units = {text: scaled_unit(text) for text in SCALE_BESIDE.findall(table.layout.lines_around)}
+    texts = [text for text, unit in units.items() if unit is not None and unit.per and unit.quantity == quantity]
+    return texts if len(texts) == 1 else []
+
+
+def _force_answers(values: Numbers, likely: list[str]) -> list[str]:
     """Return units of readings (N, 3) by the size of gravity; the layout's first where it agrees, counts as counts."""
     if not len(values):
         return likely
     size = float(np.median(np.linalg.norm(values, axis=1)))
     near = force_units(size)
-    largest = float(np.abs(values).max())
-    if bool((values == np.round(values)).all()) and largest > LARGEST_PLAIN:
-        counts = [text for text in near if "LSB" in text] or [f"{round(size)} LSB/g"]
-        near = counts + [text for text in near if text not in counts]
-    else:
-        near.sort(key=lambda text: "LSB" in text)
-    agreed = [text for text in likely if text in near]
+    are_counts = bool((values == np.round(values)).all()) and float(np.abs(values).max()) > LARGEST_PLAIN
+    if are_counts and not any("LSB" in text for text in near):
+        near.insert(0, f"{round(size)} LSB/g")
+    near.sort(key=lambda text: ("LSB" in text) != are_counts)
+    agreed = [text for text in likely if abs(size * factor_of(text) / STANDARD_GRAVITY - 1.0) <= NEAR]
     return agreed + near + [text for text in likely if not near]
 
 
@@ -362,12 +358,10 @@ def _scales(table: UnderstoodTable, quantity: str) -> list[str]:
     if len(times) < 2 or not len(increments):
         return []
     size = float(np.median(np.linalg.norm(increments, axis=1))) / max(float(np.median(np.diff(times))), 1e-6)
-    distances = []
-    for place, text in enumerate(preset.scales["velocity"]):
-        unit = scaled_unit(text)
-        assert unit is not None
-        distances.append((abs(np.log(max(size * unit.factor, 1e-12) / ONE_G)), place))
-    return [preset.scales[quantity][place] for _, place in sorted(distances)]
+    distances = [
+        abs(np.log(max(size * factor_of(text), 1e-12) / STANDARD_GRAVITY)) for text in preset.scales["velocity"]
+    ]
+    return [preset.scales[quantity][place] for place in np.argsort(distances, kind="stable")]
 
 
 def time_units(table: UnderstoodTable, field: Field) -> list[str]:
@@ -395,9 +389,8 @@ def rising(table: UnderstoodTable, fields: Sequence[Field]) -> list[Field]:
 
 def likely_of(mapping: Mapping) -> dict[str, str]:
     """Return the likely units of the layout that a mapping names."""
-    if mapping.preset in presets():
-        return presets()[mapping.preset].likely
-    return {}
+    preset = presets().get(mapping.preset)
+    return preset.likely if preset else {}
 
 
 def _rate_units(table: UnderstoodTable, fields: Sequence[Field]) -> list[str]:

@@ -6,12 +6,16 @@ parts that a table needs, and no more memory than tables take.
 """
 
 import csv
+import gzip
+import io
 import math
 import re
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from itertools import islice
+from operator import xor
 from pathlib import Path
 
 import polars as pl
@@ -20,6 +24,7 @@ from ..errors import InputError
 from ..files import advice_on
 from ..records.read import PACKED
 from .numbers import Typed, bare, date_of, has_degree_mark, is_clock, is_missing, parsed_number
+from .tables import TABLES
 
 LARGEST = 2 << 30
 """Largest file that is read [bytes]."""
@@ -38,15 +43,7 @@ FEWEST_NUMBERS = 3
 SEPARATORS = {"tab": "\t", ";": ";", "|": "|", ",": ",", "blanks": " "}
 """Separators of fields, the least likely to occur inside fields first."""
 ENCODINGS = ("utf-8", "utf-16", "cp1252", "cp1251", "cp1250", "latin-1", "cp437", "cp850", "mac-roman", "shift-jis")
-OTHERS = {
-    r"PK": "is a ZIP archive, or a workbook cut short; unpack it and give the file in it, or save the workbook again",
-    r"BZh|\xfd7zXZ|7z\xbc\xaf|Rar!|\(\xb5/\xfd": "is a packed archive; unpack it and give the file in it",
-    r"%PDF-": "is a PDF; export the table as CSV",
-    r"(?i)<(\?xml|!doctype|html|table)\b": "is HTML or XML, whatever its name; save it from a spreadsheet as CSV",
-    r'\{\s*["}]|\[\s*[{[]': "is JSON; save its table as CSV",
-    r"Type,Local Number,Message": "mixes the messages of a FIT file; save those of a sensor as a table, a row each",
-}
-"""First bytes (as Latin-1) of files that are not text with a table, with advice."""
+
 MARKERS = {
     b"\xef\xbb\xbf": "utf-8-sig",
     b"\xff\xfe\0\0": "utf-32",
@@ -56,6 +53,8 @@ MARKERS = {
 """Byte-order mark of a text -> its encoding."""
 SERIAL = re.compile(r"^(\d\d:\d\d:\d\d[.:]\d+) -?> ")
 """Times that a monitor of a serial port writes before each line."""
+CHECKED = re.compile(r"[$!](.+)\*([\dA-Fa-f]{2})\s*$")
+"""A line with the checksum of NMEA: the exclusive or of its characters."""
 LABVIEW = "LabVIEW Measurement"
 """First words of a LabVIEW measurement file (.lvm); its header has separator, marks, units and period."""
 END_OF_HEADER = "***End_of_Header***"
@@ -163,18 +162,11 @@ class Sheet:
         """Return the format in words."""
         if self.frame is not None:
             return f"columns of {self.name}" if self.name else "columns"
-        shape = ""
-        if self.shape:
-            shape = f", {self.shape}"
-        if self.name:
-            return f"sheet {self.name!r}{shape}"
-        if not self.separator:
-            return f"{self.encoding}{shape}"
-        if self.separator in ("tab", "blanks"):
-            between = self.separator
-        else:
-            between = repr(self.separator)
-        return f"{self.encoding}, {between} between fields{shape}"
+        form = f"sheet {self.name!r}" if self.name else self.encoding
+        if self.separator and not self.name:
+            between = self.separator if self.separator in ("tab", "blanks") else repr(self.separator)
+            form += f", {between} between fields"
+        return ", ".join(filter(None, (form, self.shape)))
 
 
 def _text_of(value: object) -> str:
@@ -204,9 +196,8 @@ def is_value(text: str) -> bool:
     """Return True if a text is a number with either decimal mark, an angle, a time or a date."""
     if not any(map(str.isdigit, text)):
         return False
-    if parsed_number(text, ".", ",") is not None or parsed_number(text, ",", ".") is not None:
-        return True
-    return is_clock(text) or has_degree_mark(text) or date_of(text) is not None
+    is_number = parsed_number(text, ".", ",") is not None or parsed_number(text, ",", ".") is not None
+    return is_number or is_clock(text) or has_degree_mark(text) or date_of(text) is not None
 
 
 def is_word(text: str) -> bool:
@@ -228,20 +219,16 @@ def unpacked(path: Path, content: bytes) -> bytes:
     """
     if not content.startswith(PACKED):
         return content
-    parts, length = list[bytes](), 0
-    while content.strip(b"\0"):
-        reader = zlib.decompressobj(wbits=31)
-        try:
-            parts.append(reader.decompress(content, LARGEST + 1 - length))
-        except zlib.error as error:
-            raise InputError(f"{path}: is packed by gzip and cannot be unpacked ({error})") from error
-        length += len(parts[-1])
-        if length > LARGEST:
-            raise InputError(f"{path}: unpacks to more than {LARGEST} bytes; not read")
-        if not reader.eof:
-            raise InputError(f"{path}: is packed by gzip and is cut short; copy it again")
-        content = reader.unused_data
-    return b"".join(parts)
+    try:
+        with gzip.open(io.BytesIO(content)) as file:
+            content = file.read(LARGEST + 1)
+    except EOFError as error:
+        raise InputError(f"{path}: is packed by gzip and is cut short; copy it again") from error
+    except (OSError, zlib.error) as error:
+        raise InputError(f"{path}: is packed by gzip and cannot be unpacked ({error})") from error
+    if len(content) > LARGEST:
+        raise InputError(f"{path}: unpacks to more than {LARGEST} bytes; not read")
+    return content
 
 
 def refuse_other(path: Path, content: bytes) -> None:
@@ -250,7 +237,7 @@ def refuse_other(path: Path, content: bytes) -> None:
     if advice:
         raise InputError(f"{path}: is not a table of measured data{advice}")
     begins = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip().decode("latin-1")
-    for pattern, what in OTHERS.items():
+    for pattern, what in TABLES["others"].items():
         if re.match(pattern, begins):
             raise InputError(f"{path}: {what}")
 
@@ -308,6 +295,8 @@ def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "")
         plain = text_sheet(path, [SERIAL.sub("", line) for line in lines], encoding, separator)
         stamped = rf"\1{SEPARATORS[plain.separator]}"
         return replace(plain, lines=[SERIAL.sub(stamped, line) for line in lines])
+    if all(map(CHECKED.match, filter(None, lines[:TRIED]))):
+        lines = [without_checksum(line) for line in lines]
     sheet = Sheet(path, lines, encoding=encoding)
     if separator:
         if separator not in SEPARATORS:
@@ -331,6 +320,14 @@ def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "")
     return replace(sheet, separator=separator)
 
 
+def without_checksum(line: str) -> str:
+    """Return a line between "$" and "*" without its checksum where that is right, and else unchanged."""
+    checked = CHECKED.match(line)
+    if checked and reduce(xor, checked[1].encode(), 0) == int(checked[2], 16):
+        return checked[1]
+    return line
+
+
 def _worth(sheet: Sheet) -> tuple[int, int]:
     """Return a separator's score: data rows of the most frequent width; then few words in them."""
     words: dict[int, list[int]] = {}
@@ -349,46 +346,35 @@ def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
 
     Raises InputError if the header describes no table.
     """
-    ends = []
-    for line, text in enumerate(lines, 1):
-        if text.strip().startswith(END_OF_HEADER):
-            ends.append(line)
+    ends = [line for line, text in enumerate(lines, 1) if text.strip().startswith(END_OF_HEADER)]
     if len(ends) != 2:
-        what = "no end of its header"
-        if ends:
-            what = f"{len(ends) - 1} parts with a header; one is read"
+        what = f"{len(ends) - 1} parts with a header; one is read" if ends else "no end of its header"
         raise InputError(f"{path}: is a LabVIEW measurement file with {what}")
     of_file, of_table = ends
     separator, mark = "tab", "\t"
     if "Separator,Comma" in map(str.strip, lines[:of_file]):
         separator = mark = ","
     header: dict[str, list[str]] = {}
-    first: dict[str, str] = {}
     for text in lines[:of_table]:
         key, *cells = map(str.strip, text.split(mark))
-        if key not in header:
-            header[key] = cells
-            first[key] = cells[0] if cells else ""
-    decimal = first.get("Decimal_Separator") or "."
+        header.setdefault(key, cells)
+    decimal, dimension, step, in_columns = (
+        next(iter(header.get(key, ())), "") for key in ("Decimal_Separator", "X_Dimension", "Delta_X", "X_Columns")
+    )
+    decimal = decimal or "."
     if decimal not in (".", ","):
         raise InputError(f"{path}: Decimal_Separator {decimal!r}: is neither a point nor a comma")
     body = lines[of_table:]
     names = next((line for line, text in enumerate(body, of_table + 1) if text.strip()), 0)
-    seconds = first.get("X_Dimension", "") in ("", "Time")
-    period = parsed_number(first.get("Delta_X", ""), decimal)
-    is_periodic = seconds and period and first.get("X_Columns") == "No"
-    time = ""
-    if is_periodic:
-        time = f"{period!r} s"
+    seconds = dimension in ("", "Time")
+    period = parsed_number(step, decimal)
     stated = HeaderFacts(
         decimal=decimal,
         header_row=names,
         units=("s" if seconds else "", *header.get("Y_Unit_Label", ())),
         first_row=names + 1,
-        time=time,
+        time=f"{period!r} s" if seconds and period and in_columns == "No" else "",
     )
-    remarks = [""] * of_table
-    for line, text in enumerate(lines[:of_file]):
-        if text.split(mark)[0] in KEPT_OF_HEADER and mark in text:
-            remarks[line] = text
+    remarks = [text if mark in text and text.split(mark)[0] in KEPT_OF_HEADER else "" for text in lines[:of_file]]
+    remarks += [""] * (of_table - of_file)
     return Sheet(path, remarks + body, encoding=encoding, separator=separator, stated=stated)

@@ -41,12 +41,8 @@ class Field:
     @cached_property
     def cells(self) -> list[tuple[int, str]]:
         """Line and text of each cell that is not missing."""
-        filled = []
-        for line, texts in self.rows:
-            text = cell(texts, self.place).strip()
-            if not is_missing(text, self.missing):
-                filled.append((line, text))
-        return filled
+        cells = ((line, cell(texts, self.place).strip()) for line, texts in self.rows)
+        return [(line, text) for line, text in cells if not is_missing(text, self.missing)]
 
     @cached_property
     def texts(self) -> list[str]:
@@ -61,9 +57,7 @@ class Field:
     @property
     def quantity(self) -> str:
         """Quantity of that unit; "" if there is none."""
-        if self.unit:
-            return self.unit.quantity
-        return ""
+        return self.unit.quantity if self.unit else ""
 
 
 @dataclass(frozen=True)
@@ -115,11 +109,7 @@ class UnderstoodTable:
     def rows(self) -> list[Row]:
         """First rows of data."""
         last = self.layout.last
-        rows = []
-        for row in self.layout.looked_at:
-            if not last or row[0] <= last:
-                rows.append(row)
-        return rows
+        return [row for row in self.layout.looked_at if not last or row[0] <= last]
 
     @cached_property
     def fields(self) -> list[Field]:
@@ -149,10 +139,8 @@ class UnderstoodTable:
     @property
     def free_fields(self) -> list[Field]:
         """Return the fields that no column of the record uses."""
-        origins = set[Field]()
-        for origin in self.origins.values():
-            origins |= {origin.field, *origin.beside}
-        return [field for field in self.fields if field not in origins]
+        used = {field for origin in self.origins.values() for field in (origin.field, *origin.beside)}
+        return [field for field in self.fields if field not in used]
 
     def ask(self, key: str, answers: Sequence[str], why: str) -> None:
         """Ask once for a key of the mapping."""
@@ -192,9 +180,7 @@ def ask_of_senses(table: UnderstoodTable, column: str, texts: Sequence[str]) -> 
         return
     quantity = QUANTITY_OF.get(column, "")
     for text in texts:
-        sense = ""
-        if not text[-1:].isdigit():
-            sense = sense_behind(text, quantity)
+        sense = "" if text[-1:].isdigit() else sense_behind(text, quantity)
         if sense and table.value(text) is not None:
             why = f"{table.origins[column].name!r} has {text.strip()!r}: which sense is positive"
             table.ask(f"columns.{column}.positive", (sense, OPPOSITE[sense]), why)

@@ -9,8 +9,8 @@ import re
 import unicodedata
 from dataclasses import dataclass, replace
 
-from ...fmus.units import STANDARD_GRAVITY
 from .numbers import unit_behind
+from .tables import TABLES
 
 FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE = "force", "rate", "angle", "velocity", "time", "temperature"
 VOLTAGE, COUNTS = "voltage", "counts"
@@ -37,92 +37,25 @@ class LaboratoryUnit:
         return self.quantity in (VOLTAGE, COUNTS)
 
 
-_LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254}
-_TURNS = {
-    "deg": (1.0, DEGREE),
-    "mdeg": (1e-3, 1e-3 * DEGREE),
-    "rad": (1.0 / DEGREE, 1.0),
-    "mrad": (1e-3 / DEGREE, 1e-3),
-    "urad": (1e-6 / DEGREE, 1e-6),
-    "arcmin": (1.0 / 60.0, DEGREE / 60.0),
-    "arcsec": (1.0 / 3600.0, DEGREE / 3600.0),
-    "gon": (0.9, 0.9 * DEGREE),
-    "turn": (360.0, 2.0 * math.pi),
-}
-"""Angle -> its size in degrees, and in radians."""
-_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
-KNOWN = {
-    "g": LaboratoryUnit(FORCE, STANDARD_GRAVITY),
-    "mg": LaboratoryUnit(FORCE, 1e-3 * STANDARD_GRAVITY),
-    "ug": LaboratoryUnit(FORCE, 1e-6 * STANDARD_GRAVITY),
-    "Gal": LaboratoryUnit(FORCE, 1e-2),
-    "mGal": LaboratoryUnit(FORCE, 1e-5),
-    "V": LaboratoryUnit(VOLTAGE, 1.0),
-    "mV": LaboratoryUnit(VOLTAGE, 1e-3),
-    "uV": LaboratoryUnit(VOLTAGE, 1e-6),
-    "LSB": LaboratoryUnit(COUNTS, 1.0),
-    "degC": LaboratoryUnit(TEMPERATURE, 1.0),
-    "K": LaboratoryUnit(TEMPERATURE, 1.0, -273.15),
-    "degF": LaboratoryUnit(TEMPERATURE, 5.0 / 9.0, -160.0 / 9.0),
-}
+KNOWN = {symbol: LaboratoryUnit(*row) for symbol, row in TABLES["units"].items()}
 """Symbol of a unit -> the unit."""
-for _name, _size in _TIMES.items():
+for _name, _size in TABLES["times"].items():
     KNOWN[_name] = LaboratoryUnit(TIME, _size)
-    for _turn, (_degrees, _radians) in _TURNS.items():
+    for _turn, (_degrees, _radians) in TABLES["turns"].items():
         KNOWN[_turn] = LaboratoryUnit(ANGLE, _degrees)
         KNOWN[f"{_turn}/{_name}"] = LaboratoryUnit(RATE, _radians / _size)
-for _name, _size in _LENGTHS.items():
+for _name, _size in TABLES["lengths"].items():
     KNOWN[f"{_name}/s"] = LaboratoryUnit(VELOCITY, _size)
     KNOWN[f"{_name}/s2"] = LaboratoryUnit(FORCE, _size)
-WORDS = {
-    "s": "sec secs second seconds sek sekunde sekunden с",
-    "ms": "msec msecs millis millisec millisecond milliseconds millisekunden мс",
-    "us": "usec usecs micros microsec microsecond microseconds мкс",
-    "ns": "nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds",
-    "min": "minute minutes minuten мин",
-    "h": "hr hrs hour hours stunden ч",
-    "d": "day days",
-    "g": "G g0 gn gs gee gees gforce",
-    "mg": "mG millig mgee milligee",
-    "ug": "uG microg",
-    "m": "meter meters metre metres м",
-    "ft": "feet foot",
-    "in": "inch inches",
-    "deg": "degree degrees град",
-    "rad": "radian radians рад",
-    "arcmin": "' ′",
-    "arcsec": "\" ′′ ''",
-    "turn": "turns rev revs revolution revolutions",
-    "m/s2": "mps2 ms-2 ms2 m/ss mss N/kg",
-    "m/s": "mps ms-1",
-    "deg/s": "dps degps degs-1 o/s",
-    "mdeg/s": "mdps",
-    "rad/s": "radps rads-1",
-    "deg/h": "dph degh-1",
-    "turn/min": "rpm",
-    "V": "volt volts В",
-    "mV": "мВ",
-    "LSB": "lsb counts count cnt cts digit digits raw inc adc",
-    "degC": "C celsius degcelsius degreesC",
-    "K": "kelvin",
-    "degF": "F fahrenheit degfahrenheit",
-}
-"""Symbol -> the words that laboratories write for it, alone or in quotients."""
 _SYMBOLS: dict[str, str] = {}
-for _name, _words in WORDS.items():
+for _name, _words in TABLES["words"].items():
     _SYMBOLS |= dict.fromkeys(_words.split(), _name)
 _FOLDED = {word.lower(): symbol for word, symbol in reversed(_SYMBOLS.items())}
 _FOLDED |= {symbol.lower(): symbol for symbol in reversed(KNOWN)}
-DOUBTFUL = {"grad": ("deg", "gon"), "grad/s": ("deg/s",)}
+DOUBTFUL: dict[str, list[str]] = TABLES["doubtful"]
 """Words with different meanings in different languages, and the units that they may mean."""
-EXAMPLES = {
-    FORCE: ("g", "m/s2", "mg", "ug"),
-    RATE: ("deg/s", "rad/s", "deg/h"),
-    ANGLE: ("deg", "rad", "arcmin"),
-    VELOCITY: ("m/s", "mm/s", "ft/s"),
-    TIME: ("s", "ms", "us", "min", "h"),
-    TEMPERATURE: ("degC", "degF", "K"),
-}
+EXAMPLES: dict[str, list[str]] = TABLES["examples"]
+"""Quantity -> usual units."""
 _SPLIT = re.compile(r"^(?P<number>[+]?\d[\d.]*(?:e[+-]?\d+)?(?:/\d[\d.]*)?)?[*x]?(?P<unit>.*)$", re.IGNORECASE)
 
 
