@@ -25,12 +25,14 @@ from ..motion.determinacy import DETERMINED, LEAST_SD, PRIOR_SD, UNSEEN, USABLE,
 from ..motion.norm import NAMES, UNITS_OF, norm_equations
 from ..motion.possible import BOX, Possible, central_parameters, nearest_possible, possible_forces
 from ..records import ForceRecord, PoseRecord
+from ..result import finite_or_none
 from ..rounding import digits, upwards
 from .forces import Faces, Forces, Norms, fitted_forces, scatter_of
 from .gyros import MOVE_ERROR, GyroFit, fitted_gyros
 from .gyros import PRIOR as GYRO_PRIOR
-from .moves import BIAS, MATRIX, ROUGH, Moves, Turns, Way, Windows
+from .moves import BIAS, MATRIX, ROUGH, Moves, Turns, Windows
 from .run import HandRecord, HandRequest, Run, run_of
+from .small_turns import Floats, Ints
 
 WORDS = (
     (DETERMINED, "determined"),
@@ -118,7 +120,7 @@ class Bounds:
     """
 
     least: float
-    estimate: NDArray[np.float64]
+    estimate: Floats
     possible: Possible | None
 
     @classmethod
@@ -137,7 +139,7 @@ class Bounds:
             x = nearest_possible(x, forces.covariance, centre, *rows)
         return cls(least, x, possible)
 
-    def those(self, columns: NDArray[np.int_]) -> "Bounds":
+    def those(self, columns: Ints) -> "Bounds":
         """Return the bounds with some of the parameters."""
         possible = None if self.possible is None else self.possible.those(columns)
         return Bounds(self.least, self.estimate[columns], possible)
@@ -245,20 +247,17 @@ def _with_checked_faces(run: Run, faces: Faces) -> Run:
 
     The farthest face is left out first, and the others are compared anew.
     """
-    up, count, wrong = faces.up.copy(), len(faces.known), []
+    count, wrong = len(faces.known), []
     forces = fitted_forces(Norms.of(run.rests.force, run.deviation))
-    while True:
-        faces = replace(faces, up=up)
-        case = faces.case_of(forces.x, run.rests.force)
-        if case is None:
-            break
+    while (case := faces.case_of(forces.x, run.rests.force)) is not None:
         tilts = faces.tilts(forces.x, case, run.rests.force)
-        farthest = int(np.argmax(tilts))
-        if tilts[farthest] <= FAR_FACE:
+        number = int(faces.known[np.argmax(tilts)])
+        if tilts.max() <= FAR_FACE:
             break
-        number = int(faces.known[farthest])
         wrong.append(number + 1)
+        up = faces.up.copy()
         up[number] = np.nan
+        faces = replace(faces, up=up)
     if not wrong:
         return run
     named = ", ".join(map(str, sorted(wrong)))
@@ -314,7 +313,7 @@ def calibration_of(run: Run, fit: HandFit, bounds: Bounds, gravity: float, gain:
         gravity_mps2=float(gravity),
         estimator="least squares",
         no_estimate="",
-        parameters=[*_of_forces(fit.forces, bounds), *_of_gyros(fit.gyros)],
+        parameters=parameters_of(fit, bounds),
         units=UNITS | {"by_hand": "as each key says"},
         priors=_priors(bounds.possible),
         by_hand=basis,
@@ -369,48 +368,33 @@ def name_of(symbol: str) -> str:
     return f"scale factor error of {sensor}" if row == axis else f"misalignment of {sensor} towards axis {axis}"
 
 
-def _of_forces(forces: Forces, bounds: Bounds) -> list[Parameter]:
-    """Return the parameters of the accelerometers: the possible values nearest to those of least squares."""
-    parameters, possible = [], bounds.possible
-    for number, symbol in enumerate(NAMES):
-        low = high = None
-        if possible is not None and possible.ends is not None and np.isfinite(possible.ends[0, number]):
-            low, high = possible.ends[:, number].tolist()
+def parameters_of(fit: HandFit, bounds: Bounds) -> list[Parameter]:
+    """Return the fitted parameters; of accelerometers the possible values nearest to those of least squares."""
+    forces, gyros = fit.forces, fit.gyros
+    ends = np.full((2, len(NAMES)), np.nan)
+    if bounds.possible is not None and bounds.possible.ends is not None:
+        ends = bounds.possible.ends
+    determined = forces.determinacy.determined
+    columns = [NAMES, bounds.estimate, forces.errors, determined, forces.x, *ends]
+    rows = list(zip(*columns, strict=True))
+    for number in [] if gyros is None else gyros.fitted.tolist():
+        value, error = gyros.values[number], gyros.errors[number]
+        known = error < HALF_PRIOR * GYRO_PRIOR[number]
+        rows.append((GYRO_SYMBOLS[number], value, error, known, value, np.nan, np.nan))
+    parameters = []
+    for symbol, estimate, error, known, squares, *limits in rows:
+        low, high = map(finite_or_none, limits)
         parameters.append(
             Parameter(
                 symbol=symbol,
                 name=name_of(symbol),
-                unit=UNITS_OF[symbol],
-                determined=bool(forces.determinacy.determined[number]),
-                estimate=float(bounds.estimate[number]),
-                standard_error=float(forces.errors[number]),
+                unit=UNITS_OF.get(symbol) or UNIT_OF_GYROS[symbol[0]],
+                determined=bool(known),
+                estimate=float(estimate),
+                standard_error=float(error),
                 low=low,
                 high=high,
-                least_squares=float(forces.x[number]),
-            )
-        )
-    return parameters
-
-
-def _of_gyros(gyros: GyroFit | None) -> list[Parameter]:
-    """Return the parameters of the gyros that were fitted."""
-    parameters: list[Parameter] = []
-    if gyros is None:
-        return parameters
-    for number in gyros.fitted.tolist():
-        error = float(gyros.errors[number])
-        symbol = GYRO_SYMBOLS[number]
-        parameters.append(
-            Parameter(
-                symbol=symbol,
-                name=name_of(symbol),
-                unit=UNIT_OF_GYROS[symbol[0]],
-                determined=error < HALF_PRIOR * float(GYRO_PRIOR[number]),
-                estimate=float(gyros.values[number]),
-                standard_error=error,
-                low=None,
-                high=None,
-                least_squares=float(gyros.values[number]),
+                least_squares=float(squares),
             )
         )
     return parameters
@@ -474,40 +458,31 @@ def _rms(values: NDArray) -> float:
 def gain_of(run: Run, whole: HandFit) -> HandGain | None:
     """Return the errors of rests and moves that were left out, in five contiguous parts; None of too few rests.
 
-    `whole` is the fit of the whole run; the fits of its parts begin there.
-
-    Of a run with a true attitude its windows are left out, and no rests.
+    Of a run with a true attitude its windows are left out, and no rests. `whole` is the fit of the whole run; the fits
+    of its parts begin there.
     """
     if run.moves is not None:
-        way = run.moves.way
-        run = replace(run, moves=replace(run.moves, way=Way(way.series, way.ends, ROUGH)))
-    pieces, rests = run.moves, run.rests
-    windows = pieces if isinstance(pieces, Windows) else None
-    count = len(rests) if windows is None else len(windows)
-    if windows is None and count < FEWEST_FOLDED:
+        run = replace(run, moves=replace(run.moves, way=replace(run.moves.way, near=ROUGH)))
+    of_windows = isinstance(run.moves, Windows)
+    count = len(run.moves) if of_windows else len(run.rests)
+    if count < FEWEST_FOLDED and not of_windows:
         return None
-    before, after, moves_before, moves_after = [], [], [], []
-    for left_out in np.array_split(np.arange(count), FOLDS):
-        used = np.setdiff1d(np.arange(count), left_out)
-        if windows is None:
-            fit, unseen = fit_of(run.those(used), whole), run.those(left_out)
-            before.append(np.linalg.norm(unseen.rests.force, axis=1) - 1.0)
-            after.append(norm_equations(fit.forces.x, unseen.rests.force)[0])
-            pieces = unseen.moves
-        else:
-            fit = fit_of(replace(run, moves=windows.those(used)), whole)
-            pieces = windows.those(left_out)
-        if pieces is not None and fit.gyros is not None and len(pieces):
-            moves_after.append(pieces.rows(fit.forces, fit.gyros.values).error)
-            moves_before.append(_as_read(pieces, fit))
-    rest_sizes = [_rms(np.concatenate(part)) if part else None for part in (before, after)]
-    sizes = [_rms(np.linalg.norm(np.vstack(part), axis=1)) if part else None for part in (moves_before, moves_after)]
-    return HandGain(
-        rest_before_g=rest_sizes[0], rest_after_g=rest_sizes[1], move_before_rad=sizes[0], move_after_rad=sizes[1]
-    )
+    errors: dict[str, list[float]] = {}
+    for part in np.array_split(np.arange(count), FOLDS):
+        fit, unseen = fit_of(run.part(np.setdiff1d(np.arange(count), part)), whole), run.part(part)
+        if not of_windows:
+            off = norm_equations(fit.forces.x, unseen.rests.force)[0]
+            errors.setdefault("rest_before_g", []).extend(np.linalg.norm(unseen.rests.force, axis=1) - 1.0)
+            errors.setdefault("rest_after_g", []).extend(off)
+        if unseen.moves is not None and fit.gyros is not None and len(unseen.moves):
+            after = unseen.moves.rows(fit.forces, fit.gyros.values).error
+            errors.setdefault("move_before_rad", []).extend(np.linalg.norm(_as_read(unseen.moves, fit), axis=1))
+            errors.setdefault("move_after_rad", []).extend(np.linalg.norm(after, axis=1))
+    names = ("rest_before_g", "rest_after_g", "move_before_rad", "move_after_rad")
+    return HandGain(**{name: _rms(np.array(errors[name])) if name in errors else None for name in names})
 
 
-def _as_read(pieces: Moves | Windows, fit: HandFit) -> NDArray[np.float64]:
+def _as_read(pieces: Moves | Windows, fit: HandFit) -> Floats:
     """Return the errors (M, d) of pieces by instruments as they read, but for the biases of the gyros."""
     assert fit.gyros is not None
     values = np.zeros(len(fit.gyros.values))

@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 
 from ..motion.determinacy import COLUMNS, OPEN, PRIOR_SD, ROWS, Determinacy
 from ..motion.norm import inputs_of, norm_block, norm_equations
-from .small_turns import across, cross_matrices, nearest_rotation, rotations
+from .small_turns import Floats, Ints, across, cross_matrices, nearest_rotation, rotations
 
 FACE_ERROR = np.radians(2.0)
 """Tilt of a face on a table [rad]."""
@@ -42,13 +42,13 @@ class Forces:
         one standard deviation [rad]
     """
 
-    x: NDArray[np.float64]
+    x: Floats
     covariance: NDArray
-    case: NDArray[np.float64] | None = None
+    case: Floats | None = None
     case_error: float = 0.0
 
     @property
-    def errors(self) -> NDArray[np.float64]:
+    def errors(self) -> Floats:
         """Return standard errors (9,)."""
         return self.determinacy.standard_errors
 
@@ -74,9 +74,9 @@ class Norms:
         number R of runs; one may be without readings
     """
 
-    reading: NDArray[np.float64]
-    deviation: NDArray[np.float64]
-    run: NDArray[np.int_]
+    reading: Floats
+    deviation: Floats
+    run: Ints
     runs: int = 1
 
     @classmethod
@@ -85,7 +85,7 @@ class Norms:
         return cls(reading, deviation, np.zeros(len(reading), dtype=int))
 
     @property
-    def prior(self) -> NDArray[np.float64]:
+    def prior(self) -> Floats:
         """Standard deviations (6 + 3 R,) of the six of Γ and each run's biases before the readings."""
         return np.concatenate([PRIOR_SD[:6], np.tile(PRIOR_SD[6:], self.runs)])
 
@@ -150,7 +150,7 @@ def fitted_forces(norms: Norms, faces: "Faces | None" = None) -> Forces:
     return Forces(x, covariance[:count, :count], case, case_error)
 
 
-def _curvature(x: NDArray, covariance: NDArray, norms: Norms) -> NDArray[np.float64]:
+def _curvature(x: NDArray, covariance: NDArray, norms: Norms) -> Floats:
     """Return the addition to the covariance by the second order of the norms along open directions.
 
     A shift by a z², z of a unit normal distribution, has a mean square of 3 a².
@@ -219,22 +219,22 @@ class Faces:
         tilt of a face, one standard deviation [rad]
     """
 
-    up: NDArray[np.float64]
+    up: Floats
     error: float = FACE_ERROR
 
     @property
-    def known(self) -> NDArray[np.int_]:
+    def known(self) -> Ints:
         """Return the rests (F,) with a known direction."""
         return np.flatnonzero(np.isfinite(self.up).all(axis=1))
 
-    def case_of(self, x: NDArray, reading: NDArray) -> NDArray[np.float64] | None:
+    def case_of(self, x: NDArray, reading: NDArray) -> Floats | None:
         """Return the rotation (3, 3) of inputs into the axes of the case; None where fewer than two axes are known."""
         up = self.up[self.known]
         if not len(up) or np.linalg.matrix_rank(up, tol=0.3) < 2:
             return None
         return nearest_rotation(up.T @ inputs_of(x, reading[self.known]))
 
-    def tilts(self, x: NDArray, case: NDArray, reading: NDArray) -> NDArray[np.float64]:
+    def tilts(self, x: NDArray, case: NDArray, reading: NDArray) -> Floats:
         """Return the angles (F,) between measured and known directions [rad]."""
         up = directions_of(x, reading[self.known])[0] @ case.T
         known = self.up[self.known]

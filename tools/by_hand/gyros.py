@@ -14,6 +14,7 @@ from ..motion.determinacy import TURN_PRIOR_SD, worst_turn
 from ..motion.norm import inputs_of
 from .forces import LEAST_SPARE, SPARE, Forces
 from .moves import BIAS, GYROS, LAG, MATRIX, SENSITIVITY, Moves, PieceRows, Turns, Windows
+from .small_turns import Floats, Ints
 from .still import StillRests
 
 PRIOR = np.concatenate([np.ones(3), TURN_PRIOR_SD, np.full(9, 0.1), [0.1]])
@@ -51,7 +52,7 @@ class BiasChange:
     """Change (3,) of the gyros' biases [rad/s], 0 of those that keep theirs: before a rest, or all along (None)."""
 
     rest: int | None
-    size: NDArray[np.float64]
+    size: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,25 +76,25 @@ class GyroFit:
         where the mean rates at rest prove it
     """
 
-    values: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    fitted: NDArray[np.int_]
+    values: Floats
+    covariance: Floats
+    fitted: Ints
     sensitivity: Sensitivity | None
-    missed: NDArray[np.float64]
+    missed: Floats
     piece_error: float
     change: BiasChange | None = None
 
     @property
-    def errors(self) -> NDArray[np.float64]:
+    def errors(self) -> Floats:
         """Return standard errors (22,)."""
         return np.sqrt(np.diag(self.covariance))
 
-    def turn_error(self) -> tuple[float, NDArray[np.float64]]:
+    def turn_error(self) -> tuple[float, Floats]:
         """Return the predicted error of a turn of 90° [rad], one standard deviation, and its worst axis (3,)."""
         return worst_turn(self.covariance[MATRIX, MATRIX])
 
 
-def quiet_rests(rests: StillRests) -> NDArray[np.int_]:
+def quiet_rests(rests: StillRests) -> Ints:
     """Return the half of the rests whose gyros are quietest; a hand that trembles moves a mean rate."""
     assert rests.unrest is not None
     return np.flatnonzero(rests.unrest <= np.median(rests.unrest))
@@ -174,8 +175,8 @@ class GyroRows:
     deviation: float
     pieces: Moves | Windows
     turns: Turns | None
-    fitted: NDArray[np.int_]
-    prior: NDArray[np.float64]
+    fitted: Ints
+    prior: Floats
 
     def solved(self, forces: Forces, values: NDArray) -> tuple[NDArray, NDArray, PieceRows, float]:
         """Return values (22,) and their covariance by least squares, the pieces' errors, and a piece's own error."""
@@ -242,12 +243,9 @@ class GyroRows:
             error = np.maximum(error, UNKNOWN_RATE)
         weight = 1.0 / error / np.maximum(1.0, np.abs(off - middle) / (FAR * error))
         slopes = np.zeros((len(quiet), 3, GYROS))
-        for axis in range(3):
-            slopes[:, axis, BIAS.start + axis] = 1.0
-            first = SENSITIVITY.start + 3 * axis
-            slopes[:, axis, first : first + 3] = n
-        rows = np.zeros((len(quiet), 3, 9 + len(self.fitted)))
-        rows[:, :, 9:] = slopes[:, :, self.fitted]
+        slopes[:, :, BIAS] = np.eye(3)
+        slopes[:, :, SENSITIVITY] = np.kron(np.eye(3), n[:, None, :])
+        rows = np.concatenate([np.zeros((len(quiet), 3, 9)), slopes[:, :, self.fitted]], axis=2)
         return (off * weight).ravel(), (rows * weight[:, :, None]).reshape(-1, rows.shape[2])
 
     def _of_turns(self, values: NDArray) -> tuple[NDArray, NDArray]:

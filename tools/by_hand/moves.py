@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from ..memory import each, once
 from ..records.stamps import grid_of
 from .forces import Forces, directions_of
-from .small_turns import across, cross_matrices, rotations
+from .small_turns import Bools, Floats, Ints, across, cross_matrices, rotations
 from .still import END, StillRests, TimedReadings, mean_of_rows
 
 LONGEST = 120.0
@@ -49,7 +49,7 @@ class Way:
     """
 
     series: TimedReadings
-    ends: NDArray[np.int_]
+    ends: Ints
     near: float = NEAR
 
     def those(self, chosen: NDArray) -> "Way":
@@ -57,40 +57,40 @@ class Way:
         return Way(self.series, self.ends[chosen], self.near)
 
     @cached_property
-    def sizes(self) -> NDArray[np.int_]:
+    def sizes(self) -> Ints:
         """The number of intervals (M,) of each piece."""
         return self.ends[:, 1] - self.ends[:, 0]
 
     @cached_property
-    def begins(self) -> NDArray[np.int_]:
+    def begins(self) -> Ints:
         """The number (M,) of the first interval of each piece."""
         return np.cumsum(self.sizes) - self.sizes
 
     @cached_property
-    def rows(self) -> NDArray[np.int_]:
+    def rows(self) -> Ints:
         """The row (T,) at the end of each interval."""
         return np.arange(self.sizes.sum()) + np.repeat(self.ends[:, 0] + 1 - self.begins, self.sizes)
 
     @cached_property
-    def step(self) -> NDArray[np.float64]:
+    def step(self) -> Floats:
         """The length (T,) of each interval [s]."""
         return self.series.time_s[self.rows] - self.series.time_s[self.rows - 1]
 
     @cached_property
-    def turn(self) -> NDArray[np.float64]:
+    def turn(self) -> Floats:
         """The integral (T, 3) of the readings over each interval [rad]."""
         return self._integral(self.series.rate)
 
     @cached_property
-    def force(self) -> NDArray[np.float64]:
+    def force(self) -> Floats:
         """The integral (T, 3) of the specific force over each interval [g s]."""
         return self._integral(self.series.force)
 
-    def _integral(self, values: NDArray | None) -> NDArray[np.float64]:
+    def _integral(self, values: NDArray | None) -> Floats:
         assert values is not None
         return 0.5 * (values[self.rows] + values[self.rows - 1]) * self.step[:, None]
 
-    def sums(self, values: NDArray) -> NDArray[np.float64]:
+    def sums(self, values: NDArray) -> Floats:
         """Return the sums (M, ...) of values (T, ...) along each piece."""
         sums = np.zeros((len(self.ends), *values.shape[1:]))
         longer = self.sizes > 0
@@ -99,11 +99,11 @@ class Way:
         return sums
 
     @cached_property
-    def angle(self) -> NDArray[np.float64]:
+    def angle(self) -> Floats:
         """The total angle (M,) that the readings turn, to and fro [rad]."""
         return np.diff(self.series.turned[self.ends], axis=1)[:, 0]
 
-    def true_turns(self, gyros: NDArray) -> NDArray[np.float64]:
+    def true_turns(self, gyros: NDArray) -> Floats:
         """Return the turns (T, 3) of the block over the intervals [rad], for gyros of parameters (22,)."""
         inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
         turn = self.turn - self.step[:, None] * gyros[BIAS]
@@ -114,12 +114,12 @@ class Way:
         return turn @ inverse.T
 
     @cached_property
-    def rise(self) -> NDArray[np.float64]:
+    def rise(self) -> Floats:
         """The increase (T, 3) of the rates over each interval [rad/s]."""
         assert self.series.rate is not None
         return self.series.rate[self.rows] - self.series.rate[self.rows - 1]
 
-    def carried(self, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def carried(self, gyros: NDArray) -> tuple[Floats, Floats]:
         """Return the rotations (M, 3, 3) from the end's axes to the beginning's, and their changes (M, 3, 22).
 
         A change is a small turn in the beginning's axes. The series keeps the rotations at earlier parameters: near
@@ -137,7 +137,7 @@ class Way:
         del known[:-MOST_EXPANSIONS]
         return expansion.carried(self, gyros)
 
-    def _expanded(self, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _expanded(self, gyros: NDArray) -> tuple[Floats, Floats]:
         """Return the rotations and their changes, carried along all intervals."""
         inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
         true, count, first = self.true_turns(gyros), len(self.ends), self.begins
@@ -177,10 +177,10 @@ class Expansion:
     `ends` (P,) are the first and the last row of each piece as one number, in ascending order.
     """
 
-    gyros: NDArray[np.float64]
-    ends: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=int))
-    rotation: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, 3)))
-    changes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, GYROS)))
+    gyros: Floats
+    ends: Ints = field(default_factory=lambda: np.zeros(0, dtype=int))
+    rotation: Floats = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    changes: Floats = field(default_factory=lambda: np.zeros((0, 3, GYROS)))
 
     def distance(self, gyros: NDArray) -> float:
         """Return the largest turn of a piece to other parameters [rad]."""
@@ -202,21 +202,21 @@ class Expansion:
         self.rotation = np.concatenate([self.rotation, rotation])[order]
         self.changes = np.concatenate([self.changes, changes])[order]
 
-    def carried(self, way: Way, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def carried(self, way: Way, gyros: NDArray) -> tuple[Floats, Floats]:
         """Return the rotations of a way at parameters nearby, and their changes."""
         at, _ = self._places(way)
         rotation, changes = self.rotation[at], self.changes[at]
         step = gyros - self.gyros
         return (rotations(changes @ step) @ rotation if step.any() else rotation), changes
 
-    def _places(self, way: Way) -> tuple[NDArray[np.int_], NDArray[np.bool_]]:
+    def _places(self, way: Way) -> tuple[Ints, Bools]:
         """Return the place (M,) of each piece of a way, and whether it is known."""
         numbers = _numbers(way)
         at = np.searchsorted(self.ends, numbers)
         return at, np.append(self.ends, -1)[at] == numbers
 
 
-def _numbers(way: Way) -> NDArray[np.int_]:
+def _numbers(way: Way) -> Ints:
     """Return the first and the last row of each piece as one number."""
     return way.ends @ np.array([len(way.series.time_s), 1])
 
@@ -226,10 +226,10 @@ class PieceRows:
     """Errors (M, d) of pieces [rad], and their slopes by the nine parameters of the accelerometers (M, d, 9) and by
     those of the gyros (M, d, 22). Their mean square (M, d) is by readings of the accelerometers with unit errors."""
 
-    error: NDArray[np.float64]
-    by_forces: NDArray[np.float64]
-    by_gyros: NDArray[np.float64]
-    by_readings: NDArray[np.float64]
+    error: Floats
+    by_forces: Floats
+    by_gyros: Floats
+    by_readings: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,9 +247,9 @@ class Moves:
     """
 
     way: Way
-    rests: NDArray[np.int_]
-    before: NDArray[np.float64]
-    after: NDArray[np.float64]
+    rests: Ints
+    before: Floats
+    after: Floats
 
     def __len__(self) -> int:
         return len(self.rests)
@@ -258,7 +258,7 @@ class Moves:
         """Return some of the moves."""
         return Moves(self.way.those(chosen), self.rests[chosen], self.before[chosen], self.after[chosen])
 
-    def among(self, rests: NDArray[np.int_], count: int) -> "Moves":
+    def among(self, rests: Ints, count: int) -> "Moves":
         """Return the moves between two of some of `count` rests, renumbered."""
         number = np.full(count, -1)
         number[rests] = np.arange(len(rests))
@@ -298,7 +298,7 @@ class Windows:
     """
 
     way: Way
-    true: NDArray[np.float64]
+    true: Floats
     case_error: float | None = None
 
     def __len__(self) -> int:
@@ -327,13 +327,13 @@ class Turns:
     """Turns of known angles (T,) [rad] about a steady axis, and the error of an angle [rad]."""
 
     way: Way
-    angle: NDArray[np.float64]
+    angle: Floats
     error: float = TURN_ERROR
 
     def __len__(self) -> int:
         return len(self.angle)
 
-    def rows(self, gyros: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def rows(self, gyros: NDArray) -> tuple[Floats, Floats]:
         """Return the errors (T,) of the turns over that of an angle, and their slopes (T, 22)."""
         inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
         way = self.way
@@ -347,7 +347,7 @@ class Turns:
         return (angle - self.angle) / self.error, slopes / self.error
 
 
-def moves_of(series: TimedReadings, rests: StillRests, broken: NDArray[np.bool_]) -> Moves:
+def moves_of(series: TimedReadings, rests: StillRests, broken: Bools) -> Moves:
     """Return the moves between rests without a gap and without a broken row (N,), each of at most two minutes."""
     gaps = once(_gaps_before, series, broken.tobytes())
     end = max(1, round(END / series.period))
@@ -368,6 +368,6 @@ def moves_of(series: TimedReadings, rests: StillRests, broken: NDArray[np.bool_]
     return Moves(Way(series, rows), np.array(pairs, dtype=int).reshape(-1, 2), *of_gravity)
 
 
-def _gaps_before(series: TimedReadings, broken: bytes) -> NDArray[np.int_]:
+def _gaps_before(series: TimedReadings, broken: bytes) -> Ints:
     """Return the number of gaps and broken rows (N,) up to each row."""
     return np.append(0, np.cumsum(grid_of(series.time_s).is_gap | np.frombuffer(broken, dtype=bool)[1:]))

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
 from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, PooledTest, Verdict
@@ -21,6 +20,7 @@ from .forces import SPARE, Forces, Norms, fitted_forces
 from .moves import Windows
 from .pooled_gyros import with_pooled_gyros
 from .run import HandRecord, HandRequest, Run, run_of
+from .small_turns import Ints
 
 CHANCE, GROWTH = 1e-3, 1.2
 """Runs are one instrument where chance explains the pooled residuals with a larger probability, and where these are
@@ -51,7 +51,7 @@ class PooledFit:
     fits: tuple[HandFit, ...]
     test: PooledTest
     bounds: Bounds
-    columns: tuple[NDArray[np.int_], ...]
+    columns: tuple[Ints, ...]
     warnings: list[str]
 
     def bounds_of(self, number: int) -> Bounds:
@@ -147,25 +147,19 @@ def _axes_of(runs: Iterable[Run]) -> str:
 
 def _residuals(calibrations: Sequence[Calibration]) -> dict[str, float | None]:
     """Return the residuals of all runs: rms at rest, rms and largest of the moves."""
-    rests, moves, largest = [], [], []
-    for calibration in calibrations:
-        basis = calibration.by_hand
-        assert basis is not None
-        rests.append((basis.rests, basis.residual_norm))
-        if basis.residual_move is not None:
-            moves.append((basis.moves, basis.residual_move))
-            largest.append(basis.largest_move)
+    bases = [calibration.by_hand for calibration in calibrations if calibration.by_hand is not None]
+    moved = [basis for basis in bases if basis.residual_move is not None]
     return {
-        "residual_norm": _rms_of(rests),
-        "residual_move": _rms_of(moves) if moves else None,
-        "largest_move": max(largest, default=None),
+        "residual_norm": _rms_of([(basis.rests, basis.residual_norm) for basis in bases]),
+        "residual_move": _rms_of([(basis.moves, basis.residual_move or 0.0) for basis in moved]) if moved else None,
+        "largest_move": max((basis.largest_move or 0.0 for basis in moved), default=None),
     }
 
 
 def _rms_of(parts: Sequence[tuple[int, float]]) -> float:
     """Return the rms of all values by the number and the rms of those of each part."""
-    count = sum(number for number, _ in parts)
-    return math.sqrt(sum(number * size**2 for number, size in parts) / max(count, 1))
+    counts, sizes = np.array(parts).T
+    return math.sqrt(counts @ np.square(sizes) / max(counts.sum(), 1.0))
 
 
 def _pose_error(calibration: Calibration) -> float:
@@ -235,15 +229,11 @@ def _bounds_alone(run: Run, fit: HandFit) -> Bounds:
 
 def _most_alone(runs: Sequence[Run], alone: Sequence[HandFit]) -> float:
     """Return the largest radius of runs together that are one instrument: 1, or more where a run alone breaks σ."""
-    most = 1.0
-    for run, fit in zip(runs, alone, strict=True):
-        possible = _bounds_alone(run, fit).possible
-        if possible is not None and possible.radius > 1.0:
-            most = max(most, GROWTH * possible.radius)
-    return most
+    possible = [_bounds_alone(run, fit).possible for run, fit in zip(runs, alone, strict=True)]
+    return max([1.0, *(GROWTH * one.radius for one in possible if one is not None and one.radius > 1.0)])
 
 
-def _joined(norms: Sequence[Norms], own: NDArray[np.int_]) -> Norms:
+def _joined(norms: Sequence[Norms], own: Ints) -> Norms:
     """Return the norms of runs with the numbers of their sets of biases."""
     reading = np.vstack([of_run.reading for of_run in norms])
     deviation = np.concatenate([of_run.deviation for of_run in norms])

@@ -17,7 +17,7 @@ from .calibration import CHANCE, HandFit
 from .gyros import OF_TRUTH, PRIOR, GyroFit
 from .moves import MATRIX, SENSITIVITY, Windows
 from .run import Run
-from .small_turns import cross_matrices, nearest_rotation, rotations
+from .small_turns import Floats, Ints, cross_matrices, nearest_rotation, rotations
 
 ROUNDS = 10
 ANY = 1e6
@@ -46,13 +46,13 @@ class RunGyros:
 
     run: Run
     fit: GyroFit
-    shared: NDArray[np.int_]
+    shared: Ints
     axes_error: float
-    prior: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    prior: Floats
+    covariance: Floats
 
     @classmethod
-    def of(cls, run: Run, fit: GyroFit, shared: NDArray[np.int_]) -> "RunGyros":
+    def of(cls, run: Run, fit: GyroFit, shared: Ints) -> "RunGyros":
         """Return the gyros of a run."""
         axes_error, prior, covariance = 0.0, PRIOR.copy(), fit.covariance.copy()
         if isinstance(run.moves, Windows):
@@ -64,17 +64,17 @@ class RunGyros:
         return cls(run, fit, shared, axes_error, prior[shared], covariance)
 
     @property
-    def values(self) -> NDArray[np.float64]:
+    def values(self) -> Floats:
         """The shared parameters (s,)."""
         return self.fit.values[self.shared]
 
     @property
-    def information(self) -> NDArray[np.float64]:
+    def information(self) -> Floats:
         """The information (s, s) of the readings on the shared parameters: without the prior's."""
         return np.linalg.inv(self.covariance[np.ix_(self.shared, self.shared)]) - np.diag(self.prior**-2)
 
     @property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Floats:
         """I + M (3, 3)."""
         return np.eye(3) + self.fit.values[MATRIX].reshape(3, 3)
 
@@ -94,13 +94,13 @@ class SharedGyros:
         differences between runs in units of their errors, at least 1; the covariance holds them
     """
 
-    values: NDArray[np.float64]
-    rotations: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    values: Floats
+    rotations: Floats
+    covariance: Floats
     scatter: float
 
 
-def _columns(count: int, number: int) -> NDArray[np.int_]:
+def _columns(count: int, number: int) -> Ints:
     """Return the columns (s + 3,) of the shared parameters, and of the turn of one run's axes."""
     return np.append(np.arange(count), count + 3 * number + np.arange(3))
 
@@ -183,7 +183,7 @@ def shared_gyros(gyros: Sequence[RunGyros], first: RunGyros) -> SharedGyros:
     return SharedGyros(values, turned, covariance * scatter**2, scatter)
 
 
-def _small_turn(rotation: NDArray) -> NDArray[np.float64]:
+def _small_turn(rotation: NDArray) -> Floats:
     """Return the vector (3,) of a small turn."""
     skew = 0.5 * (rotation - rotation.T)
     return np.array([skew[2, 1], skew[0, 2], skew[1, 0]])

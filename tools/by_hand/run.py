@@ -21,22 +21,27 @@ from ..motion.truth import known_rows, usable_in, windows_between
 from ..records import ForceRecord, PoseRecord, StrapdownRecord
 from ..records.columns import face_of, part_of, turn_of
 from ..records.cut_off import limited_rests
-from ..records.decisions import Decisions, rows_of_rests
+from ..records.decisions import Decisions, decisions_of, rows_of_rests
 from ..records.limits import channel_limits
 from ..records.noise import noise_bound_of
 from ..rounding import digits, exactly
 from .forces import FACE_ERROR, Faces
 from .moves import Moves, Turns, Way, Windows, moves_of
+from .small_turns import Bools, Floats, Ints
 from .still import StillRests, TimedReadings, averaged, still_rests
 
 HandRecord: TypeAlias = StrapdownRecord | ForceRecord | PoseRecord
 Measured = TypeVar("Measured", bound=HandRecord)
 NOISE = (1e-9, 5e-2)
 """Noise bounds that can be used, fractions of g."""
+RATIOS = (1.001, 100.0)
+"""Largest scatters of accelerometers at rest that can be asked for, in units of their noise."""
 CUT = 0.2
 """A move is a cut if gravity turns over it by this much more than the gyros [rad]."""
 GAP, MOST_CUT = 10.0, 5.0
 """Length of the gap at a cut, and of the longest move that is a cut [s]."""
+EQUAL = 1e-9
+"""Means that differ by less are equal, but for rounding [g]."""
 FEWEST_TOLD = 4
 """Least number of rests that prove that an accelerometer with equal readings is dead."""
 FEWEST_ROWS = 16
@@ -77,20 +82,17 @@ class HandRequest:
         return HandRequest(rests=None if rests is None else Path(rests), faces=words[0], turns=words[1], **known)
 
     def __post_init__(self) -> None:
-        least, most = GRAVITIES
-        if not least <= self.gravity <= most:
-            raise InputError(
-                f"--gravity {exactly(self.gravity)}: must be from {least:g} to {most:g}, as 9.80665 [m/s²]"
-            )
         if self.noise_bound is not None and self.noise_sd is not None:
             raise InputError(f"--noise-sd {exactly(self.noise_sd)}: goes without --noise-bound; give one of them")
-        for name, value in (("noise-bound", self.noise_bound), ("noise-sd", self.noise_sd)):
-            if value is not None and not NOISE[0] <= value <= NOISE[1]:
-                raise InputError(
-                    f"--{name} {exactly(value)}: must be a fraction of g from {NOISE[0]:g} to {NOISE[1]:g}, as 1e-3"
-                )
-        if self.rest_scatter is not None and not 1.0 < self.rest_scatter <= 100.0:
-            raise InputError(f"--rest-scatter {exactly(self.rest_scatter)}: must be above 1, up to 100; 3 is usual")
+        for name, value, (least, most), what in (
+            ("gravity", self.gravity, GRAVITIES, "{}, as 9.80665 [m/s²]"),
+            ("noise-bound", self.noise_bound, NOISE, "a fraction of g {}, as 1e-3"),
+            ("noise-sd", self.noise_sd, NOISE, "a fraction of g {}, as 1e-3"),
+            ("rest-scatter", self.rest_scatter, RATIOS, "{}; 3 is usual"),
+        ):
+            if value is not None and not least <= value <= most:
+                limits = what.format(f"from {least:g} to {most:g}")
+                raise InputError(f"--{name} {exactly(value)}: must be {limits}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +118,7 @@ class Run:
 
     record: HandRecord
     rests: StillRests
-    deviation: NDArray[np.float64]
+    deviation: Floats
     bound: float | None
     basis: str
     faces: Faces | None
@@ -129,7 +131,13 @@ class Run:
         """Whether the errors of readings are known but by the norms: from options or from the scatter at rest."""
         return bool(self.basis) or not isinstance(self.record, PoseRecord) or self.record.scatter is not None
 
-    def those(self, chosen: NDArray[np.int_]) -> "Run":
+    def part(self, chosen: Ints) -> "Run":
+        """Return the run with some of its windows, where a true attitude is known, or of its rests."""
+        if isinstance(self.moves, Windows):
+            return replace(self, moves=self.moves.those(chosen))
+        return self.those(chosen)
+
+    def those(self, chosen: Ints) -> "Run":
         """Return the run with some of the rests, and the moves between neighbours among them."""
         faces = None if self.faces is None else replace(self.faces, up=self.faces.up[chosen])
         moves = self.moves
@@ -154,13 +162,14 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
     decisions = record.decisions or Decisions()
     if decisions.turns and not request.turns:
         request = replace(request, turns=tuple(decisions.turns.split(",")))
+    where = str(record.path)
     if request.rests is not None:
-        rests, faces_of_file = _rests_of_file(request.rests, series)
-    elif decisions.rests is not None:
-        rows = rows_of_rests(series.time_s, decisions.rests, str(record.path))
-        rests, faces_of_file = averaged(series, rows, None), decisions.faces()
+        where = f"--rests {request.rests}"
+        decisions = _rests_of_file(request.rests, where)
+    if decisions.rests is not None:
+        rests = averaged(series, rows_of_rests(series.time_s, decisions.rests, where), None)
     else:
-        rests, faces_of_file = _with_parts(record, series, still_rests(series, request.rest_scatter)), ()
+        rests = _with_parts(record, series, still_rests(series, request.rest_scatter))
     windows = truth_windows(record, series)
     if not len(rests) and windows is None:
         raise InputError(
@@ -174,7 +183,7 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
             f"rests: a limit of {QUIET:g} times the noise of the accelerometers leaves too few; found with "
             f"{rests.limit:g} times"
         )
-    words = request.faces or faces_of_file or _faces_in(record, rests)
+    words = request.faces or decisions.faces() or _faces_in(record, rests)
     moves: Moves | Windows | None = None
     turns = None
     if windows is not None:
@@ -297,7 +306,7 @@ def _verticals(record: HandRecord, rests: StillRests) -> Faces | None:
 def _check_alive(record: HandRecord, force: NDArray) -> None:
     """Refuse a record whose accelerometer never changes though the others do."""
     spread = np.ptp(force, axis=0)
-    for axis in np.flatnonzero(spread == 0.0):
+    for axis in np.flatnonzero(spread < EQUAL):
         if len(force) >= FEWEST_TOLD and spread.max() > 0.1:
             raise InputError(f"{record.path}: column f{axis + 1}_mps2: never changes while the others do; is it dead?")
 
@@ -356,34 +365,21 @@ def _with_parts(record: StrapdownRecord | ForceRecord, series: TimedReadings, re
     return averaged(series, rows, rests.limit)
 
 
-def _rests_of_file(path: Path, series: TimedReadings) -> tuple[StillRests, Sequence[str]]:
-    """Return the rests of a file with the columns from_s, to_s and perhaps face, and their faces.
+def _rests_of_file(path: Path, where: str) -> Decisions:
+    """Return the rests of a file with the columns from_s, to_s and perhaps face.
 
     Raises
     ------
     InputError
-        for a file that has no such columns, or a rest without readings
+        for a file that has no such columns
     """
     try:
         table = pl.read_csv(path, comment_prefix="#", infer_schema=False)
-        begins, ends = (table[name].str.strip_chars().cast(pl.Float64).to_list() for name in ("from_s", "to_s"))
+        columns = [table[name].str.strip_chars().cast(pl.Float64).to_list() for name in ("from_s", "to_s")]
     except (OSError, pl.exceptions.PolarsError) as error:
-        raise InputError(f"--rests {path}: needs a CSV file with numbers in the columns from_s, to_s") from error
-    rows = []
-    for number, (begin, end) in enumerate(zip(begins, ends, strict=True), start=1):
-        if begin is None or end is None:
-            raise InputError(f"--rests {path}, row {number}: from_s or to_s is empty")
-        first, last = np.searchsorted(series.time_s, [begin, end])
-        if last - first < 2 or begin < series.time_s[0] - series.period or end > series.time_s[-1] + series.period:
-            raise InputError(
-                f"--rests {path}, row {number}: {exactly(begin)} to {exactly(end)} s holds no readings; the record is "
-                f"from {digits(float(series.time_s[0]), 6)} to {digits(float(series.time_s[-1]), 6)} s"
-            )
-        if rows and first < rows[-1].stop:
-            raise InputError(f"--rests {path}, row {number}: begins before the rest above it ends")
-        rows.append(slice(int(first), int(last)))
-    faces = table["face"].fill_null("").to_list() if "face" in table.columns else ()
-    return averaged(series, rows, None), faces
+        raise InputError(f"{where}: needs a CSV file with numbers in the columns from_s, to_s") from error
+    columns.append(table["face"].fill_null("").to_list() if "face" in table.columns else [""] * len(table))
+    return decisions_of({"rests": [list(row) for row in zip(*columns, strict=True)]}, where)
 
 
 def _without_cuts(moves: Moves) -> tuple[Moves, int]:
@@ -392,7 +388,7 @@ def _without_cuts(moves: Moves) -> tuple[Moves, int]:
     return moves.those(np.flatnonzero(~cut)), int(cut.sum())
 
 
-def cut_moves(moves: Moves) -> NDArray[np.bool_]:
+def cut_moves(moves: Moves) -> Bools:
     """Return the moves (M,) over which gravity turned farther than the gyros can have turned it."""
     before, after = (ends / np.linalg.norm(ends, axis=1)[:, None] for ends in (moves.before, moves.after))
     turned = np.arctan2(np.linalg.norm(np.cross(before, after), axis=1), np.einsum("ij,ij->i", before, after))
@@ -410,7 +406,7 @@ def parted_at_cuts(record: Measured, gravity: float) -> Measured:
     return replace(record, time_s=once(np.add, record.time_s, shift)) if shift.any() else record
 
 
-def _shift_at_cuts(record: StrapdownRecord, gravity: float) -> NDArray[np.float64]:
+def _shift_at_cuts(record: StrapdownRecord, gravity: float) -> Floats:
     """Return the times (N,) that part sections at cuts [s]."""
     series = series_of(record, HandRequest(gravity=gravity))
     rests = still_rests(series)
@@ -424,7 +420,7 @@ def _shift_at_cuts(record: StrapdownRecord, gravity: float) -> NDArray[np.float6
 
 
 def turns_in(
-    record: StrapdownRecord | ForceRecord, series: TimedReadings, request: HandRequest, saturated: NDArray[np.bool_]
+    record: StrapdownRecord | ForceRecord, series: TimedReadings, request: HandRequest, saturated: Bools
 ) -> Turns | None:
     """Return the known turns by the columns `turn` and `part`; None without them, or where turns are given in words.
 
@@ -461,15 +457,15 @@ def turns_told(record: HandRecord, moves: Moves, request: HandRequest) -> Turns 
         return None
     vectors = moves.way.sums(moves.way.turn)
     angles = np.linalg.norm(vectors, axis=1)
-    steady = angles >= STEADY * moves.way.angle
-    if len(request.turns) == 1 and _is_number(request.turns[0]):
-        angle = abs(float(request.turns[0]))
+    steady, axes = angles >= STEADY * moves.way.angle, np.argmax(np.abs(vectors), axis=1) + 1
+    angle = _lone_angle(request.turns)
+    if angle is not None:
         if not 0.0 < angle <= 36000.0:
             raise InputError(f"--turns {request.turns[0]}: an angle in degrees is needed, as 360")
         chosen = np.flatnonzero(steady & (angles >= 0.8 * np.radians(angle)) & (angles <= 1.25 * np.radians(angle)))
         if not len(chosen):
             raise InputError(f"--turns {request.turns[0]}: {record.path} has no move of about {exactly(angle)} degrees")
-        known = [(int(np.argmax(np.abs(vectors[number]))) + 1, math.nan) for number in chosen]
+        known = [(axis, math.nan) for axis in axes[chosen].tolist()]
         return _checked(record, moves.way.those(chosen), known, angle)
     known = []
     for word in request.turns:
@@ -480,10 +476,8 @@ def turns_told(record: HandRecord, moves: Moves, request: HandRequest) -> Turns 
         if turn is not None:
             known.append(turn)
     sizes = [360.0 if math.isnan(angle) else abs(angle) for _, angle in known]
-    least = LEAST * np.radians(min(sizes, default=360.0))
-    axes = np.argmax(np.abs(vectors), axis=1) + 1
     chosen, number = [], 0
-    for move in np.flatnonzero(steady & (angles >= least)).tolist():
+    for move in np.flatnonzero(steady).tolist():
         if number < len(known) and axes[move] == known[number][0] and angles[move] >= LEAST * np.radians(sizes[number]):
             chosen.append(move)
             number += 1
@@ -496,12 +490,14 @@ def turns_told(record: HandRecord, moves: Moves, request: HandRequest) -> Turns 
     return _checked(record, moves.way.those(np.array(chosen)), known)
 
 
-def _is_number(text: str) -> bool:
+def _lone_angle(words: Sequence[str]) -> float | None:
+    """Return the angle [deg] of a single word that is a number and no axis; None of other words."""
+    if len(words) > 1 or words[0].strip() in ("1", "2", "3"):
+        return None
     try:
-        float(text)
+        return abs(float(words[0]))
     except ValueError:
-        return False
-    return text.strip() not in ("1", "2", "3")
+        return None
 
 
 def _checked(record: HandRecord, way: Way, known: Sequence[tuple[int, float]], whole: float = 360.0) -> Turns:

@@ -1,10 +1,16 @@
 """Rotation matrices, cross products and directions across others, for many vectors at once."""
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
+Floats: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int_]
+Bools: TypeAlias = NDArray[np.bool_]
 
-def rotations(turn: NDArray) -> NDArray[np.float64]:
+
+def rotations(turn: NDArray) -> Floats:
     """Return rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
     square = np.square(turn).sum(axis=-1)
     angle = np.sqrt(square) / np.pi
@@ -18,7 +24,7 @@ def rotations(turn: NDArray) -> NDArray[np.float64]:
     return matrix
 
 
-def cross_matrices(vector: NDArray) -> NDArray[np.float64]:
+def cross_matrices(vector: NDArray) -> Floats:
     """Return the matrices (..., 3, 3) of the cross product by vectors (..., 3)."""
     matrix = np.zeros((*vector.shape[:-1], 3, 3))
     for first, second, third in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -27,7 +33,7 @@ def cross_matrices(vector: NDArray) -> NDArray[np.float64]:
     return matrix
 
 
-def across(direction: NDArray) -> NDArray[np.float64]:
+def across(direction: NDArray) -> Floats:
     """Return two unit vectors (M, 2, 3) across each direction (M, 3)."""
     least = np.eye(3)[np.argmin(np.abs(direction), axis=1)]
     first = np.cross(direction, least)
@@ -35,7 +41,7 @@ def across(direction: NDArray) -> NDArray[np.float64]:
     return np.stack([first, np.cross(direction, first)], axis=1)
 
 
-def nearest_rotation(matrix: NDArray) -> NDArray[np.float64]:
+def nearest_rotation(matrix: NDArray) -> Floats:
     """Return the rotation (3, 3) nearest to a matrix: R with the largest trace of Rᵀ times it."""
     first, _, second = np.linalg.svd(matrix, full_matrices=False)
     return first @ np.diag([1.0, 1.0, np.linalg.det(first @ second)]) @ second

@@ -13,6 +13,7 @@ from ..motion.rests import LEAST_ROWS, QUIET, still_stretches, still_windows, wi
 from ..records.columns import LARGEST_FORCE
 from ..records.stamps import grid_of
 from ..records.steps import reading_step
+from .small_turns import Floats, Ints
 
 WIDER = 5.0
 """The limit of a second pass, where the first leaves fewer than `FEWEST` rests."""
@@ -43,9 +44,9 @@ class TimedReadings:
         rotations over pieces of it that were carried
     """
 
-    time_s: NDArray[np.float64]
-    force: NDArray[np.float64]
-    rate: NDArray[np.float64] | None = None
+    time_s: Floats
+    force: Floats
+    rate: Floats | None = None
     expansions: list[Any] = field(default_factory=list)
 
     @cached_property
@@ -54,7 +55,7 @@ class TimedReadings:
         return grid_of(self.time_s).period
 
     @cached_property
-    def turned(self) -> NDArray[np.float64]:
+    def turned(self) -> Floats:
         """The angle (N,) that the gyros have turned since the first row, to and fro [rad]."""
         assert self.rate is not None
         speed = np.linalg.norm(self.rate[1:] + self.rate[:-1], axis=1)
@@ -86,18 +87,18 @@ class StillRests:
     """
 
     rows: tuple[slice, ...]
-    force: NDArray[np.float64]
-    deviation: NDArray[np.float64]
+    force: Floats
+    deviation: Floats
     limit: float | None
-    rate: NDArray[np.float64] | None = None
-    rate_deviation: NDArray[np.float64] | None = None
-    rate_steps: NDArray[np.float64] | None = None
-    unrest: NDArray[np.float64] | None = None
+    rate: Floats | None = None
+    rate_deviation: Floats | None = None
+    rate_steps: Floats | None = None
+    unrest: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.force)
 
-    def those(self, chosen: NDArray[np.int_]) -> "StillRests":
+    def those(self, chosen: Ints) -> "StillRests":
         """Return some of the rests."""
         of_gyros = self.rate, self.rate_deviation, self.rate_steps, self.unrest
         of_gyros = [None if one is None else one[chosen] for one in of_gyros]
@@ -172,12 +173,12 @@ def averaged(series: TimedReadings, rows: Sequence[slice], limit: float | None) 
     return StillRests(tuple(rows), force, deviation, limit, rate, rate_deviation, steps, unrest)
 
 
-def mean_of_rows(values: NDArray) -> NDArray[np.float64]:
+def mean_of_rows(values: NDArray) -> Floats:
     """Return the mean (C,) of rows (n, C)."""
     return values.mean(axis=0)
 
 
-def _of_steps(values: NDArray, spread: ArrayLike) -> NDArray[np.float64]:
+def _of_steps(values: NDArray, spread: ArrayLike) -> Floats:
     """Return the error (K, C) of means over rests by steps of the readings (N, C) that noise does not even out."""
     spread = np.asarray(spread)
     changes = np.abs(np.diff(values[:FIRST_ROWS], axis=0))
@@ -189,7 +190,7 @@ def _of_steps(values: NDArray, spread: ArrayLike) -> NDArray[np.float64]:
     return np.where(spread < 0.5 * step, step / np.sqrt(12.0), 0.0)
 
 
-def _spread(values: NDArray) -> NDArray[np.float64]:
+def _spread(values: NDArray) -> Floats:
     return values.std(axis=0)
 
 

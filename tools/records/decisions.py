@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import bytes_of
-from ..rounding import exactly
+from ..rounding import digits, exactly
 from .columns import face_of, turn_of
 
 SCHEMA = "trihedron.decisions/1"
@@ -290,6 +290,7 @@ def rows_of_rests(time_s: np.ndarray, rests: Sequence[DecidedRest], where: str) 
     for number, (rest, first, stop) in enumerate(zip(rests, begins, ends, strict=True), start=1):
         if stop - first < 2:
             span = f"{exactly(rest.from_s)} to {exactly(rest.to_s)} s"
-            raise InputError(f"{where}: rest {number} ({span}) holds no readings")
+            extent = f"the record is from {digits(float(time_s[0]), 6)} to {digits(float(time_s[-1]), 6)} s"
+            raise InputError(f"{where}: rest {number} ({span}) holds no readings; {extent}")
         rows.append(slice(first, stop))
     return rows

@@ -176,7 +176,7 @@ def test_rests_of_a_file_and_a_wider_limit(tmp_path: Path) -> None:
         assert abs(present(p.estimate) - truth(instrument)[symbol]) < 4.0 * present(p.standard_error)
     assert present(th.calibrate(table, gravity=GRAVITY, rest_scatter=4.0).by_hand).scatter_limit == 4.0
     late = written(rests.with_columns(from_s=pl.col("from_s") + 1e4, to_s=pl.col("to_s") + 1e4), tmp_path / "late.csv")
-    with pytest.raises(ValueError, match=r"row 1: .* holds no readings"):
+    with pytest.raises(ValueError, match=r"rest 1 .* holds no readings; the record is from 0 to"):
         th.calibrate(table, gravity=GRAVITY, rests=str(late))
     with pytest.raises(ValueError, match="from_s, to_s"):
         th.calibrate(table, gravity=GRAVITY, rests=str(written(table, tmp_path / "table.csv")))
