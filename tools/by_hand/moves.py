@@ -351,21 +351,16 @@ def moves_of(series: TimedReadings, rests: StillRests, broken: Bools) -> Moves:
     """Return the moves between rests without a gap and without a broken row (N,), each of at most two minutes."""
     gaps = once(_gaps_before, series, broken.tobytes())
     end = max(1, round(END / series.period))
-    pairs, ends, before, after = [], [], [], []
-    for number in range(len(rests) - 1):
-        at, then = rests.rows[number], rests.rows[number + 1]
-        standing = slice(max(at.start, at.stop - end), at.stop)
-        coming = slice(then.start, min(then.stop, then.start + end))
-        first, last = (standing.start + standing.stop - 1) // 2, (coming.start + coming.stop - 1) // 2
-        if gaps[last] != gaps[first] or series.time_s[last] - series.time_s[first] > LONGEST:
-            continue
-        pairs.append((number, number + 1))
-        ends.append((first, last))
-        before.append(standing)
-        after.append(coming)
-    rows = np.array(ends, dtype=int).reshape(-1, 2)
-    of_gravity = (np.reshape(each(mean_of_rows, series.force, pieces), (-1, 3)) for pieces in (before, after))
-    return Moves(Way(series, rows), np.array(pairs, dtype=int).reshape(-1, 2), *of_gravity)
+    rows = [(at.start, at.stop) for at in rests.rows]
+    before = [slice(max(start, stop - end), stop) for start, stop in rows[:-1]]
+    after = [slice(start, min(stop, start + end)) for start, stop in rows[1:]]
+    middles = [(at.start + at.stop - 1) // 2 for pair in zip(before, after, strict=True) for at in pair]
+    ends = np.array(middles, dtype=int).reshape(-1, 2)
+    is_short = np.diff(series.time_s[ends], axis=1)[:, 0] <= LONGEST
+    kept = np.flatnonzero(is_short & (np.diff(gaps[ends], axis=1)[:, 0] == 0))
+    pieces = [[of_rests[number] for number in kept.tolist()] for of_rests in (before, after)]
+    of_gravity = (np.reshape(each(mean_of_rows, series.force, at), (-1, 3)) for at in pieces)
+    return Moves(Way(series, ends[kept]), kept[:, None] + np.arange(2), *of_gravity)
 
 
 def _gaps_before(series: TimedReadings, broken: bytes) -> Ints:

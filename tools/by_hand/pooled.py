@@ -109,9 +109,6 @@ def calibrate_runs_by_hand(
         verdict = "falsified"
     basis = worst.by_hand.model_copy(
         update={
-            "rests": sum(len(run.rests) for run in runs.values()),
-            "moves": sum(0 if run.moves is None else len(run.moves) for run in runs.values()),
-            "turns": sum(0 if run.turns is None else len(run.turns) for run in runs.values()),
             "pooled": pooled.test,
             "axes": _axes_of(runs.values()),
             "case": None,
@@ -146,10 +143,11 @@ def _axes_of(runs: Iterable[Run]) -> str:
 
 
 def _residuals(calibrations: Sequence[Calibration]) -> dict[str, float | None]:
-    """Return the residuals of all runs: rms at rest, rms and largest of the moves."""
+    """Return the rests, moves and turns of all runs, and their residuals: rms at rest, rms and largest of the moves."""
     bases = [calibration.by_hand for calibration in calibrations if calibration.by_hand is not None]
     moved = [basis for basis in bases if basis.residual_move is not None]
-    return {
+    counts = {name: sum(getattr(basis, name) for basis in bases) for name in ("rests", "moves", "turns")}
+    return counts | {
         "residual_norm": _rms_of([(basis.rests, basis.residual_norm) for basis in bases]),
         "residual_move": _rms_of([(basis.moves, basis.residual_move or 0.0) for basis in moved]) if moved else None,
         "largest_move": max((basis.largest_move or 0.0 for basis in moved), default=None),

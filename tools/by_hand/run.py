@@ -194,15 +194,17 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
         assert isinstance(record, StrapdownRecord)
         limits = once(channel_limits, record)
         saturated = limits.of("w")
-        moves, cuts = _without_cuts(moves_of(series, rests, record.knocks | saturated))
+        moves = moves_of(series, rests, record.knocks | saturated)
+        is_cut = cut_moves(moves)
+        moves = moves.those(np.flatnonzero(~is_cut))
         lines = [line for line in limits.lines if line.startswith("w")]
         warnings += [f"{line}; moves and turns over them are left out" for line in lines]
         try:
             turns = turns_in(record, series, request, saturated) or turns_told(record, moves, request)
         except InputError as error:
             raise InputError("; ".join([str(error), *lines])) from error
-        if cuts:
-            warnings.append(f"{cuts} times gravity turns and the gyros do not: the record is cut there")
+        if is_cut.any():
+            warnings.append(f"{is_cut.sum()} times gravity turns and the gyros do not: the record is cut there")
     elif request.turns:
         raise InputError(f"--turns: {record.path} has no gyros")
     run = _with_noise(record, request, rests, words, moves, turns, warnings)
@@ -355,14 +357,17 @@ def _with_parts(record: StrapdownRecord | ForceRecord, series: TimedReadings, re
     words = record.part or record.face
     if words is None:
         return rests
-    changes = np.flatnonzero(np.array(words[1:]) != np.array(words[:-1])) + 1
+    changes = _changes(words)
     rows = []
     for at in rests.rows:
         edges = [at.start, *changes[(changes > at.start) & (changes < at.stop)].tolist(), at.stop]
-        for first, last in pairwise(edges):
-            if (last - first) * series.period >= 0.5:
-                rows.append(slice(first, last))
+        rows += [slice(first, last) for first, last in pairwise(edges) if (last - first) * series.period >= 0.5]
     return averaged(series, rows, rests.limit)
+
+
+def _changes(words: Sequence[str]) -> Ints:
+    """Return the rows at which another word begins."""
+    return np.flatnonzero(np.array(words[1:]) != np.array(words[:-1])) + 1
 
 
 def _rests_of_file(path: Path, where: str) -> Decisions:
@@ -380,12 +385,6 @@ def _rests_of_file(path: Path, where: str) -> Decisions:
         raise InputError(f"{where}: needs a CSV file with numbers in the columns from_s, to_s") from error
     columns.append(table["face"].fill_null("").to_list() if "face" in table.columns else [""] * len(table))
     return decisions_of({"rests": [list(row) for row in zip(*columns, strict=True)]}, where)
-
-
-def _without_cuts(moves: Moves) -> tuple[Moves, int]:
-    """Return the moves over which the gyros can turn gravity as it turned, and the number of the others."""
-    cut = cut_moves(moves)
-    return moves.those(np.flatnonzero(~cut)), int(cut.sum())
 
 
 def cut_moves(moves: Moves) -> Bools:
@@ -433,9 +432,8 @@ def turns_in(
         words = tuple(part if part_of(part)[1] is not None else "" for part in record.part)
     if words is None:
         return None
-    edges = np.flatnonzero(np.array(words[1:]) != np.array(words[:-1])) + 1
     ends, known = [], []
-    for first, stop in zip([0, *edges.tolist()], [*edges.tolist(), len(words)], strict=True):
+    for first, stop in pairwise([0, *_changes(words).tolist(), len(words)]):
         turn = turn_of(words[first])
         if turn is not None and stop - first > 2 and not saturated[first:stop].any():
             ends.append((first, stop - 1))

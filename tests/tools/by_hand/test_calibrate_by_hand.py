@@ -261,6 +261,9 @@ def test_one_line_refuses_options_of_a_table_and_columns_that_may_be_gyros(tmp_p
         th.calibrate(table, rest_scatter=3.0)
     with pytest.raises(ValueError, match="never changes"):
         th.calibrate(table.with_columns(f2_mps2=pl.lit(0.1)))
+    _, moved = hand_moved(3, 6)
+    with pytest.raises(ValueError, match="never changes"):
+        th.calibrate(moved.drop("w1_radps", "w2_radps", "w3_radps").with_columns(f2_mps2=pl.lit(0.1)))
 
 
 def test_the_covariance_of_the_json_predicts_the_error_of_a_pose() -> None:

@@ -182,9 +182,7 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     assert (tmp_path / "extended" / "GyroCompensation.ssv").exists()
     diagnosis = Diagnosis.model_validate_json((tmp_path / "found.json").read_text(encoding="utf-8"))
     assert [cause.place for cause in diagnosis.causes] == [HARMONIC]
-    text = str(diagnosis.stated)
-    for words in ("place of accelerometer 1 along axis 1", "bias of gyro 1", "lag of the accelerometers behind"):
-        assert words in text
+    assert "place of accelerometer 3 along axis 3" in str(diagnosis.stated)
     (low, high), _ = diagnosis.causes[0].intervals
     assert low <= 6e-5 <= high
     assert main(["diagnose", "bench.csv", "--noise-bound", "1e-5", "--latitude-deg", "10"]) == 2
