@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX
 from ..calibrated import (
     UNITS,
     ByHand,
@@ -17,9 +18,9 @@ from ..calibrated import (
     PoseError,
     Provenance,
     Sigma,
-    TakenSensitivity,
     TurnError,
     Verdict,
+    units_of,
 )
 from ..motion.determinacy import DETERMINED, LEAST_SD, PRIOR_SD, UNSEEN, USABLE, USABLE_TURN, closing_poses
 from ..motion.norm import NAMES, UNITS_OF, norm_equations
@@ -30,7 +31,7 @@ from ..rounding import digits, upwards
 from .forces import Faces, Forces, Norms, fitted_forces, scatter_of
 from .gyros import MOVE_ERROR, GyroFit, fitted_gyros
 from .gyros import PRIOR as GYRO_PRIOR
-from .moves import BIAS, MATRIX, ROUGH, Moves, Turns, Windows
+from .moves import ROUGH, Moves, Turns, Windows
 from .run import HandRecord, HandRequest, Run, run_of
 from .small_turns import Floats, Ints
 
@@ -72,13 +73,8 @@ SMALL = 1e-6
 """Bound of a reading with which second order does not count [g]."""
 HALF_PRIOR = 0.5
 """A parameter is determined where its error is below this part of the prior's."""
-GYRO_SYMBOLS = (
-    *("B1", "B2", "B3"),
-    *(f"M{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)),
-    *(f"S{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)),
-    "L",
-)
-"""Symbols of the gyros' parameters, in the order of their values."""
+KINDS = {ForceRecord: "accelerometers", PoseRecord: "poses"}
+"""Kinds of records that have no gyros."""
 MORE_RESTS = "more rests, of two seconds and more"
 
 
@@ -375,12 +371,12 @@ def parameters_of(fit: HandFit, bounds: Bounds) -> list[Parameter]:
     if bounds.possible is not None and bounds.possible.ends is not None:
         ends = bounds.possible.ends
     determined = forces.determinacy.determined
-    columns = [NAMES, bounds.estimate, forces.errors, determined, forces.x, *ends]
+    columns = [NAMES, bounds.estimate, forces.determinacy.standard_errors, determined, forces.x, *ends]
     rows = list(zip(*columns, strict=True))
     for number in [] if gyros is None else gyros.fitted.tolist():
         value, error = gyros.values[number], gyros.errors[number]
         known = error < HALF_PRIOR * GYRO_PRIOR[number]
-        rows.append((GYRO_SYMBOLS[number], value, error, known, value, np.nan, np.nan))
+        rows.append((GYRO_PARAMETERS[number], value, error, known, value, np.nan, np.nan))
     parameters = []
     for symbol, estimate, error, known, squares, *limits in rows:
         low, high = map(finite_or_none, limits)
@@ -388,7 +384,7 @@ def parameters_of(fit: HandFit, bounds: Bounds) -> list[Parameter]:
             Parameter(
                 symbol=symbol,
                 name=name_of(symbol),
-                unit=UNITS_OF.get(symbol) or UNIT_OF_GYROS[symbol[0]],
+                unit=UNITS_OF.get(symbol) or units_of(symbol)[0],
                 determined=bool(known),
                 estimate=float(estimate),
                 standard_error=float(error),
@@ -398,9 +394,6 @@ def parameters_of(fit: HandFit, bounds: Bounds) -> list[Parameter]:
             )
         )
     return parameters
-
-
-UNIT_OF_GYROS = {"B": "rad/s", "M": "1", "S": "rad/s/g", "L": "s"}
 
 
 def _priors(possible: Possible | None) -> list[KnownBefore]:
@@ -420,9 +413,7 @@ def _basis(run: Run, fit: HandFit, gain: HandGain | None) -> ByHand:
     if gyros is not None:
         error, axis = gyros.turn_error()
         turn = TurnError(worst_rad=error, axis=axis.tolist())
-        if gyros.sensitivity is not None:
-            tested = gyros.sensitivity
-            sensitivity = TakenSensitivity(f=tested.f, p=tested.p, taken=tested.taken)
+        sensitivity = gyros.sensitivity
         if len(gyros.missed):
             sizes = np.linalg.norm(gyros.missed, axis=1)
             missed, largest = _rms(sizes), float(sizes.max())
@@ -544,15 +535,10 @@ def provenance_of(record: HandRecord) -> Provenance:
     extent = None
     if record.temperature is not None:
         extent = [float(record.temperature.min()), float(record.temperature.max())]
-    kind = "by hand"
-    if isinstance(record, ForceRecord):
-        kind = "accelerometers"
-    if isinstance(record, PoseRecord):
-        kind = "poses"
     return Provenance(
         record=record.path.name,
         record_sha256=record.sha256,
-        kind=kind,
+        kind=KINDS.get(type(record), "by hand"),
         temperature_degC=extent,
         comments=dict(record.about),
         decisions=str(record.decisions or ""),

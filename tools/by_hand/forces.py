@@ -48,11 +48,6 @@ class Forces:
     case_error: float = 0.0
 
     @property
-    def errors(self) -> Floats:
-        """Return standard errors (9,)."""
-        return self.determinacy.standard_errors
-
-    @property
     def determinacy(self) -> Determinacy:
         """Return the predicted errors in poses that were not measured."""
         return Determinacy(self.covariance, x=self.x)

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc, stdtr
 
-from ...models.bench import EARTH_RATE
+from ...models.bench import BIAS, EARTH_RATE, LAG, MATRIX, SENSITIVITY
+from ..calibrated import TakenSensitivity
 from ..motion.determinacy import TURN_PRIOR_SD, worst_turn
 from ..motion.norm import inputs_of
 from .forces import LEAST_SPARE, SPARE, Forces
-from .moves import BIAS, GYROS, LAG, MATRIX, SENSITIVITY, Moves, PieceRows, Turns, Windows
+from .moves import GYROS, Moves, PieceRows, Turns, Windows
 from .small_turns import Floats, Ints
 from .still import StillRests
 
@@ -39,15 +40,6 @@ ROUNDS = 15
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivity:
-    """F test of the gyros' sensitivity to gravity: its value, its probability, and whether it is taken."""
-
-    f: float
-    p: float
-    taken: bool
-
-
-@dataclass(frozen=True, eq=False)
 class BiasChange:
     """Change (3,) of the gyros' biases [rad/s], 0 of those that keep theirs: before a rest, or all along (None)."""
 
@@ -67,7 +59,7 @@ class GyroFit:
         zero for parameters that are not fitted
     fitted : (G,) array of int
         numbers of the parameters that are fitted
-    sensitivity : Sensitivity or None
+    sensitivity : TakenSensitivity or None
     missed : (M, d) array
         errors of the moves or windows [rad]
     piece_error : float
@@ -79,7 +71,7 @@ class GyroFit:
     values: Floats
     covariance: Floats
     fitted: Ints
-    sensitivity: Sensitivity | None
+    sensitivity: TakenSensitivity | None
     missed: Floats
     piece_error: float
     change: BiasChange | None = None
@@ -100,7 +92,7 @@ def quiet_rests(rests: StillRests) -> Ints:
     return np.flatnonzero(rests.unrest <= np.median(rests.unrest))
 
 
-def sensitivity_of(rests: StillRests, forces: Forces) -> Sensitivity | None:
+def sensitivity_of(rests: StillRests, forces: Forces) -> TakenSensitivity | None:
     """Test whether the mean rates at quiet rests depend on gravity; None of too few rests."""
     quiet = quiet_rests(rests)
     if len(quiet) < FEWEST_RESTS or rests.rate is None:
@@ -117,7 +109,7 @@ def sensitivity_of(rests: StillRests, forces: Forces) -> Sensitivity | None:
     f = float((before - after) / 9.0 / (after / of_design))
     p = float(fdtrc(9, of_design, max(f, 0.0)))
     halves = after / of_design <= 0.25 * before / of_level
-    return Sensitivity(f, p, bool(p < CHANCE and halves))
+    return TakenSensitivity(f=f, p=p, taken=bool(p < CHANCE and halves))
 
 
 def change_of_bias(rests: StillRests, x: NDArray, values: NDArray) -> BiasChange | None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
 from ..memory import each, once
 from ..records.stamps import grid_of
 from .forces import Forces, directions_of
@@ -19,9 +20,7 @@ from .still import END, StillRests, TimedReadings, mean_of_rows
 
 LONGEST = 120.0
 """Longer moves are left out: their rates may have drifted [s]."""
-GYROS = 22
-"""Parameters: three biases, nine of M, nine of S, the lag."""
-BIAS, MATRIX, SENSITIVITY, LAG = slice(0, 3), slice(3, 12), slice(12, 21), 21
+GYROS = len(GYRO_PARAMETERS)
 TURN_ERROR = np.radians(2.0)
 """Error of a hand's turn of a known angle [rad]."""
 BLOCK = 50_000

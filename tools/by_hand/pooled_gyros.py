@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from ...models.bench import MATRIX, SENSITIVITY
 from ..rounding import digits
 from .calibration import CHANCE, HandFit
 from .gyros import OF_TRUTH, PRIOR, GyroFit
-from .moves import MATRIX, SENSITIVITY, Windows
+from .moves import Windows
 from .run import Run
 from .small_turns import Floats, Ints, cross_matrices, nearest_rotation, rotations
 
