@@ -173,11 +173,11 @@ class Way:
 class Expansion:
     """Rotations (P, 3, 3) over pieces of a series and their changes (P, 3, 22) at some parameters (22,) of gyros.
 
-    `ends` (P,) are the first and the last row of each piece as one number, in ascending order.
+    `places` has the number of each piece by its first and its last row.
     """
 
     gyros: Floats
-    ends: Ints = field(default_factory=lambda: np.zeros(0, dtype=int))
+    places: dict[tuple[int, ...], int] = field(default_factory=dict)
     rotation: Floats = field(default_factory=lambda: np.zeros((0, 3, 3)))
     changes: Floats = field(default_factory=lambda: np.zeros((0, 3, GYROS)))
 
@@ -187,37 +187,24 @@ class Expansion:
 
     def extend(self, way: Way) -> None:
         """Carry the pieces of a way that are new."""
-        _, known = self._places(way)
-        if known.all():
+        fresh = [ends for ends in map(tuple, way.ends.tolist()) if ends not in self.places]
+        if not fresh:
             return
-        fresh = way.those(~known)
+        new = Way(way.series, np.array(fresh))
         # Blocks of pieces stay in the processor's cache.
-        blocks = np.array_split(fresh.ends, max(1, int(fresh.sizes.sum()) // BLOCK))
+        blocks = np.array_split(new.ends, max(1, int(new.sizes.sum()) // BLOCK))
         parts = [Way(way.series, ends)._expanded(self.gyros) for ends in blocks]
-        rotation, changes = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        ends = np.concatenate([self.ends, _numbers(fresh)])
-        order = np.argsort(ends, kind="stable")
-        self.ends = ends[order]
-        self.rotation = np.concatenate([self.rotation, rotation])[order]
-        self.changes = np.concatenate([self.changes, changes])[order]
+        self.places |= {ends: number for number, ends in enumerate(fresh, start=len(self.places))}
+        rotation, changes = zip(*parts, strict=True)
+        self.rotation = np.concatenate([self.rotation, *rotation])
+        self.changes = np.concatenate([self.changes, *changes])
 
     def carried(self, way: Way, gyros: NDArray) -> tuple[Floats, Floats]:
         """Return the rotations of a way at parameters nearby, and their changes."""
-        at, _ = self._places(way)
+        at = np.array([self.places[ends] for ends in map(tuple, way.ends.tolist())], dtype=int)
         rotation, changes = self.rotation[at], self.changes[at]
         step = gyros - self.gyros
         return (rotations(changes @ step) @ rotation if step.any() else rotation), changes
-
-    def _places(self, way: Way) -> tuple[Ints, Bools]:
-        """Return the place (M,) of each piece of a way, and whether it is known."""
-        numbers = _numbers(way)
-        at = np.searchsorted(self.ends, numbers)
-        return at, np.append(self.ends, -1)[at] == numbers
-
-
-def _numbers(way: Way) -> Ints:
-    """Return the first and the last row of each piece as one number."""
-    return way.ends @ np.array([len(way.series.time_s), 1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,7 +88,7 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
     if basis.turn_error is not None:
         counts.append(f"{basis.moves} {pieces}")
     if basis.turns:
-        counts.append(f"{basis.turns} known turns")
+        counts.append(f"{basis.turns} known turns (right to 2°, but for a warning)")
     left = f"|f| at rest differs from g by {digits(1e3 * basis.residual_norm, 2)} mg rms"
     if basis.residual_move is not None:
         left += f", attitude over the {pieces} by {_arcmin(basis.residual_move)} arcmin"
