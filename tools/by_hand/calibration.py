@@ -373,10 +373,11 @@ def parameters_of(fit: HandFit, bounds: Bounds) -> list[Parameter]:
     determined = forces.determinacy.determined
     columns = [NAMES, bounds.estimate, forces.determinacy.standard_errors, determined, forces.x, *ends]
     rows = list(zip(*columns, strict=True))
-    for number in [] if gyros is None else gyros.fitted.tolist():
-        value, error = gyros.values[number], gyros.errors[number]
-        known = error < HALF_PRIOR * GYRO_PRIOR[number]
-        rows.append((GYRO_PARAMETERS[number], value, error, known, value, np.nan, np.nan))
+    if gyros is not None:
+        for number in gyros.fitted.tolist():
+            value, error = gyros.values[number], gyros.errors[number]
+            known = error < HALF_PRIOR * GYRO_PRIOR[number]
+            rows.append((GYRO_PARAMETERS[number], value, error, known, value, np.nan, np.nan))
     parameters = []
     for symbol, estimate, error, known, squares, *limits in rows:
         low, high = map(finite_or_none, limits)
@@ -454,14 +455,14 @@ def gain_of(run: Run, whole: HandFit) -> HandGain | None:
     """
     if run.moves is not None:
         run = replace(run, moves=replace(run.moves, way=replace(run.moves.way, near=ROUGH)))
-    of_windows = isinstance(run.moves, Windows)
-    count = len(run.moves) if of_windows else len(run.rests)
-    if count < FEWEST_FOLDED and not of_windows:
+    windows = run.moves if isinstance(run.moves, Windows) else None
+    count = len(run.rests) if windows is None else len(windows)
+    if count < FEWEST_FOLDED and windows is None:
         return None
     errors: dict[str, list[float]] = {}
     for part in np.array_split(np.arange(count), FOLDS):
         fit, unseen = fit_of(run.part(np.setdiff1d(np.arange(count), part)), whole), run.part(part)
-        if not of_windows:
+        if windows is None:
             off = norm_equations(fit.forces.x, unseen.rests.force)[0]
             errors.setdefault("rest_before_g", []).extend(np.linalg.norm(unseen.rests.force, axis=1) - 1.0)
             errors.setdefault("rest_after_g", []).extend(off)

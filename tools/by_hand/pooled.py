@@ -142,7 +142,7 @@ def _axes_of(runs: Iterable[Run]) -> str:
     return "accelerometers" if any(known) or not known else "true attitude"
 
 
-def _residuals(calibrations: Sequence[Calibration]) -> dict[str, float | None]:
+def _residuals(calibrations: Sequence[Calibration]) -> Mapping[str, float | None]:
     """Return the rests, moves and turns of all runs, and their residuals: rms at rest, rms and largest of the moves."""
     bases = [calibration.by_hand for calibration in calibrations if calibration.by_hand is not None]
     moved = [basis for basis in bases if basis.residual_move is not None]

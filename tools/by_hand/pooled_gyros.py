@@ -181,7 +181,7 @@ def shared_gyros(gyros: Sequence[RunGyros], first: RunGyros) -> SharedGyros:
     scatter = 1.0
     if freedom > 1.0 and chdtrc(freedom, square) < CHANCE:
         scatter = math.sqrt(square / freedom)
-    return SharedGyros(values, turned, covariance * scatter**2, scatter)
+    return SharedGyros(values, turned, np.asarray(covariance * scatter**2), scatter)
 
 
 def _small_turn(rotation: NDArray) -> Floats:
