@@ -1,5 +1,6 @@
 """Identification of the noise of an instrument from its readings at rest."""
 
+import math
 from collections.abc import Sequence
 
 from ...fmus.units import STANDARD_GRAVITY
@@ -176,13 +177,28 @@ def _drifts(channels: Sequence[ChannelNoise], longest: float) -> list[Drift]:
     for time in DRIFT_TIMES:
         if time > LONGER * longest:
             break
-        turns = [one.drift(time) for one in channels if one.sensor == "gyro" and one.coefficients]
-        speeds = [one.drift(time) for one in channels if one.sensor == "accelerometer" and one.coefficients]
-        attitude = None
-        if turns:
-            attitude = max(turns) * PROCESSES["Q"].units["gyro"].factor / 3600.0
-        drifts.append(Drift(time_s=time, attitude_deg=attitude, velocity_mps=max(speeds, default=None)))
+        drifts.append(
+            Drift(
+                time_s=time,
+                attitude_detected_deg=_in_degrees(_worst(channels, "gyro", time, detected_alone=True)),
+                attitude_deg=_in_degrees(_worst(channels, "gyro", time, detected_alone=False)),
+                velocity_detected_mps=_worst(channels, "accelerometer", time, detected_alone=True),
+                velocity_mps=_worst(channels, "accelerometer", time, detected_alone=False),
+            )
+        )
     return drifts
+
+
+def _worst(channels: Sequence[ChannelNoise], sensor: Sensor, time: float, *, detected_alone: bool) -> float | None:
+    """Return the largest standard deviation of the integrals of a sensor's axes [rad or m/s]; None without any."""
+    changing = [channel for channel in channels if channel.sensor == sensor and channel.coefficients]
+    return max((channel.drift(time, detected_alone=detected_alone) for channel in changing), default=None)
+
+
+def _in_degrees(angle: float | None) -> float | None:
+    if angle is None:
+        return None
+    return math.degrees(angle)
 
 
 def _too_short_for(still: AtRest) -> list[str]:

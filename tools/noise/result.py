@@ -213,12 +213,16 @@ class ChannelNoise(Result):
 
         return math.sqrt(self.total(of_one, detected_alone=detected_alone))
 
-    def drift(self, time_s: float, bias_taken_s: float = BIAS_TAKEN) -> float:
+    def drift(self, time_s: float, bias_taken_s: float = BIAS_TAKEN, *, detected_alone: bool = False) -> float:
         """Return the standard deviation of the integral after a time [rad or m/s], less a bias taken before.
 
         The bias is the mean over the time before: it is the attitude or velocity error that noise alone makes.
         """
-        return math.sqrt(self.total(lambda letter, constant: variance_after(letter, constant, time_s, bias_taken_s)))
+
+        def of_one(letter: Letter, constant: float) -> float:
+            return variance_after(letter, constant, time_s, bias_taken_s)
+
+        return math.sqrt(self.total(of_one, detected_alone=detected_alone))
 
 
 def variance_after(letter: Letter, constant: float, time_s: float, bias_taken_s: float = BIAS_TAKEN) -> float:
@@ -237,12 +241,17 @@ class Drift(Result):
     time_s : float
         time since the start
     attitude_deg, velocity_mps : float
-        standard deviation of the worst axis; None where no gyro, or no accelerometer, changes at rest
+        standard deviation of the worst axis, with processes that the record is too short to exclude; None where no
+        gyro, or no accelerometer, changes at rest
+    attitude_detected_deg, velocity_detected_mps : float
+        the same by the detected processes alone
     """
 
     time_s: Annotated[float, Quantity("time", "s", "exact")]
-    attitude_deg: Annotated[float | None, Quantity("attitude error", "deg", "up")]
-    velocity_mps: Annotated[float | None, Quantity("velocity error", "m/s", "up")]
+    attitude_detected_deg: Annotated[float | None, Quantity("attitude error", "deg", "up")]
+    attitude_deg: Annotated[float | None, Quantity("at most", "deg", "up")]
+    velocity_detected_mps: Annotated[float | None, Quantity("velocity error", "m/s", "up")]
+    velocity_mps: Annotated[float | None, Quantity("at most", "m/s", "up")]
 
 
 class Dwell(Result):

@@ -54,7 +54,10 @@ CAPTION = (
 AXES = ("axis 1", "axis 2", "axis 3")
 EVEN = 1.25
 """Ends of an interval whose distances from the estimate differ by less than this factor are one number."""
-GROWTH = "Standard deviations from noise alone, after a bias taken over one minute."
+GROWTH = (
+    "Standard deviations from the noise that the record shows, after a bias taken over one minute. "
+    "`at most`: with the process that it is too short to exclude."
+)
 
 
 def _verdict(result: Noise) -> str:
@@ -172,7 +175,7 @@ def averaged_lines(averaged: Dwell) -> list[str]:
 
 
 def _drifts(result: Noise) -> Table:
-    columns = ("time_s", "attitude_deg", "velocity_mps")
+    columns = ("time_s", "attitude_detected_deg", "attitude_deg", "velocity_detected_mps", "velocity_mps")
     return table_of(result.drifts, columns)
 
 

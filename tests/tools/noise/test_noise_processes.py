@@ -137,6 +137,17 @@ def test_growth_of_the_attitude_error_is_at_least_that_of_simulated_records():
     assert 0.9 < predicted / np.std(ends) < 2.5
 
 
+def test_growth_by_detected_processes_is_that_of_the_noise_and_the_rest_is_said_apart():
+    """White noise alone: N times the root of t + t²/60 s, the second part from the bias taken over a minute."""
+    result = th.noise(static_record(60_000, 0.01, {"N": 1e-4}, {"N": 1e-3}, seed=4))
+    for drift in result.drifts:
+        turned = math.degrees(1e-4 * math.sqrt(drift.time_s + drift.time_s**2 / 60.0))
+        moved = 1e-3 * math.sqrt(drift.time_s + drift.time_s**2 / 60.0)
+        assert known(drift.attitude_detected_deg) == pytest.approx(turned, rel=0.02)
+        assert known(drift.velocity_detected_mps) == pytest.approx(moved, rel=0.02)
+        assert known(drift.attitude_deg) > known(drift.attitude_detected_deg)
+
+
 def test_rests_of_a_longer_record_are_pooled_and_a_moved_record_is_not_static():
     rows = 3000
     record = static_record(rows, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=4)
