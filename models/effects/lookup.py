@@ -170,6 +170,17 @@ class Table:
             values = knots[0] + (values - knots[0]) % TURN
         return np.stack([np.interp(values, knots, unit[:, k]) for k in self.entries], axis=1)
 
+    @property
+    def bends(self) -> NDArray[np.float64]:
+        """Changes of slope (B, K) at the inner knots by the values of the entries, times the mean distance of knots."""
+        knots, unit = np.array(self.knots), np.eye(len(self.knots))
+        if self.kind == "around":
+            knots = np.concatenate((knots, knots[:2] + TURN))
+            unit = np.vstack((unit, unit[:2]))
+        distances = np.diff(knots)
+        slopes = np.diff(unit, axis=0) / distances[:, None]
+        return np.diff(slopes, axis=0)[:, list(self.entries)] * distances.sum() / max(len(distances), 1)
+
     def source(self, quantity: str) -> list[str]:
         """Return lines of a kernel that leave the function's value in ``f``, from an expression for the quantity."""
         if self.kind == "jumps at":

@@ -139,7 +139,10 @@ class Polytope:
     def _ends_in_use(self) -> "_Ends":
         lower, upper = self._lower[self._taken], self._upper[self._taken]
         is_finite = bool(np.isfinite(lower).all() and np.isfinite(upper).all())
-        return _Ends(lower, upper, 0.5 * (lower + upper), 0.5 * (upper - lower), is_finite)
+        middle, half = np.zeros(len(lower)), np.full(len(lower), np.inf)
+        if is_finite:
+            middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        return _Ends(lower, upper, middle, half, is_finite)
 
     def maximise(self, weights: NDArray) -> tuple[float, NDArray, NDArray]:
         """Return the greatest weights'x over the set, the vertex x (n,) that attains it, and duals (M,).

@@ -36,6 +36,8 @@ TELLS = 0.05
 """A reading tells of a function that changes it by at least this part (squared) of the most."""
 MORE_PIECES, MOST_PART = (32, 40, 48, 64), 0.7
 """Pieces of tables beyond those that are sought for a proof, up to this part of the values of the quantity."""
+PREDICTS = 1.0
+"""Largest rms error of left-out readings, over their bounds, with which a law counts as predicting them."""
 AS_GOOD = 1.1
 """A formula extends the model where its error on left-out data is at most this factor times that of a table."""
 
@@ -367,9 +369,12 @@ class Beyond:
         if self.table is not None:
             fits.append(self.table)
         errors = self._errors_alike(fits)
-        if not np.isfinite(errors).any():
+        if min(errors, default=np.inf) > PREDICTS:
+            # Knots that few readings determine fail where these are left out: other knots may do better.
             near = [fit for fit in self.near_tables if self._folds(fit)]
-            if near:
+            fits += [fit for fit in near if fit.radius <= self.evidence.model.limit]
+            errors = self._errors_alike(fits)
+            if near and not np.isfinite(errors).any():
                 fits, errors = near, self._errors_alike(near)
         if not fits:
             return None

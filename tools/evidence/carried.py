@@ -421,12 +421,14 @@ class CarriedRerun:
     ) -> list[NDArray[np.float64]] | None:
         """Return the errors (S, d) of each scored part, each fold run with a fit of the others; None if impossible."""
         rows, of_rows = model.rows, model.rows.of_rows(folds)
-        matrix = rows.matrix(places)
+        matrix, smoothing = rows.matrix(places), rows.smoothing(places)
         errors = [np.full(rows.parts[k].error.shape, np.nan) for k in rows.scored]
         with own_folder() as scratch:
             fmus = extended_fmus(places, scratch, RUN, usual_flavour())
             for fold in range(of_rows.max() + 1):
-                solution = estimated(matrix[of_rows != fold], rows.residual[of_rows != fold])
+                remaining = of_rows != fold
+                residual = np.append(rows.residual[remaining], np.zeros(len(smoothing)))
+                solution = estimated(np.vstack((matrix[remaining], smoothing)), residual)
                 gyros = model.gyros_with(places, solution)
                 if not takes("GyroCompensation", gyros.parameters, gyros.effects):
                     return None

@@ -1,5 +1,6 @@
 """Rows of evidence: errors with their bounds, and their derivatives by parameters and effects."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,12 +10,15 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import place_of
+from ...models.effects.lookup import Table
 from .fit import blocks_of, estimated
 
 FOLDS = 8
 """Blocks in time that are left out in turn."""
 RANK = 1e-12
 """Part of the sum of squares below which a direction is not determined."""
+DEVIATIONS = 3.0
+"""Standard deviations of an error in its bound."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,6 +289,25 @@ class Rows:
         """The block of each row (M,)."""
         return np.concatenate([np.repeat(own, p.error.shape[1]) for own, p in zip(folds, self.parts, strict=True)])
 
+    def smoothing(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """Return further rows (B, P + k) of zeros by which tables bend about as much as over the whole record.
+
+        Without them a knot takes any value where the pieces near it are left out.
+        """
+        first, width = len(self.names), len(self.names) + len(self.numbers_of(places))
+        further = [np.zeros((0, width))]
+        for place, block in zip(places, blocks_of(places), strict=True):
+            if place.effect != "lookup":
+                continue
+            bends = Table.of(place.law).bends
+            values = self.estimate(places)[first:][block]
+            size = float(np.linalg.norm(bends @ values)) / math.sqrt(max(len(bends), 1))
+            if size > 0.0:
+                smoothing = np.zeros((len(bends), width))
+                smoothing[:, first + block.start : first + block.stop] = bends / (DEVIATIONS * size)
+                further.append(smoothing)
+        return np.vstack(further)
+
     def left_out(self, places: Sequence[EffectPlace], folds: Sequence[NDArray]) -> NDArray[np.float64]:
         """Errors (M,) in units of their bounds, those of each fold predicted by least squares over the others.
 
@@ -295,11 +318,13 @@ class Rows:
             return errors
         scale = np.linalg.norm(matrix, axis=0)
         matrix = matrix / np.where(scale > 0.0, scale, 1.0)
+        smoothing = self.smoothing(places) / np.where(scale > 0.0, scale, 1.0)
         of_rows = self.of_rows(folds)
         outs = [np.flatnonzero(of_rows == number) for number in range(of_rows.max() + 1)]
         grams = np.array([matrix[out].T @ matrix[out] for out in outs])
         products = np.array([matrix[out].T @ self.residual[out] for out in outs])
-        for out, gram, product in zip(outs, grams.sum(axis=0) - grams, products.sum(axis=0) - products, strict=True):
+        whole = grams.sum(axis=0) + smoothing.T @ smoothing
+        for out, gram, product in zip(outs, whole - grams, products.sum(axis=0) - products, strict=True):
             errors[out] = self.residual[out] - matrix[out] @ np.linalg.lstsq(gram, product, rcond=RANK)[0]
         return errors
 

@@ -246,8 +246,10 @@ def tried_text(result: Diagnosis) -> str:
 
 
 def gain_text(result: Diagnosis) -> str:
-    """Return the effect of the extended simulation on held-out parts."""
+    """Return the effect of the extended simulation on held-out parts, of the extension where no effect is named."""
     gain = result.gain
+    if gain is None and result.extension is not None:
+        gain = result.extension.gain
     if gain is None:
         return ""
     pieces = f"pieces ({gain.over})" if gain.over else "positions"

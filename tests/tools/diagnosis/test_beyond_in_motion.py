@@ -126,3 +126,13 @@ def test_the_power_is_what_can_hide():
             values = keeps @ rng.normal(size=PIECES + 1)
             values *= 1.01 * size / np.abs(values).max()
             assert chebyshev_radius(nominal, columns @ values, np.ones(len(nominal)))[0] > 2.0
+
+
+@pytest.mark.parametrize("index", [0, 3])
+def test_a_table_predicts_where_few_readings_determine_its_knots(tmp_path, index):
+    """A bump of the rate, and a wave of specific force between rests: plain least squares made predictions worse."""
+    case = outside_gyro(tmp_path / "s.strapdown.csv", 7, index)
+    extension = diagnose(read_record(case.path, StrapdownRecord)).extension
+    assert extension is not None
+    assert extension.gain is not None
+    assert extension.gain.held_out_rms_after < 0.35 * extension.gain.held_out_rms_before
