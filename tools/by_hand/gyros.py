@@ -101,8 +101,8 @@ def sensitivity_of(rests: StillRests, forces: Forces) -> TakenSensitivity | None
     design = np.column_stack([np.ones(len(quiet)), inputs_of(forces.x, rests.force[quiet])])
     if np.linalg.svd(design, compute_uv=False)[-1] < 0.3:
         return None
-    left = rate - design @ np.linalg.lstsq(design, rate, rcond=None)[0]
-    before, after = np.square(rate - rate.mean(axis=0)).sum(), np.square(left).sum()
+    residual = rate - design @ np.linalg.lstsq(design, rate, rcond=None)[0]
+    before, after = np.square(rate - rate.mean(axis=0)).sum(), np.square(residual).sum()
     of_level, of_design = rate.size - 3, rate.size - 12
     if not after > 0.0:
         return None

@@ -190,9 +190,9 @@ class Expansion:
         fresh = [ends for ends in map(tuple, way.ends.tolist()) if ends not in self.places]
         if not fresh:
             return
-        new = Way(way.series, np.array(fresh))
+        fresh_way = Way(way.series, np.array(fresh))
         # Blocks of pieces stay in the processor's cache.
-        blocks = np.array_split(new.ends, max(1, int(new.sizes.sum()) // BLOCK))
+        blocks = np.array_split(fresh_way.ends, max(1, int(fresh_way.sizes.sum()) // BLOCK))
         parts = [Way(way.series, ends)._expanded(self.gyros) for ends in blocks]
         self.places |= {ends: number for number, ends in enumerate(fresh, start=len(self.places))}
         rotation, changes = zip(*parts, strict=True)

@@ -201,10 +201,10 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
     share_bias : bool
         whether the biases of the accelerometers are shared, too
     """
-    own = np.zeros(len(runs), dtype=int) if share_bias else np.arange(len(runs))
-    norms = _joined([fit.norms for fit in alone], own)
+    bias_sets = np.zeros(len(runs), dtype=int) if share_bias else np.arange(len(runs))
+    norms = _joined([fit.norms for fit in alone], bias_sets)
     forces = fitted_forces(norms)
-    columns = [np.append(np.arange(6), 6 + 3 * number + np.arange(3)) for number in own]
+    columns = [np.append(np.arange(6), 6 + 3 * number + np.arange(3)) for number in bias_sets]
     fits = []
     for run, fit, of_run in zip(runs, alone, columns, strict=True):
         covariance = forces.covariance[np.ix_(of_run, of_run)]
@@ -231,11 +231,13 @@ def _most_alone(runs: Sequence[Run], alone: Sequence[HandFit]) -> float:
     return max([1.0, *(GROWTH * one.radius for one in possible if one is not None and one.radius > 1.0)])
 
 
-def _joined(norms: Sequence[Norms], own: Ints) -> Norms:
+def _joined(norms: Sequence[Norms], bias_sets: Ints) -> Norms:
     """Return the norms of runs with the numbers of their sets of biases."""
     reading = np.vstack([of_run.reading for of_run in norms])
     deviation = np.concatenate([of_run.deviation for of_run in norms])
-    return Norms(reading, deviation, np.repeat(own, [len(of_run.reading) for of_run in norms]), int(own.max()) + 1)
+    return Norms(
+        reading, deviation, np.repeat(bias_sets, [len(of_run.reading) for of_run in norms]), int(bias_sets.max()) + 1
+    )
 
 
 def _test_of(forces: Forces, norms: Norms, alone: Sequence[HandFit]) -> PooledTest:
@@ -251,9 +253,9 @@ def _test_of(forces: Forces, norms: Norms, alone: Sequence[HandFit]) -> PooledTe
         scale, rows = max(square_alone / freedom, SMALL), freedom
     f = max(square - square_alone, 0.0) / between / scale
     p = float(fdtrc(between, rows, f)) if np.isfinite(rows) else float(chdtrc(between, between * f))
-    left = max(len(norms.reading) - effective, 1.0)
-    growth = float(np.sqrt((square / left) / max(scale, 1.0)))
-    return PooledTest(f=float(f), p=p, growth=growth, one_instrument=p > CHANCE and (growth < GROWTH or left < FEW))
+    spare = max(len(norms.reading) - effective, 1.0)
+    growth = float(np.sqrt((square / spare) / max(scale, 1.0)))
+    return PooledTest(f=float(f), p=p, growth=growth, one_instrument=p > CHANCE and (growth < GROWTH or spare < FEW))
 
 
 def _square(forces: Forces, norms: Norms) -> float:

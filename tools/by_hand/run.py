@@ -507,9 +507,9 @@ def _checked(record: HandRecord, way: Way, known: Sequence[tuple[int, float]], w
         size = whole if math.isnan(angle) else abs(angle)
         wrong_sense = not math.isnan(angle) and read * angle < 0.0
         if wrong_sense or not HALF * size <= abs(read) <= size / HALF:
-            told = size if math.isnan(angle) else angle
+            wanted = size if math.isnan(angle) else angle
             raise InputError(
-                f"{record.path}: turn {number + 1} about axis {axis} is {exactly(told)} degrees, and its gyro reads "
+                f"{record.path}: turn {number + 1} about axis {axis} is {exactly(wanted)} degrees, and its gyro reads "
                 f"{digits(read, 3)}; check the axis, the sense and the unit"
             )
         angles.append(math.radians(size))
