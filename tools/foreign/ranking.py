@@ -246,8 +246,13 @@ def is_estimate_of_gravity(table: UnderstoodTable, triad: Triad) -> bool:
 
 def estimates_of_gravity(table: UnderstoodTable, fields: Sequence[Field]) -> set[Field]:
     """Return the columns x, y, z that are an estimate of gravity."""
-    triads = [triad for triad in named_triads(fields) if is_estimate_of_gravity(table, triad)]
-    return {field for triad in triads for field in triad.fields}
+    estimates = set[Field]()
+    for triad in named_triads(fields):
+        size = np.linalg.norm(values_of(table, triad.fields), axis=1)
+        # gyros at rest may have one size in most rows
+        if is_estimate_of_gravity(table, triad) and np.ptp(size) < 10.0 * EXACT * np.median(size):
+            estimates.update(triad.fields)
+    return estimates
 
 
 def force_units(size: float) -> list[str]:

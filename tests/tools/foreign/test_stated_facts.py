@@ -57,6 +57,12 @@ def test_an_estimate_of_gravity_is_no_gyro_by_its_name(tmp_path: Path):
     assert result.record.rate == pytest.approx(RATE)
 
 
+def test_gyros_of_one_size_in_most_rows_are_gyros(tmp_path: Path):
+    turns = np.where(TIME[:, None] < 2.0, [[3, -4, 12]], TURNS)
+    path = written(tmp_path, table(["t [s]", *NAMES], [TIME, COUNTS, turns]))
+    assert questions_of(path)[0] == {"units.force", "units.rate"}
+
+
 def test_names_stand_above_rows_without_readings(tmp_path: Path):
     names = ["t [s]", *(f"acc_{axis} [m/s2]" for axis in "xyz"), *(f"gyro_{axis} [rad/s]" for axis in "xyz")]
     before = f"{','.join(names)}\n-0.02,nan,nan,nan,nan,nan,nan\n-0.01,nan,nan,nan,nan,nan,nan\n"
