@@ -183,7 +183,7 @@ def test_a_wrong_rest_of_a_series_without_gyros_is_called_a_rest():
     first = result.explanations[0]
     assert result.verdict == "explained"
     assert first.rows == (7,)
-    assert "7.3" in first.sentence or first.sentence.startswith("Rest 7 is wrong")
+    assert first.sentence == "The reading f3 of rest 7 does not fit; all others do."
 
 
 @pytest.mark.acceptance
