@@ -17,6 +17,7 @@ from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, chebyshev_radius
 from ..calibrated import UNITS, Calibration, Parameter, Sigma
 from ..calibration.parameter_sets import Sized, Start
+from ..errors import InputError
 from ..locks import own_folder
 from ..motion.carry import carried_scenario, compensated_increments
 from ..motion.increments import starting_attitude
@@ -433,7 +434,11 @@ class CarriedRerun:
                 if not takes("GyroCompensation", gyros.parameters, gyros.effects):
                     return None
                 numbers = [np.flatnonzero(folds[k] == fold) for k in rows.scored]
-                simulated = model.simulated(fmus, places, solution, numbers)
+                try:
+                    simulated = model.simulated(fmus, places, solution, numbers)
+                except InputError:
+                    # The attitude computer refuses half a turn in one step.
+                    return None
                 for error, at, simulated_errors in zip(errors, numbers, simulated, strict=True):
                     error[at] = simulated_errors
         return errors

@@ -1,5 +1,6 @@
 """Which single change makes a wrong piece of a series fit: a sign, an exchange, a range, an offset, a copy."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InputError
 from ..evidence.bench import BenchReader
 from ..evidence.bench_in_motion import BenchInMotion
 from ..evidence.carried_run import Carried
@@ -165,8 +167,13 @@ class PieceOfCarried:
         return self.piece.begin - 1, self.piece.end + (self.piece.kind == "move")
 
     def error(self, changed: Changed) -> NDArray[np.float64]:
-        """Return the error (3,) of the turn [rad] with changed rates."""
-        rotation, reference = self.rotation(*self.ends, changed), self.model.reference
+        """Return the error (3,) of the turn [rad] with changed rates; infinite with rates that no turn can have."""
+        reference = self.model.reference
+        try:
+            rotation = self.rotation(*self.ends, changed)
+        except InputError:
+            # The attitude computer refuses half a turn in one step.
+            return np.full(3, np.inf)
         if isinstance(reference, Gravity):
             return rotation @ self.up[self.piece.number] - self.up[self.piece.number - 1]
         ends = Pieces("windows", "", np.array(self.ends[:1]), np.array(self.ends[1:]))
@@ -188,7 +195,10 @@ class PieceOfCarried:
         slope = (self.error(lambda rate: rate + OFFSET * unit) - self.error(np.asarray)) / OFFSET
         size = 0.0
         for _ in range(3):
-            size -= float(slope @ self.error(lambda rate, size=size: rate + size * unit) / (slope @ slope))
+            error = self.error(lambda rate, size=size: rate + size * unit)
+            if not np.isfinite(error).all():
+                return size, math.inf
+            size -= float(slope @ error / (slope @ slope))
         return size, self.misfit(lambda rate: rate + size * unit)
 
     # A rest
