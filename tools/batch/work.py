@@ -1,7 +1,6 @@
 """The work of a process on one record of a batch."""
 
 import math
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from ..diagnosis.result import Diagnosis
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of
 from ..instrument import entry_with, facts_of, moment, nearest_of_instrument
+from ..locks import own_folder
 from ..lot import InstrumentValue, Member
 from ..noise import Noise
 from .jobs import Job
@@ -136,8 +136,8 @@ def _csv_of(result: Applied, record: str) -> bytes:
     """Return the corrected record as a CSV file."""
     if result.record is None:
         raise InputError(f"{record}: the diagnosis names nothing that a correction could remove")
-    with tempfile.TemporaryDirectory(prefix="trihedron-batch-") as folder:
-        path = Path(folder) / "corrected.csv"
+    with own_folder() as folder:
+        path = folder / "corrected.csv"
         records.write_record(result.record, path)
         return bytes_of(path, most=LARGEST_RESULT)
 

@@ -10,11 +10,10 @@ parameter without effect are exactly zero.
 import io
 import time as clocks
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from functools import cached_property, lru_cache, partial
 from multiprocessing.util import Finalize
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
+from ..locks import own_folder
 from ..progress import progress_bar
 from ..rounding import digits
 from ..workers import made
@@ -170,10 +170,10 @@ class Prepared:
     def __init__(self, order: Order) -> None:
         if order.code != code_hash():
             raise InputError("a worker has another version of Trihedron, or of what it uses, than this process")
-        folder = TemporaryDirectory(prefix="trihedron-campaign-", ignore_cleanup_errors=True)
+        stack = ExitStack()
         # A process of multiprocessing does not run atexit functions.
-        Finalize(folder, folder.cleanup, exitpriority=10)
-        self.folder, self.campaign = folder, order.unpack(Path(folder.name))
+        Finalize(self, stack.close, exitpriority=10)
+        self.campaign = order.unpack(stack.enter_context(own_folder()))
         self.design, self.runner = Design(self.campaign), make_runner(self.campaign)
         self.columns = columns_of(self.campaign, self.runner)
 
