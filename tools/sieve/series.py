@@ -30,6 +30,8 @@ MOST_PIECES, MOST_SETS, FREED = 3, 3, 5
 """Most wrong pieces, most sets that are stated, and the inverse part of the errors that may be left out."""
 MOST_TRIED = 4
 """Most pieces that are tried where errors are too large for the linear model."""
+NEARLY = 1.1
+"""A rival of the worst piece leaves robust errors up to this factor larger."""
 LEFT = 0.3
 """Errors of a few pieces fall below this part of the radius without them; the rest is of second order."""
 SLACK = 0.5
@@ -111,7 +113,7 @@ class SeriesPieces:
             return
         # Large errors have drawn even the robust fit.
         for size in range(1, self.most + 1):
-            sets = combinations(sorted(self.worst[:MOST_TRIED]), size)
+            sets = combinations(sorted(self.worst + self.rivals), size)
             standing = [numbers for numbers in sets if self.is_small_without(numbers)]
             yield from sorted(standing, key=lambda parts: int(self.needing(parts).sum()))
 
@@ -135,6 +137,14 @@ class SeriesPieces:
             worst.append(int(np.argmin(largest)))
             errors = np.where(self.belongs[:, worst[-1]], 0.0, errors)
         return tuple(dict.fromkeys(worst))
+
+    @cached_property
+    def rivals(self) -> tuple[int, ...]:
+        """Return the pieces without which the robust errors fall nearly as much as without the worst one."""
+        errors = np.abs(self.target - self.matrix @ robust_estimate(self.matrix, self.target))
+        largest = np.where(self.belongs, 0.0, errors[:, None]).max(axis=0, initial=0.0)
+        numbers = np.flatnonzero(largest <= NEARLY * largest.min(initial=np.inf)).tolist()
+        return tuple(number for number in numbers if number not in self.worst)[:MOST_TRIED]
 
     def is_small_without(self, numbers: Sequence[int]) -> bool:
         """Return true if the errors without some pieces are small, or so much smaller that linearity may fail."""
