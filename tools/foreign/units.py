@@ -9,6 +9,7 @@ import re
 import unicodedata
 from dataclasses import dataclass, replace
 
+from ...fmus.units import STANDARD_GRAVITY
 from .numbers import unit_behind
 from .tables import TABLES
 
@@ -39,11 +40,13 @@ class LaboratoryUnit:
 
 KNOWN = {symbol: LaboratoryUnit(*row) for symbol, row in TABLES["units"].items()}
 """Symbol of a unit -> the unit."""
+for _name, _size in TABLES["gravities"].items():
+    KNOWN[_name] = LaboratoryUnit(FORCE, _size * STANDARD_GRAVITY)
 for _name, _size in TABLES["times"].items():
     KNOWN[_name] = LaboratoryUnit(TIME, _size)
-    for _turn, (_degrees, _radians) in TABLES["turns"].items():
+    for _turn, _degrees in TABLES["turns"].items():
         KNOWN[_turn] = LaboratoryUnit(ANGLE, _degrees)
-        KNOWN[f"{_turn}/{_name}"] = LaboratoryUnit(RATE, _radians / _size)
+        KNOWN[f"{_turn}/{_name}"] = LaboratoryUnit(RATE, math.radians(_degrees) / _size)
 for _name, _size in TABLES["lengths"].items():
     KNOWN[f"{_name}/s"] = LaboratoryUnit(VELOCITY, _size)
     KNOWN[f"{_name}/s2"] = LaboratoryUnit(FORCE, _size)
