@@ -39,6 +39,12 @@ _NOISE_MEMORY = (
 )
 _UNBOUNDED = "noise beside ρ, without a bound where not 0: white N, flicker B, random walk K, ramp R, quantisation Q"
 
+HALF_A_TURN, OUT_OF_RANGE = (
+    "increment is not finite or longer than half a turn",
+    "increment is beyond the valid range of the algorithm",
+)
+"""Messages of the attitude computer on an increment that it refuses."""
+
 ACCELEROMETER_BLOCK = Component(
     name="AccelerometerBlock",
     description="Block of three accelerometers: scale factors that depend on the sign of the input, misalignment, bias",
@@ -354,9 +360,8 @@ ATTITUDE_COMPUTER = Component(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
         "the communication step is not the sample period, or does not follow the last one: one increment for each "
         "sample is needed; those over parts of a sample add up",
-        f"increment is not finite or longer than half a turn ({math.pi:.6f} rad): its direction would be ambiguous",
-        "increment is beyond the valid range of the algorithm; longest [rad]: "
-        + ", ".join(f"{a.name} {a.max_increment:.3g}" for a in ALGORITHMS),
+        f"{HALF_A_TURN} ({math.pi:.6f} rad): its direction would be ambiguous",
+        f"{OUT_OF_RANGE}; longest [rad]: " + ", ".join(f"{a.name} {a.max_increment:.3g}" for a in ALGORITHMS),
         "the increments are not those of a smooth rate: the functional iteration does not end",
         "mixed inputs need an algorithm that takes an even number of samples",
     ),

@@ -17,9 +17,8 @@ from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, chebyshev_radius
 from ..calibrated import UNITS, Calibration, Parameter, Sigma
 from ..calibration.parameter_sets import Sized, Start
-from ..errors import InputError
 from ..locks import own_folder
-from ..motion.carry import carried_scenario, compensated_increments
+from ..motion.carry import TurnsTooFar, carried_scenario, compensated_increments
 from ..motion.increments import starting_attitude
 from ..motion.inspect import Inspection
 from ..motion.norm import LARGEST, NAMES
@@ -436,8 +435,7 @@ class CarriedRerun:
                 numbers = [np.flatnonzero(folds[k] == fold) for k in rows.scored]
                 try:
                     simulated = model.simulated(fmus, places, solution, numbers)
-                except InputError:
-                    # The attitude computer refuses half a turn in one step.
+                except TurnsTooFar:
                     return None
                 for error, at, simulated_errors in zip(errors, numbers, simulated, strict=True):
                     error[at] = simulated_errors

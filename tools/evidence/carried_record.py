@@ -13,7 +13,7 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
 from ..bounded.sets import Work
 from ..errors import InputError
-from ..motion.carry import GyroModel, Motion, carried_attitude, mean_motion
+from ..motion.carry import GyroModel, Motion, TurnsTooFar, carried_attitude, mean_motion
 from ..motion.inspect import Inspection, inspect_record
 from ..motion.norm import LARGEST, NAMES, inputs_of, norm_equations, norm_values
 from ..motion.rest_noise import gyro_noise, rest_lengths
@@ -263,7 +263,10 @@ def about_main_onset(run: Carried) -> Carried:
         solution = about.rows.estimate([place])
         if not are_possible(place, about.values_of([place], solution)[place]):
             break
-        errors = [part.error for part in about_effects(about, [place], solution).rows.parts]
+        try:
+            errors = [part.error for part in about_effects(about, [place], solution).rows.parts]
+        except TurnsTooFar:
+            break
         run = replace(run, rows=run.rows.with_errors(errors))
     return run
 
@@ -292,7 +295,10 @@ def about_effect(run: Carried, place: EffectPlace) -> Carried:
         before, solution = _rms_left(run, (place,)), run.rows.estimate([place])
         if not are_possible(place, run.values_of([place], solution)[place]):
             break
-        run = about_effects(run, [place], solution)
+        try:
+            run = about_effects(run, [place], solution)
+        except TurnsTooFar:
+            break
         if _rms_left(run, (place,)) > SETTLED * before:
             break
     return run
@@ -327,7 +333,7 @@ def about_effects(run: Carried, places: Sequence[EffectPlace], solution: NDArray
     The errors are those of a run with the effects, plus the first order of the effects, as if they acted linearly. A
     solution (P + k,) is a step of the model's parameters and the effects' coefficients. Gyros that lag by several rows
     have their attitude read the same number of rows later. A compensation knows only the past and extrapolates their
-    rates, with an error that grows with the lag.
+    rates, with an error that grows with the lag. Raises TurnsTooFar with sizes that no gyros have.
     """
     count, gyros, lag = len(run.rows.names), run.gyros_with(places, solution), 0
     if LATENCY in gyros.effects:
@@ -370,7 +376,10 @@ def judged(reader: CarriedReader) -> CarriedReader:
             break
         sizes = run.values_of(gyros, run.rows.estimate(gyros))
         possible = [place for place in gyros if are_possible(place, sizes[place])]
-        about = about_effects(run, possible, run.rows.estimate(possible))
+        try:
+            about = about_effects(run, possible, run.rows.estimate(possible))
+        except TurnsTooFar:
+            break
         radius = about.refit(places).radius
         if radius >= least:
             break

@@ -12,8 +12,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from ...fmus.instruments import HALF_A_TURN, OUT_OF_RANGE
 from ...models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT
 from ...models.effects import EffectPlace, MotionRows, parameter_name, place_from_mapping
+from ..errors import InputError
 from ..orchestrator import run_scenario
 from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
@@ -26,6 +28,10 @@ ALGORITHM = "one-sample-rodrigues"
 """What carries the attitude: it updates at every sample."""
 FALLBACK = "mean-rate"
 """In its place where a turn between two rows is beyond its range."""
+
+
+class TurnsTooFar(InputError):
+    """With such gyros the block would turn farther in one step than the attitude computer takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,6 +191,8 @@ def carried_attitude(
     The record's increments go through the compensation of the gyro block to the attitude computer. The run's steps are
     the record's intervals, each as long as the period: the increments hold the logged times. An FMU file may replace
     the one of a component that is built here.
+
+    Raises TurnsTooFar with gyros that turn the block too far in one step, as a search may try.
     """
     fmus = fmus or {}
     block = {"gravity": gravity, **model.parameters}
@@ -195,7 +203,12 @@ def carried_attitude(
     scenario = carried_scenario(motion, model.effects, settings)
     # Files that are given are components' own, which were built for this run.
     run = scenario.model_copy(update={"run": scenario.run.model_copy(update={"in_process": True})})
-    return run_scenario(run).table.select(QUATERNION).to_numpy()
+    try:
+        return run_scenario(run).table.select(QUATERNION).to_numpy()
+    except InputError as error:
+        if HALF_A_TURN in str(error) or OUT_OF_RANGE in str(error):
+            raise TurnsTooFar(str(error)) from error
+        raise
 
 
 def compensated_increments(

@@ -10,14 +10,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
 from ..evidence.bench import BenchReader
 from ..evidence.bench_in_motion import BenchInMotion
 from ..evidence.carried_run import Carried
 from ..evidence.evidence import Evidence
 from ..evidence.references import Gravity, rotation_vectors, turned
 from ..evidence.rows import Pieces
-from ..motion.carry import carried_attitude
+from ..motion.carry import TurnsTooFar, carried_attitude
 from ..motion.norm import NAMES, inputs_of, norm_block
 from ..records import BenchRecord
 from ..rounding import digits, exactly
@@ -171,8 +170,7 @@ class PieceOfCarried:
         reference = self.model.reference
         try:
             rotation = self.rotation(*self.ends, changed)
-        except InputError:
-            # The attitude computer refuses half a turn in one step.
+        except TurnsTooFar:
             return np.full(3, np.inf)
         if isinstance(reference, Gravity):
             return rotation @ self.up[self.piece.number] - self.up[self.piece.number - 1]

@@ -128,9 +128,14 @@ class SeriesPieces:
         return held_by(self.matrix, self.target)[0]
 
     @cached_property
+    def robust_errors(self) -> NDArray[np.float64]:
+        """Return the sizes of the errors (M,) about a robust fit [bounds]."""
+        return np.abs(self.target - self.matrix @ robust_estimate(self.matrix, self.target))
+
+    @cached_property
     def worst(self) -> tuple[int, ...]:
         """Return pieces, each the one without which the robust errors fall most, the former ones left out."""
-        errors = np.abs(self.target - self.matrix @ robust_estimate(self.matrix, self.target))
+        errors = self.robust_errors
         worst: list[int] = []
         for _ in range(MOST_TRIED):
             largest = np.where(self.belongs, 0.0, errors[:, None]).max(axis=0, initial=0.0)
@@ -141,8 +146,7 @@ class SeriesPieces:
     @cached_property
     def rivals(self) -> tuple[int, ...]:
         """Return the pieces without which the robust errors fall nearly as much as without the worst one."""
-        errors = np.abs(self.target - self.matrix @ robust_estimate(self.matrix, self.target))
-        largest = np.where(self.belongs, 0.0, errors[:, None]).max(axis=0, initial=0.0)
+        largest = np.where(self.belongs, 0.0, self.robust_errors[:, None]).max(axis=0, initial=0.0)
         numbers = np.flatnonzero(largest <= NEARLY * largest.min(initial=np.inf)).tolist()
         return tuple(number for number in numbers if number not in self.worst)[:MOST_TRIED]
 

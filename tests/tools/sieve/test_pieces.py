@@ -55,6 +55,19 @@ def test_pieces_of_drawn_records_are_named(kind, what):
     assert named >= 6
 
 
+@pytest.mark.parametrize("seed", [0, 5])
+def test_a_move_in_degrees_is_named_though_trials_turn_the_block_too_far(seed):
+    rng = np.random.default_rng(seed)
+    record, rests = hand_record(rng, 18)
+    assert record.rate is not None
+    rate, number = record.rate.copy(), int(rng.integers(3, 16))
+    rate[rests[number - 1][1] : rests[number][0]] *= 180.0 / np.pi
+    result = diagnosed(replace(record, rate=rate))
+    assert result.verdict == "explained"
+    assert result.explanations[0].where == (f"move-{number}",)
+    assert "It fits with w1 to w3 in degrees." in result.explanations[0].sentence
+
+
 @pytest.mark.acceptance
 def test_a_copied_move_is_named_with_its_original():
     rng = np.random.default_rng(4)
