@@ -427,8 +427,8 @@ def test_addresses_that_ask_for_nothing_are_refused_in_one_line(shared: DeskServ
         assert "fault of the program" not in refusal
 
 
-def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(shared: DeskServer) -> None:
-    server, folder = shared, shared.folder
+def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path: Path, opened) -> None:
+    server, folder = opened(wrong_table(tmp_path)), tmp_path
     origin = {"Origin": f"http://127.0.0.1:{server.port}"}
     content = (folder / "table.csv").read_bytes()
     (folder / "folder").mkdir()
