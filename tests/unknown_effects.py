@@ -10,7 +10,7 @@ from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import Rows
 from trihedron.tools.bounded import chebyshev_radius
 from trihedron.tools.calibration import Asked, fit_record
-from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.evidence import Visits, circumstances_of, signature_columns
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.trials import NOISE_BOUND, Case, Options, draw_case
@@ -88,16 +88,24 @@ UNKNOWN: tuple[Callable[[int, Rows], NDArray], ...] = (
     every_other_row,
 )
 """Accelerometer, rows -> change of the readings (N, 3) [g] for an amplitude of one."""
+WANDERING = (pulse_in_time, slow_oscillation)
+"""Of them those that the catalogue's wander of a bias describes, at their accelerometer."""
 
 
 @dataclass(frozen=True)
 class UnknownCase:
-    """A record with an effect outside the catalogue."""
+    """A record with an effect outside the catalogue, and the accelerometer whose bias it lets wander, if any."""
 
     case: Case
     record: PositionRecord
     name: str
     nearest: float
+    wander: str | None
+
+    def is_described(self, result: Diagnosis) -> bool:
+        """Return True if a result names a wander of the bias of this accelerometer, and nothing else."""
+        places = [(cause.effect, cause.where) for cause in result.causes]
+        return self.wander is not None and places == [("bias-wander", self.wander)]
 
 
 def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCase:
@@ -125,7 +133,8 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
             record = replace(clean, specific_force=clean.specific_force + STANDARD_GRAVITY * amplitude * change)
             radius = nearest_triple(case, record) / NOISE_BOUND
             if amplitude < 1e-2 and radius >= LEAST_RADIUS and is_beyond_three(case, record):
-                return UnknownCase(case, record, effect.__name__, radius)
+                wander = f"accelerometer-{p + 1}" if effect in WANDERING else None
+                return UnknownCase(case, record, effect.__name__, radius, wander)
             amplitude *= 1.25
     raise AssertionError(f"{effect.__name__}: no bench shows it")
 

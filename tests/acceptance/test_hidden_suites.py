@@ -103,15 +103,19 @@ def test_the_campaign_of_hidden_effects_counts_as_the_suite_does(tmp_path):
 
 
 def test_effects_that_the_catalogue_lacks_get_no_name(say):
-    """Draw effects for which the catalogue's best set of three leaves a radius of 1.5 or more."""
+    """Draw effects for which the catalogue's best set of three leaves a radius of 1.5 or more.
+
+    Two of them let a bias wander over time: that description, with as many numbers as it needs, is right.
+    """
     counts: Counter[str] = Counter()
     for index in range(max(10, round(SHARE * 100))):
         unknown = draw_unknown(500, index, (24, 48))
         assert unknown.nearest >= LEAST_RADIUS
-        counts[diagnosed_case(unknown.case, unknown.record).verdict] += 1
+        result = diagnosed_case(unknown.case, unknown.record)
+        counts["described" if unknown.is_described(result) else result.verdict] += 1
     say(f"unknown effects: {dict(counts)}")
     assert counts["explained"] + counts["ambiguous"] == 0
-    assert counts["unexplained"] >= 0.95 * counts.total()
+    assert counts["unexplained"] + counts["described"] >= 0.95 * counts.total()
 
 
 def measured_too(case: Any, positions: Any) -> Any:

@@ -25,7 +25,8 @@ from .removal import Removal, held_by
 from .simple import Simple
 
 CERTAIN = 2.0
-"""Below this radius a weak effect may show in a few pieces alone: none of them is called wrong."""
+"""Below this radius a weak effect may show in a few pieces alone. A piece is called wrong there if its error is larger
+than this while all others fit."""
 MOST_PIECES, MOST_SETS, FREED = 3, 3, 5
 """Most wrong pieces, most sets that are stated, and the inverse part of the errors that may be left out."""
 MOST_TRIED = 4
@@ -160,6 +161,14 @@ class SeriesPieces:
         """Return true if the errors may be those of few pieces: an effect acts on all of them."""
         return self.most > 0 and self.is_small_without(self.worst[: self.most])
 
+    def stand_out(self, numbers: Sequence[int]) -> bool:
+        """Return true if errors of these pieces exceed CERTAIN wherever the others fit, which they then do easily."""
+        needing = self.needing(numbers)
+        scale = np.where(needing, CERTAIN, 1.0)
+        together, _ = held_by(self.matrix / scale[:, None], self.target / scale)
+        apart, _ = held_by(self.matrix[~needing], self.target[~needing])
+        return together > self.evidence.model.limit and apart <= LEFT * CERTAIN
+
     def needing(self, numbers: Sequence[int]) -> NDArray[np.bool_]:
         """Mark the errors (M,) that need any of some pieces."""
         return np.any(self.belongs[:, list(numbers)], axis=1)
@@ -193,8 +202,6 @@ class SeriesPieces:
 
 def wrong_pieces(evidence: Evidence) -> tuple[Simple, ...]:
     """Return the smallest sets of rests and moves of a series without which the model fits."""
-    if evidence.model.radius < CERTAIN:
-        return ()
     series = SeriesPieces.of(evidence)
     if series is None or not series.is_of_few:
         return ()
@@ -204,6 +211,8 @@ def wrong_pieces(evidence: Evidence) -> tuple[Simple, ...]:
             break
         # A rest takes the moves beside it along: no rival of one of these.
         needing = series.needing(numbers)
+        if evidence.model.radius < CERTAIN and not series.stand_out(numbers):
+            continue
         if any((needing | ~series.needing(smaller)).all() for smaller in faults):
             continue
         remaining = series.without(numbers)

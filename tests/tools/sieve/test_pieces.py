@@ -51,7 +51,8 @@ def test_pieces_of_drawn_records_are_named(kind, what):
             assert result.explanations[0].where == (label,)
             named += 1
         elif result.explanations:
-            assert result.explanations[0].where == (label,)
+            # A law with fewer numbers stands before it.
+            assert (label,) in [explanation.where for explanation in result.explanations]
     assert named >= 6
 
 
