@@ -29,6 +29,8 @@ def check_ends(low: Any, high: Any) -> None:
     """Raise a ValueError for a low end above its high end; of numbers, of arrays of them, and of None for no end."""
     if low is None or high is None:
         return
+    if isinstance(low, float) and isinstance(high, float) and low <= high:
+        return
     apart, size = np.subtract(low, high), np.abs(low) + np.abs(high)
     # Of a function that is zero at a knot rounding decides which end is lower.
     if (apart > LEAST_END + ROUNDING * size).any():

@@ -102,7 +102,9 @@ def small_turn(vector: ArrayLike) -> NDArray:
     case, and complex steps pass through.
     """
     vector = np.asarray(vector)
-    square = np.sum(vector * vector, axis=-1)[..., None, None]
+    square = np.sum(vector * vector, axis=-1)
+    if vector.ndim > 1:
+        square = square[..., None, None]
     # Terms below rounding for the largest of these turns are left out.
     largest = float(np.abs(square).max(initial=0.0))
     last = next((k for k in range(1, _TERMS) if largest**k * abs(_SINE[k]) < 1e-19), _TERMS - 1)
@@ -338,8 +340,12 @@ def target_reading(
 
     `sign` (N, 3) chooses between the targets of positive and negative input; by default the exact inputs' own signs.
     """
+    return reading_of_input(targets, input_direction(targets, alpha, beta, mounting, further), sign)
+
+
+def reading_of_input(targets: ArrayLike, m: NDArray, sign: ArrayLike | None = None) -> NDArray:
+    """Return `target_reading` at given inputs m (N, 3)."""
     x = np.asarray(targets)
-    m = input_direction(x, alpha, beta, mounting, further)
     positive = np.real(m) >= 0.0 if sign is None else np.asarray(sign) >= 0
     reading = m + np.where(positive, x[..., _PLUS], x[..., _MINUS]) * m + x[..., 15:18]
     reading[..., 1] += x[..., 9] * m[..., 0]

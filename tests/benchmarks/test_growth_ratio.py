@@ -77,8 +77,10 @@ def test_a_command_and_a_batch_against_the_calibration_itself(tmp_path: Path, ca
     count = 500
     table = write_lot(tmp_path / "records", count, 1, positions=12)
     record = tmp_path / "records" / "record-3.csv"
-    processor_seconds("calibrate", str(record), "--noise-bound", "1e-5")
-    single = min(processor_seconds("calibrate", str(record), "--noise-bound", "1e-5") for _ in range(3))
+    command = "calibrate", str(record), "--noise-bound", "1e-5"
+    processor_seconds(*command)
+    # The load of the machine changes: commands before and after the batch stand for those beside it.
+    singles = [processor_seconds(*command) for _ in range(3)]
     own = []
     for _ in range(5):
         begun = time.process_time()
@@ -87,14 +89,16 @@ def test_a_command_and_a_batch_against_the_calibration_itself(tmp_path: Path, ca
     libraries = min(processor_seconds_of("-c", LIBRARIES) for _ in range(3))
     many = processor_seconds("batch", str(table), "--do", "calibrate", "--noise-bound", "1e-5", "--jobs", "1",
                              "--out", str(tmp_path / "lot"))  # fmt: skip
+    singles += [processor_seconds(*command) for _ in range(3)]
+    single = float(np.mean(singles))
     with capsys.disabled():
         print(
             f"\ncalibrate, 12 positions: a command {single:.2f} s, in the process {min(own):.3f} s "
-            f"({single / min(own):.0f} times), the libraries alone {libraries:.2f} s ({single / libraries:.1f} times); "
+            f"({single / min(own):.0f} times), the libraries {libraries:.2f} s ({min(singles) / libraries:.1f} times); "
             f"{count} in a batch {many:.1f} s ({single * count / many:.1f} times)"
         )
     assert single * count > LEAST_OF_A_BATCH * many
-    assert single < MOST_START * libraries
+    assert min(singles) < MOST_START * libraries
 
 
 def test_attitudes_of_one_campaign_against_a_campaign_for_each(tmp_path: Path, capsys):

@@ -7,7 +7,7 @@ from io import BytesIO
 from pathlib import Path
 
 from .. import reports
-from ..campaign.store import code_hash
+from ..campaign.code import code_hash
 from ..errors import InputError, reason
 from ..files import bytes_of, json_text, made_folder, said_writable, whole_file, write_text
 from ..locks import Taken, locked

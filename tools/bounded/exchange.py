@@ -167,6 +167,7 @@ class Corner:
         from .exchange_steps import ENDED, ENDLESS, EXACT, exchange_met
 
         rows, inverse = self.rows.copy(), self._inverse.copy()
+        met = matrix[rows]
         # Of many equally far vertices it is always the same, from any beginning.
         size = np.abs(weights).max()
         toward = weights + size * BENT * _bends(len(weights))
@@ -174,20 +175,21 @@ class Corner:
         try:
             for _ in range(len(rows) + 2):
                 how, steps = exchange_met(matrix, middle, half, toward, rows, side, inverse, MOST_STEPS)
-                if how == ENDLESS or not np.isfinite(inverse).all():
-                    return None
                 if how == ENDED and steps == 0:
                     break
-                inverse = np.linalg.inv(matrix[rows])
+                if how == ENDLESS or not np.isfinite(inverse).all():
+                    return None
+                met = matrix[rows]
+                inverse = np.linalg.inv(met)
             else:
                 return None
         except np.linalg.LinAlgError:
             return None
-        duals = weights @ inverse
-        x = inverse @ (middle[rows] + side * half[rows])
-        beyond = duals @ middle[rows] + np.abs(duals) @ half[rows] - weights @ x
-        missed = np.abs(weights - duals @ matrix[rows]).max()
-        if not (beyond <= EXACT * np.abs(duals).sum() and missed <= EXACT * size):
+        duals, centre, reach = weights @ inverse, middle[rows], half[rows]
+        x, sizes = inverse @ (centre + side * reach), np.abs(duals)
+        beyond = duals @ centre + sizes @ reach - weights @ x
+        missed = np.abs(weights - duals @ met).max()
+        if not (beyond <= EXACT * sizes.sum() and missed <= EXACT * size):
             return None
         self.rows, self._inverse = rows, inverse
         return Farthest(x, rows, duals)

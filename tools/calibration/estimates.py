@@ -5,6 +5,7 @@ Radius, values, guaranteed errors, exact intervals, pairs of targets.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from .model import (
     direction_jacobian,
     linearise,
     nominal_jacobian,
-    predicted_input,
+    predicted_input_and_reading,
     predicted_reading,
     reading_jacobian,
 )
@@ -151,29 +152,27 @@ class _Problem:
         inverse = self.span @ np.linalg.pinv(shortened(jacobian) @ self.span, rcond=cut)
         return _Slopes(jacobian, sign, inverse @ inverse.T)
 
-    def misfit(self, point: NDArray, weight: NDArray, sign: NDArray | None) -> float:
-        """Norm of the weighted residual at a point."""
-        # A step so long that its misfit is infinite is halved like any other that is too long.
-        with np.errstate(over="ignore"):
-            return float(np.linalg.norm(self.residual(point, sign) * weight))
-
     def minimise(self, point: NDArray, weight: NDArray) -> tuple[NDArray, NDArray, bool]:
         """Gauss-Newton from a point; the minimum, the signs of the inputs there, and whether it settled."""
         sign, last, slopes = np.zeros(self.reading.shape), np.inf, None
         for iteration in range(MAX_ITERATIONS):
             resting = iteration > ITERATIONS_BEFORE_SIGNS_REST
-            if not resting:
-                sign = np.where(predicted_input(self.parametrisation, point, self.positions) >= 0.0, 1, -1)
+            if resting:
+                residual = self.residual(point, sign)
+            else:
+                both = predicted_input_and_reading(self.parametrisation, point, self.positions)
+                sign = np.where(both[..., 0] >= 0.0, 1, -1)
+                residual = (self.reading - both[..., 1]).ravel()
             if slopes is None or last > NEAR or not np.array_equal(sign, slopes.sign):
                 slopes = self.slopes(point, weight, sign)
-            step = slopes.step(self.residual(point, sign) * weight)
+            step = slopes.step(residual * weight)
             size = float(np.abs(step).max())
             if size > 1e-6:
                 signs = None
                 if resting:
                     signs = sign
-                now = self.misfit(point, weight, signs) * (1 + 1e-9)
-                while self.misfit(point + step, weight, signs) > now and np.abs(step).max() > 1e-3 * size:
+                now = _size_of(residual, weight) * (1 + 1e-9)
+                while _size_of(self.residual(point + step, signs), weight) > now and np.abs(step).max() > 1e-3 * size:
                     step = step / 2
             point = point + step
             still = size < 1e-11 and size >= 0.5 * last and resting
@@ -197,6 +196,13 @@ class _Slopes:
     def step(self, residual: NDArray) -> NDArray:
         """Return the step (P,) of least squares for weighted residuals (M,)."""
         return self.covariance @ (residual @ self.jacobian)
+
+
+def _size_of(residual: NDArray, weight: NDArray) -> float:
+    """Return the norm of a weighted residual."""
+    # A step so long that its misfit is infinite is halved like any other that is too long.
+    with np.errstate(over="ignore"):
+        return float(np.linalg.norm(residual * weight))
 
 
 def widening(
@@ -372,6 +378,16 @@ class FeasibleSet:
     centre: NDArray
     slack: float
 
+    @cached_property
+    def residual(self) -> NDArray:
+        """Exact residuals (M,) at the centre."""
+        return self.linearised.residual_at(self.centre)
+
+    @cached_property
+    def room(self) -> NDArray:
+        """Largest allowed residuals (M,): bound and slack, or the Chebyshev centre's residual if larger."""
+        return np.maximum(self.linearised.bound + self.slack, np.abs(self.residual)) * (1.0 + RELATIVE_TOLERANCE)
+
 
 LARGEST_STEP = 1e3
 """A longer step, in radians or in parts of one, leads to where no model holds: something is all but undetermined."""
@@ -450,19 +466,21 @@ def central_point(feasible: FeasibleSet, weights: NDArray, intervals: NDArray) -
     The centre of the linearised set is sought again about itself, from the Chebyshev centre on, until it stays. Where
     the set has no interior the central programme takes its place, for weights'X (K, P) and their intervals (K, 2).
     """
-    system, point, room = feasible.linearised, feasible.centre, _room(feasible)
+    system, point, residual, room = feasible.linearised, feasible.centre, feasible.residual, feasible.room
     bounded = np.isfinite(intervals).all(axis=1)
     estimator: Estimator = "analytic centre"
     for _ in range(MAX_CENTRED):
         jacobian = system.jacobian_at(point) @ system.span
-        about = Bounded(jacobian, system.residual_at(point), room)
+        about = Bounded(jacobian, residual, room)
         centre = central(
             about, weights[bounded] @ system.span, intervals[bounded] - (weights[bounded] @ point)[:, None]
         )
         step, estimator = centre.x, centre.estimator
-        while (np.abs(system.residual_at(point + system.span @ step)) > room).any() and step.any():
+        residual = system.residual_at(point + system.span @ step)
+        while (np.abs(residual) > room).any() and step.any():
             # The exact model has smaller residuals than the linear one.
             step = np.where(np.abs(step) > SMALLEST, step / 2.0, 0.0)
+            residual = system.residual_at(point + system.span @ step)
         point = point + system.span @ step
         if np.abs(jacobian @ step / room).max(initial=0.0) <= STILL:
             break
@@ -521,17 +539,9 @@ def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
 def _steps_of(feasible: FeasibleSet) -> tuple[Polytope, NDArray]:
     """Steps from the centre, in coordinates of `span`, that keep residuals within bounds; the residuals (M,) there."""
     system = feasible.linearised
-    residual, room = system.residual_at(feasible.centre), _room(feasible)
     polytope = Polytope(system.jacobian @ system.span, system.bound)
-    polytope.confine(residual - room, residual + room)
-    return polytope, residual
-
-
-def _room(feasible: FeasibleSet) -> NDArray:
-    """Return the largest allowed residuals (M,): bound and slack, or the Chebyshev centre's residual if larger."""
-    system = feasible.linearised
-    size = np.abs(system.residual_at(feasible.centre))
-    return np.maximum(system.bound + feasible.slack, size) * (1.0 + RELATIVE_TOLERANCE)
+    polytope.confine(feasible.residual - feasible.room, feasible.residual + feasible.room)
+    return polytope, feasible.residual
 
 
 def _takes_long(system: Linearisation) -> bool:
@@ -541,6 +551,8 @@ def _takes_long(system: Linearisation) -> bool:
 
 def _is_determined(system: Linearisation, weights: NDArray) -> bool:
     """Return whether the measurements determine weights'X."""
+    if not system.deficient:
+        return True
     outside = float(np.linalg.norm(weights - system.span @ (system.span.T @ weights)))
     return outside <= NOT_OUTSIDE * float(np.linalg.norm(weights))
 

@@ -24,6 +24,7 @@ from ...models.bench import (
     checked_rotation,
     input_direction,
     input_jacobian,
+    reading_of_input,
     target_jacobian,
     target_reading,
 )
@@ -254,7 +255,7 @@ def _in_blocks(evaluate: Callable[..., NDArray]) -> Callable[..., NDArray]:
 
         count, size = len(at.alpha), max(1, BLOCK * point.shape[-1] // point.size)
         if count <= size:
-            return of(slice(count))
+            return evaluate(p, point, at) if sign is None else evaluate(p, point, at, sign)
         parts = [of(slice(start, start + size)) for start in range(0, count, size)]
         return np.concatenate(parts, axis=point.ndim - 1)
 
@@ -276,6 +277,14 @@ def predicted_input(p: Parametrisation, point: NDArray, at: Positions) -> NDArra
     """Return the inputs of the accelerometers (N, 3) [g], up to the unobservable factor (1 − Δg/g)."""
     targets, alpha, beta, matrices = _arguments(p, point, at)
     return input_direction(targets, alpha, beta, matrices, at.slips)
+
+
+@_in_blocks
+def predicted_input_and_reading(p: Parametrisation, point: NDArray, at: Positions) -> NDArray:
+    """Return `predicted_input` and `predicted_reading`, together (N, 3, 2)."""
+    targets, alpha, beta, matrices = _arguments(p, point, at)
+    inputs = input_direction(targets, alpha, beta, matrices, at.slips)
+    return np.stack((inputs, reading_of_input(targets, inputs)), axis=-1)
 
 
 @_in_blocks

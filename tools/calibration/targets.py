@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...models.bench import GYRO_PARAMETERS, SYMMETRIC_PAIRS, TARGETS
 from ..errors import InputError, nearest
-from .model import Linearisation, Parametrisation, determined
+from .model import Linearisation, Parametrisation, determined, parametrise
 
 ARCSEC = math.radians(1 / 3600)
 NAMES = {
@@ -116,7 +117,13 @@ class Target:
 
 def convention_targets(p: Parametrisation, convention: str) -> list[Target]:
     """The targets of the paper under convention "A1" or "A2"; the mounting's once for each mounting."""
-    targets = []
+    return list(_targets_of(p.mountings, p.symmetric, convention))
+
+
+@lru_cache
+def _targets_of(mountings: tuple[str, ...], symmetric: bool, convention: str) -> tuple[Target, ...]:
+    """Return the same, which do not depend on the matrices of the mountings."""
+    p, targets = parametrise(dict.fromkeys(mountings, np.eye(3)), symmetric=symmetric), []
     for parameter in p.symbols:
         target, at, mounting = parameter.partition("@")
         symbol = target
@@ -125,7 +132,7 @@ def convention_targets(p: Parametrisation, convention: str) -> list[Target]:
         name, unit = NAMES[symbol]
         symbol = SYMBOL.sub(lambda match, suffix=at + mounting: match[0] + suffix, symbol)
         targets.append(Target(symbol, name + at + mounting, unit, expression_weights(symbol, p)))
-    return targets
+    return tuple(targets)
 
 
 def words_of(name: str) -> str:

@@ -26,9 +26,10 @@ from ..locks import own_folder
 from ..progress import progress_bar
 from ..rounding import digits
 from ..workers import made
+from .code import code_hash
 from .file import Campaign, Computation, Value
 from .kinds import RUNNERS, AttitudeRuns, RunInput, Runner
-from .store import Computed, Order, ResultColumns, code_hash, make_order, opened_store
+from .store import Computed, Order, ResultColumns, make_order, opened_store
 from .summary import CampaignResult, Cost, summarise
 
 _SAMPLES_STREAM, _ERRORS_STREAM = 0, 1

@@ -11,13 +11,13 @@ import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import polars as pl
 
-from ... import fmus, models
+from ... import fmus
 from ..errors import InputError
 from ..files import (
     LARGEST,
@@ -32,6 +32,7 @@ from ..files import (
 )
 from ..locks import Taken, locked, refuse_irregular
 from ..orchestrator.scenario import read_scenario
+from .code import PACKAGES, code_hash
 from .file import Campaign, parse_campaign
 from .kinds import Output
 
@@ -39,25 +40,6 @@ SCHEMA = "trihedron.campaign-result/1"
 MANIFEST, CAMPAIGN_FILE, LOCK = "campaign.json", "campaign.toml", "campaign.lock"
 SUMMARY, PAGE = "summary.json", "index.html"
 RUNS, RECORDS = "runs", "records"
-_PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
-_CODE = (
-    "bounded",
-    "by_hand",
-    "calibrated.py",
-    "calibration",
-    "campaign",
-    "compiled.py",
-    "diagnosis",
-    "evidence",
-    "motion",
-    "noise",
-    "orchestrator",
-    "papers",
-    "records",
-    "sieve",
-    "trials",
-)
-"""Sub-packages and modules of the tools that affect results, beside models and fmus."""
 
 
 @dataclass(frozen=True)
@@ -135,21 +117,6 @@ def _inputs_of_scenario(file: Path) -> Iterable[str]:
         for name in (stimulus.csv, stimulus.programme):
             if name is not None:
                 yield name
-
-
-@cache
-def code_hash() -> str:
-    """Return the hash of the code that affects results, and of the versions of its packages."""
-    digest = hashlib.sha256(f"{platform.python_version()} {platform.machine()}".encode())
-    for package in _PACKAGES:
-        digest.update(f"\0{package} {fmus.version(package)}".encode())
-    tools = Path(__file__).parents[1]
-    places = [Path(str(package.__file__)).parent for package in (models, fmus)]
-    places += [tools / name for name in _CODE]
-    for place in places:
-        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
-            digest.update(f"\0{path.relative_to(place.parent).as_posix()}\0".encode() + path.read_bytes())
-    return digest.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -255,7 +222,7 @@ def manifest_of(order: Order, campaign: Campaign, columns: ResultColumns, conten
         "order_sha256": order.sha256,
         "code_sha256": order.code,
         "files": order.hashes,
-        "versions": {name: fmus.version(name) for name in _PACKAGES} | {"python": platform.python_version()},
+        "versions": {name: fmus.version(name) for name in PACKAGES} | {"python": platform.python_version()},
         "runs": campaign.runs,
         "runs_of_partition": campaign.partition_size,
         "partitions": campaign.partitions,
