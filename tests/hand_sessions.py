@@ -90,17 +90,25 @@ def strapdown(
 
 
 def ferraris(
-    seed: int, tilt: float = 0.03, *, of_prior: bool = False, error: float = 0.0, turn_error: float = 0.0
+    seed: int,
+    tilt: float = 0.03,
+    *,
+    of_prior: bool = False,
+    error: float = 0.0,
+    turn_error: float = 0.0,
+    turn_bias: float = 0.0,
 ) -> tuple[Instrument, pl.DataFrame]:
     """Return an instrument, and its session of six faces, tilted by some radians, and three turns.
 
-    Each face reads wrong by a constant with the standard deviation `error` [g], each turn by one of `turn_error` [rad].
+    Each face reads wrong by a constant with the standard deviation `error` [g]. Each turn is wrong by an angle of
+    `turn_error`, and all alike by one of `turn_bias` [rad].
     """
     rng = np.random.default_rng(seed)
     instrument = Instrument.of_prior(seed) if of_prior else Instrument(seed)
     instrument.sensitivity = np.zeros((3, 3))
     errors = GRAVITY * np.random.default_rng([seed, 2]).normal(0.0, error, (6, 3))
     wrong = np.random.default_rng([seed, 3]).normal(0.0, turn_error, 3)
+    wrong += np.random.default_rng([seed, 4]).normal(0.0, turn_bias)
     faces = []
     for word in FACES:
         axis = np.zeros(3)

@@ -11,7 +11,7 @@ import trihedron as th
 from by_hand import GRAVITY, NAMES, Instrument, present
 from hand_sessions import directions, ferraris, hand_moved, poses, runs, truth
 from trihedron.tools.by_hand.forces import FACE_ERROR
-from trihedron.tools.by_hand.moves import TURN_ERROR
+from trihedron.tools.by_hand.moves import TURN_BIAS, TURN_ERROR
 from trihedron.tools.calibrated import Calibration, Parameter
 from trihedron.tools.motion.determinacy import LEAST_SD, UNSEEN, slopes_of
 from trihedron.tools.motion.norm import norm_equations
@@ -136,7 +136,9 @@ def test_six_faces_and_three_turns_have_right_standard_errors(sessions: int) -> 
     forces, gyros = [], []
     for seed in range(sessions):
         # Six faces leave the misalignments at what is known before: the instruments are drawn from that.
-        instrument, table = ferraris(seed, FACE_ERROR, of_prior=True, error=LEAST_SD, turn_error=TURN_ERROR)
+        instrument, table = ferraris(
+            seed, FACE_ERROR, of_prior=True, error=LEAST_SD, turn_error=TURN_ERROR, turn_bias=TURN_BIAS
+        )
         result = th.calibrate(table, gravity=GRAVITY)
         assert result.verdict == "insufficient"
         assert result.open

@@ -31,7 +31,7 @@ from ..rounding import digits, upwards
 from .forces import Faces, Forces, Norms, fitted_forces, scatter_of
 from .gyros import MOVE_ERROR, GyroFit, fitted_gyros
 from .gyros import PRIOR as GYRO_PRIOR
-from .moves import ROUGH, Moves, Turns, Windows
+from .moves import ROUGH, TURN_BIAS, Moves, Turns, Windows
 from .run import HandRecord, HandRequest, Run, run_of
 from .small_turns import Floats, Ints
 
@@ -594,6 +594,18 @@ def _remarks(run: Run, fit: HandFit) -> list[str]:
                 f"all gyros' scale factors err alike, by {'' if common > 0.0 else '-'}{size} %: a clock of the record "
                 f"that runs {sense} by {size} % would show so too; the record does not tell which"
             )
+        if (np.square(fit.gyros.by_turns[MATRIX][::4]) > 0.5 * np.square(fit.gyros.errors[MATRIX][::4])).any():
+            remarks.append(
+                "known turns alone tell scale factors of the gyros, and nothing tests these: all may err alike by "
+                f"{digits(float(np.degrees(TURN_BIAS)), 2)}° (1 sd); turn several times round, as 3:3600, or about "
+                "level axes from rest to rest"
+            )
+    if fit.gyros is not None and run.moves is not None and run.moves.way.series.lost:
+        remarks.append(
+            f"about {digits(100.0 * run.moves.way.series.lost, 2)} % of the rows seem lost though the time stamps are "
+            "even: in moves all readings change at once as over two rows. Turns then read too small, and the errors of "
+            "the gyros hold that; log the time or number of each sample"
+        )
     change = None if fit.gyros is None else fit.gyros.change
     if change is not None and run.moves is not None:
         sizes = " and ".join(

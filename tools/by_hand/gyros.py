@@ -3,7 +3,7 @@
 The accelerometers are known from the norm of gravity: their covariance is a prior of their nine parameters here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from ..calibrated import TakenSensitivity
 from ..motion.determinacy import TURN_PRIOR_SD, worst_turn
 from ..motion.norm import inputs_of
 from .forces import LEAST_SPARE, SPARE, Forces
-from .moves import GYROS, Moves, PieceRows, Turns, Windows
+from .moves import GYROS, TURN_BIAS, Moves, PieceRows, Turns, Windows
 from .small_turns import Floats, Ints
 from .still import StillRests
 
@@ -66,6 +66,8 @@ class GyroFit:
         standard deviation of a piece's own error [rad]
     change : BiasChange or None
         where the mean rates at rest prove it
+    by_turns : (22,) array
+        change of the values where all known turns are wrong alike by their usual error; the covariance holds it
     """
 
     values: Floats
@@ -75,6 +77,7 @@ class GyroFit:
     missed: Floats
     piece_error: float
     change: BiasChange | None = None
+    by_turns: Floats = field(default_factory=lambda: np.zeros(GYROS))
 
     @property
     def errors(self) -> Floats:
@@ -170,8 +173,8 @@ class GyroRows:
     fitted: Ints
     prior: Floats
 
-    def solved(self, forces: Forces, values: NDArray) -> tuple[NDArray, NDArray, PieceRows, float]:
-        """Return values (22,) and their covariance by least squares, the pieces' errors, and a piece's own error."""
+    def solved(self, forces: Forces, values: NDArray) -> GyroFit:
+        """Return the fit by least squares."""
         x, piece_error = forces.x, MOVE_ERROR
         triangle = np.linalg.cholesky(np.linalg.inv(forces.covariance)).T
         width = 9 + len(self.fitted)
@@ -198,7 +201,12 @@ class GyroRows:
                 break
         covariance = np.zeros((GYROS, GYROS))
         covariance[np.ix_(self.fitted, self.fitted)] = inverse[9:, 9:]
-        return values, covariance, self.pieces.rows(forces, values), piece_error
+        by_turns = np.zeros(GYROS)
+        if self.turns is not None:
+            by_turns[self.fitted] = (inverse @ blocks[2][1].sum(axis=0))[9:] * TURN_BIAS / self.turns.error
+        covariance += np.outer(by_turns, by_turns)
+        missed = self.pieces.rows(forces, values).error
+        return GyroFit(values, covariance, self.fitted, None, missed, piece_error, by_turns=by_turns)
 
     def _piece_error(self, pieces: PieceRows, variance: NDArray) -> float:
         """Return the standard deviation of a piece's own error by the residuals [rad]."""
@@ -285,13 +293,15 @@ def fitted_gyros(
     prior = PRIOR.copy()
     if isinstance(pieces, Windows) and pieces.case_error is None:
         prior[MATRIX] = OF_TRUTH
-    rows = GyroRows(rests, deviation, pieces, turns, np.array(chosen), prior)
-    values, covariance, last, piece_error = rows.solved(forces, values)
+    fit = GyroRows(rests, deviation, pieces, turns, np.array(chosen), prior).solved(forces, values)
+    covariance = fit.covariance
     if isinstance(pieces, Windows) and pieces.case_error is not None:
         covariance[MATRIX, MATRIX] += pieces.case_error**2 * np.eye(9)
-    change = change_of_bias(rests, forces.x, values) if len(rests) else None
+    # Turns over lost rows read too small.
+    covariance[MATRIX, MATRIX] += pieces.way.series.lost**2 * np.outer(np.eye(3), np.eye(3))
+    change = change_of_bias(rests, forces.x, fit.values) if len(rests) else None
     if len(rests) and rests.rate_steps is not None:
         covariance[BIAS, BIAS] += np.diag(np.square(np.median(rests.rate_steps, axis=0)))
     if change is not None:
         covariance[BIAS, BIAS] += np.diag(np.square(0.5 * change.size))
-    return GyroFit(values, covariance, rows.fitted, sensitivity, last.error, piece_error, change)
+    return replace(fit, sensitivity=sensitivity, change=change)

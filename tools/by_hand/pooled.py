@@ -16,7 +16,7 @@ from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, PooledTest, Verdic
 from ..errors import InputError
 from ..records.noise import noise_bound_of
 from .calibration import Bounds, HandFit, calibration_of, checked_fit, with_gyros
-from .forces import SPARE, Forces, Norms, fitted_forces
+from .forces import SPARE, Forces, Norms, fitted_forces, scatter_of
 from .moves import Windows
 from .pooled_gyros import with_pooled_gyros
 from .run import HandRecord, HandRequest, Run, run_of
@@ -204,6 +204,11 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
     bias_sets = np.zeros(len(runs), dtype=int) if share_bias else np.arange(len(runs))
     norms = _joined([fit.norms for fit in alone], bias_sets)
     forces = fitted_forces(norms)
+    measured = all(run.tells_noise for run in runs)
+    test = _test_of(forces, norms, alone, np.inf if measured else SPARE)
+    if test.one_instrument and not runs[0].basis and any(fit.spare < SPARE for fit in alone):
+        alone, forces = _with_common_scatter(runs, alone, bias_sets)
+        norms = _joined([fit.norms for fit in alone], bias_sets)
     columns = [np.append(np.arange(6), 6 + 3 * number + np.arange(3)) for number in bias_sets]
     fits = []
     for run, fit, of_run in zip(runs, alone, columns, strict=True):
@@ -211,7 +216,6 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
         pooled = Forces(forces.x[of_run], covariance, fit.forces.case, fit.forces.case_error)
         fits.append(with_gyros(run, replace(fit, forces=pooled, spare=norms.spare(forces))))
     bounds = Bounds.of(forces, norms, runs[0].bound)
-    test = _test_of(forces, norms, alone)
     if bounds.possible is not None and runs[0].basis == "given":
         most = 1.0
         if bounds.possible.radius > 1.0:
@@ -219,6 +223,22 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
         test = test.model_copy(update={"one_instrument": bounds.possible.radius <= most})
     fits, warnings = with_pooled_gyros(runs, fits)
     return PooledFit(tuple(fits), test, bounds, tuple(columns), warnings)
+
+
+def _with_common_scatter(
+    runs: Sequence[Run], alone: Sequence[HandFit], bias_sets: Ints
+) -> tuple[list[HandFit], Forces]:
+    """Return the fits with the scatter of all norms together, which tell more of it than each run, and their forces."""
+    each = [replace(fit.norms, deviation=run.deviation) for run, fit in zip(runs, alone, strict=True)]
+    norms = _joined(each, bias_sets)
+    forces = fitted_forces(norms)
+    measured = all(run.tells_noise for run in runs)
+    scatter, chance = scatter_of(forces, norms, known=False, measured=measured)
+    if scatter > 1.0:
+        each = [replace(one, deviation=one.deviation * scatter) for one in each]
+        forces = fitted_forces(_joined(each, bias_sets))
+    fits = [replace(fit, norms=one, scatter=scatter, chance=chance) for fit, one in zip(alone, each, strict=True)]
+    return fits, forces
 
 
 def _bounds_alone(run: Run, fit: HandFit) -> Bounds:
@@ -240,15 +260,18 @@ def _joined(norms: Sequence[Norms], bias_sets: Ints) -> Norms:
     )
 
 
-def _test_of(forces: Forces, norms: Norms, alone: Sequence[HandFit]) -> PooledTest:
-    """Return the F test whether pooled runs leave no more than each alone."""
+def _test_of(forces: Forces, norms: Norms, alone: Sequence[HandFit], rows: float) -> PooledTest:
+    """Return the F test whether pooled runs leave no more than each alone.
+
+    `rows` is the number of readings that the readings' own errors are worth, where little freedom is left alone.
+    """
     square, effective = _square(forces, norms), norms.effective(forces)
     square_alone = sum(_square(fit.forces, fit.norms) for fit in alone)
     effective_alone = sum(fit.norms.effective(fit.forces) for fit in alone)
     # Less than one parameter that runs determine twice tests nothing.
     between, freedom = max(effective_alone - effective, 1.0), len(norms.reading) - effective_alone
     # With little freedom alone the readings' own errors are the measure.
-    scale, rows = 1.0, np.inf
+    scale = 1.0
     if freedom >= SPARE:
         scale, rows = max(square_alone / freedom, SMALL), freedom
     f = max(square - square_alone, 0.0) / between / scale

@@ -90,7 +90,7 @@ class SharedGyros:
     rotations : (R, 3, 3) array
         R of each run
     covariance : (s + 3 R, s + 3 R) array
-        of the values, and of a small turn of each run's axes [rad]
+        of the values, and of a small turn of each run's axes [rad]; known turns may err alike in all runs
     scatter : float
         differences between runs in units of their errors, at least 1; the covariance holds them
     """
@@ -163,12 +163,13 @@ def shared_gyros(gyros: Sequence[RunGyros], first: RunGyros) -> SharedGyros:
     for _ in range(ROUNDS):
         turns = [_small_turn(now @ before.T) for now, before in zip(turned, start, strict=True)]
         normal, gradient = np.diag(prior**-2), -np.concatenate([values, *turns]) / prior**2
-        square = 0.0
+        square, by_turns = 0.0, np.zeros(len(prior))
         for number, one in enumerate(gyros):
             of_run, slopes = in_axes_of_run(values, turned[number])
             columns, off = _columns(count, number), one.values - of_run
             normal[np.ix_(columns, columns)] += slopes.T @ information[number] @ slopes
             gradient[columns] += slopes.T @ information[number] @ off
+            by_turns[columns] += slopes.T @ information[number] @ one.fit.by_turns[one.shared]
             square += float(off @ information[number] @ off)
         covariance = np.linalg.inv(normal)
         change = covariance @ gradient
@@ -181,7 +182,10 @@ def shared_gyros(gyros: Sequence[RunGyros], first: RunGyros) -> SharedGyros:
     scatter = 1.0
     if freedom > 1.0 and chdtrc(freedom, square) < CHANCE:
         scatter = math.sqrt(square / freedom)
-    return SharedGyros(values, turned, np.asarray(covariance * scatter**2), scatter)
+    # The runs' own covariances hold that error as if it were another in each.
+    alike, count_turned = np.dot(covariance, by_turns), sum(bool(one.fit.by_turns.any()) for one in gyros)
+    covariance = covariance * scatter**2 + (1.0 - 1.0 / max(count_turned, 1)) * np.outer(alike, alike)
+    return SharedGyros(values, turned, covariance, scatter)
 
 
 def _small_turn(rotation: NDArray) -> Floats:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..memory import each, once
 from ..motion.rests import LEAST_ROWS, QUIET, still_stretches, still_windows, window_scatter, window_sums
 from ..records.columns import LARGEST_FORCE
-from ..records.stamps import grid_of
+from ..records.stamps import grid_of, lost_share
 from ..records.steps import reading_step
 from .small_turns import Floats, Ints
 
@@ -53,6 +53,12 @@ class TimedReadings:
     def period(self) -> float:
         """The time between samples [s]."""
         return grid_of(self.time_s).period
+
+    @cached_property
+    def lost(self) -> float:
+        """The part of the rows that is lost under even stamps."""
+        assert self.rate is not None
+        return lost_share(self.time_s, np.column_stack([self.force, self.rate]))
 
     @cached_property
     def turned(self) -> Floats:

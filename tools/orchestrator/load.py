@@ -67,13 +67,15 @@ class Sources:
 class Loaded:
     """An FMU of the scenario, unpacked, with the values to set before initialisation.
 
-    `read` are inputs that its composed effects read, each with the name of such an effect.
+    `read` are inputs that its composed effects read, each with the name of such an effect; `caution` says that a
+    calibration that gave values does not stand.
     """
 
     fmu: UnpackedFmu
     interface: Interface
     values: Mapping[str, tuple[FmuVariable, Value]]
     read: Mapping[str, str] = field(default_factory=dict)
+    caution: str = ""
 
     def start_value(self, variable: FmuVariable) -> Value | None:
         """Return a variable's start value: the scenario's, otherwise the model description's."""
@@ -176,10 +178,10 @@ def load_fmus(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, L
         if structural:
             lengths = {variable.name: int(value) for variable, value in structural.values()}
             interface = interface_of(name, label, fmu.description, lengths)
-        calibrated = calibrated_parameters(name, setting, interface, sources)
+        calibrated, caution = calibrated_parameters(name, setting, interface, sources)
         values = {**structural, **resolve_parameters(interface, plain_parameters, calibrated, of_effects)}
         inputs = _read_by_effects(str(setting.component), places) if places else {}
-        loaded[name] = Loaded(fmu, interface, values, inputs)
+        loaded[name] = Loaded(fmu, interface, values, inputs, caution)
     return loaded
 
 
@@ -311,13 +313,16 @@ def _check_names(entry: Mapping[str, Any], extending: "Mapping[str, Effect]") ->
             raise InputError(f"effect '{name}' has no parameter '{key}'; {close}")
 
 
-def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, sources: Sources) -> Mapping[str, Any]:
-    """Return the component's parameters from the calibration result that a setting names; empty if it names none.
+def calibrated_parameters(
+    name: str, setting: FmuSetting, interface: Interface, sources: Sources
+) -> tuple[Mapping[str, Any], str]:
+    """Return the component's parameters from the calibration result that a setting names, and a sentence of caution.
 
-    Raises InputError if the file is not such a result, has no estimate, or has nothing about this component.
+    Both are empty if it names none, the sentence also of a calibration that stands. Raises InputError if the file is
+    not such a result, has no estimate, or has nothing about this component.
     """
     if setting.parameters_from is None:
-        return {}
+        return {}, ""
     from ...fmus.parameters import CALIBRATIONS, bench_parameters, calibrated_effects, of_one_record
     from ...models.effects import parameter_name
     from ..calibrated import Calibration
@@ -346,7 +351,11 @@ def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, 
                     f"was solved beside {place.title}, which this FMU does not have; add it to its effects"
                 )
             parameters[component] |= dict(zip(names, values, strict=True))
-    return parameters[component]
+    verdict = str(document.get("verdict"))
+    caution = ""
+    if verdict in ("falsified", "insufficient"):
+        caution = f"fmus.{name}.parameters_from: {label}: the calibration is {verdict}; its estimates are used"
+    return parameters[component], caution
 
 
 def resolve_parameters(

@@ -210,7 +210,8 @@ class PreparedScenario:
         iterated = []
         if self.scenario.run.coupling == "iterate":
             iterated = [group for group in self._groups if group.cyclic]
-        notes = [*self.scenario.notes, *grid.notes, *overruled_values(loaded, self._wires, iterated)]
+        cautions = [entry.caution for entry in loaded.values() if entry.caution]
+        notes = [*self.scenario.notes, *cautions, *grid.notes, *overruled_values(loaded, self._wires, iterated)]
         if self.scenario.record.columns is None and not has_outputs(self.interfaces):
             notes.append(f"no FMU has outputs: {_named(self.columns)} recorded; choose with --record NAME")
         return Assembly(self._groups, self.scenario, self.columns, loaded, ports, grid, notes)

@@ -41,6 +41,13 @@ ON_STEP, NEARLY_ALL = 0.1, 0.98
 IRREGULAR = 4.0
 """Of stamps that follow no line, times that exceed nine in ten of all others by this factor are gaps."""
 
+CLEAR = 36.0
+"""Least square of a step from row to row, in units of its noise, that shows whether a row is lost in it."""
+ALIKE = 0.35
+"""Largest change between the steps beside it, of their size, where a motion is smooth."""
+FEWEST_LOST, LEAST_LOST = 4, 0.004
+"""Fewest steps, and least part of them, that prove lost rows."""
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
@@ -240,3 +247,33 @@ def _fitted(time: NDArray, gaps: NDArray[np.int_], period: float, stretch: int) 
     for first, stop in _segments(gaps, len(time)):
         even[first:stop] += np.median(departure[first:stop])
     return Grid(period, gaps, even, time, regular=True)
+
+
+def lost_share(time: NDArray[np.float64], readings: NDArray[np.float64]) -> float:
+    """Return the part of the rows that a smooth motion proves to be lost though its stamps (N,) are even.
+
+    Where a row is lost, all readings (N, C) change twice as much as by the rows beside it. As many changes by nothing
+    prove that the readings are repeated or coarse instead.
+    """
+    change = np.diff(readings, axis=0)
+    if len(change) < FEW:
+        return 0.0
+    noise = 1.5 * np.median(np.abs(change[2:-2] - 0.5 * (change[1:-3] + change[3:-1])), axis=0)
+    change = change[:, noise > 0.0] / noise[noise > 0.0]
+    first, before, step, after, last = (change[k : len(change) - 4 + k] for k in range(5))
+    usual = (4.0 * (before + after) - (first + last)) / 6.0
+    channels = change.shape[1]
+    size = np.square(usual).sum(axis=1)
+    ratio = (usual * step).sum(axis=1) / np.maximum(size - 0.5 * channels, 1.0) - 1.0
+    across = np.square(step - (1.0 + ratio[:, None]) * usual).sum(axis=1)
+    is_smooth = np.square(after - before).sum(axis=1) < 4.0 * ALIKE**2 * size + 2.0 * channels
+    is_clear = (size > CLEAR) & is_smooth & (across < 0.15 * size + 3.0 * channels)
+    if len(grid_of(time).gaps):
+        gaps = np.append(0, np.cumsum(grid_of(time).is_gap))
+        is_clear &= gaps[5:] == gaps[:-5]
+    ratio = ratio[is_clear]
+    twice, none = (int((np.abs(ratio - further) < 0.3).sum()) for further in (1.0, -1.0))
+    # Rough motions give more the smaller the change.
+    is_peak = int((np.abs(ratio - 0.775) < 0.075).sum()) < 0.65 * twice
+    share = twice / max(len(ratio), 1)
+    return share if is_peak and twice >= max(FEWEST_LOST, 2.5 * none) and share > LEAST_LOST else 0.0

@@ -42,6 +42,23 @@ def test_runs_of_few_poses_with_errors_at_their_bound_are_one_instrument(seeds: 
     assert np.sqrt(np.mean(np.square(ratios))) < 1.2 * np.sqrt(3.0)
 
 
+@pytest.mark.parametrize("sd", [3e-4, 2e-3])
+@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 40), marks=pytest.mark.acceptance)])
+def test_the_norms_of_all_runs_tell_the_errors_that_nobody_gave(sd: float, seeds: range) -> None:
+    """Nine readings have nine parameters: no run alone tells how much its readings err."""
+    ratios, pose_errors = [], []
+    for seed in seeds:
+        instruments, tables = runs(seed, (9, 9, 9), lambda rng, shape: rng.normal(0.0, sd, shape))
+        result = th.calibrate_together(*tables, gravity=GRAVITY)
+        assert result.verdict == "usable"
+        pose_errors.append(present(result.by_hand).pose_error.worst)
+        for instrument, record in zip(instruments, result.of_record.values(), strict=True):
+            for p in [*result.parameters, *record.parameters]:
+                ratios.append((present(p.estimate) - truth(instrument)[p.symbol]) / present(p.standard_error))
+    assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.2
+    assert np.median(pose_errors) < 4.0 * sd
+
+
 @pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 40), marks=pytest.mark.acceptance)])
 def test_a_run_of_another_instrument_breaks_the_bound_of_all(seeds: range) -> None:
     for seed in seeds:

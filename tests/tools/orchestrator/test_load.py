@@ -351,7 +351,10 @@ def test_a_calibration_without_a_table_gives_parameters_of_instruments(tmp_path:
     (tmp_path / "hand.json").write_text(json.dumps(content), encoding="utf-8")
     block, gyros = ({"component": name, "parameters_from": "hand.json"} for name in ("AccelerometerBlock", "GyroBlock"))
     columns = {"bias_g": "block.bias[2]", "m12": "gyros.scale_misalignment[2]", "b_radps": "gyros.bias[3]"}
-    row = run(tmp_path, {"block": block, "gyros": gyros}, record={"columns": columns}).table.row(0)
+    simulation = run(tmp_path, {"block": block, "gyros": gyros}, record={"columns": columns})
+    words = f"parameters_from: hand.json: the calibration is {verdict}; its estimates are used"
+    assert [words in note for note in simulation.notes] == [True] * (0 if verdict == "usable" else 2)
+    row = simulation.table.row(0)
     assert row[-3:] == (instrument.bias[1], instrument.gyro_matrix[0, 1], instrument.gyro_bias[2])
     message = refusal(tmp_path, {"t": {"component": "TurntableMotion", "parameters_from": "hand.json"}})
     assert "says nothing about TurntableMotion; known: " in message
