@@ -188,14 +188,19 @@ def ask_of_instances(table: UnderstoodTable, name: str) -> None:
     """
     for field in table.fields:
         sensors = sorted(set(field.texts))
-        quantities = {quantity for text in sensors[:MOST_SENSORS] for quantity in quantities_of(normal(text).split())}
+        quantities = {quantity for text in sensors[:MOST_SENSORS] for quantity in _quantities_in(text)}
         is_sensor = len(quantities) > 1 and len(sensors) <= MOST_SENSORS
         if len(sensors) > 1 and (is_sensor or (name and field.head.text == name)):
-            of_words = {quantity: sensor for sensor in sensors for quantity in quantities_of(normal(sensor).split())}
-            answers = [f"{field.label}={sensor}" for sensor in sensors]
-            if len(sensors) == len(of_words) == len(TRIADS_OF):
-                answers.insert(0, ",".join(f"{field.label}={of_words[quantity]}" for quantity in TRIADS_OF))
+            forces, rates = ([text for text in sensors if quantity in _quantities_in(text)] for quantity in TRIADS_OF)
+            forces.sort(key=lambda text: "total" not in normal(text))
+            pairs = [f"{field.label}={force},{field.label}={rate}" for force in forces for rate in rates]
+            answers = [*pairs[:MOST_TRIADS], *(f"{field.label}={sensor}" for sensor in sensors)]
             table.ask("part", answers, f"the rows of {len(sensors)} sensors are mixed")
+
+
+def _quantities_in(text: str) -> list[str]:
+    """Return the quantities of instruments that the words of a text mean."""
+    return quantities_of(normal(text).split())
 
 
 def _take_triads(

@@ -25,7 +25,7 @@ from ..files import bytes_of
 from .array_reader import HDF5, NUMPY, UNNAMED
 from .layout import are_beside, parts_of_seconds
 from .names import heading
-from .sheet import LOOKED_AT, refuse_other
+from .sheet import FEWEST_NUMBERS, LARGE, LOOKED_AT, refuse_other
 from .tables import TABLES
 from .workbook import output_of_reader
 
@@ -38,8 +38,10 @@ ARDUPILOT = re.compile(rb"^FMT, ?\d+, ?\d+,", re.MULTILINE)
 """Line of a text log of ArduPilot that names the columns of a message."""
 JSON = re.compile(rb'(\xef\xbb\xbf)?\s*(\[\s*)?\{\s*"')
 """First bytes of objects, one after the other or in a list."""
-LARGEST_JSON = 150_000_000
-"""Largest file of objects that is read [bytes]: they are held whole."""
+LARGEST_LIST = 250_000_000
+"""Largest list of objects that is read [bytes]: it is held whole."""
+NUMBERS = {int, float, type(None)}
+"""Types of a column of JSON."""
 EXTRAS = {"nptdms": "pip install 'trihedron[tdms]'"}
 """Library -> command that installs it, if not that for all others."""
 EXTRA = "pip install 'trihedron[logs]'"
@@ -465,17 +467,48 @@ def _channels_of_objects(objects: Sequence[Mapping[str, Any]]) -> list[Channel]:
 
 
 def _json_parts(path: Path) -> list[Part]:
-    """Return the table of a list of objects, or of lines with an object each."""
-    content = bytes_of(path, "a measured file is needed", most=LARGEST_JSON)
+    """Return the tables of a list of objects, of lines with an object each, or of an object that holds columns."""
+    if path.stat().st_size > LARGE:
+        return _parts_with("", joined_stamps(table_channels(_large_json(path))))
+    content = bytes_of(path, "a measured file is needed", most=LARGE)
     try:
         objects = [json.loads(line) for line in content.splitlines() if line.strip()]
     except ValueError:
         objects = json.loads(content)
-    if len(objects) == 1:
+    if len(objects) == 1 and isinstance(objects, list):
         (objects,) = objects
-    if len(objects) < FEWEST_ROWS or not all(isinstance(one, dict) for one in objects):
+    if isinstance(objects, dict) and all(map(str.isdecimal, objects)):
+        objects = list(objects.values())
+    tables, columns = {"": objects}, list[Channel]()
+    if isinstance(objects, dict):
+        # pandas numbers the rows, or those of each column
+        inside = {key: list(value.values()) if isinstance(value, dict) else value for key, value in objects.items()}
+        tables = {key: value for key, value in inside.items() if isinstance(value, list)}
+        for key, value in tables.items():
+            types = set(map(type, value))
+            if types <= NUMBERS:
+                columns.append(Channel(key, pl.Series(value, dtype=pl.Float64 if float in types else pl.Int64)))
+    is_table = len(columns) >= FEWEST_NUMBERS and len({len(column.values) for column in columns}) == 1
+    parts = _parts_with("", columns) if is_table else []
+    for name, rows in tables.items():
+        if len(rows) >= FEWEST_ROWS and all(isinstance(row, dict) for row in rows):
+            parts += _parts_with(name, _channels_of_objects(rows))
+    if not parts:
         refuse_other(path, content)
-    return _parts_with("", _channels_of_objects(objects))
+    return parts
+
+
+def _large_json(path: Path) -> pl.DataFrame:
+    """Return the table of a large list of objects, or of lines with an object each.
+
+    Raises InputError for a list that takes too much memory.
+    """
+    if b"[" not in read_begin(path).partition(b"{")[0]:
+        return pl.read_ndjson(path, infer_schema_length=None)
+    if path.stat().st_size > LARGEST_LIST:
+        advice = f"write an object in each line: jq -c '.[]' {path.name}"
+        raise InputError(f"{path}: is a list of more than {LARGEST_LIST} bytes, which is held whole; {advice}")
+    return pl.read_json(path, infer_schema_length=None)
 
 
 def _ardupilot_parts(path: Path) -> list[Part]:

@@ -9,7 +9,7 @@ from ..records.columns import ANGLES, FORCE, POSES, POSITION, RATE
 from .mapping import OPEN, TRIADS
 from .names import QUANTITY_OF, SAMPLE, TIMES, normal
 from .numbers import sexagesimal, unit_behind
-from .ranking import angle_unit, force_units, likely_units, median_size
+from .ranking import angle_unit, by_evidence, force_units, likely_units, median_size
 from .tables import TABLES
 from .understanding import CLOCK, MOMENT, Field, Origin, UnderstoodTable
 from .units import (
@@ -25,6 +25,7 @@ from .units import (
     scaled_unit,
     sense_behind,
     spelled_unit,
+    units_beside_factor,
 )
 
 LEAST_SIZE, FEWEST = 0.2, 10
@@ -151,9 +152,7 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
     elif doubtful:
         answers, why = doubtful, f"what {text!r} of {head.text!r} is"
     elif text and text != head.text:
-        in_words = scaled_unit(text)
-        if in_words is not None and in_words.quantity == quantity:
-            answers = [text, *answers]
+        answers = [*by_evidence(table, quantity, fields, units_beside_factor(text, quantity)), *answers]
         why = f"{text!r} of {head.text!r} is not a known unit of {quantity}"
     elif column == SAMPLE:
         rates = [answer for answer in answers if is_rate(answer)]

@@ -21,7 +21,7 @@ from ..files import (
     together,
     write_text,
 )
-from ..motion import trust_of
+from ..motion import trust_of, unchecked_gyros
 from ..records import Record, write_record
 from ..records.columns import FORCE, FORCES, SCATTER, VELOCITY, RecordKind
 from ..records.read import PACKED, record_from
@@ -398,6 +398,8 @@ def _imported(
             opened.seek(max(0, table.sheet.path.stat().st_size - TAIL))
             notes += cut_warning(opened.read())
     notes += [f"results of this record would be wrong: {line}" for line in check.faults]
+    if not check.faults:
+        notes += filter(None, [unchecked_gyros(judged)])
     scatter, readings = None, len(conversion.row)
     if conversion.readings is not None and conversion.scatter is not None:
         readings, scatter = int(conversion.readings.sum()), tuple(conversion.scatter.tolist())

@@ -12,7 +12,20 @@ from itertools import islice, pairwise, zip_longest
 from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
-from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, normal, of_name
+from .names import (
+    DATE,
+    NOTHING,
+    POSITION,
+    TIMES,
+    Heading,
+    from_one,
+    heading,
+    is_unit,
+    is_unit_row,
+    joined_head,
+    normal,
+    of_name,
+)
 from .numbers import bare, has_degree_mark, is_clock, is_missing, parsed_number, unit_behind
 from .sheet import LOOKED_AT, HeaderFacts, Row, Sheet, cell, has_text, is_data, is_value, is_word
 from .units import TIME, known_unit
@@ -207,7 +220,7 @@ def _with_unit(head: Heading, unit: str) -> Heading:
     unit = unit.strip()
     if not unit or unit in NOTHING or head.unit:
         return head
-    if known_unit(unit) is None:
+    if not is_unit(unit):
         in_two_lines = heading(joined_head(head.text, unit))
         if in_two_lines.means_column:
             return in_two_lines

@@ -14,7 +14,7 @@ from ..records.columns import RATE as RATES
 from ..records.columns import TEMPERATURE as TEMPERATURES
 from ..records.columns import VELOCITY as VELOCITIES
 from .tables import TABLES
-from .units import ANGLE, FORCE, RATE, TEMPERATURE, LaboratoryUnit, known_unit, spelled_unit
+from .units import ANGLE, FORCE, RATE, TEMPERATURE, LaboratoryUnit, known_unit, spelled_unit, units_beside_factor
 
 POSITION, TIMES, DATE, SAMPLE = "position", "time_s", "date", "sample"
 QUANTITY_OF: dict[str, str] = {column: quantity for column, (quantity, _) in TABLES["columns"].items()}
@@ -75,8 +75,8 @@ def heading(text: str) -> Heading:
         return Heading(text, text, word, TIMES)
     # gyro[0] and acc (x) have an axis, not the unit 0; accel_m_s2[0] has its unit before the number
     plain = re.sub(r"[\[(](\d|[xyzXYZ])[\])]", r" \1", text)
-    # Accelerometer [m/s2] (z)
-    plain = re.sub(r"^(.+?) ([\[(][^\])]+[\])]) +(\w)$", r"\1 \3 \2", plain)
+    # Accelerometer [m/s2] (z), acc [g].x
+    plain = re.sub(r"^(.+?) ([\[(][^\])]+[\])])[ .]+(\w)$", r"\1 \3 \2", plain)
     numbered = re.fullmatch(r"(.+)[ _](\d)", plain)
     if numbered:
         for name, unit in _splits(f"{numbered[1]}"):
@@ -236,11 +236,16 @@ def _triad(words: list[str], quantity: str) -> str:
     return ""
 
 
+def is_unit(text: str) -> bool:
+    """Return True if a text is a unit, also beside a factor."""
+    return known_unit(text) is not None or bool(units_beside_factor(text))
+
+
 def is_unit_row(texts: list[str]) -> bool:
     """Return True if a row holds the units of the columns."""
     filled = units = 0
     for text in texts:
         if text.strip() and text.strip() not in NOTHING:
             filled += 1
-            units += known_unit(text) is not None or spelled_unit(text).lower() in ("1", "h:m:s", "grad")
+            units += is_unit(text) or spelled_unit(text).lower() in ("1", "h:m:s", "grad")
     return units >= 3 and 2 * units > filled

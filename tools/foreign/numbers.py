@@ -24,6 +24,7 @@ BLANKS = "\u00a0\u2009\u202f '’"
 
 _NUMERIC = re.compile(rf"[+-]?[\d.,{BLANKS}]*\d[\d.,{BLANKS}]*(?:[eE][+-]?\d+)?")
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,2})?", re.ASCII)
+_HEXADECIMAL = re.compile(r"0[xX][\dA-Fa-f]{1,8}")
 _DEGREES = re.compile(
     r"(?P<sign>[+-]?)\s*(?P<deg>\d+)\s*[°º:\sd]\s*(?P<min>\d+(?:[.,]\d+)?)"
     r"(?:\s*['′’:\sm]\s*(?:(?P<sec>\d+(?:[.,]\d+)?)\s*(?:[\"″”s]|''|′′|’’)?)?)?"
@@ -99,6 +100,8 @@ def parsed_number(text: str, decimal: str = ".", thousands: str = "") -> float |
     plain = _with_point(text, decimal)
     if _PLAIN.fullmatch(plain):
         return float(plain)
+    if _HEXADECIMAL.fullmatch(text.strip()):
+        return float(int(text, 16))
     text = re.sub(r"^([+-]) (?=[\d.,])", r"\1", text.strip().replace("−", "-"))
     # Fortran's exponents
     text = re.sub(r"(?<=[\d.,])[dD](?=[+-]?\d{1,3}$)", "e", text)
@@ -155,7 +158,7 @@ def sexagesimal(text: str) -> float | None:
 
 def bare(text: str) -> str:
     """Return a cell without the unit behind its number: "9,81" of "9,81 m/s²"."""
-    if isinstance(text, Typed):
+    if isinstance(text, Typed) or _HEXADECIMAL.fullmatch(text.strip()):
         return text
     return _UNIT_BEHIND.sub("", text.strip())
 

@@ -405,10 +405,9 @@ def _rate_units(table: UnderstoodTable, fields: Sequence[Field]) -> list[str]:
         return []
     largest = float(np.abs(values).max())
     whole = bool((values == np.round(values)).all()) and largest > 0.0
-    forces = [table.origins[column].field for column in FORCES if column in table.origins]
-    forces = forces or list(table.proposed.get(FORCE, ()))
+    forces = accelerometers_of(table)
     usual = [f"{number} LSB/(deg/s)" for number in RANGES.values()]
-    by_turns = _unit_of_turns(table, forces, fields, whole=whole)
+    by_turns = _unit_of_turns(_size_of_turns(table, forces, fields), whole=whole)
     if by_turns:
         return list(dict.fromkeys([by_turns, *(usual if whole else ("rad/s", "deg/s"))]))
     if whole and len(forces) == 3:
@@ -446,18 +445,24 @@ def turns_of(table: UnderstoodTable, forces: Sequence[Field], rates: Sequence[Fi
     return abs(product) / square, abs(product) / math.sqrt(square * float(np.sum(turned**2)))
 
 
-def _unit_of_turns(table: UnderstoodTable, forces: Sequence[Field], rates: Sequence[Field], *, whole: bool) -> str:
-    """Return the unit in which rates turn gravity as the accelerometers show; "" where nothing shows it."""
+def _size_of_turns(table: UnderstoodTable, forces: Sequence[Field], rates: Sequence[Field]) -> float:
+    """Return the size of a unit of rates in which they turn gravity as the accelerometers show [rad/s]; else 0."""
     time = table.origins.get(TIMES)
     if len(forces) != 3 or time is None:
-        return ""
+        return 0.0
     units = [unit for unit in time_units(table, time.field) if time.unit is None]
     unit = time.unit or (scaled_unit(units[0]) if units else None)
     times = np.array(table.values(time.field.texts)) * (0.0 if unit is None else unit.factor)
     scale, correlation = turns_of(table, forces, rates)
     if len(times) < MANY_ROWS or correlation < ALIKE or not np.median(np.diff(times)) > 0.0:
+        return 0.0
+    return scale / float(np.median(np.diff(times)))
+
+
+def _unit_of_turns(scale: float, *, whole: bool) -> str:
+    """Return the usual unit of rates of a size [rad/s], or a sensitivity of counts; "" if there is none."""
+    if not scale:
         return ""
-    scale /= float(np.median(np.diff(times)))
     sizes = {"rad/s": 1.0, "deg/s": DEGREE}
     if whole:
         sizes |= {f"{counts} LSB/(deg/s)": DEGREE / float(counts) for counts in RANGES.values()}
@@ -465,3 +470,21 @@ def _unit_of_turns(table: UnderstoodTable, forces: Sequence[Field], rates: Seque
     if abs(math.log(size / scale)) < math.log(NEAR_TURN):
         return text
     return f"{DEGREE / scale:.3g} LSB/(deg/s)" if whole else ""
+
+
+def by_evidence(table: UnderstoodTable, quantity: str, fields: Sequence[Field], units: Sequence[str]) -> list[str]:
+    """Return units in the order of their distance from what gravity or its turns show, unchanged without evidence."""
+    scale = 0.0
+    if quantity == FORCE and len(fields) == 3:
+        scale = STANDARD_GRAVITY / max(median_size(table, fields), 1e-12)
+    elif quantity == RATE and len(fields) == 3:
+        scale = _size_of_turns(table, accelerometers_of(table), fields)
+    if not scale:
+        return list(units)
+    return sorted(units, key=lambda text: abs(math.log(factor_of(text) / scale)))
+
+
+def accelerometers_of(table: UnderstoodTable) -> list[Field]:
+    """Return the columns of the accelerometers, those that are proposed where they are asked for."""
+    forces = [table.origins[column].field for column in FORCES if column in table.origins]
+    return forces or list(table.proposed.get(FORCE, ()))

@@ -55,6 +55,9 @@ SERIAL = re.compile(r"^(\d\d:\d\d:\d\d[.:]\d+) -?> ")
 """Times that a monitor of a serial port writes before each line."""
 CHECKED = re.compile(r"[$!](.+)\*([\dA-Fa-f]{2})\s*$")
 """A line with the checksum of NMEA: the exclusive or of its characters."""
+_FIELD = re.compile(r"[^\s,;|]+")
+_WORD = re.compile(r"[\dA-F]{4}|[\dA-F]{6}|[\dA-F]{8}|[\da-f]{4}|[\da-f]{6}|[\da-f]{8}")
+"""A count of 16, 24 or 32 bits as a hexadecimal word, in letters of one case."""
 LABVIEW = "LabVIEW Measurement"
 """First words of a LabVIEW measurement file (.lvm); its header has separator, marks, units and period."""
 END_OF_HEADER = "***End_of_Header***"
@@ -297,6 +300,7 @@ def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "")
         return replace(plain, lines=[SERIAL.sub(stamped, line) for line in lines])
     if all(map(CHECKED.match, filter(None, lines[:TRIED]))):
         lines = [without_checksum(line) for line in lines]
+    lines = with_marked_words(lines)
     sheet = Sheet(path, lines, encoding=encoding)
     if separator:
         if separator not in SEPARATORS:
@@ -318,6 +322,30 @@ def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "")
         if best[0]:
             break
     return replace(sheet, separator=separator)
+
+
+def with_marked_words(lines: list[str]) -> list[str]:
+    """Return lines whose counts in hexadecimal words, as 1F0A, are marked as such: 0x1F0A; unchanged if they are none.
+
+    Such a field has words of one length in all rows but the first ones; some have letters, and most have digits.
+    """
+    fields = [_FIELD.findall(line) for line in lines[1:TRIED] if line.strip()]
+    places = []
+    for place, texts in enumerate(zip(*fields[len(fields) // 2 :], strict=False)):
+        letters = sum(not text.isdecimal() for text in texts)
+        digits = sum(any(map(str.isdecimal, text)) for text in texts)
+        if len({len(text) for text in texts}) == 1 and letters and 2 * digits > len(texts):
+            places += [place] * all(map(_WORD.fullmatch, texts))
+    if len(places) < FEWEST_NUMBERS:
+        return lines
+    marked = []
+    for line in lines:
+        texts = list(_FIELD.finditer(line))
+        if len(texts) > places[-1] and all(_WORD.fullmatch(texts[place][0]) for place in places):
+            for place in reversed(places):
+                line = f"{line[: texts[place].start()]}0x{line[texts[place].start() :]}"
+        marked.append(line)
+    return marked
 
 
 def without_checksum(line: str) -> str:

@@ -61,6 +61,12 @@ EXAMPLES: dict[str, list[str]] = TABLES["examples"]
 """Quantity -> usual units."""
 _SPLIT = re.compile(r"^(?P<number>[+]?\d[\d.]*(?:e[+-]?\d+)?(?:/\d[\d.]*)?)?[*x]?(?P<unit>.*)$", re.IGNORECASE)
 
+_FACTOR = r"(?:10(?:\^|\*\*)-?\d+|\d[\d.]*(?:e[+-]?\d+)?)"
+_BESIDE_FACTOR = re.compile(
+    rf"(?P<mark>[*x×])?(?P<number>{_FACTOR})[*x×]?(?P<unit>[^\d*x×].*)|(?P<name>.*[^\d.])[*x×/](?P<by>{_FACTOR})",
+    re.IGNORECASE,
+)
+
 
 def spelled_unit(text: str) -> str:
     """Return a unit's text in one spelling: µ as u, ° as deg, no blanks, brackets or signs of powers."""
@@ -131,6 +137,22 @@ def scaled_unit(text: str) -> LaboratoryUnit | None:
             return LaboratoryUnit(above.quantity, number * above.factor / below.factor, per=below)
         return LaboratoryUnit(below.quantity, below.factor / (number * above.factor), per=above)
     return None
+
+
+def units_beside_factor(text: str, quantity: str = "") -> list[str]:
+    """Return the units of a quantity, or of any, that a unit beside a factor may mean: "x100 deg/s" is 0.01 deg/s."""
+    beside = _BESIDE_FACTOR.fullmatch(re.sub(r"\s+", "", text))
+    if beside is None:
+        return []
+    name = spelled_unit(beside["unit"] or beside["name"])
+    base, _, power = re.sub(r"\^|\*\*", "^", beside["number"] or beside["by"]).partition("^")
+    number = _fraction(f"{base}e{int(power) - 1}" if power else base)
+    unit = known_unit(name)
+    if number is None or unit is None or unit.raw or unit.offset or quantity not in ("", unit.quantity):
+        return []
+    answers = [f"{1.0 / number:.12g} {name}", f"{number:.12g} {name}"]
+    is_multiplied = beside["mark"] or beside["by"]
+    return answers if is_multiplied else answers[::-1]
 
 
 def _fraction(text: str | None) -> float | None:

@@ -37,3 +37,4 @@ from .trust import TrustCheck as TrustCheck
 from .trust import trust_of as trust_of
 from .trust import trusted as trusted
 from .turning import rotation_of as rotation_of
+from .unchecked import unchecked_gyros as unchecked_gyros

@@ -49,6 +49,44 @@ def test_the_unit_that_turns_gravity_is_the_first_answer(unit: str, rates: np.nd
     assert_read(th.import_record(path, answers={"units.rate": unit}).record, rates * factor)
 
 
+@pytest.mark.parametrize(
+    ("force", "rate"), [("x1000 g", "x100 deg/s"), ("g/1000", "dps*100"), ("10^-3 g", "1e-2 °/s"), ("g x 1000", "cdps")]
+)
+@pytest.mark.parametrize("is_below", [False, True])
+def test_the_first_answer_to_a_unit_beside_a_factor_is_right(force: str, rate: str, is_below: bool, tmp_path: Path):
+    counts, turns = np.round(1000.0 * FORCE / 9.80665), np.round(100.0 * DEGREES)
+    names, below = ["time", *named("acc_{}", LOWER), *named("gyr_{}", LOWER)], ["s", *[force] * 3, *[rate] * 3]
+    head = f"{','.join(names)}\n{','.join(below)}\n"
+    if not is_below:
+        head = ",".join(f"{name} ({unit})" for name, unit in zip(names, below, strict=True)) + "\n"
+    rows = table(names, [TIME, counts, turns]).partition("\n")[2]
+    path = written(tmp_path, head + rows)
+    keys, message = questions_of(path)
+    answers = {key: message.partition(f"{key}=")[2].partition("' or")[0] for key in keys}
+    record = th.import_record(path, answers=answers).record
+    assert record.specific_force == pytest.approx(counts * 9.80665 / 1000.0, rel=1e-14, abs=1e-14)
+    assert record.rate == pytest.approx(np.radians(turns / 100.0), rel=1e-14, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("rates", "remark"),
+    [
+        (RATE, "taken unchecked: order and signs of the gyros"),
+        (DEGREES, "gravity turns against the gyros as if they were read with --channels w=deg"),
+        (RATE * [1, -1, 1], "gravity turns against the gyros as if they were read with --channels w=1,-2,3"),
+        (RATE[:, [1, 0, 2]], "gravity turns against the gyros as if they were read with --channels w=2,1,3"),
+        (0.5 * RATE, "gravity turns against the gyros 2 times as far"),
+        (0.0 * RATE + [0.01, 0.0, 0.02], "taken unchecked: unit, range setting, order and signs of the gyros"),
+    ],
+    ids=["right", "unit", "sign", "order", "range", "still"],
+)
+def test_what_a_record_of_three_seconds_shows_of_its_gyros_is_noted(rates: np.ndarray, remark: str, tmp_path: Path):
+    names = ["time [s]", *named("acc_{} [m/s2]", LOWER), *named("gyr_{} [rad/s]", LOWER)]
+    forces = FORCE if "unit" not in remark else np.round(FORCE[:1] + RNG.normal(0.0, 0.03, FORCE.shape), 6)
+    notes = imported(tmp_path, table(names, [TIME, forces, np.round(rates, 6)])).notes
+    assert [note.startswith(remark) for note in notes if "gyros" in note] == [True]
+
+
 def test_columns_that_turn_gravity_are_the_first_answer_for_the_gyros(tmp_path: Path):
     text = "\n".join(" ".join(map(str, row)) for row in np.hstack([FIELD, FORCE, FIELD, RATE]).tolist())
     path = written(tmp_path, text, "log.txt")

@@ -50,8 +50,7 @@ def test_sums_below_the_table_are_asked_of_all_at_once(tmp_path: Path):
 
 
 NOTATIONS = {
-    "hexadecimal": lambda v: f"0x{int(1e5 * v) & 0xFFFFFFFF:08X}",
-    "hexadecimal without a mark": lambda v: f"{int(1e5 * v) & 0xFFFFFFFF:08X}",
+    "one hexadecimal column": lambda v: f"{int(1e5 * v) & 0xFFFFFFFF:08X}",
     "a minus behind": lambda v: f"{abs(v):.6f}" + ("-" if v < 0 else ""),
     "negative in brackets": lambda v: f"({-v:.6f})" if v < 0 else f"{v:.6f}",
     "powers of ten": lambda v: f"{v:.6f}x10^0",
@@ -65,6 +64,18 @@ def test_numbers_in_another_notation_are_refused_and_not_left_out(name: str, tmp
     message = refused(tmp_path, table(PLAIN, [*columns[:4], column, *columns[5:]]))
     assert "write plain decimal numbers" in message
     assert "--set" not in message
+
+
+@pytest.mark.parametrize(("form", "bits"), [("0x{:06x}", 24), ("{:08X}", 32), ("{:04x}", 16)])
+def test_hexadecimal_counts_are_read_and_their_sign_is_asked(form: str, bits: int, tmp_path: Path):
+    counts = np.round(3000.0 * FORCE / 9.80665).astype(int)
+    texts = [[form.format(v % 2**bits) for v in axis] for axis in counts.T.tolist()]
+    names = [*PLAIN[:4], *(f"a{k} [LSB]" for k in "xyz")]
+    content = table(names, [*COLUMNS[:4], *texts])
+    assert f"'integers=signed {bits}' or" in refused(tmp_path, content)
+    answers = {"integers": f"signed {bits}", "units.force": "3000 LSB/g"}
+    record = imported(tmp_path, content, answers).record
+    assert record.specific_force == pytest.approx(counts * 9.80665 / 3000.0, rel=1e-14, abs=1e-14)
 
 
 @pytest.mark.parametrize(("old", "new"), [("E", "D"), ("-", "- "), ("+", "+ ")])

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -136,6 +137,13 @@ def test_a_unit_with_a_number_in_a_head_is_the_first_answer(tmp_path: Path):
     assert "--set 'units.rate=0.1 deg/s' or" in message
 
 
+def assert_equal_to_file(record: Any) -> None:
+    """Assert that a record has the numbers of the file to the last digit."""
+    assert record.specific_force == pytest.approx(FORCE, abs=0)
+    assert record.rate == pytest.approx(RATE, abs=0)
+    assert record.time_s == pytest.approx(TIME, abs=0)
+
+
 def objects(*, nested: bool) -> list[dict[str, object]]:
     """Return the readings as objects of JSON."""
     rows = []
@@ -153,10 +161,45 @@ def test_objects_of_json_are_a_table(nested: bool, in_lines: bool, tmp_path: Pat
     path = written(tmp_path, text, "log.json")
     answers = {"units.time": "s", "units.force": "m/s2", "units.rate": "rad/s"}
     assert questions_of(path)[0] == set(answers)
-    record = th.import_record(path, answers=answers).record
-    assert record.specific_force == pytest.approx(FORCE, abs=0)
-    assert record.rate == pytest.approx(RATE, abs=0)
-    assert record.time_s == pytest.approx(TIME, abs=0)
+    assert_equal_to_file(th.import_record(path, answers=answers).record)
+
+
+COLUMNS = {"t [s]": TIME.tolist()}
+for _name, _columns in (("acc_{} [m/s2]", FORCE), ("gyro_{} [rad/s]", RATE)):
+    COLUMNS |= {_name.format(axis): column for axis, column in zip("xyz", _columns.T.tolist(), strict=True)}
+ROWS = [dict(zip(COLUMNS, row, strict=True)) for row in zip(*COLUMNS.values(), strict=True)]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        COLUMNS,
+        {"device": "A-3", "rate": 100, **COLUMNS},
+        {"device": "A-3", "samples": ROWS},
+        {name: {str(k): value for k, value in enumerate(column)} for name, column in COLUMNS.items()},
+        {str(k): row for k, row in enumerate(ROWS)},
+        [row | {"remark": 150_000 * "-"} for row in ROWS],
+        "\n".join(json.dumps(row | {"remark": 150_000 * "-"}) for row in ROWS),
+    ],
+    ids=["columns", "with facts", "inside", "pandas", "rows of pandas", "large list", "large lines"],
+)
+def test_json_of_any_shape_is_a_table(content: object, tmp_path: Path):
+    text = content if isinstance(content, str) else json.dumps(content)
+    assert_equal_to_file(imported(tmp_path, text, name="log.json").record)
+
+
+def test_the_likeliest_two_of_mixed_sensors_are_the_first_answer(tmp_path: Path):
+    rows = []
+    for time, force, rate in zip(TIME.tolist(), FORCE.tolist(), RATE.tolist(), strict=True):
+        for sensor, values in (("Accelerometer", (0, 0, 0)), ("TotalAcceleration", force), ("Gyroscope", rate)):
+            texts = dict(zip("zyx", map(str, values[::-1]), strict=True))
+            rows.append({"sensor": sensor, "time": "17", "seconds_elapsed": str(time), **texts})
+    path = written(tmp_path, json.dumps(rows), "log.json")
+    keys, message = questions_of(path)
+    pair = "sensor=TotalAcceleration,sensor=Gyroscope"
+    assert keys == {"part"}
+    assert f"--set part={pair} or" in message
+    assert_equal_to_file(th.import_record(path, part=pair).record)
 
 
 def test_an_object_without_a_number_is_left_out_with_its_time(tmp_path: Path):
