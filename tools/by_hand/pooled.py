@@ -102,9 +102,12 @@ def calibrate_runs_by_hand(
         calibration = calibration_of(run, fit, bounds, request.gravity, None)
         calibrations.append(calibration)
         of_record[label] = _of_record(calibration, run, everything=not one_instrument)
-    worst = max(calibrations, key=lambda calibration: _pose_error(calibration))
+    worst, of_gyros = max(calibrations, key=_pose_error), max(calibrations, key=_turn_error)
     assert worst.by_hand is not None
+    assert of_gyros.by_hand is not None
     verdict: Verdict = worst.verdict
+    if of_gyros.verdict == "insufficient":
+        verdict = "insufficient"
     if not one_instrument or any(calibration.verdict == "falsified" for calibration in calibrations):
         verdict = "falsified"
     basis = worst.by_hand.model_copy(
@@ -112,10 +115,17 @@ def calibrate_runs_by_hand(
             "pooled": pooled.test,
             "axes": _axes_of(runs.values()),
             "case": None,
+            "turn_error": of_gyros.by_hand.turn_error,
+            "turn_covariance": of_gyros.by_hand.turn_covariance,
+            "sensitivity": of_gyros.by_hand.sensitivity,
             **_residuals(calibrations),
         }
     )
     bound = next(iter(runs.values())).bound
+    parameters = [p for p in worst.parameters if p.symbol.startswith("gamma")]
+    parameters += [p for p in of_gyros.parameters if p.symbol.startswith(("M", "S"))]
+    directions = [entry for entry in worst.open if not entry.parameters[0].startswith("M")]
+    directions += [entry for entry in of_gyros.open if entry.parameters[0].startswith("M")]
     warnings = list(pooled.warnings) if one_instrument else []
     for label, calibration in zip(runs, calibrations, strict=True):
         warnings += [f"{label}: {line}" for line in calibration.warnings]
@@ -126,10 +136,10 @@ def calibrate_runs_by_hand(
         radius=None if bound is None else pooled.bounds.least / bound,
         gravity_mps2=float(request.gravity),
         estimator=worst.estimator,
-        parameters=[p for p in worst.parameters if is_shared(p.symbol)] if one_instrument else [],
+        parameters=parameters if one_instrument else [],
         priors=worst.priors,
         by_hand=basis,
-        open=worst.open if one_instrument else [],
+        open=directions if one_instrument else [],
         of_record=of_record,
         warnings=warnings,
     )
@@ -163,6 +173,11 @@ def _rms_of(parts: Sequence[tuple[int, float]]) -> float:
 def _pose_error(calibration: Calibration) -> float:
     assert calibration.by_hand is not None
     return calibration.by_hand.pose_error.worst
+
+
+def _turn_error(calibration: Calibration) -> float:
+    assert calibration.by_hand is not None
+    return -1.0 if calibration.by_hand.turn_error is None else calibration.by_hand.turn_error.worst
 
 
 def _shares_biases(shared: Sequence[str]) -> bool:

@@ -6,7 +6,7 @@ import pytest
 
 import trihedron as th
 from by_hand import GRAVITY, NAMES, present
-from hand_sessions import directions, hand_moved, poses, runs, truth
+from hand_sessions import PERIOD, directions, hand_moved, poses, runs, truth
 
 SD = 4e-4
 BOUND = 1e-3
@@ -154,3 +154,20 @@ def test_a_table_and_a_record_by_hand_are_pooled_by_the_norm_of_gravity() -> Non
     alone = th.calibrate(hand, noise_sd=SD, gravity=GRAVITY)
     assert present(result["gamma_32"].standard_error) < 0.5 * present(alone["gamma_32"].standard_error)
     assert present(result["M11"].standard_error) <= 1.05 * present(alone["M11"].standard_error)
+
+
+@pytest.mark.parametrize("count", [7, 20])
+def test_gyros_of_one_run_are_there_beside_a_table_of_poses(count: int) -> None:
+    """Which run knows its accelerometers worse does not matter."""
+    instrument, moved = hand_moved(4, 16, error=SD)
+    rng = np.random.default_rng(5)
+    table = poses(instrument, directions(rng, count), gaussian(rng, (count, 3)))
+    result = th.calibrate_together(table, moved, gravity=GRAVITY)
+    known = truth(instrument)
+    assert {f"M{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)} < {p.symbol for p in result.parameters}
+    for p in result.parameters:
+        assert abs(present(p.estimate) - known[p.symbol]) < 4.0 * present(p.standard_error), p.symbol
+    assert present(present(result.by_hand).turn_error).worst < 0.01
+    few = th.calibrate_together(table, moved[: 18 * round(1.0 / PERIOD)], gravity=GRAVITY)
+    assert few.verdict == "insufficient"
+    assert any(entry.parameters[0].startswith("M") for entry in few.open)
