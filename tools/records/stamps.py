@@ -255,7 +255,7 @@ def lost_share(time: NDArray[np.float64], readings: NDArray[np.float64]) -> floa
     Where a row is lost, all readings (N, C) change twice as much as by the rows beside it. As many changes by nothing
     prove that the readings are repeated or coarse instead.
     """
-    change = np.diff(readings, axis=0)
+    change, seconds = np.diff(readings, axis=0), np.diff(time)[2:-2]
     if len(change) < FEW:
         return 0.0
     noise = 1.5 * np.median(np.abs(change[2:-2] - 0.5 * (change[1:-3] + change[3:-1])), axis=0)
@@ -268,10 +268,7 @@ def lost_share(time: NDArray[np.float64], readings: NDArray[np.float64]) -> floa
     across = np.square(step - (1.0 + ratio[:, None]) * usual).sum(axis=1)
     is_smooth = np.square(after - before).sum(axis=1) < 4.0 * ALIKE**2 * size + 2.0 * channels
     is_clear = (size > CLEAR) & is_smooth & (across < 0.15 * size + 3.0 * channels)
-    if len(grid_of(time).gaps):
-        gaps = np.append(0, np.cumsum(grid_of(time).is_gap))
-        is_clear &= gaps[5:] == gaps[:-5]
-    ratio = ratio[is_clear]
+    ratio = ratio[is_clear & (seconds < GAP * np.median(seconds))]
     twice, none = (int((np.abs(ratio - further) < 0.3).sum()) for further in (1.0, -1.0))
     # Rough motions give more the smaller the change.
     is_peak = int((np.abs(ratio - 0.775) < 0.075).sum()) < 0.65 * twice
