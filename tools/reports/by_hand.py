@@ -69,10 +69,10 @@ def verdict_sentence(result: Calibration) -> str:
             )
         return "Insufficient: the accelerometers are calibrated, but the moves do not determine the gyros."
     if result.verdict == "consistent":
-        return (
-            f"Consistent: the model explains every reading within {residual(result.radius)} σ; "
-            f"|f| in an unmeasured pose is known to {worst} (1 sd)."
-        )
+        said = f"Consistent: the model explains every reading within {residual(result.radius)} σ"
+        if result.radius is not None and result.radius > 1.0 + 1e-6:
+            said = f"Not falsified: the best values leave {residual(result.radius)} σ, and nothing excludes better ones"
+        return f"{said}; |f| in an unmeasured pose is known to {worst} (1 sd)."
     return f"Usable: |f| in an unmeasured pose is known to {worst} (1 sd)."
 
 
@@ -88,7 +88,7 @@ def prediction_lines(result: Calibration, basis: ByHand) -> list[str]:
     if basis.turn_error is not None:
         counts.append(f"{basis.moves} {pieces}")
     if basis.turns:
-        counts.append(f"{basis.turns} known turns (right to 2°, but for a warning)")
+        counts.append(f"{basis.turns} known turns (right to 2°, alike to 4°, but for a warning)")
     left = f"|f| at rest differs from g by {digits(1e3 * basis.residual_norm, 2)} mg rms"
     if basis.residual_move is not None:
         left += f", attitude over the {pieces} by {_arcmin(basis.residual_move)} arcmin"
