@@ -400,7 +400,9 @@ def noise_command(
     against = options.get("against")
     distinct_files({**_files_of(record, others), **written, "--against": against})
     if export is not None and against is None:
-        raise InputError(f"--export {export}: is the extended scenario; give --against SCENARIO.toml, too")
+        raise InputError(
+            f"--export {export}: is the extended scenario; give --against SCENARIO.toml, too, or --kalibr IMU.yaml"
+        )
     result = measured.noise(record, *others, **options, progress=True)
     if kalibr is not None:
         write_text(kalibr, noise.kalibr_yaml(result))

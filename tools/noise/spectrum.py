@@ -29,8 +29,11 @@ FEWEST_IN_LEVEL = 48
 """Coefficients whose median is a level, at least."""
 MOST_LINES = 8
 """Largest number of lines that are named."""
-SIDE_LOBE = 0.05
-"""A line weaker than this part of the strongest may be its side lobe."""
+SIDE_LOBE = 2.0
+"""A line is a side lobe of a stronger one if its amplitude is less than this over their distance in coefficients, as a
+part of the stronger one's."""
+ONE_LINE = 2e-3
+"""Lines that are nearer than this part of their frequency are one that wanders."""
 WARM_UPS = 12
 """Time constants of a warm-up that are tried."""
 SHORTEST_WARM_UP, LONGEST_WARM_UP = 100.0, 2.0
@@ -47,6 +50,12 @@ class LineInSpectrum:
 
     frequency_hz: float
     amplitude: float
+
+    def belongs_to(self, stronger: "LineInSpectrum", per_hz: float) -> bool:
+        """Return true if this is part of a stronger line, with so many coefficients of the spectrum in a hertz."""
+        distance = abs(self.frequency_hz - stronger.frequency_hz)
+        lobe = SIDE_LOBE * stronger.amplitude / self.amplitude
+        return distance * per_hz < lobe or distance < ONE_LINE * stronger.frequency_hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,4 +305,10 @@ def lines_of(coefficients: NDArray[np.float64], masked: NDArray[np.bool_], step:
         number = float(squares @ np.arange(first + 1, end + 1)) / energy
         lines.append(LineInSpectrum(number / (2.0 * size * step), math.sqrt(2.0 * energy / size)))
     lines.sort(key=lambda line: -line.amplitude)
-    return [line for line in lines[:MOST_LINES] if line.amplitude > SIDE_LOBE * lines[0].amplitude]
+    apart: list[LineInSpectrum] = []
+    for line in lines:
+        if not any(line.belongs_to(stronger, 2.0 * size * step) for stronger in apart):
+            apart.append(line)
+        if len(apart) == MOST_LINES:
+            break
+    return apart

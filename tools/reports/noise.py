@@ -202,7 +202,10 @@ def _channel_warnings(channel: ChannelNoise) -> list[str]:
             "vibration; below it the coefficients hold"
         )
     for line in channel.lines[:SHOWN]:
-        lines.append(f"{channel.channel}: a line at {digits(line.frequency_hz, 4)} Hz is left out")
+        size = f"{digits(line.amplitude, 3)} {channel.unit}"
+        lines.append(
+            f"{channel.channel}: a line at {digits(line.frequency_hz, 4)} Hz, of amplitude {size}, is left out"
+        )
     return lines
 
 

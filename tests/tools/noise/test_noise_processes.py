@@ -15,6 +15,7 @@ from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
 from trihedron.tools.noise import Letter, Noise, Sensor
 from trihedron.tools.records import ForceRecord, StrapdownRecord, write_record
+from trihedron.tools.rounding import digits
 
 STEP = 0.01
 HOUR = 360_000
@@ -172,16 +173,23 @@ def test_accelerometers_alone_have_noise_too():
     assert known(result.of("accelerometer")[0].coefficient("N")).estimate == pytest.approx(1e-3, rel=0.02)
 
 
-def test_mains_is_a_line_and_no_process():
+@pytest.mark.parametrize(
+    "hum", [((30.0, 2e-3),), ((17.3013, 1e-2),), ((29.9971, 1e-2), (17.3, 2e-4)), ((12.34567, 5e-3), (12.5, 3e-3))]
+)
+def test_mains_is_a_line_and_no_process(hum):
     record = static_record(60_000, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=5)
-    hum = 2.0 * 1e-3 * np.sin(2.0 * np.pi * 30.0 * record.time_s)
     rate = known(record.rate).copy()
-    rate[:, 1] += hum
+    for frequency, amplitude in hum:
+        rate[:, 1] += amplitude * np.sin(2.0 * np.pi * frequency * record.time_s)
     humming = StrapdownRecord(time_s=record.time_s, rate=rate, increment=None, specific_force=record.specific_force)
-    channel = th.noise(humming).of("gyro")[1]
+    noise = th.noise(humming)
+    channel = noise.of("gyro")[1]
     assert channel.admissible == ["N"]
-    assert channel.lines[0].frequency_hz == pytest.approx(30.0, abs=0.05)
-    assert channel.lines[0].amplitude == pytest.approx(2e-3, rel=0.05)
+    assert len(channel.lines) == len(hum)
+    for line, (frequency, amplitude) in zip(channel.lines, hum, strict=True):
+        assert line.frequency_hz == pytest.approx(frequency, abs=0.05)
+        assert line.amplitude == pytest.approx(amplitude, rel=0.05)
+        assert f"of amplitude {digits(line.amplitude, 3)} rad/s, is left out" in str(noise)
 
 
 def test_a_filter_of_the_sensor_gives_no_false_process():
