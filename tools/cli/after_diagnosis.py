@@ -31,7 +31,8 @@ def after_diagnosis(call: Call, result: Any) -> str:
     if result.verdict == "explained":
         return _after_causes(call, record, is_table=True)
     mountings = call.arguments.get("mounting") or tuple(dict.fromkeys(run.mounting or ())) or None
-    return call.line("plan positions", POSITIONS, noise_bound=None, measured=record, mountings=mountings, out="plan")
+    no_goal = {"noise_bound": None, "noise_result": None}
+    return call.line("plan positions", POSITIONS, **no_goal, measured=record, mountings=mountings, out="plan")
 
 
 def _without_a_table(call: Call, record: object, result: Any) -> str:
@@ -48,7 +49,7 @@ def _without_fault(call: Call, first: "Explanation", run: "PositionRecord") -> s
     """
     record = call.arguments["record"]
     if first.kind == "sigma" and first.change:
-        return call.line("diagnose", record, noise_bound=first.change["noise_bound"], noise_sd=None, noise=None)
+        return call.line("diagnose", record, noise_bound=first.change["noise_bound"], noise_sd=None, noise_result=None)
     wrong = set(first.rows or ()) if first.kind in ("rows", "stretch", "break") else set()
     if first.kind == "break":
         wrong |= _outside_largest_part(first, run)

@@ -24,7 +24,7 @@ SAME_RECORD = (
         "rates",
     ),
     *(
-        "noise",
+        "noise_result",
         "rest_scatter",
         "rests",
         "faces",

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from .. import document, planning, reports
+from .. import noise as noises
 from ..errors import InputError, nearest
 from ..files import write_text
 from ..planning import library
@@ -66,7 +67,7 @@ def positions(
     /,
     *,
     curve: Annotated[tuple[int, int] | None, Parameter(allow_leading_hyphen=True)] = None,
-    dwell: Annotated[float, Parameter(allow_leading_hyphen=True)] = 20.0,
+    dwell: Annotated[float | None, Parameter(allow_leading_hyphen=True)] = None,
     out: Folder = None,
     json: JsonFile = None,
     report: ReportFile = None,
@@ -81,14 +82,16 @@ def positions(
     curve
         Show the cost against the number of positions, from LOW to HIGH.
     dwell
-        Time at each position [s], for --out and --report.
+        Time at each position [s], for --out and --report. Default: 20, or that of --noise.
     out
         Folder for programme, table list, operator's page, picture.
     """
-    distinct_files({"--json": json, "--report": report})
-    planning.checked_dwell(dwell)
-    if "noise_bound" in options and not options.keys() & {"goal", "accuracy"}:
-        raise InputError("--noise-bound: goes with --goal or --accuracy")
+    noise = options.get("noise_result")
+    distinct_files({"--json": json, "--report": report, "--noise": noise})
+    for name in ("noise_bound", "noise_result"):
+        if name in options and not options.keys() & {"goal", "accuracy"}:
+            raise InputError(f"--{name.removesuffix('_result').replace('_', '-')}: goes with --goal or --accuracy")
+    dwell = _dwell_of(dwell, noise)
     if curve is not None:
         if report is not None:
             raise InputError("--report: does not go with --curve; it is the page of one set")
@@ -102,9 +105,24 @@ def positions(
     return answer(chosen, json, files=files)
 
 
+def _dwell_of(dwell: float | None, noise: Any) -> float:
+    """Return the time at each position [s]: that of the noise, where σ is for it.
+
+    Raises InputError for another one beside the noise.
+    """
+    if noise is None:
+        return planning.checked_dwell(planning.DWELL_S if dwell is None else dwell)
+    told = noises.bound_for(noise, None).dwell_s
+    if dwell is not None and dwell != told:
+        raise InputError(
+            f"--dwell {dwell:g}: {noise} gives σ for {told:g} s; leave out --dwell, or run `trihedron noise` with it"
+        )
+    return told
+
+
 NOT_OF_A_CURVE = (
     *("resolution_deg", "order", "repeat", "detect", "extra", "measured"),
-    *("rate_dps", "acceleration_dps2", "latitude_deg", "accuracy"),
+    *("rate_dps", "acceleration_dps2", "latitude_deg", "accuracy", "noise_result"),
 )
 """Options of one set that a curve has no use for."""
 
@@ -114,7 +132,7 @@ def _curve(count: int | None, options: dict[str, Any], curve: tuple[int, int], o
         raise InputError(f"{count} positions and --curve: give one of the two")
     for name in NOT_OF_A_CURVE:
         if name in options:
-            option = name.removesuffix("_deg").replace("_", "-")
+            option = name.removesuffix("_deg").removesuffix("_result").replace("_", "-")
             raise InputError(f"--{option}: does not go with --curve")
     points = planning.plan_curve(*curve, planning.Request(**options), progress=True)
     files = []
@@ -127,7 +145,7 @@ def _curve(count: int | None, options: dict[str, Any], curve: tuple[int, int], o
 @with_options_of(library.plan_check)
 def check_plan(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron plan check plan12/angles.csv --noise-bound 1e-5"""
-    distinct_files({"the angles": file, "--json": json})
+    distinct_files({"the angles": file, "--json": json, "--noise": options.get("noise_result")})
     return answer(library.plan_check(file, **options, progress=True), json)
 
 
@@ -148,7 +166,7 @@ def imu(
     out
         Folder for programme, operator's page and plan.
     """
-    distinct_files({"--json": json, "--report": report})
+    distinct_files({"--json": json, "--report": report, "--noise": options.get("noise_result")})
     programme = library.plan_imu(minutes, **options, progress=True)
     files = []
     if out is not None:

@@ -10,7 +10,9 @@ from .result import Coefficient as Coefficient
 from .result import Dwell as Dwell
 from .result import HeldOut as HeldOut
 from .result import Noise as Noise
+from .sigma import bound_for as bound_for
 from .sigma import deviation_for as deviation_for
+from .sigma import gyro_bound_for as gyro_bound_for
 from .sigma import read_noise as read_noise
 from .simulated import block_parameters as block_parameters
 from .simulated import extended_scenario as extended_scenario

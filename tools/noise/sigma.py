@@ -1,4 +1,4 @@
-"""Standard deviation of averaged readings for a record, by the noise of its instrument."""
+"""Averaged readings by the noise of their instrument: their standard deviation in a record, σ of a plan."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of
 from ..records import PositionRecord
 from ..result import Result, object_of, parsed_result
-from .result import Noise
+from .result import Dwell, Noise
 
 LEAST = "run `trihedron noise STATIC.csv --dwell SECONDS --json noise.json`"
 
@@ -36,11 +36,7 @@ def deviation_for(noise: Result | str | Path, record: PositionRecord) -> float:
     InputError
         where no dwell is known
     """
-    if isinstance(noise, str | Path):
-        noise = read_noise(noise)
-    if not isinstance(noise, Noise):
-        raise InputError(f"--noise: is a {type(noise).__name__}; {LEAST}")
-    result = noise
+    result = _noise_of(noise)
     dwell, gap = None, 0.0
     if record.dwell_noise is not None:
         dwell = record.dwell_noise.dwell_s
@@ -51,3 +47,47 @@ def deviation_for(noise: Result | str | Path, record: PositionRecord) -> float:
     if dwell is None:
         raise InputError(f"--noise: the dwell of a position is not known; {LEAST}")
     return result.deviation(dwell, len(record), gap)
+
+
+def bound_for(
+    noise: Result | str | Path, noise_bound: float | None, positions: int | None = None, dwell_s: float | None = None
+) -> Dwell:
+    """Return σ of a plan for its number of positions and its dwell [s], else for those of the noise.
+
+    Raises
+    ------
+    InputError
+        where no dwell is known, or σ is given twice
+    """
+    if noise_bound is not None:
+        raise InputError("--noise: σ is given twice; leave out --noise-bound")
+    result = _noise_of(noise)
+    told = result.averaged
+    if told is None:
+        raise InputError(f"--noise: the dwell of a position is not known; {LEAST}")
+    dwell, count = dwell_s or told.dwell_s, positions or told.positions
+    return result.average(dwell, count, gap_s=told.gap_s, probability=told.probability)
+
+
+def gyro_bound_for(noise: Result | str | Path, averaged: Dwell) -> float:
+    """Return the bound of the mean noise of a gyro over one second [rad/s], as likely as that of averaged readings.
+
+    Raises
+    ------
+    InputError
+        where no gyro changes at rest
+    """
+    deviations = []
+    for gyro in _noise_of(noise).of("gyro"):
+        if gyro.coefficients:
+            deviations.append(gyro.deviation_of_means(1.0, averaged.positions, averaged.dwell_s))
+    if not deviations:
+        raise InputError("--noise: no gyro changes at rest; give --gyro-noise")
+    return max(deviations) * averaged.sigma / averaged.not_excluded
+
+
+def _noise_of(noise: Result | str | Path) -> Noise:
+    result = read_noise(noise) if isinstance(noise, str | Path) else noise
+    if not isinstance(result, Noise):
+        raise InputError(f"--noise: is a {type(result).__name__}; {LEAST}")
+    return result

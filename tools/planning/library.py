@@ -8,10 +8,13 @@ from .. import calibration as calibrations
 from .. import noise as noises
 from .. import planning
 from ..errors import InputError
-from ..options import Admissible, Baseline, Bounds, Convention, Mounting, Progress, Trust
+from ..options import Admissible, Baseline, Bounds, Convention, Mounting, NoiseResult, Progress, Trust
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+GYRO_NOISE = 1e-5
+"""Bound of a gyro's mean noise over one second that a plan takes where none is given [rad/s]."""
 
 
 def plan(
@@ -68,7 +71,8 @@ def plan_positions(
     goal: Literal["levelling", "gyrocompass"] | None = None,
     latitude_deg: float | None = None,
     accuracy: str | None = None,
-    noise_bound: float = 1e-5,
+    noise_bound: float | None = None,
+    noise_result: NoiseResult = None,
     measured: str | Path | None = None,
     criterion: Literal["worst", "mean"] = "worst",
     reserve_deg: float = 0.0,
@@ -106,8 +110,10 @@ def plan_positions(
         Latitude of the gyrocompass [deg]. Default: 55.75.
     accuracy : str, optional
         Largest allowed error of the goal, or of each target: 7arcsec, 20ug, 5ppm, 1e-5.
-    noise_bound : float
-        σ for goal and accuracy, as a fraction of g.
+    noise_bound : float, optional
+        σ for goal and accuracy, as a fraction of g. Default: 1e-5.
+    noise_result : path or Noise, optional
+        The result of `trihedron noise --dwell --json`, in place of σ: the noise of the instrument.
     measured : path, optional
         Position record of positions already measured; they count beside the new ones.
     criterion : str
@@ -155,7 +161,11 @@ def plan_positions(
     >>> th.plan_positions(12, reserve_deg=0.1).worst_ratio  # doctest: +SKIP
     """
     options = dict(locals())
-    del options["count"], options["progress"]
+    del options["count"], options["progress"], options["noise_result"]
+    if noise_result is not None:
+        options["noise_bound"] = noises.bound_for(noise_result, noise_bound, count).sigma
+    elif noise_bound is None:
+        options["noise_bound"] = planning.Request.noise_bound
     if (count is None) == (accuracy is None):
         raise InputError("a number of positions and --accuracy: give one of the two")
     request = planning.Request(**options)
@@ -167,7 +177,8 @@ def plan_positions(
 def plan_check(
     file: str | Path,
     *,
-    noise_bound: float = 1e-5,
+    noise_bound: float | None = None,
+    noise_result: NoiseResult = None,
     keep_out: Sequence[str] = (),
     admissible: Admissible = "paper",
     bounds: Bounds = (3e-3, 1e-2),
@@ -182,8 +193,10 @@ def plan_check(
     ----------
     file : path
         Table (CSV) with planned_alpha_deg, planned_beta_deg, alpha_deg, beta_deg, as written by `plan positions --out`.
-    noise_bound : float
-        σ, as a fraction of g.
+    noise_bound : float, optional
+        σ, as a fraction of g. Default: 1e-5.
+    noise_result : path or Noise, optional
+        The result of `trihedron noise --dwell --json`, in place of σ: the noise of the instrument.
     keep_out : sequence of str
         Forbidden angles: alpha:LOW:HIGH or beta:LOW:HIGH [deg].
 
@@ -211,19 +224,24 @@ def plan_check(
         baseline=baseline,
         mountings=(mounting,),
     )
+    if noise_result is not None:
+        noise_bound = noises.bound_for(noise_result, noise_bound, len(planned)).sigma
+    elif noise_bound is None:
+        noise_bound = planning.Request.noise_bound
     return planning.check_settings(planning.task_of(request, progress=progress), planned, actual, noise_bound)
 
 
 def plan_imu(
     minutes: float,
     *,
-    gyro_noise: float = 1e-5,
+    gyro_noise: float | None = None,
     encoder_bound: float | None = None,
     latitude_deg: float = 55.75,
     azimuth_deg: float = 0.0,
     rate_dps: float = 100.0,
     exchanges: int = 4,
-    noise_bound: float = 1e-5,
+    noise_bound: float | None = None,
+    noise_result: NoiseResult = None,
     dwell_s: float = 20.0,
     progress: Progress = False,
 ) -> "planning.ImuPlan":
@@ -233,8 +251,8 @@ def plan_imu(
     ----------
     minutes : float
         Time on the table [min].
-    gyro_noise : float
-        Bound of a gyro's mean noise over one second [rad/s].
+    gyro_noise : float, optional
+        Bound of a gyro's mean noise over one second [rad/s]. Default: 1e-5, or by --noise.
     encoder_bound : float, optional
         Bound of an encoder's error [rad]. Default: σ.
     latitude_deg : float
@@ -245,8 +263,10 @@ def plan_imu(
         Rate of the table [deg/s].
     exchanges : int
         Number of improvements of the chosen set.
-    noise_bound : float
-        σ, as a fraction of g.
+    noise_bound : float, optional
+        σ, as a fraction of g. Default: 1e-5.
+    noise_result : path or Noise, optional
+        The result of `trihedron noise --dwell --json`, in place of σ: the noise of the instrument.
     dwell_s : float
         Shortest rest at a position [s].
     progress : bool
@@ -267,6 +287,15 @@ def plan_imu(
     >>> import trihedron as th
     >>> th.plan_imu(30.0).worst_ratio  # doctest: +SKIP
     """
+    if noise_result is not None:
+        averaged = noises.bound_for(noise_result, noise_bound, dwell_s=dwell_s)
+        noise_bound = averaged.sigma
+        if gyro_noise is None:
+            gyro_noise = noises.gyro_bound_for(noise_result, averaged)
+    elif noise_bound is None:
+        noise_bound = planning.Request.noise_bound
+    if gyro_noise is None:
+        gyro_noise = GYRO_NOISE
     bench = calibrations.BenchOnEarth(latitude_deg, azimuth_deg, gyro_noise, encoder_bound)
     return planning.imu_programme(
         minutes,

@@ -10,6 +10,7 @@ from generator.noise import GRAVITY, known, noise_series, static_record
 from generator.positions import Session
 from trihedron.tools.cli import main
 from trihedron.tools.records import write_record
+from trihedron.tools.rounding import upwards
 
 STEP, ROWS, POSITIONS = 0.1, 200, 24
 SIZES = {"N": 1e-3, "B": 3e-5}
@@ -60,3 +61,38 @@ def test_commands_take_the_file(noise, tmp_path, capsys):
         assert main(["calibrate", str(record), *words]) == 2
         assert text in capsys.readouterr().err
     assert main(["calibrate", str(record), "--noise", str(noise_file), "--json", str(noise_file)]) == 2
+
+
+def test_plans_take_the_file(noise, tmp_path, capsys):
+    """σ of a plan is that of its dwell and number of positions."""
+    file = tmp_path / "noise.json"
+    file.write_text(noise.json_text())
+    search = ["--cuts", "0", "--starts", "1", "--goal", "levelling", "--accuracy", "100arcsec"]
+    words = ["plan", "positions", *search, "--noise", str(file), "--out", str(tmp_path / "plan")]
+    assert main(words) == 0
+    programme = (tmp_path / "plan" / "programme.csv").read_text().splitlines()
+    assert programme[1].endswith(f",{STEP * ROWS:g}")
+    capsys.readouterr()
+    assert main(["plan", "check", str(tmp_path / "plan" / "angles.csv"), "--noise", str(file)]) == 0
+    sigma = noise.average(STEP * ROWS, len(programme) - 1).sigma
+    assert f"σ = {upwards(sigma, 6)};" in capsys.readouterr().out
+    capsys.readouterr()
+    for words, text in (
+        (["12"], "--noise: goes with --goal or --accuracy"),
+        ([*search, "--noise-bound", "1e-5"], "σ is given twice"),
+        ([*search, "--dwell", "5"], "gives σ for 20 s"),
+    ):
+        assert main(["plan", "positions", *words, "--noise", str(file)]) == 2
+        assert text in capsys.readouterr().err
+
+
+@pytest.mark.acceptance
+def test_a_plan_of_an_imu_takes_the_file(noise, tmp_path):
+    """The mean noise of a gyro over a second is as likely within its bound as averaged readings."""
+    file, plan = tmp_path / "noise.json", tmp_path / "imu.json"
+    file.write_text(noise.json_text())
+    assert main(["plan", "imu", "--minutes", "40", "--exchanges", "0", "--noise", str(file), "--json", str(plan)]) == 0
+    planned = json.loads(plan.read_text())
+    assert planned["noise_bound"] == pytest.approx(noise.averaged.sigma, rel=1e-9)
+    likely = noise.averaged.sigma / noise.averaged.not_excluded
+    assert planned["gyro_noise"] == pytest.approx(likely * 1e-4, rel=0.05)
