@@ -270,7 +270,7 @@ def lost_share(time: NDArray[np.float64], readings: NDArray[np.float64]) -> floa
     is_clear = (size > CLEAR) & is_smooth & (across < 0.15 * size + 3.0 * channels)
     ratio = ratio[is_clear & (seconds < GAP * np.median(seconds))]
     twice, none = (int((np.abs(ratio - further) < 0.3).sum()) for further in (1.0, -1.0))
-    # Rough motions give more the smaller the change.
-    is_peak = int((np.abs(ratio - 0.775) < 0.075).sum()) < 0.65 * twice
+    # Rough motions and uneven sampling give smaller changes, too.
+    is_peak = int((np.abs(ratio - 0.55) < 0.15).sum()) < 1.2 * twice
     share = twice / max(len(ratio), 1)
     return share if is_peak and twice >= max(FEWEST_LOST, 2.5 * none) and share > LEAST_LOST else 0.0
