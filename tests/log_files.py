@@ -80,6 +80,15 @@ def parquet(folder: Path) -> Path:
     return folder / "log.parquet"
 
 
+def arrow(folder: Path) -> Path:
+    """Write Arrow's format with a column for each axis."""
+    columns: dict[str, Any] = {"t": NANOS}
+    for name, values in (("accel", FORCE), ("gyro", RATE)):
+        columns |= {f"{name}_{axis}": column for axis, column in zip("xyz", values.T, strict=True)}
+    pl.DataFrame(columns).write_ipc(folder / "log.feather")
+    return folder / "log.feather"
+
+
 def parquet_of_structures(folder: Path) -> Path:
     """Write Parquet with structures."""
     columns: dict[str, Any] = {"t": NANOS}
@@ -187,6 +196,7 @@ LOGS: dict[str, tuple[Callable[[Path], Path], dict[str, str]]] = {
     "mat v7.3": (mat73, SI | {"units.time": "s"}),
     "HDF5": (hdf5, {}),
     "Parquet": (parquet, SI),
+    "Arrow": (arrow, SI | STAMPS),
     "Parquet of structures": (parquet_of_structures, SI | STAMPS),
     "ULog": (ulog, {}),
     "ROS 1 bag": (ros1, {}),

@@ -29,6 +29,10 @@ def hdf5_arrays(file: Any) -> list[Entry]:
     entries = list[Entry]()
 
     def visit(name: str, item: Any) -> None:
+        for key, value in item.attrs.items():
+            number = np.asarray(value)
+            if number.size == 1:
+                add(f"{name}/{key}".lstrip("/"), number.shape, number.dtype, "", lambda number=number: number)
         is_array = hasattr(item, "dtype") and item.shape is not None and not item.is_virtual and not item.external
         # MATLAB keeps the targets of references in #refs#
         if not is_array or name.startswith("#") or item.size * item.dtype.itemsize > LARGEST:
@@ -45,9 +49,7 @@ def hdf5_arrays(file: Any) -> list[Entry]:
         if kind.base.kind in "iufb":
             entries.append((name, (*shape, *kind.shape), unit, load))
 
-    for name, value in file.attrs.items():
-        number = np.asarray(value)
-        add(name, number.shape, number.dtype, "", lambda number=number: number)
+    visit("", file)
     file.visititems(visit)
     return entries
 

@@ -21,12 +21,14 @@ from ..records.columns import (
     quoted,
 )
 from .deciding_units import TRUE_SIZE
+from .gravity import ask_of_sum
 from .mapping import OPEN
 from .names import DATE, POSITION, QUANTITY_OF, gyro_of, normal
 from .presets import presets
 from .ranking import (
     ALIKE,
     MEANING,
+    MOST_TRIADS,
     Triad,
     estimates_of_gravity,
     force_units,
@@ -66,8 +68,6 @@ AXIS = re.compile(r"[xyz]\d*\b")
 """Axis at the end of a word of a name."""
 MOST_SENSORS = 12
 """Largest number of sensors whose rows may be mixed in a table."""
-MOST_TRIADS = 3
-"""Largest number of answers to a question about columns without names."""
 COLUMNS = QUANTITY_OF.keys() | {"position", DATE} | set(QUATERNION + APPROACH + UP + TEXTS)
 """Columns of a record that a mapping may name."""
 
@@ -173,6 +173,10 @@ def _ask_of_crossed(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     if not fields.keys() >= set(FORCE + RATE) or not table.mapping.columns.keys().isdisjoint(FORCE + RATE):
         return
     forces, rates = (Triad(tuple(fields[column] for column in columns)) for columns in (FORCE, RATE))  # type: ignore
+    if not force_units(median_size(table, forces.fields)) and ask_of_sum(table, forces.fields):
+        for column in FORCE:
+            del fields[column]
+        return
     if median_size(table, forces.fields) < LEAST_PLAIN and force_units(median_size(table, rates.fields)):
         why = f"|f| of {forces.answer} is not a gravity, that of {rates.answer} is"
         _propose(table, FORCE_QUANTITY, [rates, forces], why)
@@ -342,6 +346,9 @@ def without_triads(table: UnderstoodTable, missing: list[str], fields: dict[str,
     left_over = list(missing)
     for quantity, columns in TRIADS_OF.items():
         if not set(missing).issuperset(columns) or table.is_asked(f"columns.{quantity}"):
+            continue
+        if quantity == FORCE_QUANTITY and ask_of_sum(table, without):
+            left_over = [column for column in left_over if column not in columns]
             continue
         if quantity == FORCE_QUANTITY and without:
             size, spread = size_of(table, without[:3])

@@ -33,7 +33,7 @@ MOST_CHANNELS = 16
 """Largest number of columns of an array; the longer side has the rows."""
 FEWEST_ROWS = 3
 ULOG = b"ULog\x01\x12\x35"
-PARQUET, ROS1, MCAP, TDMS, SQLITE = b"PAR1", b"#ROSBAG V", b"\x89MCAP", b"TDSm", b"SQLite format 3\0"
+ARROW, PARQUET, ROS1, MCAP, TDMS, SQLITE = b"ARROW1", b"PAR1", b"#ROSBAG V", b"\x89MCAP", b"TDSm", b"SQLite format 3\0"
 ARDUPILOT = re.compile(rb"^FMT, ?\d+, ?\d+,", re.MULTILINE)
 """Line of a text log of ArduPilot that names the columns of a message."""
 JSON = re.compile(rb'(\xef\xbb\xbf)?\s*(\[\s*)?\{\s*"')
@@ -273,6 +273,7 @@ def _reader_of(path: Path, begin: bytes) -> tuple[str, Callable[[Path], list[Par
         return "NumPy archive (.npz)", _array_parts
     for magic, word, reader in (
         (PARQUET, "Parquet file", _parquet_parts),
+        (ARROW, "Arrow file (.feather)", _arrow_parts),
         (ULOG, "ULog file", _ulog_parts),
         (ROS1, "ROS 1 bag", _ros_parts),
         (SQLITE, "ROS 2 bag", _ros_parts),
@@ -316,6 +317,10 @@ def _parquet_parts(path: Path) -> list[Part]:
     schema = pl.read_parquet_schema(path)
     rows = pl.scan_parquet(path).select(pl.len()).collect().item()
     return [Part("", rows, tuple(schema), partial(_parquet_channels, path))]
+
+
+def _arrow_parts(path: Path) -> list[Part]:
+    return _parts_with("", table_channels(pl.read_ipc(path)))
 
 
 def _parquet_channels(path: Path) -> list[Channel]:
@@ -471,15 +476,17 @@ def _json_parts(path: Path) -> list[Part]:
     if path.stat().st_size > LARGE:
         return _parts_with("", joined_stamps(table_channels(_large_json(path))))
     content = bytes_of(path, "a measured file is needed", most=LARGE)
+    objects: Any
     try:
         objects = [json.loads(line) for line in content.splitlines() if line.strip()]
     except ValueError:
         objects = json.loads(content)
-    if len(objects) == 1 and isinstance(objects, list):
+    if isinstance(objects, list) and len(objects) == 1:
         (objects,) = objects
     if isinstance(objects, dict) and all(map(str.isdecimal, objects)):
         objects = list(objects.values())
-    tables, columns = {"": objects}, list[Channel]()
+    tables: dict[str, Any] = {"": objects}
+    columns = list[Channel]()
     if isinstance(objects, dict):
         # pandas numbers the rows, or those of each column
         inside = {key: list(value.values()) if isinstance(value, dict) else value for key, value in objects.items()}

@@ -38,7 +38,8 @@ from .columns import (
 )
 from .deciding_times import decide_time, origin_of, written_times
 from .deciding_units import decide_units
-from .layout import COMMENT, layout_of
+from .gravity import ask_of_sign
+from .layout import COMMENT, layout_of, with_sums
 from .mapping import OPEN, Mapping
 from .names import DATE, SAMPLE, TIMES
 from .numbers import (
@@ -92,6 +93,7 @@ def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -
     given = mapping
     if preset is not None:
         mapping = preset.filled_in(mapping, names)
+    sheet, layout = with_sums(sheet, layout, [mapping.of(column).source for column in FORCE])
     table = UnderstoodTable(sheet, layout, mapping, given=given)
     marks = Marks()
     for text in chain(*(field.texts[:SEEN] for field in table.filled)):
@@ -124,6 +126,8 @@ def understood(sheet: Sheet, mapping: Mapping, role: RecordKind | None = None) -
     _decide_attitude(table)
     _ask_of_words(table)
     _ask_of_integers(table)
+    if any("+" in origin.field.head.text for column, origin in table.origins.items() if column in FORCE):
+        ask_of_sign(table, [table.origins[FORCE[0]].field])
     for column, origin in table.origins.items():
         ask_of_senses(table, column, origin.field.texts)
         if NEGATED.match(origin.field.head.text) and column not in mapping.columns:

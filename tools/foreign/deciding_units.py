@@ -6,6 +6,7 @@ from dataclasses import replace
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, POSES, POSITION, RATE
+from .gravity import ask_of_sum
 from .mapping import OPEN, TRIADS
 from .names import QUANTITY_OF, SAMPLE, TIMES, normal
 from .numbers import sexagesimal, unit_behind
@@ -91,6 +92,8 @@ def _check_size(table: UnderstoodTable) -> None:
         of_what = f"the unit of {table.mapping.preset}" if of_layout else f"{written}: gravity may not be in it"
         table.ask("units.force", near or (written,), f"|f| is about {size:.3g} g in {of_what}")
     elif size < LEAST_SIZE and table.kind not in (POSITION, POSES) and len(fields[0].cells) >= FEWEST:
+        if ask_of_sum(table, fields):
+            return
         names = ", ".join(field.label for field in fields)
         what = f"{names}: |f| is about {size:.3g} g: these accelerations have another unit, or no gravity"
         raise InputError(f"{table.sheet.path}: {what}; take the columns with gravity, or give --set units.force=UNIT")

@@ -55,7 +55,7 @@ def with_whole_text(table: UnderstoodTable) -> bool:
     """Read the columns of a large text as numbers; return False where they are none, or not written plainly."""
     sheet, source = table.sheet, table.sheet.whole
     is_plain = sheet.separator != "blanks" and not table.thousands and not table.mapping.missing
-    if source is None or not is_plain or table.layout.last:
+    if source is None or not is_plain or table.layout.last or sheet.cells is not None:
         return False
     for column, origin in table.origins.items():
         if origin.form != NUMBER or origin.beside or column in (*TEXTS, DATE):

@@ -59,7 +59,8 @@ class Labels:
             return []
         if ":" not in line and "=" not in line:
             line = _WORDS.sub(lambda words: f"{words[0].rstrip()}:", line, count=1)
-        line = _CLOCK.sub(lambda time: time[0].replace(":", "\0"), line.strip())
+        # Teleplot marks its lines
+        line = _CLOCK.sub(lambda time: time[0].replace(":", "\0"), line.strip().removeprefix(">"))
         label, *parts = re.split(r"\s*[:=]+", line)
         readings = list[Reading]()
         before = _BEFORE.match(label)

@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
 from itertools import islice, pairwise, zip_longest
 
 from ..errors import InputError
@@ -126,6 +127,57 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     if last:
         around += sheet.rows(last + 1)
     return SheetLayout(names, units, first, last, from_one(headings), rows, _remarks(around))
+
+
+def with_sums(sheet: Sheet, layout: SheetLayout, sources: Iterable[str]) -> tuple[Sheet, SheetLayout]:
+    """Return a table with a further column for each source that is a sum of two of its columns, as "8+11"."""
+    heads = [head.text for head in layout.headings]
+    sums: dict[str, tuple[int, int]] = {}
+    for source in sources:
+        places = [_place_of(name, heads) for name in source.split("+")]
+        if source not in heads and len(places) == 2 and min(places) >= 0:
+            sums[source] = (places[0], places[1])
+    if not sums:
+        return sheet, layout
+
+    def with_columns(texts: list[str]) -> list[str]:
+        further = [_sum_of(cell(texts, first), cell(texts, second)) for first, second in sums.values()]
+        return [*texts, *[""] * (len(heads) - len(texts)), *further]
+
+    headings = [*layout.headings]
+    for source, (first, second) in sums.items():
+        units = {layout.headings[first].unit, layout.headings[second].unit}
+        if len(units) > 1:
+            raise InputError(f"{sheet.path}: {source}: these columns have the units {' and '.join(sorted(units))}")
+        headings.append(Heading(source, source, units.pop()))
+    rows = [(line, with_columns(texts)) for line, texts in layout.looked_at]
+    layout = replace(layout, headings=tuple(headings), looked_at=rows)
+    if sheet.frame is not None:
+        columns = sheet.frame.get_columns()
+        further = [(columns[first] + columns[second]).alias(source) for source, (first, second) in sums.items()]
+        return replace(sheet, frame=sheet.frame.with_columns(further)), layout
+    cells: list[list[str]] = []
+    for line, texts in sheet.rows():
+        cells += [[] for _ in range(line - 1 - len(cells))]
+        cells.append(with_columns(texts) if line >= layout.first else texts)
+    return replace(sheet, lines=(), cells=cells), layout
+
+
+def _place_of(name: str, heads: Sequence[str]) -> int:
+    """Return the place of a column by its name, or by its number from 1; -1 if there is none."""
+    name = name.strip()
+    if name in heads:
+        return heads.index(name)
+    return int(name) - 1 if name.isdecimal() and int(name) <= len(heads) else -1
+
+
+def _sum_of(first: str, second: str) -> str:
+    """Return the sum of two numbers to their last digit; "" if one of them is none."""
+    mark = "," if "," in first + second else "."
+    try:
+        return str(Decimal(first.replace(",", ".")) + Decimal(second.replace(",", "."))).replace(".", mark)
+    except InvalidOperation:
+        return ""
 
 
 def _with_name_of_index(above: list[Row]) -> list[Row]:

@@ -24,6 +24,8 @@ LARGEST = 1_000_000
 _MARK = "# as proposed: "
 TRIADS = {"columns.force": FORCE, "columns.rate": RATE}
 """Keys for three columns at once -> the columns of the record."""
+OF_THREE = TRIADS | {f"{key}.sign": tuple(f"{column}.sign" for column in columns) for key, columns in TRIADS.items()}
+"""Keys of answers for three columns -> the keys inside `columns` that they stand for."""
 MOST_LINES = 5
 """Largest number of lines that show questions on a screen."""
 _USUAL = (("unit", ""), ("sign", 1), ("offset", 0.0), ("positive", ""), ("beside", []))
@@ -240,6 +242,10 @@ def with_answers(content: AnyMapping[str, Any], answers: AnyMapping[str, str]) -
     Raises InputError with the answer that is impossible.
     """
     filled = json.loads(json.dumps(dict(content)))
+    columns = filled.get("columns", {})
+    # a file that is filled in has answers for three columns, too
+    for_three = {f"columns.{key}": columns.pop(key) for key in list(columns) if f"columns.{key}" in OF_THREE}
+    answers = {key: str(text) for key, text in for_three.items() if text != OPEN} | dict(answers)
     for key, text in answers.items():
         option = f"--set {key}={text}"
         name, _, inner = key.partition(".")
@@ -253,9 +259,10 @@ def with_answers(content: AnyMapping[str, Any], answers: AnyMapping[str, str]) -
                 value = float(text)
         except ValueError as error:
             raise InputError(f"{option}: a number is needed") from error
-        if key in TRIADS:
-            for column, source in zip(TRIADS[key], channels_of(text, option), strict=True):
-                _put_inside(filled.setdefault(name, {}), name, column, source, option)
+        if key in OF_THREE:
+            values = [value] * 3 if inner.endswith(".sign") else channels_of(text, option)
+            for column, value in zip(OF_THREE[key], values, strict=True):
+                _put_inside(filled.setdefault(name, {}), name, column, value, option)
         elif name in ("units", "columns"):
             _put_inside(filled.setdefault(name, {}), name, inner, value, option)
         elif inner:

@@ -27,6 +27,8 @@ from .units import ANGLE, DEGREE, FORCE, RATE, TIME, VELOCITY, LaboratoryUnit, k
 
 MEANING = {name: frozenset(words.split()) for name, words in TABLES["meaning"].items()}
 """Words of names by their meaning: of an instrument, of other quantities, of no channel, of no gravity."""
+MOST_TRIADS = 3
+"""Largest number of answers to a question about columns without names."""
 MANY_ROWS = 200
 """Number of rows from which a table is likelier a series than a table of rests."""
 

@@ -1,10 +1,12 @@
 """Evidence of a moving record: which columns are gyros, their unit, and acceleration without gravity."""
 
+import re
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+import polars as pl
 import pytest
 
 import trihedron as th
@@ -96,6 +98,18 @@ def test_columns_that_turn_gravity_are_the_first_answer_for_the_gyros(tmp_path: 
         assert f"--set {answer} " in message
 
 
+def test_a_mapping_that_is_filled_in_with_three_columns_is_read(tmp_path: Path):
+    text = "\n".join(" ".join(map(str, row)) for row in np.hstack([FIELD, FORCE, FIELD, RATE]).tolist())
+    path, out = written(tmp_path, text, "log.txt"), tmp_path / "record.csv"
+    mapping = tmp_path / "record.import.toml"
+    with pytest.raises(th.InputError, match="or fill in"):
+        th.import_record(path, out=out)
+    lines = re.sub(r'^(.+) = "\?"  # (.+?)(?: or .*|: .*)$', r'\1 = "\2"', mapping.read_text(), flags=re.MULTILINE)
+    assert 'force = "4,5,6"' in lines
+    mapping.write_text(lines)
+    assert_read(th.import_record(path, out=out, mapping=mapping).record)
+
+
 @pytest.mark.parametrize("names", [("Accelerometer.csv",), ("Accelerometer.csv", "Gyroscope.csv")])
 @pytest.mark.parametrize("readings", [SHAKEN, FORCE], ids=["without gravity", "with gravity"])
 def test_a_file_without_gravity_by_its_name_is_refused(names: tuple[str, ...], readings: np.ndarray, tmp_path: Path):
@@ -135,10 +149,46 @@ def test_a_name_without_gravity_is_asked_about_where_gravity_is_in_it(
 
 
 def test_an_estimate_of_gravity_is_no_reading(tmp_path: Path):
+    text = table([], [TIME, np.round(UP, 9), RATE]).lstrip()
+    assert "columns 2,3,4: an estimate of gravity" in refused(tmp_path, text)
+
+
+PHONE = np.round(FORCE / 9.80665 - UP, 9)
+ESTIMATE = np.round(UP, 9)
+
+
+@pytest.mark.parametrize("form", ["no names", "names in g", "names in m/s2", "numbers"])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_acceleration_without_gravity_and_gravity_are_added(form: str, sign: int, tmp_path: Path):
     """OxIOD: time, attitude, rates, gravity, acceleration of the user, magnetic field; no names."""
-    rows = np.hstack([TIME[:, None], 0.1 * FIELD, RATE, UP, FORCE / 9.80665 - UP, FIELD])
-    text = "\n".join(",".join(f"{value:.9f}" for value in row) for row in rows)
-    assert "columns 8,9,10: an estimate of gravity" in refused(tmp_path, text)
+    factor = 1.0 if form == "names in g" or form == "no names" else 9.80665
+    gravity, user = np.round(sign * factor * ESTIMATE, 9), np.round(sign * factor * PHONE, 9)
+    names, answers = ["time [s]"], {"columns.force.sign": str(sign)}
+    rows = [TIME, user, gravity, RATE]
+    unit = {"names in m/s2": " [m/s2]", "numbers": " [m/s2]"}.get(form, "")
+    names += [*named(f"linear_acceleration_{{}}{unit}", LOWER), *named(f"gravity_{{}}{unit}", LOWER)]
+    names += named("rate_{} [rad/s]", LOWER)
+    if form == "no names":
+        rows = [TIME, 0.1 * FIELD, RATE, gravity, user, FIELD]
+        answers |= {"kind": "strapdown record", "units.time": "s", "units.rate": "rad/s", "columns.time_s": "1"}
+        answers |= {"columns.rate": "5,6,7"}
+    answers["columns.force"] = "11+8,12+9,13+10" if form == "no names" else "+"
+    if form != "no names":
+        answers["columns.force"] = ",".join(f"{one}+{other}" for one, other in zip(names[1:4], names[4:7], strict=True))
+    if not unit:
+        answers["units.force"] = "g"
+    text = table(names, rows) if form != "no names" else table(names, rows).partition("\n")[2]
+    path = written(tmp_path, text)
+    if form == "numbers":
+        path = tmp_path / "phone.parquet"
+        pl.read_csv(tmp_path / "lab.csv").write_parquet(path)
+    keys, message = questions_of(path)
+    assert keys == set(answers), message
+    assert f"columns.force={answers['columns.force']}" in message.replace("'", "")
+    unit_size = 9.80665 / factor
+    record = th.import_record(path, answers=answers).record
+    assert record.specific_force == pytest.approx(sign * unit_size * (user + gravity), rel=1e-14, abs=1e-14)
+    assert record.rate == pytest.approx(RATE, abs=1e-9)
 
 
 def test_the_rate_above_a_table_is_the_first_answer(tmp_path: Path):

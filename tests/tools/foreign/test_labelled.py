@@ -64,6 +64,7 @@ TEXTS: dict[str, tuple[str, dict[str, str]]] = {
         samples("\nAccelerometer:\n X = {}\n Y = {}\n Z = {}\n\nGyroscope:\n X = {}\n Y = {}\n Z = {}\n"),
         RATE_100 | UNITS,
     ),
+    "Teleplot": (samples(">ax:{}\n>ay:{}\n>az:{}\n>gx:{}\n>gy:{}\n>gz:{}\n"), RATE_100 | UNITS),
     "a tutorial of the GY-521": (
         samples(
             "AcX = {:.0f} | AcY = {:.0f} | AcZ = {:.0f} | Tmp = 24.5 | GyX = {:.0f} | GyY = {:.0f} | GyZ = {:.0f}\n",

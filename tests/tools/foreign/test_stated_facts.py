@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -135,6 +136,22 @@ def test_a_unit_with_a_number_in_a_head_is_the_first_answer(tmp_path: Path):
     message = questions_of(path)[1]
     assert "--set 'units.force=0.001 g' or" in message
     assert "--set 'units.rate=0.1 deg/s' or" in message
+
+
+@pytest.mark.parametrize("place", ["", "run 1/imu", "run 1/imu/acc"], ids=["file", "group", "array"])
+def test_a_rate_beside_arrays_is_the_first_answer(place: str, tmp_path: Path):
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        for name, values, unit in (("acc", FORCE, "m/s2"), ("gyro", RATE, "rad/s")):
+            file[f"run 1/imu/{name}"] = values
+            file[f"run 1/imu/{name}"].attrs["units"] = unit
+        file[place or "/"].attrs["sample_rate"] = 250.0
+    keys, message = questions_of(path)
+    assert keys == {"units.time"}
+    assert "--set 'units.time=250 Hz' (" in message
+    record = th.import_record(path, answers={"units.time": "250 Hz"}).record
+    assert record.time_s == pytest.approx(0.004 * np.arange(COUNT), abs=1e-12)
+    assert record.rate == pytest.approx(RATE, abs=0)
 
 
 def assert_equal_to_file(record: Any) -> None:
