@@ -487,6 +487,9 @@ def _json_parts(path: Path) -> list[Part]:
         objects = list(objects.values())
     tables: dict[str, Any] = {"": objects}
     columns = list[Channel]()
+    if isinstance(objects, dict) and "schema" in objects:
+        # a result of this product
+        refuse_other(path, content)
     if isinstance(objects, dict):
         # pandas numbers the rows, or those of each column
         inside = {key: list(value.values()) if isinstance(value, dict) else value for key, value in objects.items()}
