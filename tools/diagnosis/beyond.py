@@ -143,7 +143,7 @@ class Beyond:
     @cached_property
     def _work(self) -> Work:
         """Return the budget of work for the laws."""
-        return Work(MOST_WORK)
+        return Work(MOST_WORK, "formulas of the function")
 
     @cached_property
     def bands(self) -> tuple[BandOfFunctions, ...]:

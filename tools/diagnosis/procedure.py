@@ -12,7 +12,7 @@ from typing import Any
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
-from ..bounded.sets import MAX_SET
+from ..bounded.sets import MAX_SET, Budget, CutOff, Work, shared_budget
 from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
@@ -31,6 +31,9 @@ from .search import MOST_WORK, Found, search, single_radii
 from .shortlist import CLOSE, Shortlist, next_step, pairs_of_faults, simplest_first, single_faults
 from .witness import Judgement, Witness, by_need, judgement_of, objections_of
 
+FUNCTIONS = "functions of one quantity"
+ALL_SEARCHES = 20.0
+"""Work of all searches of a diagnosis together, as a multiple of that of the search for sets of effects."""
 MOST_SINGLES = 4
 """Most single effects whose noise bound is stated of a record that no set explains."""
 
@@ -94,7 +97,8 @@ def diagnosed(
     `most_work` is that of the search, others as for `diagnose`.
     """
     evidence = with_rounding(evidence)
-    return Procedure(evidence, rerun, extend, progress, most_work).diagnosis()
+    with shared_budget(ALL_SEARCHES * most_work * evidence.model.effort.cost) as budget:
+        return Procedure(evidence, rerun, extend, progress, most_work, budget).diagnosis()
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +110,7 @@ class Procedure:
     extend: bool
     progress: bool
     most_work: float
+    budget: Budget
 
     def diagnosis(self) -> Diagnosis:
         """The result."""
@@ -127,7 +132,10 @@ class Procedure:
             return stage()
         except SolverError:
             self._untried.append(what)
-            return otherwise
+        except CutOff:
+            # The budget keeps the name of the search.
+            pass
+        return otherwise
 
     # Falsify
 
@@ -154,7 +162,7 @@ class Procedure:
     @cached_property
     def dependence(self) -> Dependence | None:
         """Return the dependence of the misfit on place and quantity."""
-        return self._tried("functions of one quantity", lambda: dependence(self.evidence), None)
+        return self._tried(FUNCTIONS, lambda: dependence(self.evidence, Work(self.budget.limit, FUNCTIONS)), None)
 
     # Search
 
@@ -577,9 +585,12 @@ class Procedure:
 
     @property
     def _not_tried(self) -> list[str]:
-        """Sentences on sets of effects and stages on which the solver failed."""
+        """Sentences on sets of effects and stages on which the solver failed, and on searches that a limit ended."""
         unsolved = list(self.found.warnings if self.evidence.model.falsified and not self.missing else ())
-        return unsolved + [f"not tried, since the solver failed: {what}" for what in dict.fromkeys(self._untried)]
+        unsolved += [f"not tried, since the solver failed: {what}" for what in dict.fromkeys(self._untried)]
+        if self.budget.cut_off:
+            unsolved.append(f"not searched to the end, since the work has a limit: {'; '.join(self.budget.cut_off)}")
+        return unsolved
 
     @cached_property
     def _power(self) -> Mapping[str, Any]:

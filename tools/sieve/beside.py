@@ -98,7 +98,7 @@ def _beside_linear(evidence: Evidence, table: TableRows) -> Iterator[Simple]:
 
 def _beside_bent(evidence: Evidence, table: TableRows) -> Iterator[Simple]:
     """Yield wrong rows beside effects that are not linear."""
-    work = Work(MOST_WORK)
+    work = Work(MOST_WORK, "wrong rows beside an effect")
     for row in np.argsort(-table.excess, kind="stable")[:MOST_TRIED].tolist():
         remaining = _without(evidence, row)
         for found in bent_fits(remaining, work, BREAKS) if remaining is not None else ():

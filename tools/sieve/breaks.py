@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ MOST_SLACK = 200.0
 """Largest error of the linear model about a fit to most of the rows [bounds]."""
 MOST_SLACK_OF_TWO = 2.0
 """The same for two breaks."""
+MOST_AT_ONCE = 20_000_000
+"""Numbers in the columns of breaks that are judged together (160 MB): as many gaps of a long record as that allows."""
 MOST_EXACT = 6
 """Gaps that are fitted in succession without success, the most promising first, before the search ends."""
 MANY_ROWS, FEWEST_OF_FEW = 24, 4
@@ -277,20 +280,22 @@ class BreakSearch:
         largest = float(np.abs(self.problem.residual).max())
         return self.model.limit - 1.0 + min(MOST_SLACK, self.model.curvature * largest**2)
 
-    def columns(self, group: ChangingGroup) -> list[NDArray[np.float64]]:
-        """Return the columns that a change at each gap adds to the rows (M, k), in units of their bounds."""
+    def columns(self, group: ChangingGroup) -> Iterator[NDArray[np.float64]]:
+        """Yield the columns that a change at each gap adds to the rows (M, k), in units of their bounds."""
         places = group.jumping(FROM_THE_FIRST)
         columns = signature_columns(places, self.rows) / self.model.rows.bound[:, None]
-        return [columns * np.repeat(self.hours > gap.hours, 3)[:, None] for gap in self.gaps]
+        return (columns * np.repeat(self.hours > gap.hours, 3)[:, None] for gap in self.gaps)
 
     def promising(self, group: ChangingGroup) -> list[RowGap]:
         """Gaps at which no bound refuses a change of the linear model, those that leave least first."""
-        blocks = self.columns(group)
-        problem = Problem.of(self.problem.residual, self.problem.nominal, blocks, alike=len(blocks))
-        radii = {}
-        for chosen in sets_of_size(problem, 1, self.slack, 0, self.work):
-            (number,) = chosen.effects
-            radii[number] = linear_radius(problem, EffectSet((number,)))
+        columns, radii = self.columns(group), {}
+        size = max(1, MOST_AT_ONCE // (len(self.problem.residual) * len(group.jumping(FROM_THE_FIRST))))
+        for first in range(0, len(self.gaps), size):
+            blocks = list(islice(columns, size))
+            problem = Problem.of(self.problem.residual, self.problem.nominal, blocks, alike=len(blocks))
+            for chosen in sets_of_size(problem, 1, self.slack, 0, self.work):
+                (number,) = chosen.effects
+                radii[first + number] = linear_radius(problem, EffectSet((number,)))
         return [self.gaps[number] for number in sorted(radii, key=lambda number: radii[number])]
 
     def standing(self, group: ChangingGroup) -> list[FittingBreaks]:

@@ -103,7 +103,7 @@ def joint_faults(evidence: Evidence) -> tuple[Simple, ...]:
     if not tells_two_things(evidence):
         return ()
     try:
-        return PairSearch(BreakSearch(evidence, Work(MOST_WORK))).faults
+        return PairSearch(BreakSearch(evidence, Work(MOST_WORK, "pairs of faults of the record"))).faults
     except CutOff:
         return ()
 

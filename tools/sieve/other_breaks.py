@@ -34,7 +34,7 @@ def other_breaks(evidence: Evidence, fits: Sequence[Fit]) -> tuple[Simple, ...]:
     """
     if not isinstance(evidence.model, Bench) or evidence.model.radius < NEAR:
         return ()
-    search = BreakSearch(evidence, Work(MOST_WORK))
+    search = BreakSearch(evidence, Work(MOST_WORK, "breaks in place of steps"))
     faults: dict[tuple[ChangingGroup, Beside], Simple] = {}
     try:
         for fit in fits[:MOST_FITS]:

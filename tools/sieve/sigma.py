@@ -127,7 +127,7 @@ def _with_bent_effect(evidence: Evidence, candidates: LeadingFunctions) -> tuple
     if wider is None or not isinstance(wider.model, Bench) or not wider.model.falsified:
         return ()
     faults = []
-    for fit in bent_fits(wider, Work(MOST_WORK))[:MOST_RIVALS]:
+    for fit in bent_fits(wider, Work(MOST_WORK, "a larger σ beside an effect"))[:MOST_RIVALS]:
         remaining = _residual_of(fit)
         times = MOST_WITH_EFFECT * fit.radius
         if times > evidence.model.limit and candidates.is_noise(remaining):

@@ -24,6 +24,7 @@ from trihedron.tools.bounded import (
     standing_in_some_rows,
     surviving_sets,
 )
+from trihedron.tools.bounded.sets import CutOff, shared_budget
 
 
 def random_problem(seed: int, rows: int = 40, effects: int = 7) -> Problem:
@@ -185,3 +186,14 @@ def test_the_search_finds_exactly_the_sets_that_will_do(seed):
             assert sorted(sets_of_size(problem, size, slack)) == sorted(expected)
         if min(radii.values()) <= 1.0:
             break
+
+
+def test_a_shared_budget_ends_limited_searches_and_keeps_their_names():
+    with shared_budget(10.0) as budget:
+        first, second, needed = Work(8.0, "first"), Work(8.0, "second"), Work()
+        first.add(6.0)
+        with pytest.raises(CutOff):
+            second.add(6.0)
+        needed.add(6.0)
+    assert (budget.done, budget.cut_off) == (18.0, ["second"])
+    Work(8.0).add(6.0)

@@ -37,6 +37,10 @@ def test_a_search_is_cut_off_by_the_work_that_it_does_and_says_among_which_sets(
     assert result.to_json()["cut_off_at"] == 1
     assert "the search was cut off" in flowing(result).partition("Evidence:")[0].lower()
     assert WARNING in flowing(result).lower()
+    (warning,) = result.warnings
+    assert "since the work has a limit: " in warning
+    assert "functions of one quantity" in warning
+    assert "pairs of faults of the record" in warning
 
 
 @pytest.mark.acceptance
