@@ -58,7 +58,7 @@ class TimedReadings:
     def lost(self) -> float:
         """The part of the rows that is lost under even stamps."""
         assert self.rate is not None
-        return lost_share(self.time_s, np.column_stack([self.force, self.rate]))
+        return lost_share(self.time_s, self.force, self.rate)
 
     @cached_property
     def turned(self) -> Floats:

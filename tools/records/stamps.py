@@ -47,6 +47,8 @@ ALIKE = 0.35
 """Largest change between the steps beside it, of their size, where a motion is smooth."""
 FEWEST_LOST, LEAST_LOST = 4, 0.004
 """Fewest steps, and least part of them, that prove lost rows."""
+STRETCHES, STRETCH_ROWS = 8, 25_000
+"""Stretches of a long record that are searched for lost rows, and the rows of each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,13 +251,16 @@ def _fitted(time: NDArray, gaps: NDArray[np.int_], period: float, stretch: int) 
     return Grid(period, gaps, even, time, regular=True)
 
 
-def lost_share(time: NDArray[np.float64], readings: NDArray[np.float64]) -> float:
+def lost_share(time: NDArray[np.float64], *readings: NDArray[np.float64]) -> float:
     """Return the part of the rows that a smooth motion proves to be lost though its stamps (N,) are even.
 
-    Where a row is lost, all readings (N, C) change twice as much as by the rows beside it. As many changes by nothing
+    Where a row is lost, all readings (N, 3) change twice as much as by the rows beside it. As many changes by nothing
     prove that the readings are repeated or coarse instead.
     """
-    change, seconds = np.diff(readings, axis=0), np.diff(time)[2:-2]
+    starts = np.linspace(0, max(len(time) - STRETCH_ROWS, 0), STRETCHES).astype(int)
+    rows = np.unique(starts[:, None] + np.arange(min(STRETCH_ROWS, len(time))))
+    change = np.diff(np.column_stack([values[rows] for values in readings]), axis=0)
+    seconds = np.diff(time[rows])[2:-2]
     if len(change) < FEW:
         return 0.0
     noise = 1.5 * np.median(np.abs(change[2:-2] - 0.5 * (change[1:-3] + change[3:-1])), axis=0)
