@@ -154,7 +154,10 @@ class SeriesPieces:
     def is_small_without(self, numbers: Sequence[int]) -> bool:
         """Return true if the errors without some pieces are small, or so much smaller that linearity may fail."""
         kept = ~self.needing(numbers)
-        return held_by(self.matrix[kept], self.target[kept])[0] <= max(self.limit, LEFT * self.radius)
+        small = max(self.limit, LEFT * self.radius)
+        if self.radius < CERTAIN:
+            small = LEFT * CERTAIN
+        return held_by(self.matrix[kept], self.target[kept])[0] <= small
 
     @property
     def is_of_few(self) -> bool:
@@ -163,11 +166,9 @@ class SeriesPieces:
 
     def stand_out(self, numbers: Sequence[int]) -> bool:
         """Return true if errors of these pieces exceed CERTAIN wherever the others fit, which they then do easily."""
-        needing = self.needing(numbers)
-        scale = np.where(needing, CERTAIN, 1.0)
+        scale = np.where(self.needing(numbers), CERTAIN, 1.0)
         together, _ = held_by(self.matrix / scale[:, None], self.target / scale)
-        apart, _ = held_by(self.matrix[~needing], self.target[~needing])
-        return together > self.evidence.model.limit and apart <= LEFT * CERTAIN
+        return together > self.evidence.model.limit and self.is_small_without(numbers)
 
     def needing(self, numbers: Sequence[int]) -> NDArray[np.bool_]:
         """Mark the errors (M,) that need any of some pieces."""
