@@ -152,15 +152,7 @@ def with_sums(sheet: Sheet, layout: SheetLayout, sources: Iterable[str]) -> tupl
         headings.append(Heading(source, source, units.pop()))
     rows = [(line, with_columns(texts)) for line, texts in layout.looked_at]
     layout = replace(layout, headings=tuple(headings), looked_at=rows)
-    if sheet.frame is not None:
-        columns = sheet.frame.get_columns()
-        further = [(columns[first] + columns[second]).alias(source) for source, (first, second) in sums.items()]
-        return replace(sheet, frame=sheet.frame.with_columns(further)), layout
-    cells: list[list[str]] = []
-    for line, texts in sheet.rows():
-        cells += [[] for _ in range(line - 1 - len(cells))]
-        cells.append(with_columns(texts) if line >= layout.first else texts)
-    return replace(sheet, lines=(), cells=cells), layout
+    return sheet.changed(lambda line, texts: with_columns(texts) if line >= layout.first else texts), layout
 
 
 def _place_of(name: str, heads: Sequence[str]) -> int:
@@ -396,25 +388,23 @@ def with_exact_seconds(sheet: Sheet) -> Sheet:
 
 def _with_joined(sheet: Sheet, head: int, whole: int, part: int, digits: int) -> Sheet:
     """Join two columns below the line of their names to one time; the column of the part goes."""
-    cells: list[list[str]] = []
-    for line, texts in sheet.rows():
-        cells += [[] for _ in range(line - 1 - len(cells))]
-        joined = list(texts)
+
+    def with_time(line: int, texts: list[str]) -> list[str]:
         time = of_seconds(cell(texts, whole), cell(texts, part), digits)
         if line == head:
-            joined[whole] = "time [s]"
+            texts[whole] = "time [s]"
         elif line > head and time:
-            joined[whole] = time
-        if len(joined) > part:
-            joined.pop(part)
-        cells.append(joined)
+            texts[whole] = time
+        del texts[part : part + 1]
+        return texts
+
     names, units = list(sheet.stated.names), list(sheet.stated.units)
     if names:
         names[whole], units[whole] = "time", "s"
         names.pop(part)
         units.pop(part)
     stated = replace(sheet.stated, names=tuple(names), units=tuple(units))
-    return replace(sheet, lines=(), cells=cells, stated=stated)
+    return replace(sheet.changed(with_time), stated=stated)
 
 
 def with_rate_above(sheet: Sheet) -> Sheet:

@@ -1,6 +1,6 @@
 """Choose the table of a file that holds several, and list them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -113,20 +113,22 @@ def of_instance(sheet: Sheet, part: str) -> Sheet:
     Raises InputError if there is no such column or no such row.
     """
     name, _, value = part.partition("=")
-    cells: list[list[str]] = []
     place, count = int(name) - 1 if name.isdecimal() else -1, 0
-    for line, texts in sheet.rows():
-        cells += [[] for _ in range(line - 1 - len(cells))]
-        if place < 0 and name in texts:
-            place = texts.index(name)
-        elif place >= 0 and cell(texts, place).strip() != value:
-            texts = []
-        elif place >= 0:
-            count += 1
-        cells.append(texts)
+
+    def of_sensor(_: int, texts: list[str]) -> list[str]:
+        nonlocal place, count
+        if place < 0:
+            place = texts.index(name) if name in texts else -1
+            return texts
+        if cell(texts, place).strip() != value:
+            return []
+        count += 1
+        return texts
+
+    rows = sheet.changed(of_sensor)
     if not count or sheet.whole is not None:
         raise InputError(f"{sheet.path}: --from {part}: there is no such row; give the column and its value, as I=0")
-    return replace(sheet, lines=(), cells=cells, frame=None)
+    return rows
 
 
 def _has_time(part: Part) -> bool:

@@ -11,7 +11,7 @@ import io
 import math
 import re
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import islice
@@ -159,6 +159,14 @@ class Sheet:
             for values in part.iter_rows():
                 yield line, [_text_of(value) for value in values]
                 line += 1
+
+    def changed(self, change: Callable[[int, list[str]], list[str]]) -> "Sheet":
+        """Return a sheet of cells whose rows, with their lines, a function changes."""
+        cells: list[list[str]] = []
+        for line, texts in self.rows():
+            cells += [[] for _ in range(line - 1 - len(cells))]
+            cells.append(change(line, list(texts)))
+        return replace(self, lines=(), cells=cells, frame=None)
 
     @property
     def about(self) -> str:
