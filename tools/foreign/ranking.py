@@ -413,10 +413,15 @@ def _rate_units(table: UnderstoodTable, fields: Sequence[Field]) -> list[str]:
     if by_turns:
         return list(dict.fromkeys([by_turns, *(usual if whole else ("rad/s", "deg/s"))]))
     if whole and len(forces) == 3:
-        for unit in force_units(median_size(table, forces)):
+        size = median_size(table, forces)
+        units = force_units(size)
+        for unit in units:
             counts = re.match(r"(\d+) LSB", unit)
             if counts and float(counts[1]) in RANGES:
                 return [f"{RANGES[float(counts[1])]} LSB/(deg/s)", *usual]
+        if size > LARGEST_PLAIN and "mg" not in units:
+            # beside counts
+            return usual
     if whole and largest > FASTEST_WHOLE:
         return ["655360 LSB/(deg/s)", *usual] if largest > LARGEST_OF_16_BITS else usual
     # a moving sensor in deg/s reads more

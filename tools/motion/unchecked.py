@@ -20,6 +20,8 @@ FEWEST_WINDOWS = 4
 LEAST_SHARE, CLEARER = 0.1, 25.0
 """One way of reading is better than another where it explains more of the turns of gravity, squared: at least the first
 part of them, and by as many times the squared error of a window as the second."""
+SHOWN, ABSURD = 0.5, 4.0
+"""Way of reading is named that leaves less than the first part, or another unit where the present one adds more."""
 Way = tuple[float, int]
 """A way of reading the gyros: a factor of the rates, and the number of a signed permutation."""
 
@@ -38,8 +40,8 @@ def unchecked_gyros(record: object) -> str:
     best = min(shares, key=lambda way: shares[way], default=present)
     # of ways that are as good, the one that changes least
     size, axes = min((way for way in shares if not is_better(best, way)), key=_changes, default=present)
-    is_shown = SIZES[size] == "unit" or (shares and shares[best] < 0.5)
-    if shares and is_better(best, present) and is_shown:
+    is_shown = bool(shares) and (shares[best] < SHOWN or (SIZES[size] == "unit" and shares[present] > ABSURD))
+    if is_shown and is_better(best, present):
         channels = Channels(gyros=reading_of(PERMUTATIONS[axes].T), degrees=SIZES[size] == "unit")
         better = f"as if they were read with {advice([(channels, '')], record.channels)}"
         if SIZES[size] == "range setting":

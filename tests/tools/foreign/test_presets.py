@@ -384,6 +384,7 @@ def test_counts_of_the_field_are_answered_in_one_round(tmp_path: Path):
     answers |= {"units.time": "s", "units.force": "16384 LSB/g", "units.rate": "131 LSB/(deg/s)"}
     answers["integers"] = "signed 16"
     assert_answered(path, answers, signed[:, 1:4] * G / 16384.0)
+    assert "--set 'units.rate=131 LSB/(deg/s)' or" in questions_of(path)[1]
     rate = th.import_record(path, answers=answers).record.rate
     assert rate == pytest.approx(np.radians(signed[:, 4:7] / 131.0), rel=1e-12)
 
