@@ -32,6 +32,8 @@ SMALL = 20
 """Fewer instruments are a small lot."""
 LEAST_GROUP = 5
 """Fewest instruments before and after a step."""
+NEAR = 10
+"""Places of a step that are compared on each side of the surest one."""
 NORMAL_SPREAD = 1.4826
 """Standard deviation of a normal law over its median distance from the median."""
 EFFICIENCY = 0.37
@@ -382,7 +384,16 @@ def _step_of(column: LotColumn) -> LotTrend | None:
     deviations = np.sqrt(sizes * (count - sizes) * (count + 1) / 12.0)
     scores = np.abs(sums - sizes * (count + 1) / 2.0) / deviations
     allowed = slice(LEAST_GROUP - 1, count - LEAST_GROUP)
-    at = int(np.argmax(scores[allowed])) + LEAST_GROUP
+    surest = int(np.argmax(scores[allowed])) + LEAST_GROUP
+
+    def distances(at: int) -> float:
+        """Return the sum of distances from the medians before and after a place."""
+        parts = column.estimates[:at], column.estimates[at:]
+        return float(sum(np.abs(part - np.median(part)).sum() for part in parts))
+
+    # The highest value before a step has a rank as of those after it: the values themselves place the step.
+    near = range(max(LEAST_GROUP, surest - NEAR), min(count - LEAST_GROUP, surest + NEAR) + 1)
+    at = min(near, key=distances)
     before, after = column.estimates[:at], column.estimates[at:]
     moved = np.sort(np.subtract.outer(after, before).ravel())
     width = 1.96 * math.sqrt(len(before) * len(after) * (count + 1) / 12.0)
@@ -397,7 +408,7 @@ def _step_of(column: LotColumn) -> LotTrend | None:
         low=low,
         high=high,
         since=serial,
-        chance=min(1.0, 2.0 * count * float(stats.norm.sf(scores[at - 1]))),
+        chance=min(1.0, 2.0 * count * float(stats.norm.sf(scores[surest - 1]))),
         sentence=f"since serial {serial}: {column.symbol} {_change(size, low, high, column.unit)}",
     )
 
