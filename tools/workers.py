@@ -8,6 +8,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -183,15 +184,18 @@ def _cluster(jobs: int, scheduler: str | None) -> Iterator[tuple[Executor, Calla
             with contextlib.suppress(ImportError):
                 # Needs cryptography: who has not the key, which no file holds, is not listened to.
                 security = Security.temporary()
-            address = LocalCluster(
-                n_workers=jobs,
-                threads_per_worker=1,
-                host="127.0.0.1",
-                silence_logs=logging.CRITICAL,
-                security=security,
-                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-                env={"TMPDIR": folder},
-            )
+            try:
+                address = LocalCluster(
+                    n_workers=jobs,
+                    threads_per_worker=1,
+                    host="127.0.0.1",
+                    silence_logs=logging.CRITICAL,
+                    security=security,
+                    scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+                    env={"TMPDIR": folder},
+                )
+            except (OSError, RuntimeError, TimeoutError) as error:
+                raise InputError(f"--engine dask: a cluster of this machine does not start ({error})") from error
             stack.callback(_close, address)
         try:
             client = Client(address, timeout="10s")
@@ -200,11 +204,18 @@ def _cluster(jobs: int, scheduler: str | None) -> Iterator[tuple[Executor, Calla
             raise InputError(f"--scheduler {scheduler}: does not answer ({first})") from error
         stack.callback(client.close, timeout=2)
 
+        known: set[str] = set()
+
         def count() -> int:
             try:
-                return max(1, sum(client.nthreads().values()))
+                workers = client.nthreads()
             except (OSError, TimeoutError) as error:
                 raise CancelledError from error
+            for lost in known - workers.keys():
+                known.remove(lost)
+                print(f"a worker of the cluster was lost ({lost}): its work is done again", file=sys.stderr, flush=True)
+            known.update(workers)
+            return max(1, sum(workers.values()))
 
         try:
             yield client.get_executor(pure=False), count

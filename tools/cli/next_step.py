@@ -103,7 +103,11 @@ def _after_batch(call: Call, result: Any) -> str:
         return shlex.join([*words, "--out", f"{out}-corrected"])
     if result.do == "calibrate":
         return call.line("batch", *files, do="diagnose", out=f"{out}-diagnosed")
-    return f"trihedron open {shlex.join(map(str, files[:1]))}"
+    record = Path(next(member.record for member in result.members if member.failed is None))
+    if record not in map(Path, files):
+        # A row of a table.
+        record = Path(files[0]).parent / record
+    return f"trihedron open {shlex.quote(str(record))}"
 
 
 def _after_apply(call: Call, result: Any) -> str:
