@@ -41,7 +41,7 @@ BIAS_STEP = accelerometer_effect(
     bias_step,
     (
         EffectParameter("size", "g", "by how much the bias changes", LARGEST_OF_BIAS),
-        EffectParameter("start", "h", "time after which it is another one", LAST_HOUR, smallest=0.0),
+        EffectParameter("start", "h", "time of the change", LAST_HOUR, smallest=0.0),
     ),
     "the bias of accelerometer {p} changes by {size:+.2e} g at {start:.4g} h",
     searched=ONSET,
@@ -52,7 +52,7 @@ SCALE_STEP = accelerometer_effect(
     scale_step,
     (
         EffectParameter("size", "1", "by how much the scale factor changes", LARGEST_OF_SCALE),
-        EffectParameter("start", "h", "time after which it is another one", LAST_HOUR, smallest=0.0),
+        EffectParameter("start", "h", "time of the change", LAST_HOUR, smallest=0.0),
     ),
     "the scale factor of accelerometer {p} changes by {size:+.2e} at {start:.4g} h",
     searched=ONSET,

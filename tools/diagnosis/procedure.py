@@ -589,7 +589,7 @@ class Procedure:
         unsolved = list(self.found.warnings if self.evidence.model.falsified and not self.missing else ())
         unsolved += [f"not tried, since the solver failed: {what}" for what in dict.fromkeys(self._untried)]
         if self.budget.cut_off:
-            unsolved.append(f"not searched to the end, since the work has a limit: {'; '.join(self.budget.cut_off)}")
+            unsolved.append(f"not everything was tried, since the work has a limit: {'; '.join(self.budget.cut_off)}")
         return unsolved
 
     @cached_property

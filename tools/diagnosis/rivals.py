@@ -235,7 +235,7 @@ class Unlisted:
             sentences.append(text)
         if self.same is not None:
             sentences.append(
-                f"{self.same.pair.in_words} equals these effects together: its composition of laws is not proven"
+                f"{self.same.pair.in_words} equals these effects together: which laws make it up is not proven"
             )
         if self.alike:
             sentences.append(f"this record does not tell {' from '.join(pair.in_words for pair in self.alike)}")

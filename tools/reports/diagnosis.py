@@ -425,6 +425,8 @@ def _sources_of_model(result: Diagnosis) -> list[str]:
 
 FEW_RIVALS = 3
 """Largest number of sets of effects that the verdict names."""
+MOST_MISSING = 3
+"""Largest number of missing rests and moves that the verdict names; the page names all."""
 OTHERS_MAY = "and others may that were not tried: the search was cut off"
 MOST_SETS = 6
 """Largest number of remaining sets that are printed."""
@@ -515,6 +517,8 @@ def _unexplained(result: Diagnosis) -> str:
 def missing_words(result: Diagnosis) -> str:
     """Return the missing data, or the undetermined targets."""
     texts = [gap for gap in result.missing or () if isinstance(gap, str)]
+    if len(texts) > MOST_MISSING:
+        return f"add {len(texts)} rests or moves: {'; '.join(texts[: MOST_MISSING - 1])} and others"
     if texts:
         return f"add {'; '.join(texts)}"
     return f"the readings do not determine {bench.open_targets(result.calibration)}"

@@ -112,7 +112,8 @@ def evidence_text(result: Diagnosis) -> str:
         if unit == "σ" and largest > WIDER:
             after += " (its bound is wider than σ: see the warning)"
         if result.best.kind in ("rows", "stretch"):
-            text = f"largest error {residual(result.radius)} {unit} with all rows, {after} without these"
+            them = "it" if len(result.best.where) == 1 else "them"
+            text = f"largest error {residual(result.radius)} {unit} with all rows, {after} without {them}"
         elif result.best.kind == "sigma":
             text += f" as given, {residual(result.best.radius)} of the larger σ"
         elif result.verdict == "explained":
@@ -271,7 +272,7 @@ def advice_text(result: Diagnosis) -> str:
         more = f", and {len(positions) - 1} more positions" if len(positions) > 1 else ""
         return f"measure at α {exactly(first['alpha_deg'])}°, β {exactly(first['beta_deg'])}°{more}."
     if result.verdict == "explained" and result.best is not None and result.best.causes:
-        return "add the effect to the simulation."
+        return "look for its cause; if it stays, add the effect to the simulation."
     if result.verdict == "consistent" and result.calibration.linearised is not None:
         return "calibrate."
     if is_weak(result):
