@@ -21,8 +21,8 @@ from .still import END, StillRests, TimedReadings, mean_of_rows
 LONGEST = 120.0
 """Longer moves are left out: their rates may have drifted [s]."""
 GYROS = len(GYRO_PARAMETERS)
-TURN_ERROR, TURN_BIAS = np.radians([2.0, 4.0])
-"""Error of a hand's turn of a known angle, and of all turns alike: a person may take 356° for once round [rad]."""
+TURN_ERROR, TURN_BIAS = np.radians([2.0, 3.0])
+"""Error of a hand's turn of a known angle, and of all turns alike: a person may take 357° for once round [rad]."""
 BLOCK = 50_000
 """Intervals that are carried at once."""
 NEAR = 1e-5
