@@ -248,9 +248,9 @@ class Drift(Result):
     """
 
     time_s: Annotated[float, Quantity("time", "s", "exact")]
-    attitude_detected_deg: Annotated[float | None, Quantity("attitude error", "deg", "up")]
+    attitude_detected_deg: Annotated[float | None, Quantity("attitude", "deg", "up")]
     attitude_deg: Annotated[float | None, Quantity("at most", "deg", "up")]
-    velocity_detected_mps: Annotated[float | None, Quantity("velocity error", "m/s", "up")]
+    velocity_detected_mps: Annotated[float | None, Quantity("velocity", "m/s", "up")]
     velocity_mps: Annotated[float | None, Quantity("at most", "m/s", "up")]
 
 

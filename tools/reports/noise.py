@@ -33,7 +33,7 @@ def noise_page(result: Noise) -> Page:
     if result.averaged is not None:
         answer.append(Section("Averaged readings", averaged_lines(result.averaged)))
     if result.drifts:
-        answer.append(Section("Growth of errors", [GROWTH], table=_drifts(result)))
+        answer.append(Section("Growth of errors", [*GROWTH], table=_drifts(result)))
     return Page(
         f"Noise of {result.records[0].record}",
         _verdict(result),
@@ -55,8 +55,8 @@ AXES = ("axis 1", "axis 2", "axis 3")
 EVEN = 1.25
 """Ends of an interval whose distances from the estimate differ by less than this factor are one number."""
 GROWTH = (
-    "Standard deviations from the noise that the record shows, after a bias taken over one minute. "
-    "`at most`: with the process that it is too short to exclude."
+    "Standard deviations by the noise detected, after a bias taken over one minute.",
+    "`at most`: with the process that the record is too short to exclude.",
 )
 
 
