@@ -112,12 +112,12 @@ def _dwell_of(dwell: float | None, noise: Any) -> float:
     """
     if noise is None:
         return planning.checked_dwell(planning.DWELL_S if dwell is None else dwell)
-    told = noises.bound_for(noise, None).dwell_s
-    if dwell is not None and dwell != told:
+    usual = noises.bound_for(noise, None).dwell_s
+    if dwell is not None and dwell != usual:
         raise InputError(
-            f"--dwell {dwell:g}: {noise} gives σ for {told:g} s; leave out --dwell, or run `trihedron noise` with it"
+            f"--dwell {dwell:g}: {noise} gives σ for {usual:g} s; leave out --dwell, or run `trihedron noise` with it"
         )
-    return told
+    return usual
 
 
 NOT_OF_A_CURVE = (

@@ -62,11 +62,11 @@ def bound_for(
     if noise_bound is not None:
         raise InputError("--noise: σ is given twice; leave out --noise-bound")
     result = _noise_of(noise)
-    told = result.averaged
-    if told is None:
+    averaged = result.averaged
+    if averaged is None:
         raise InputError(f"--noise: the dwell of a position is not known; {LEAST}")
-    dwell, count = dwell_s or told.dwell_s, positions or told.positions
-    return result.average(dwell, count, gap_s=told.gap_s, probability=told.probability)
+    dwell, count = dwell_s or averaged.dwell_s, positions or averaged.positions
+    return result.average(dwell, count, gap_s=averaged.gap_s, probability=averaged.probability)
 
 
 def gyro_bound_for(noise: Result | str | Path, averaged: Dwell) -> float:

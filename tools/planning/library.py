@@ -162,10 +162,7 @@ def plan_positions(
     """
     options = dict(locals())
     del options["count"], options["progress"], options["noise_result"]
-    if noise_result is not None:
-        options["noise_bound"] = noises.bound_for(noise_result, noise_bound, count).sigma
-    elif noise_bound is None:
-        options["noise_bound"] = planning.Request.noise_bound
+    options["noise_bound"] = _noise_bound_of(noise_result, noise_bound, count)
     if (count is None) == (accuracy is None):
         raise InputError("a number of positions and --accuracy: give one of the two")
     request = planning.Request(**options)
@@ -224,10 +221,7 @@ def plan_check(
         baseline=baseline,
         mountings=(mounting,),
     )
-    if noise_result is not None:
-        noise_bound = noises.bound_for(noise_result, noise_bound, len(planned)).sigma
-    elif noise_bound is None:
-        noise_bound = planning.Request.noise_bound
+    noise_bound = _noise_bound_of(noise_result, noise_bound, len(planned))
     return planning.check_settings(planning.task_of(request, progress=progress), planned, actual, noise_bound)
 
 
@@ -292,8 +286,7 @@ def plan_imu(
         noise_bound = averaged.sigma
         if gyro_noise is None:
             gyro_noise = noises.gyro_bound_for(noise_result, averaged)
-    elif noise_bound is None:
-        noise_bound = planning.Request.noise_bound
+    noise_bound = _noise_bound_of(None, noise_bound, None)
     if gyro_noise is None:
         gyro_noise = GYRO_NOISE
     bench = calibrations.BenchOnEarth(latitude_deg, azimuth_deg, gyro_noise, encoder_bound)
@@ -305,6 +298,13 @@ def plan_imu(
         exchanges=exchanges,
         progress=progress,
     )
+
+
+def _noise_bound_of(noise: NoiseResult, noise_bound: float | None, positions: int | None) -> float:
+    """Return σ by the noise of the instrument, as given, or the usual one."""
+    if noise is not None:
+        return noises.bound_for(noise, noise_bound, positions).sigma
+    return planning.Request.noise_bound if noise_bound is None else noise_bound
 
 
 def plan_hand(
