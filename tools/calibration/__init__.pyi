@@ -18,8 +18,8 @@ from .correction import read_correction as read_correction
 from .correction import remaining_error as remaining_error
 from .estimates import joint_sets as joint_sets
 from .estimates import widening as widening
-from .exports import ExportedCalibration as ExportedCalibration
-from .exports import write_export as write_export
+from .formats import ExportedCalibration as ExportedCalibration
+from .formats import write_export as write_export
 from .gyros import BenchOnEarth as BenchOnEarth
 from .gyros import calibrate_whole as calibrate_whole
 from .gyros import fit_whole as fit_whole

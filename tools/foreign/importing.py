@@ -31,7 +31,17 @@ from .containers import is_container, read_begin
 from .conversion import Conversion, converted, record_columns
 from .deciding import understood
 from .frames import with_whole_text
-from .joining import GYROS, joined
+from .joining import (
+    GUESSES,
+    GYROS,
+    TableInFile,
+    joined,
+    of_instance,
+    rank_of,
+    sheet_in_memory,
+    sheet_of_part,
+    tables_in,
+)
 from .labelled import labelled_sheet
 from .layout import has_table, layout_of, upright, with_exact_seconds, with_rate_above
 from .mapping import (
@@ -49,7 +59,6 @@ from .mapping import (
 )
 from .names import DATE
 from .novatel import is_novatel, novatel_sheet
-from .parts import GUESSES, TableInFile, of_instance, rank_of, sheet_in_memory, sheet_of_part, tables_in
 from .sheet import (
     HEAD,
     LABVIEW,

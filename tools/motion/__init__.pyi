@@ -7,7 +7,6 @@ from .attitude import heading_and_tilt as heading_and_tilt
 from .attitude import rate_at_rest as rate_at_rest
 from .attitude import run_attitude as run_attitude
 from .attitude import split_error as split_error
-from .by_norm import calibrate_by_norm as calibrate_by_norm
 from .carry import GyroModel as GyroModel
 from .carry import carried_attitude as carried_attitude
 from .compare import ARITHMETICS as ARITHMETICS
@@ -27,13 +26,14 @@ from .increments import increments_from as increments_from
 from .increments import left_out_line as left_out_line
 from .inspect import AtTable as AtTable
 from .inspect import Inspection as Inspection
+from .inspect import calibrate_by_norm as calibrate_by_norm
 from .inspect import inspect_record as inspect_record
 from .norm import norm_block as norm_block
-from .odd_rows import odd_rows as odd_rows
 from .rest_noise import RestNoise as RestNoise
 from .rest_noise import factor_for as factor_for
 from .rests import sampling_of as sampling_of
 from .trust import TrustCheck as TrustCheck
+from .trust import odd_rows as odd_rows
 from .trust import trust_of as trust_of
 from .trust import trusted as trusted
 from .turning import rotation_of as rotation_of

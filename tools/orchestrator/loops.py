@@ -8,8 +8,10 @@ if strings are recorded, and if no compiler works.
 """
 
 import ctypes
+import math
 import signal
 import threading
+import time
 import time as clocks
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -27,11 +29,56 @@ from .guest_process import DISCARD
 from .load import Loaded
 from .operations import compiled_march, plain_march
 from .program import Ports, Program, order_of, step_program
-from .realtime import Pacer
 from .recorded import Blocks, Keep, RecordColumn
 from .scenario import Scenario
 from .stimuli import StepGrid
 from .wiring import Pace, StepGroup
+
+LONGEST_SLEEP = 0.05
+"""Time after which a sleeping run looks for Ctrl-C [s]."""
+SPIN = 2e-4
+"""Last part of a wait, in which the run does not sleep [s]: a sleep ends late."""
+
+
+class Pacer:
+    """The clock of a run whose steps are `step` long [s], `factor` times as fast as real time.
+
+    A step begins when it is due. Its delay is how much later it begins; jitter is the standard deviation of the delays.
+    An overrun is a step that ends after the next one is due.
+    """
+
+    def __init__(self, step: float, factor: float) -> None:
+        self._period, self._factor = step / factor, factor
+        self._began = time.perf_counter()
+        self._count = self._overruns = 0
+        self._sum = self._squares = self._largest = 0.0
+
+    def wait(self, step: int, pressed: Callable[[], bool]) -> None:
+        """Wait until a step is due, or until Ctrl-C."""
+        due = self._began + step * self._period
+        remaining = due - time.perf_counter()
+        if step and remaining < 0.0:
+            self._overruns += 1
+        while remaining > 0.0 and not pressed():
+            if remaining > SPIN:
+                time.sleep(min(remaining - SPIN, LONGEST_SLEEP))
+            remaining = due - time.perf_counter()
+        delay = max(-remaining, 0.0)
+        self._count += 1
+        self._sum += delay
+        self._squares += delay * delay
+        self._largest = max(self._largest, delay)
+
+    def summary(self) -> str:
+        """Return the delays, the jitter and the overruns as a sentence."""
+        count = max(self._count, 1)
+        mean = self._sum / count
+        jitter = math.sqrt(max(self._squares / count - mean * mean, 0.0))
+        times = [f"{1e3 * seconds:.3g} ms" for seconds in (mean, jitter, self._largest)]
+        counted = f"{self._count} steps of {1e3 * self._period:.6g} ms"
+        late = f"delay {times[0]} on average, jitter {times[1]}, largest delay {times[2]}"
+        return f"real time times {self._factor:g}: {counted}, {late}, {self._overruns} overruns"
+
 
 CALL_SECONDS = 0.05
 """Approximate time for which the compiled loop runs before Python checks for Ctrl-C and shows progress [s]."""

@@ -2,11 +2,10 @@
 
 from ..evidence.evidence import Evidence
 from .breaks import breaks
-from .rows import wrong_rows
+from .rows import wrong_rows, wrong_stretches
 from .series import wrong_pieces
 from .sigma import too_small_bounds
 from .simple import Simple
-from .stretch import wrong_stretches
 
 
 def simple_faults(evidence: Evidence) -> tuple[Simple, ...]:

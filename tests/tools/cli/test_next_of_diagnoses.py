@@ -14,7 +14,7 @@ from generator.positions import Session, errors
 from generator.wrong_rows import with_wrong_rows
 from trihedron.models.effects import EffectPlace
 from trihedron.tools import cli
-from trihedron.tools.cli.after_diagnosis import as_ranges
+from trihedron.tools.cli.next_step import as_ranges
 from trihedron.tools.records import PositionRecord, read_record, write_record
 
 LONG = pytest.mark.acceptance

@@ -17,7 +17,7 @@ from foreign_fmus.habits import Habit, build_habit
 from trihedron.tools import cli, library
 from trihedron.tools.errors import InputError
 from trihedron.tools.live.run_view import POINTS, RunPage
-from trihedron.tools.orchestrator.realtime import Pacer
+from trihedron.tools.orchestrator.loops import Pacer
 
 
 def read(address: str) -> str:
