@@ -132,8 +132,8 @@ class _Later:
     Its first `plain` uses with few rows run as Python: a small calibration ends before a compiler would be loaded.
     """
 
-    def __init__(self, function: Callable[..., Any], plain: int) -> None:
-        self._function, self._plain = function, plain
+    def __init__(self, function: Callable[..., Any], plain: int, counted: int | None) -> None:
+        self._function, self._plain, self._counted = function, plain, counted
 
     @cached_property
     def _machine_code(self) -> Callable[..., Any]:
@@ -141,7 +141,7 @@ class _Later:
 
     def __call__(self, *arguments: Any) -> Any:
         if self._plain > 0 and len(arguments[0]) <= FEW_ROWS:
-            self._plain -= 1
+            self._plain -= 1 if self._counted is None else len(arguments[self._counted])
             return self._function(*arguments)
         return self._machine_code(*arguments)
 
@@ -151,12 +151,13 @@ def _callee(function: Callable[..., Any]) -> Callable[..., Any]:
     return compile_callee(_linked(function, _callee))
 
 
-def compiled_and_kept(function: Callable[..., Any], plain: int = 0) -> Callable[..., Any]:
+def compiled_and_kept(function: Callable[..., Any], plain: int = 0, counted: int | None = None) -> Callable[..., Any]:
     """Machine code of a function that calls no kernel, kept in the cache where there is a place for it.
 
-    The first `plain` uses with few rows are Python: with numbers alone in loops both give the same bits.
+    The first `plain` uses with few rows are Python: with numbers alone in loops both give the same bits. A use counts
+    as often as the argument with the number `counted` has rows.
     """
-    return _Later(function, plain) if COMPILES else function
+    return _Later(function, plain, counted) if COMPILES else function
 
 
 def _with_kept_code(function: Callable[..., Any], **options: Any) -> Any:

@@ -102,14 +102,13 @@ def small_turn(vector: ArrayLike) -> NDArray:
     case, and complex steps pass through.
     """
     vector = np.asarray(vector)
-    square = np.sum(vector * vector, axis=-1)
+    square = (vector * vector).sum(axis=-1)
     if vector.ndim > 1:
         square = square[..., None, None]
     # Terms below rounding for the largest of these turns are left out.
-    largest = float(np.abs(square).max(initial=0.0))
+    largest = float(np.abs(square).max(initial=0.0) if square.ndim else abs(square))
     last = next((k for k in range(1, _TERMS) if largest**k * abs(_SINE[k]) < 1e-19), _TERMS - 1)
-    sine = np.zeros_like(square) + _SINE[last]
-    cosine = np.zeros_like(square) + _COSINE[last]
+    sine, cosine = _SINE[last], _COSINE[last]
     for s, c in zip(reversed(_SINE[:last]), reversed(_COSINE[:last]), strict=True):
         sine = sine * square + s
         cosine = cosine * square + c
@@ -181,7 +180,10 @@ def _on_inner(
     cosine."""
     (sin_b, cos_b), (sin_e, cos_e) = beta, epsilon
     first, third = first * cos_e - third * sin_e, first * sin_e + third * cos_e
-    return np.stack(np.broadcast_arrays(first * cos_b + second * sin_b, second * cos_b - first * sin_b, third), axis=-1)
+    across = first * cos_b + second * sin_b
+    vector = np.empty((*across.shape, 3), across.dtype)
+    vector[..., 0], vector[..., 1], vector[..., 2] = across, second * cos_b - first * sin_b, third
+    return vector
 
 
 def _up_and_derivatives(

@@ -51,7 +51,7 @@ class Held:
 
 @dataclass(frozen=True, eq=False)
 class Farthest:
-    """The vertex x (n,) that goes farthest, the rows (n,) that meet there, and their duals (n,)."""
+    """The vertex x (n,) that goes farthest, the rows (n,) that meet there, and their duals (n,); or several (L, n)."""
 
     x: NDArray[np.float64]
     rows: NDArray[np.int64]
@@ -164,35 +164,34 @@ class Corner:
     def farthest(self, matrix: NDArray, middle: NDArray, half: NDArray, weights: NDArray) -> Farthest | None:
         """Return the vertex of greatest weights'x of all x with |matrix x - middle (M,)| ≤ half (M,); None: not
         proven."""
-        from .exchange_steps import ENDED, ENDLESS, EXACT, exchange_met
+        each = self.farthest_of_each(matrix, middle, half, weights[None])
+        return Farthest(each.x[0], each.rows[0], each.duals[0]) if len(each.x) else None
 
-        rows, inverse = self.rows.copy(), self._inverse.copy()
-        met = matrix[rows]
+    def farthest_of_each(self, matrix: NDArray, middle: NDArray, half: NDArray, weights: NDArray) -> Farthest:
+        """Return `farthest` of each of some directions (K, n), up to the first that is not proven, as (L, n) each."""
+        from .exchange_steps import EXACT, exchange_each
+
         # Of many equally far vertices it is always the same, from any beginning.
-        size = np.abs(weights).max()
-        toward = weights + size * BENT * _bends(len(weights))
-        side = np.where(toward @ inverse >= 0.0, 1.0, -1.0)
+        size = np.abs(weights).max(axis=1)
+        toward = weights + size[:, None] * BENT * _bends(weights.shape[1])
         try:
-            for _ in range(len(rows) + 2):
-                how, steps = exchange_met(matrix, middle, half, toward, rows, side, inverse, MOST_STEPS)
-                if how == ENDED and steps == 0:
-                    break
-                if how == ENDLESS or not np.isfinite(inverse).all():
-                    return None
-                met = matrix[rows]
-                inverse = np.linalg.inv(met)
-            else:
-                return None
+            rows, sides, count = exchange_each(
+                matrix, middle, half, toward, self.rows, self._inverse.copy(), MOST_STEPS
+            )
+            rows, sides, weights = rows[:count], sides[:count], weights[:count]
+            inverses = np.linalg.inv(matrix[rows])
         except np.linalg.LinAlgError:
-            return None
-        duals, centre, reach = weights @ inverse, middle[rows], half[rows]
-        x, sizes = inverse @ (centre + side * reach), np.abs(duals)
-        beyond = duals @ centre + sizes @ reach - weights @ x
-        missed = np.abs(weights - duals @ met).max()
-        if not (beyond <= EXACT * sizes.sum() and missed <= EXACT * size):
-            return None
-        self.rows, self._inverse = rows, inverse
-        return Farthest(x, rows, duals)
+            nothing = weights[:0]
+            return Farthest(nothing, nothing.astype(np.int64), nothing)
+        duals, centre, reach = (weights[:, None] @ inverses)[:, 0], middle[rows], half[rows]
+        x, sizes = (inverses @ (centre + sides * reach)[..., None])[..., 0], np.abs(duals)
+        beyond = (duals * centre + sizes * reach - weights * x).sum(axis=1)
+        missed = np.abs(weights - (duals[:, None] @ matrix[rows])[:, 0]).max(axis=1)
+        proven = (beyond <= EXACT * sizes.sum(axis=1)) & (missed <= EXACT * size[:count])
+        count = int(np.append(proven, False).argmin())
+        if count:
+            self.rows, self._inverse = rows[count - 1], inverses[count - 1]
+        return Farthest(x[:count], rows[:count], duals[:count])
 
 
 def least_of(matrix: NDArray, lower: NDArray, upper: NDArray, cost: NDArray) -> Farthest | None:

@@ -6,7 +6,7 @@ that their solution violates, until it violates none.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -126,6 +126,11 @@ class Polytope:
         self._near: Nearness | None = None
         self._ends = self._ends_in_use()
 
+    @property
+    def _by_exchange(self) -> bool:
+        """Return whether nothing needs the solver so far."""
+        return self._highs is None and self._ends.is_finite
+
     def confine(self, lower: NDArray, upper: NDArray) -> None:
         """Set the ends (M,) of every row."""
         self._lower, self._upper = lower / self._scale, upper / self._scale
@@ -162,6 +167,20 @@ class Polytope:
         duals[self._taken] = multipliers * self._unit / self._scale[self._taken]
         return float(weights @ x) * self._unit, x * self._unit, duals
 
+    def maximise_each(self, weights: Sequence[NDArray]) -> Iterator[tuple[float, NDArray, NDArray]]:
+        """Yield `maximise` of each of some weights (n,), in less time."""
+        done = 0
+        if self._corner is not None and self._by_exchange and len(self._taken) == len(self._scale) and len(weights):
+            each = np.array(weights)
+            vertices = self._corner.farthest_of_each(self._rows, self._ends.middle, self._ends.half, each)
+            duals, numbers = np.zeros((len(vertices.x), len(self._scale))), self._taken[vertices.rows]
+            duals[np.arange(len(numbers))[:, None], numbers] = vertices.duals * self._unit / self._scale[numbers]
+            for row, x, of_rows in zip(each, vertices.x, duals, strict=False):
+                yield float(row @ x) * self._unit, x * self._unit, of_rows
+                done += 1
+        for row in weights[done:]:
+            yield self.maximise(row)
+
     def _violated_at(self, x: NDArray) -> NDArray:
         """Return rows to take in that a point is beyond; none only where it is beyond no row."""
         if self._near is None:
@@ -182,7 +201,7 @@ class Polytope:
         """Return the vertex x (n,) of the rows in use, and their duals (K,)."""
         ends = self._ends
         vertex = None
-        if self._corner is not None and self._highs is None and ends.is_finite:
+        if self._corner is not None and self._by_exchange:
             vertex = self._corner.farthest(self._rows, ends.middle, ends.half, weights)
         if vertex is not None:
             return vertex.x, vertex.of(len(ends.middle))

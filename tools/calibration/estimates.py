@@ -431,9 +431,10 @@ def a_priori_values(system: Linearisation, targets: Sequence[Target]) -> NDArray
     reduced = Polytope(system.jacobian @ system.span, system.bound)
     if determinable:
         reduced.confine(-system.bound, system.bound)
-    for k in tracked(determinable, "guaranteed errors", show=_takes_long(system)):
+    solved = reduced.maximise_each([system.span.T @ targets[k].weights for k in determinable])
+    shown = tracked(solved, "guaranteed errors", show=_takes_long(system), total=len(determinable))
+    for k, (error, _, phi) in zip(determinable, shown, strict=True):
         weights = targets[k].weights
-        error, _, phi = reduced.maximise(system.span.T @ weights)
         values[k] = weights @ system.point + phi @ system.residual, error
     return values
 
@@ -516,22 +517,19 @@ def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
     if not determinable:
         return intervals
     polytope, residual = _steps_of(feasible)
-    tops, steps = {}, []
-    for k in tracked(determinable, "exact intervals", show=_takes_long(system)):
-        for side, sense in enumerate((-1.0, 1.0)):
-            value, step, phi = polytope.maximise(system.span.T @ (sense * weights[k]))
-            steps.append(system.span @ step)
-            support = np.flatnonzero(phi)
-            tops[k, side] = value, support, np.abs(phi[support])
-    rows = system.rows_of(np.unique(np.concatenate([support for _, support, _ in tops.values()]) // 3))
+    tops, steps = [], []
+    senses = [(k, side, sense) for k in determinable for side, sense in enumerate((-1.0, 1.0))]
+    solved = polytope.maximise_each([system.span.T @ (sense * weights[k]) for k, _, sense in senses])
+    for value, step, phi in tracked(solved, "exact intervals", show=_takes_long(system), total=len(senses)):
+        steps.append(system.span @ step)
+        support = np.flatnonzero(phi)
+        tops.append((value, support, np.abs(phi[support])))
+    rows = system.rows_of(np.unique(np.concatenate([support for _, support, _ in tops]) // 3))
     near, remainder, moves = system.selected(rows), np.zeros(len(residual)), np.array(steps)
     beyond = residual[rows] - near.residuals_at(centre + moves) - moves @ near.jacobian.T
     remainder[rows] = np.abs(beyond).max(axis=0)
-    for k in determinable:
-        middle = float(weights[k] @ centre)
-        for side, sense in enumerate((-1.0, 1.0)):
-            value, support, phi = tops[k, side]
-            intervals[k, side] = middle + sense * (value + phi @ remainder[support])
+    for (k, side, sense), (value, support, phi) in zip(senses, tops, strict=True):
+        intervals[k, side] = float(weights[k] @ centre) + sense * (value + phi @ remainder[support])
     # where hardly a point is left, rounding alone decides which end is which
     return np.sort(intervals, axis=1)
 

@@ -419,7 +419,9 @@ def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
     little along it that the second-order remainder stays below the noise. Encoder errors alone give less than 1e-4.
     """
     rows, missing = shortened(jacobian), max(0, jacobian.shape[1] - len(jacobian))
-    _, values, directions = np.linalg.svd(np.pad(rows, ((0, missing), (0, 0))), full_matrices=False)
+    if missing:
+        rows = np.pad(rows, ((0, missing), (0, 0)))
+    _, values, directions = np.linalg.svd(rows, full_matrices=False)
     large = values > least_singular(noise_bound)
     if large.all():
         return np.eye(len(directions))

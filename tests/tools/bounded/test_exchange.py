@@ -96,6 +96,22 @@ def test_the_vertex_that_goes_farthest_is_that_of_the_solver_and_is_proven(seed,
     assert vertices[0].x == pytest.approx(vertices[-1].x, abs=1e-9)
 
 
+@pytest.mark.parametrize("rows", [36, 3000])
+def test_many_directions_have_the_vertices_of_each_alone(rows):
+    rng = np.random.default_rng(rows)
+    matrix, scale = rng.normal(size=(rows, 9)), rng.uniform(0.5, 2.0, rows)
+    middle = matrix @ rng.normal(size=9)
+    alone, together = Polytope(matrix, scale), Polytope(matrix, scale)
+    for polytope in (alone, together):
+        polytope.confine(middle - scale, middle + scale)
+    weights = [*rng.normal(size=(20, 9)), np.zeros(9), matrix[3], -matrix[3]]
+    for row, (value, x, duals) in zip(weights, together.maximise_each(weights), strict=True):
+        expected = alone.maximise(row)
+        assert value == expected[0]
+        assert np.array_equal(x, expected[1])
+        assert np.array_equal(duals, expected[2])
+
+
 def test_rows_that_leave_nothing_and_columns_that_are_not_determined_are_left_to_the_solver():
     matrix = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     corner = Corner.of(matrix)
