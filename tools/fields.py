@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
 from ..models.bench import checked_rotation
+from .arrays import Floats
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Size = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -52,7 +52,7 @@ def _rotation(rows: list[list[float]]) -> list[list[float]]:
     return rows
 
 
-def checked_covariance(rows: Any) -> NDArray[np.float64]:
+def checked_covariance(rows: Any) -> Floats:
     """Return a covariance (9, 9) from nested lists; a ValueError for any other matrix."""
     try:
         covariance = np.array(rows, dtype=float)

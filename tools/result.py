@@ -14,7 +14,6 @@ from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeAlias, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     BaseModel,
     BeforeValidator,
@@ -30,6 +29,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from .. import tools
+from .arrays import Floats
 from .errors import InputError, nearest
 from .fields import check_ends
 from .files import advice_on, json_text
@@ -46,7 +46,7 @@ def _array_of(value: Any) -> Any:
 
 
 Array: TypeAlias = Annotated[
-    NDArray[np.float64],
+    Floats,
     BeforeValidator(_array_of),
     PlainSerializer(lambda value: value.tolist()),
     WithJsonSchema({"type": "array"}),

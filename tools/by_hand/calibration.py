@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX
+from ..arrays import Floats, Ints
 from ..calibrated import (
     UNITS,
     ByHand,
@@ -33,7 +34,6 @@ from .gyros import MOVE_ERROR, GyroFit, fitted_gyros
 from .gyros import PRIOR as GYRO_PRIOR
 from .moves import ROUGH, TURN_BIAS, Moves, Turns, Windows
 from .run import HandRecord, HandRequest, Run, run_of
-from .small_turns import Floats, Ints
 
 WORDS = (
     (DETERMINED, "determined"),

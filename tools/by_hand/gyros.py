@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc, stdtr
 
 from ...models.bench import BIAS, EARTH_RATE, LAG, MATRIX, SENSITIVITY
+from ..arrays import Floats, Ints
 from ..calibrated import TakenSensitivity
 from ..motion.determinacy import TURN_PRIOR_SD, worst_turn
 from ..motion.norm import inputs_of
 from .forces import LEAST_SPARE, SPARE, Forces
 from .moves import GYROS, TURN_BIAS, Moves, PieceRows, Turns, Windows
-from .small_turns import Floats, Ints
 from .still import StillRests
 
 PRIOR = np.concatenate([np.ones(3), TURN_PRIOR_SD, np.full(9, 0.1), [0.1]])

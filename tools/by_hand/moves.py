@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
+from ..arrays import Bools, Floats, Ints
 from ..memory import each, once
 from ..records.stamps import grid_of
 from .forces import Forces, directions_of
-from .small_turns import Bools, Floats, Ints, across, cross_matrices, rotations
+from .small_turns import across, cross_matrices, rotations
 from .still import END, StillRests, TimedReadings, mean_of_rows
 
 LONGEST = 120.0

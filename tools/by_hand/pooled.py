@@ -12,6 +12,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
+from ..arrays import Ints
 from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, PooledTest, Verdict
 from ..errors import InputError
 from ..records.noise import noise_bound_of
@@ -20,7 +21,6 @@ from .forces import SPARE, Forces, Norms, fitted_forces, scatter_of
 from .moves import Windows
 from .pooled_gyros import with_pooled_gyros
 from .run import HandRecord, HandRequest, Run, run_of
-from .small_turns import Ints
 
 CHANCE, GROWTH = 1e-3, 1.2
 """Runs are one instrument where chance explains the pooled residuals with a larger probability, and where these are

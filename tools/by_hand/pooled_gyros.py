@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from ...models.bench import MATRIX, SENSITIVITY
+from ..arrays import Floats, Ints
 from ..rounding import digits
 from .calibration import CHANCE, HandFit
 from .gyros import OF_TRUTH, PRIOR, GyroFit
 from .moves import Windows
 from .run import Run
-from .small_turns import Floats, Ints, cross_matrices, nearest_rotation, rotations
+from .small_turns import cross_matrices, nearest_rotation, rotations
 
 ROUNDS = 10
 ANY = 1e6

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...fmus.parameters import GRAVITIES
+from ..arrays import Bools, Floats, Ints
 from ..errors import InputError
 from ..memory import once
 from ..motion.determinacy import LEAST_SD
@@ -27,7 +28,6 @@ from ..records.noise import noise_bound_of
 from ..rounding import digits, exactly
 from .forces import FACE_ERROR, Faces
 from .moves import Moves, Turns, Way, Windows, moves_of
-from .small_turns import Bools, Floats, Ints
 from .still import StillRests, TimedReadings, averaged, still_rests
 
 HandRecord: TypeAlias = StrapdownRecord | ForceRecord | PoseRecord

@@ -1,13 +1,9 @@
 """Rotation matrices, cross products and directions across others, for many vectors at once."""
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import NDArray
 
-Floats: TypeAlias = NDArray[np.float64]
-Ints: TypeAlias = NDArray[np.int_]
-Bools: TypeAlias = NDArray[np.bool_]
+from ..arrays import Floats
 
 
 def rotations(turn: NDArray) -> Floats:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Floats, Ints
 from ..memory import each, once
 from ..motion.rests import LEAST_ROWS, QUIET, still_stretches, still_windows, window_scatter, window_sums
 from ..records.columns import LARGEST_FORCE
 from ..records.stamps import grid_of, lost_share
 from ..records.steps import reading_step
-from .small_turns import Floats, Ints
 
 WIDER = 5.0
 """The limit of a second pass, where the first leaves fewer than `FEWEST` rests."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..rounding import digits, exactly
 from .correction import Correction
 
@@ -20,10 +20,10 @@ FRAME = "axis 1 is accelerometer 1, axis 2 lies in the plane of accelerometers 1
 class AffineTriad:
     """Three sensors: reading = `matrix` (3, 3) input + `bias` (3,), with standard errors, NaN where unknown."""
 
-    matrix: NDArray[np.float64]
-    bias: NDArray[np.float64]
-    matrix_sd: NDArray[np.float64]
-    bias_sd: NDArray[np.float64]
+    matrix: Floats
+    bias: Floats
+    matrix_sd: Floats
+    bias_sd: Floats
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class AffineModel:
 
     gravity: float
     accelerometers: AffineTriad
-    plus: NDArray[np.float64]
-    minus: NDArray[np.float64]
+    plus: Floats
+    minus: Floats
     gyros: AffineTriad | None
-    sensitivity: NDArray[np.float64]
-    sensitivity_sd: NDArray[np.float64]
+    sensitivity: Floats
+    sensitivity_sd: Floats
     verdict: str
     open: tuple[str, ...]
     about: Mapping[str, str]

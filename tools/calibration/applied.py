@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..arrays import Floats
 from ..errors import InputError
 from ..records import BenchRecord, PoseRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
 from ..records.columns import CORRECTED_BY
@@ -381,9 +382,7 @@ def _largest(values: NDArray) -> float | None:
     return finite_or_none(float(values.max(initial=0.0)))
 
 
-def _corrected_gyros(
-    gyros: GyroCorrection, record: BenchRecord | StrapdownRecord, n: NDArray
-) -> dict[str, NDArray[np.float64]]:
+def _corrected_gyros(gyros: GyroCorrection, record: BenchRecord | StrapdownRecord, n: NDArray) -> dict[str, Floats]:
     """Return the corrected channels of a record's gyros by their names, at inputs (N, 3) [g]."""
     if record.rate is not None:
         return {"rate": gyros.corrected(record.rate, n)}

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...fmus.parameters import GRAVITIES
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input, up
+from ..arrays import Floats
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError, least_squares
 from ..calibrated import (
     Calibration,
@@ -266,9 +267,9 @@ def calibrate_by_encoders(record: PositionRecord, **options: Any) -> Calibration
 class Misfit:
     """Errors (3 N,) of a fit with independent columns (3 N, P) to readings (N, 3), as fractions of gravity."""
 
-    errors: NDArray[np.float64]
-    columns: NDArray[np.float64]
-    reading: NDArray[np.float64]
+    errors: Floats
+    columns: Floats
+    reading: Floats
 
     @property
     def freedom(self) -> int:
@@ -688,7 +689,7 @@ def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation
     if scale > LARGEST_MISFIT or not len(same):
         return ""
 
-    def apart(way: int) -> NDArray[np.float64]:
+    def apart(way: int) -> Floats:
         """Return the squared distances (N,) of the readings from an ideal bench read in this way [g²]."""
         turn, permutation = divmod(int(way), len(PERMUTATIONS))
         return np.square(reading - inputs[turn] @ PERMUTATIONS[permutation].T).sum(axis=1)
@@ -709,14 +710,14 @@ def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation
     )
 
 
-def _changes(gains: NDArray[np.float64]) -> bool:
+def _changes(gains: Floats) -> bool:
     """Return whether first or last rows, without their best one, gain more than `CHANGES` as read; gains (N,) [g²]."""
     both_ways = np.stack([gains, gains[::-1]])
     largest = np.maximum.accumulate(np.maximum(both_ways, 0.0), axis=1)
     return bool(np.any(np.cumsum(both_ways, axis=1) - largest > CHANGES))
 
 
-def costs_of(reading: NDArray, inputs: Sequence[NDArray]) -> tuple[NDArray[np.float64], float]:
+def costs_of(reading: NDArray, inputs: Sequence[NDArray]) -> tuple[Floats, float]:
     """Return costs of every signed permutation with each of some inputs (N, 3) in turn, and the usual misfit [g].
 
     The misfit is that of the best of the inputs with any linear map to readings (N, 3), at least `LEAST_MISFIT`.
@@ -735,7 +736,7 @@ def _left(design: NDArray, reading: NDArray) -> float:
     return float(np.sqrt(np.square(reading - design @ solution).sum() / (3 * (len(reading) - rank))))
 
 
-def _costs(design: NDArray, reading: NDArray, scale: float) -> NDArray[np.float64]:
+def _costs(design: NDArray, reading: NDArray, scale: float) -> Floats:
     """Least penalised squares (3, 6) of each reading taken for each input, and for each input reversed."""
     columns = np.hstack([reading, design[:, :3]])
     across = design.T @ columns

@@ -26,6 +26,7 @@ from ...fmus.parameters import (
     shown_effects,
 )
 from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX, SENSITIVITY
+from ..arrays import Floats
 from ..calibrated import CalibratedEffect, Calibration, Open, Provenance, Sigma
 from ..errors import InputError, one_line
 from ..fields import checked_covariance
@@ -90,7 +91,7 @@ class GyroCorrection:
         """Rates (N, 3) [rad/s], or integrals over (N, 1) [s], from readings, at inputs (N, 3) [g]."""
         return np.linalg.solve(self.matrix, (reading - seconds * (self.bias + n @ self.sensitivity.T)).T).T
 
-    def standard_errors(self, rate: NDArray, n: NDArray) -> NDArray[np.float64]:
+    def standard_errors(self, rate: NDArray, n: NDArray) -> Floats:
         """Return the standard errors (N, 3) [rad/s] of corrected rates (N, 3) [rad/s] at inputs (N, 3) [g].
 
         The parameters' errors count as independent.
@@ -171,7 +172,7 @@ class Correction:
         n = np.atleast_2d(force) / self.gravity
         return force, self.gyros.corrected(np.atleast_2d(turning), n).reshape(force.shape)
 
-    def standard_errors(self, readings: ArrayLike) -> NDArray[np.float64]:
+    def standard_errors(self, readings: ArrayLike) -> Floats:
         """Return the standard error of corrected readings, by the calibration alone.
 
         Parameters
@@ -188,11 +189,11 @@ class Correction:
         variance = np.einsum("nii->ni", _covariance_of_input(self, np.atleast_2d(force) / self.gravity))
         return self.gravity * np.sqrt(variance).reshape(force.shape)
 
-    def inputs_of(self, specific_force: NDArray) -> NDArray[np.float64]:
+    def inputs_of(self, specific_force: NDArray) -> Floats:
         """Return inputs (N, 3) [g] by readings (N, 3) [m/s²]."""
         return corrected(self, specific_force) / self.gravity
 
-    def bound_at(self, n: NDArray, noise_bound: float | NDArray) -> NDArray[np.float64]:
+    def bound_at(self, n: NDArray, noise_bound: float | NDArray) -> Floats:
         """Return the largest difference of true inputs from corrected ones n (N, 3) [g], of either sign.
 
         Without a guarantee it is `SURE` standard errors.
@@ -204,7 +205,7 @@ class Correction:
         return np.maximum(np.abs(least), np.abs(most))
 
 
-def _readings_of(values: ArrayLike, name: str) -> NDArray[np.float64]:
+def _readings_of(values: ArrayLike, name: str) -> Floats:
     """Return readings as an array whose last axis has three elements; an InputError for anything else."""
     try:
         readings = np.asarray(values, dtype=np.float64)
@@ -215,7 +216,7 @@ def _readings_of(values: ArrayLike, name: str) -> NDArray[np.float64]:
     return readings
 
 
-def _covariance_of_input(correction: Correction, n: NDArray) -> NDArray[np.float64]:
+def _covariance_of_input(correction: Correction, n: NDArray) -> Floats:
     """Return the covariance (N, 3, 3) of corrected inputs n (N, 3) [g] by that of the parameters."""
     slopes = np.zeros((len(n), 3, 9))
     for element, (row, column) in enumerate(zip(*np.tril_indices(3), strict=True)):
@@ -281,7 +282,7 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
     return replace(correction, **_origin(calibration, where))
 
 
-def _covariance(calibration: Mapping[str, Any]) -> NDArray[np.float64]:
+def _covariance(calibration: Mapping[str, Any]) -> Floats:
     """Return the covariance (9, 9) of Γ and biases: as by hand, else by the standard errors; NaN where it is unknown.
 
     Raises a ValueError for one that is none.

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...fmus.units import ARCMIN
 from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base
 from .. import motion
+from ..arrays import Floats
 from ..bounded.programmes import SolverError
 from ..calibrated import Calibration, GainOfTurns, Gyros, Parameter, Turn
 from ..errors import InputError
@@ -316,7 +317,7 @@ def _turns(system: WithTurns, time: NDArray, solution: Solution) -> list[Turn]:
 
 def attitudes(
     targets: NDArray, time: NDArray, alpha: NDArray, beta: NDArray, mounting: NDArray, earth: NDArray
-) -> NDArray[np.float64]:
+) -> Floats:
     """Attitude (N, 4) of the block against inertial space, unit quaternions, scalar first, body to reference.
 
     Parameters

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...models.bench import GYRO_PARAMETERS, LAG, SYMMETRIC_PAIRS, TARGETS, rates_of_turning
 from ...models.effects import CATALOGUE, MotionRows
+from ..arrays import Bools, Floats, Ints
 from ..calibrated import LATENCIES
 from ..motion.rest_noise import factor_for
 from ..motion.rests import sampling_of
@@ -60,14 +61,14 @@ class InMotion:
     all rows of a reading, 0 where the sense is not certain.
     """
 
-    rows: NDArray[np.int_]
-    span: NDArray[np.int_]
-    angles: NDArray[np.float64]
-    reading: NDArray[np.float64]
-    bound: NDArray[np.float64]
-    rate: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    senses: NDArray[np.float64]
+    rows: Ints
+    span: Ints
+    angles: Floats
+    reading: Floats
+    bound: Floats
+    rate: Floats
+    acceleration: Floats
+    senses: Floats
 
     @staticmethod
     def of(record: PositionRecord, linearised: Linearisation, gravity: float, encoder_bound: float) -> "InMotion":
@@ -103,7 +104,7 @@ class InMotion:
         alpha, beta = (self.angles - lag * self.rate + 0.5 * lag**2 * self.acceleration).T
         return Positions(alpha, beta, np.zeros(len(alpha), dtype=int))
 
-    def by_lag(self, parametrisation: Parametrisation, point: NDArray, lag: float) -> NDArray[np.float64]:
+    def by_lag(self, parametrisation: Parametrisation, point: NDArray, lag: float) -> Floats:
         """Return the derivative (3 W,) of the readings by the lag [g/s], at a point (P,)."""
         earlier = lag * self.acceleration - self.rate
         return (slopes_by_angles(parametrisation, point, self.at(lag)) * earlier[:, None, :]).sum(axis=2).ravel()
@@ -120,7 +121,7 @@ class InMotion:
 
     def beyond_rest(
         self, system: WithTurns, point: NDArray, gravity: float
-    ) -> tuple[Positions, NDArray, NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Positions, NDArray, Floats, Floats]:
         """Return what lag and places of the accelerometers do at a point that ends with `FURTHER`; gravity [m/s²].
 
         The result is the table's positions, the inputs' signs (W, 3), the places' additions (3 W,) [g] to readings,
@@ -134,7 +135,7 @@ class InMotion:
 
     def _off_centre(
         self, system: WithTurns, point: NDArray, gravity: float, lag: float
-    ) -> tuple[Positions, NDArray, NDArray[np.float64]]:
+    ) -> tuple[Positions, NDArray, Floats]:
         """Return positions a lag [s] earlier, the inputs' signs (W, 3), and the change (3 W, 9) [g] by each place [m].
 
         An accelerometer reads the addition of its own place along its axis and, misaligned, along the others'.
@@ -193,7 +194,7 @@ def _steady_rows(
     return rows[chosen], half, rate[chosen], acceleration[chosen]
 
 
-def _one_sign(linearised: Linearisation, angles: NDArray, rows: NDArray, half: int) -> NDArray[np.bool_]:
+def _one_sign(linearised: Linearisation, angles: NDArray, rows: NDArray, half: int) -> Bools:
     """Return whether inputs (W, 3) surely keep one sign over the rows averaged in the readings at rows (W,)."""
     inputs = np.zeros((3, len(rows), 3))
     for number, shift in enumerate((-half - 1, 0, half)):
@@ -211,13 +212,13 @@ def _parabola(reading: NDArray, rows: NDArray, half: int) -> tuple[NDArray, NDAr
     return value, np.full(len(rows), float(np.linalg.norm(weights)))
 
 
-def _scatter(reading: NDArray, record: PositionRecord) -> NDArray[np.float64]:
+def _scatter(reading: NDArray, record: PositionRecord) -> Floats:
     """Standard deviation (3,) of single readings about the means of their rests."""
     variances = [np.var(reading[rest.kept], axis=0) for rest in record.rests if rest.refused is None]
     return np.sqrt(np.median(variances, axis=0))
 
 
-def responses(parametrisation: Parametrisation, point: NDArray, n: NDArray) -> NDArray[np.float64]:
+def responses(parametrisation: Parametrisation, point: NDArray, n: NDArray) -> Floats:
     """Return I + Γ (N, 3, 3) of the accelerometers at a point (P,), for inputs (N, 3) [g]."""
     x = dict(zip(TARGETS, parametrisation.selection[0] @ point, strict=True))
     slopes = np.tile(np.eye(3), (len(n), 1, 1))
@@ -227,7 +228,7 @@ def responses(parametrisation: Parametrisation, point: NDArray, n: NDArray) -> N
     return slopes
 
 
-def slopes_by_angles(parametrisation: Parametrisation, point: NDArray, at: Positions) -> NDArray[np.float64]:
+def slopes_by_angles(parametrisation: Parametrisation, point: NDArray, at: Positions) -> Floats:
     """Derivatives (N, 3, 2) of readings by the angles, at a point (P,)."""
     step = 1j * 1e-30
     by_alpha = predicted_reading(parametrisation, point, replace(at, alpha=at.alpha + step))

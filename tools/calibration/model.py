@@ -28,6 +28,7 @@ from ...models.bench import (
     target_jacobian,
     target_reading,
 )
+from ..arrays import Ints
 from ..bounded.programmes import shortened
 from ..errors import InputError, nearest
 from ..files import LARGEST_TEXT, advice_on, bytes_of
@@ -352,7 +353,7 @@ class Linearisation:
         """Names of the parameters."""
         return self.parametrisation.symbols
 
-    def rows_of(self, positions: NDArray) -> NDArray[np.int_]:
+    def rows_of(self, positions: NDArray) -> Ints:
         """Return the rows of some positions (n,), and all rows after those of the readings."""
         count = self.reading.size
         of_readings = 3 * positions[3 * positions < count, None] + np.arange(3)

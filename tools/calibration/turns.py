@@ -24,6 +24,7 @@ from ...models.bench import (
     small_turn,
 )
 from ...models.bench import moments_of as integrated_angles
+from ..arrays import Floats, Ints
 from ..errors import InputError
 from ..motion.increments import mean_rates
 from ..motion.rest_noise import factor_for, rest_noise
@@ -63,16 +64,16 @@ class Turns:
     `period` [s] is the time from row to row.
     """
 
-    first: NDArray[np.int_]
-    last: NDArray[np.int_]
-    integral: NDArray[np.float64]
-    moments: NDArray[np.float64]
-    growth: NDArray[np.float64]
-    noise: NDArray[np.float64]
-    swept: NDArray[np.float64]
-    coning: NDArray[np.float64]
-    mounting: NDArray[np.float64]
-    earth: NDArray[np.float64]
+    first: Ints
+    last: Ints
+    integral: Floats
+    moments: Floats
+    growth: Floats
+    noise: Floats
+    swept: Floats
+    coning: Floats
+    mounting: Floats
+    earth: Floats
     basis: str
     period: float
 
@@ -80,25 +81,25 @@ class Turns:
     def _rest(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         return self.moments, self.growth, self.mounting, self.earth
 
-    def residual(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
+    def residual(self, targets: NDArray, gyros: NDArray) -> Floats:
         """Return the residuals (3 S,) of the integrals [rad]."""
         return (self.integral - integrated_readings(targets, gyros, *self._rest)).ravel()
 
-    def jacobian(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
+    def jacobian(self, targets: NDArray, gyros: NDArray) -> Floats:
         """Derivatives (3 S, 40) of the model's integrals."""
         return integrated_jacobian((targets, gyros), self._rest).reshape(-1, len(targets) + len(gyros))
 
-    def bound(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
+    def bound(self, targets: NDArray, gyros: NDArray) -> Floats:
         """Return the bounds (3 S,) of the residuals about a point [rad]."""
         from_inner = self.jacobian_of_axes(targets, gyros)
         smeared = _smear(float(gyros[LAG]), self.period) * np.abs(self.growth[1][:, [0, 1, 3]])
         return (self.noise[:, None] + (self.swept + smeared) @ np.abs(from_inner).T).ravel()
 
-    def block_axes(self, targets: NDArray) -> NDArray[np.float64]:
+    def block_axes(self, targets: NDArray) -> Floats:
         """Axes (3, 3) of the inner frame in those of the block."""
         return small_turn(targets[14:11:-1]) @ self.mounting
 
-    def jacobian_of_axes(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
+    def jacobian_of_axes(self, targets: NDArray, gyros: NDArray) -> Floats:
         """Gyros' readings (3, 3) of turns about the axes of the inner frame."""
         turns = np.zeros((3, len(MOMENTS)))
         turns[0, 0], turns[1, 1], turns[2, 3] = 1.0, -1.0, 1.0
@@ -214,7 +215,7 @@ def _smear(lag: float, period: float) -> float:
     return min(0.5 * size * period, period**2 / 8.0)
 
 
-def _noise(gyros: StrapdownRecord, sampling: RecordSampling, seconds: NDArray) -> NDArray[np.float64]:
+def _noise(gyros: StrapdownRecord, sampling: RecordSampling, seconds: NDArray) -> Floats:
     """Return the bounds (S,) of the gyros' noise over pieces [rad], from the noise within rests."""
     noise = rest_noise(rates_of(gyros), gyros.time_s, quiet_rests(gyros, sampling), sampling.period)
     if noise is None:
@@ -231,7 +232,7 @@ def _within(rest: Rest) -> tuple[int, int]:
     return rest.kept_first + margin, rest.kept_last - margin
 
 
-def motion_of(angle: NDArray, bound: float) -> NDArray[np.float64]:
+def motion_of(angle: NDArray, bound: float) -> Floats:
     """Return the travel of an axis since the row before (N,) [rad]; moves within an encoder's error count as zero."""
     travel, at = np.zeros(len(angle)), angle[0]
     far = np.flatnonzero(np.abs(np.diff(angle, prepend=at)) > 0.0)
@@ -241,13 +242,13 @@ def motion_of(angle: NDArray, bound: float) -> NDArray[np.float64]:
     return travel
 
 
-def _bends(angle: NDArray) -> NDArray[np.float64]:
+def _bends(angle: NDArray) -> Floats:
     """Return the bend of an angle (N,) about each row: the largest second difference there and beside it [rad]."""
     second = np.abs(np.diff(angle, 2, prepend=angle[0], append=angle[-1]))
     return np.maximum(second, np.maximum(np.append(second[1:], 0.0), np.append(0.0, second[:-1])))
 
 
-def _between_rows(angles: NDArray, bends: NDArray) -> NDArray[np.float64]:
+def _between_rows(angles: NDArray, bends: NDArray) -> Floats:
     """Return the error of the turn about a transverse axis since the row before (N,) [rad], as axes speed up in a step.
 
     The error is the area between the path of both angles (2, N) and its chord. It is a twelfth of a bend times the
@@ -257,7 +258,7 @@ def _between_rows(angles: NDArray, bends: NDArray) -> NDArray[np.float64]:
     return (step[0] * bends[1] + step[1] * bends[0]) / 8.0
 
 
-def slopes_of(values: NDArray, time: NDArray) -> NDArray[np.float64]:
+def slopes_of(values: NDArray, time: NDArray) -> Floats:
     """Return the slope of an angle (N,) at each row, over a few rows to either side [1/s]."""
     rows = np.arange(len(time))
     low, high = np.maximum(rows - BESIDE, 0), np.minimum(rows + BESIDE, len(time) - 1)
@@ -303,7 +304,7 @@ class WithTurns(Linearisation):
         return len(self.parametrisation.symbols)
 
     @property
-    def sizes(self) -> NDArray[np.float64]:
+    def sizes(self) -> Floats:
         """Plausible sizes (P,) of the parameters."""
         return np.append(np.full(self.own, 1e-2), PLAUSIBLE)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...models.effects import POSITION_EFFECTS, EffectPlace
 from ...models.effects import Rows as Contexts
 from ...models.effects.last_stage import place_of
+from ..arrays import Floats, Ints
 from ..bounded.programmes import MANY_ROWS, Interval, any_centre
 from ..bounded.sets import MAX_SET, Work
 from ..calibrated import OpenTarget, noise_option
@@ -77,11 +78,11 @@ class TurnErrors:
     which accelerometers were read.
     """
 
-    first: NDArray[np.float64]
-    last: NDArray[np.float64]
-    turned: NDArray[np.float64]
-    before: NDArray[np.float64]
-    after: NDArray[np.float64]
+    first: Floats
+    last: Floats
+    turned: Floats
+    before: Floats
+    after: Floats
     alone: tuple[tuple[float, float], tuple[float, float]]
     readings: int
 
@@ -102,7 +103,7 @@ class Bench:
     calibration: Calibration
     here: Linearisation
     readings: Readings
-    numbers: NDArray[np.int_]
+    numbers: Ints
     bounds: tuple[float, float]
 
     @cached_property
@@ -122,7 +123,7 @@ class Bench:
             least_singular=least_singular(sigma) / sigma,
         )
 
-    def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+    def columns_of(self, places: Sequence[EffectPlace]) -> Floats:
         """Signatures (M, K) of linear effects at the nominal fit."""
         return signature_columns(places, self.contexts)
 
@@ -178,7 +179,7 @@ class Bench:
         places = self.rows.linear_places
         return Classes.of(places, self.spaces_of(places))
 
-    def spaces_of(self, places: Sequence[EffectPlace]) -> list[NDArray[np.float64]]:
+    def spaces_of(self, places: Sequence[EffectPlace]) -> list[Floats]:
         """Return the column space of each effect beyond the model, at any positions with the record's mountings."""
         return dense_spaces(self.here.parametrisation, places)
 
@@ -252,7 +253,7 @@ class Bench:
         assert model is not None
         return About(self.readings.reading.ravel() - model.reading, model.jacobian, model.bound, model.rate)
 
-    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
+    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, Floats]]:
         """Yield linear effects that a fit lacks and the record determines fully, with their columns (M, k) there."""
         rows = self.readings.rows_with(fit)
         for place in self.classes.places if fit.places else self.rows.linear_places:
@@ -298,12 +299,12 @@ class BenchReader(Reader):
         return replace(self, model=replace(self.model, here=linearise(*at)))
 
     @property
-    def numbers(self) -> NDArray[np.int_]:
+    def numbers(self) -> Ints:
         """The record's own numbers (N,) of its positions."""
         return self.model.numbers
 
     @property
-    def of_positions(self) -> NDArray[np.int_]:
+    def of_positions(self) -> Ints:
         """Which rows are readings at positions."""
         return np.arange(len(self.rows.residual))
 
@@ -446,7 +447,7 @@ class BenchRerun:
         ends = fit.ends(self.model.room)
         return extension_of_bench(self.model.readings, fit, ends, effects, self.model.calibration.gravity)
 
-    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
+    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> Floats | None:
         """Errors of the readings (N - 1, 3) behind the first position, at which a run begins, fractions of g."""
         model, readings = self.model, self.model.readings
         if not can_be_run(readings.circumstances):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ...fmus.parameters import elements_of
 from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX
 from ...models.effects import EffectPlace
+from ..arrays import Floats, Ints
 from ..bounded.programmes import MANY_ROWS, Growth, Interval, SolverError, any_centre, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibrated import Calibration
@@ -70,7 +71,7 @@ class BenchInMotion(TurnsInTime):
     """
 
     names: tuple[tuple[str, str], ...]
-    point: NDArray[np.float64]
+    point: Floats
     places: tuple[EffectPlace, ...]
     calibration: Calibration
     rests: Bench
@@ -110,7 +111,7 @@ class BenchInMotion(TurnsInTime):
         return self.rests.here
 
     @property
-    def numbers(self) -> NDArray[np.int_]:
+    def numbers(self) -> Ints:
         """The record's own numbers (N,) of its rests."""
         return self.rests.numbers
 
@@ -125,7 +126,7 @@ class BenchInMotion(TurnsInTime):
         return len(self.moving.read.here.residual)
 
     @property
-    def of_positions(self) -> NDArray[np.int_]:
+    def of_positions(self) -> Ints:
         """Which rows are readings at positions."""
         return np.flatnonzero(np.repeat(self.moving.at_rest, 3))
 
@@ -194,9 +195,7 @@ class BenchInMotion(TurnsInTime):
         """Return the reason of the model of the rests."""
         return untried_in(self.search, size)
 
-    def at(
-        self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def at(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> tuple[Floats, Floats, Floats]:
         """Return errors (M,), derivatives (M, P + K), growth of the bounds (M, P + K); exact, in units of the bounds.
 
         The effects act linearly on the turns.
@@ -218,7 +217,7 @@ class BenchInMotion(TurnsInTime):
 
     def _beside_turns(
         self, rows: About | Fit, columns: NDArray, added: NDArray, point: NDArray, coefficients: NDArray
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int_]]:
+    ) -> tuple[Floats, Floats, Floats, Ints]:
         """Return the readings by a model of the bench, with the turns beside them, about parameters and coefficients.
 
         `columns` are the numbers of the model's coefficients among (K,); `added` (M, K) holds the changes by the
@@ -239,7 +238,7 @@ class BenchInMotion(TurnsInTime):
         residual, jacobian, rate = self.at(places, point, coefficients)
         return About(residual, jacobian, np.ones(len(residual)), rate)
 
-    def added(self, places: Sequence[EffectPlace], blocks: Sequence[slice] | None = None) -> NDArray[np.float64]:
+    def added(self, places: Sequence[EffectPlace], blocks: Sequence[slice] | None = None) -> Floats:
         """Return the columns (M, K) of effects in motion for readings [g], and of linear ones for integrals [rad]."""
         blocks, columns_known = blocks_of(places) if blocks is None else blocks, self._known
         added = np.zeros((len(self.whole.bound), blocks[-1].stop if blocks else 0))
@@ -254,11 +253,11 @@ class BenchInMotion(TurnsInTime):
         return added
 
     @cached_property
-    def _known(self) -> dict[EffectPlace, NDArray[np.float64]]:
+    def _known(self) -> dict[EffectPlace, Floats]:
         """Columns of the effects requested so far."""
         return {}
 
-    def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+    def columns_of(self, places: Sequence[EffectPlace]) -> Floats:
         """Columns (M, K) of linear effects over the bounds, at the nominal fit."""
         columns = self.added(places)
         for place, block in zip(places, blocks_of(places), strict=True):
@@ -368,7 +367,7 @@ class BenchInMotion(TurnsInTime):
         stacked = Fit(places, blocks, at, step, *values, variants, growths)
         return with_possible_sizes(stacked, self.limit, LARGEST_OF_BENCH) if radius <= self.limit else None
 
-    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
+    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, Floats]]:
         """Yield the linear effects that a fit lacks, with their columns (M, k) at the nominal fit."""
         # A search beside each of many time constants would cost too much.
         for place in () if fades(fit) else self.classes.places:
@@ -388,7 +387,7 @@ class WholeReader(BenchReader):
         return self.model.pairs
 
     @property
-    def of_positions(self) -> NDArray[np.int_]:
+    def of_positions(self) -> Ints:
         """Which rows are readings at positions."""
         return self.model.of_positions
 
@@ -434,7 +433,7 @@ class WholeReader(BenchReader):
         folds = self.rows.fold_of_rows
         yield from trials_of_each(fit, [np.flatnonzero(folds == fold) for fold in range(FOLDS)], self._shuffled)
 
-    def _shuffled(self, columns: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
+    def _shuffled(self, columns: NDArray, rng: np.random.Generator) -> Floats:
         """Columns (M, k) of an effect moved to other positions, and to other turns."""
         moved = []
         for part in (columns[: self.model.of_readings], columns[self.model.of_readings :]):
@@ -496,7 +495,7 @@ class WholeReader(BenchReader):
         return {"next": list(sentences)}
 
 
-def _robust_errors(fit: Fit) -> NDArray[np.float64]:
+def _robust_errors(fit: Fit) -> Floats:
     """Return errors (M,) over their bounds near a fit; those of a fit that stands are its own."""
     left, columns = fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None]
     return left if fit.radius <= 1.0 else left - columns @ robust_estimate(columns, left)
@@ -518,7 +517,7 @@ class WholeRerun:
         """The name and unit of the errors, as for the rests."""
         return self.rests.quoted
 
-    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
+    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> Floats | None:
         """Return the errors of the simulated rests."""
         return self.rests.errors(effects)
 

@@ -28,6 +28,7 @@ from ...models.bench import (
 from ...models.effects import EffectPlace, MotionRows
 from ...models.effects.columns import TIME_CONSTANT, small_turns
 from ...models.effects.steps import MOUNTING_SLIP
+from ..arrays import Bools, Floats
 from ..bounded.sets import Work
 from ..calibration.in_motion import CERTAIN, FURTHER, InMotion, WithMotion, responses, slopes_by_angles
 from ..calibration.model import Positions, linearise, predicted_input, slip_jacobian
@@ -73,7 +74,7 @@ class Moving:
 
     read: Bench
     seen: InMotion
-    to_block: NDArray[np.float64]
+    to_block: Floats
     lean: float
 
     @staticmethod
@@ -115,7 +116,7 @@ class Moving:
         return Moving(replace(rests, here=linear, readings=readings, numbers=numbers), in_motion, to_block, lean)
 
     @property
-    def at_rest(self) -> NDArray[np.bool_]:
+    def at_rest(self) -> Bools:
         """Which readings (N,) are the rests'."""
         return self.seen.rows < 0
 
@@ -137,14 +138,14 @@ class Moving:
             motion, specific_force=rows.n, hours=rows.hours, temperature=rows.temperature, block_response=sensed
         )
 
-    def columns(self, place: EffectPlace) -> NDArray[np.float64]:
+    def columns(self, place: EffectPlace) -> Floats:
         """Return the columns (3 N, K) [g] of an accelerometer's effect that only motion shows; zeros for any other."""
         effect = place.definition
         if not (effect.in_motion and effect.component == "AccelerometerBlock"):
             return np.zeros((self.seen.reading.size, coefficient_count(place)))
         return effect.signature(place, self.motion).reshape(self.seen.reading.size, -1)
 
-    def readings_at(self, system: WithTurns, point: NDArray) -> tuple[Readings, NDArray[np.float64]]:
+    def readings_at(self, system: WithTurns, point: NDArray) -> tuple[Readings, Floats]:
         """Return the readings less the effect of the accelerometers' places, at moments earlier by their lag.
 
         The second part is the derivatives (3 N, 10) of the readings by `FURTHER`, the last of the parameters (P,).
@@ -154,7 +155,7 @@ class Moving:
         return replace(readings, at=at, reading=readings.reading - added.reshape(-1, 3)), further
 
 
-def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> NDArray[np.float64]:
+def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> Floats:
     """Return senses (N, 3) of the inputs' last changes before rests; 0 where moves (2, T) of both axes leave it open.
 
     Where both axes stopped together both must agree; otherwise the axis that stopped later decides.
@@ -173,7 +174,7 @@ def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> NDArray[np.flo
     return np.where((later_outer == later_inner)[:, None], together, alone)
 
 
-def _senses_of_axes(moves: NDArray) -> NDArray[np.float64]:
+def _senses_of_axes(moves: NDArray) -> Floats:
     """Senses (2, T) of the last move of both axes, by their moves (2, T)."""
     outer, inner = moves
     return np.stack([senses_of_moves(outer[1:]), senses_of_moves(inner[1:])])
@@ -247,7 +248,7 @@ def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | N
     )
 
 
-def block_turns(raw: BenchRecord, fitted: WithTurns, point: NDArray) -> NDArray[np.float64]:
+def block_turns(raw: BenchRecord, fitted: WithTurns, point: NDArray) -> Floats:
     """Return the turn (N, 3) [rad] of the block up to each row, in its axes, by parameters of bench and gyros."""
     moments = moments_of(raw.time_s, without_turns(raw.alpha), without_turns(raw.beta))
     targets, ideal = fitted.parametrisation.selection[0] @ point[: fitted.own], np.zeros(len(GYRO_PARAMETERS))
@@ -302,20 +303,20 @@ class TurnsInTime(SettingIn):
         """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
         return self._replaced_by(set_in={**self.set_in, place: self.cells[place].value(row)})
 
-    def columns_set_in(self, place: EffectPlace) -> NDArray[np.float64]:
+    def columns_set_in(self, place: EffectPlace) -> Floats:
         """Return the columns (M, K) [g, rad] of an effect at its onset; NaN where the record leaves them open."""
         cells = self.cells[place]
         columns, _ = cells.columns(cells.number(self.set_in[place]))
         return self.over_bounds(columns) * self.whole.bound[:, None]
 
     @cached_property
-    def says(self) -> NDArray[np.bool_]:
+    def says(self) -> Bools:
         """Mask (M,) of the rows that the effects that set in leave determined."""
         if SLIP not in self.set_in:
             return np.ones(len(self.whole.bound), dtype=bool)
         return np.asarray(np.isfinite(self.columns_set_in(SLIP)).all(axis=1))
 
-    def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+    def over_bounds(self, columns: Sequence[NDArray]) -> Floats:
         """Columns (S, 3, K) of the turns, or of readings and turns, as rows (M, K) over their bounds."""
         stacked = np.vstack([part.reshape(-1, part.shape[2]) for part in columns])
         above = np.zeros((len(self.whole.bound) - len(stacked), stacked.shape[1]))
@@ -386,7 +387,7 @@ def simulated_turns(
     point: NDArray,
     effects: Mapping[EffectPlace, NDArray],
     set_in: Mapping[EffectPlace, float] | None = None,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the integrals (S, 3) [rad] of the gyro block's FMU over each piece, extended by the given effects.
 
     `point` (P,) are parameters of bench, accelerometers and gyros; `set_in` times [h] of effects that have one.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ..arrays import Bools, Floats, Ints
 from .bench_model import MAX_LEVERAGE, determined, predicted_errors
 from .bench_visits import readings_at
 from .evidence import Errors, Trial, Worst
@@ -33,16 +34,16 @@ Split = tuple[NDArray, NDArray, Prediction | None]
 class LinearReadings:
     """A linear model of M readings: derivatives (M, P), residuals (M,) where it begins, and their bounds (M,) [g]."""
 
-    jacobian: NDArray[np.float64]
-    residual: NDArray[np.float64]
-    bound: NDArray[np.float64]
+    jacobian: Floats
+    residual: Floats
+    bound: Floats
 
     def predicted(self, fitted: NDArray, left_out: NDArray) -> Prediction | None:
         """Return readings that are left out, predicted over those that are fitted."""
         return predicted_errors(self._unit, self._rank, self.residual, self.bound, fitted, left_out)
 
     @cached_property
-    def _unit(self) -> NDArray[np.float64]:
+    def _unit(self) -> Floats:
         return self.jacobian / self.bound[:, None]
 
     @cached_property
@@ -67,10 +68,10 @@ class LinearReadings:
 class LeftOut:
     """Readings (R,) that were left out, their errors (R,) without and with effects, and the leverages (R,) of these."""
 
-    readings: NDArray[np.int_]
-    without: NDArray[np.float64]
-    with_effects: NDArray[np.float64]
-    leverage: NDArray[np.float64]
+    readings: Ints
+    without: Floats
+    with_effects: Floats
+    leverage: Floats
 
     @staticmethod
     def of(model: LinearReadings, split: Sequence[Split]) -> "LeftOut | None":
@@ -116,7 +117,7 @@ class LeftOut:
 
 
 def trials(
-    nominal: LinearReadings, fit: Fit, name_in_record: Callable[[EffectPlace], EffectPlace], numbers: NDArray[np.int_]
+    nominal: LinearReadings, fit: Fit, name_in_record: Callable[[EffectPlace], EffectPlace], numbers: Ints
 ) -> Iterator[Trial]:
     """Yield the trials of a set on left-out positions and blocks in time, then those of each effect beside the others.
 
@@ -163,7 +164,7 @@ def trials_of_each(fit: Fit, parts: Sequence[NDArray], moved: Moved) -> Iterator
             yield Trial((place,), alone.over(fit.allowed).errors, None, errors_shuffled)
 
 
-def without_outliers(fit: Fit) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
+def without_outliers(fit: Fit) -> tuple[Bools, Ints]:
     """Return the mask (P + K,) of the columns that are not of outliers, and the readings that no outlier changes."""
     lasting = np.ones(len(fit.at), dtype=bool)
     for place, block, _ in fit.ways:
@@ -178,7 +179,7 @@ def _without(fit: Fit, lasting: NDArray, removed: NDArray) -> LinearReadings:
     )
 
 
-def by_position(columns: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
+def by_position(columns: NDArray, rng: np.random.Generator) -> Floats:
     """Columns (3 N, k) moved to other positions."""
     count = len(columns) // 3
     return columns.reshape(count, 3, -1)[rng.permutation(count)].reshape(3 * count, -1)

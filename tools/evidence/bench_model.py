@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.variants import Variant
+from ..arrays import Floats
 from ..bounded.programmes import Growth, any_centre, chebyshev_radius, least_squares
 from ..bounded.sets import Work
 from ..calibration.model import (
@@ -87,7 +88,7 @@ class Paid:
         return [(sign, end) for sign, end in ((-1.0, self.low), (1.0, self.high)) if sign * end > 0.0]
 
     @staticmethod
-    def of(places: Mapping[EffectPlace, int], rate: NDArray[np.float64]) -> "list[Paid]":
+    def of(places: Mapping[EffectPlace, int], rate: Floats) -> "list[Paid]":
         """Return the effects of one coefficient, with its column, whose size makes the bounds grow by `rate` (M, n)."""
         coefficients = []
         for place, column in places.items():
@@ -97,7 +98,7 @@ class Paid:
         return coefficients
 
 
-def growths_of(paid: Sequence[Paid], rate: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[Growth, ...]:
+def growths_of(paid: Sequence[Paid], rate: Floats, x: Floats) -> tuple[Growth, ...]:
     """The bounds' growth about a solution x (n,), in every branch of signs that the coefficients may have.
 
     By `rate` (M, n) the bounds grow per unit of a coefficient's size. None where nothing is paid for.
@@ -438,9 +439,7 @@ def fitted(
     return fit if _stands(fit, model.rows) else None
 
 
-def exact_jacobian(
-    model_at: Callable[[NDArray], Model | None], x: NDArray, approximate: NDArray
-) -> NDArray[np.float64]:
+def exact_jacobian(model_at: Callable[[NDArray], Model | None], x: NDArray, approximate: NDArray) -> Floats:
     """Derivatives (M, P + K) of the readings at x by central differences; approximate ones where the model ends."""
     jacobian = np.array(approximate)
     for column, unit in enumerate(np.eye(len(x))):
@@ -580,7 +579,7 @@ def determined(matrix: NDArray) -> int:
     return int((values > DETERMINED * values.max(initial=0.0)).sum())
 
 
-def _sizes(matrix: NDArray) -> NDArray[np.float64]:
+def _sizes(matrix: NDArray) -> Floats:
     scale = np.abs(matrix).max(axis=0, initial=0.0)
     return np.where(scale > 0.0, scale, 1.0)
 

@@ -16,6 +16,7 @@ from scipy.linalg import block_diag
 from ...fmus.parameters import component_parameters
 from ...models.bench import TARGETS, admissible
 from ...models.effects import EffectPlace, Rows
+from ..arrays import Ints
 from ..bounded.possible import Possible
 from ..bounded.programmes import column_space, cosine, least_largest, spaces_beyond
 from ..calibration.model import (
@@ -238,7 +239,7 @@ class Programme:
     visits: Visits
     sided: bool
     timed: bool
-    again: NDArray[np.int_]
+    again: Ints
 
     @staticmethod
     def of(measured: Visits, point: NDArray, fits: Sequence[Fit], lasting: Sequence[EffectPlace]) -> "Programme":

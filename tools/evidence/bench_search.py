@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...models.bench import admissible, nominal_input
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
+from ..arrays import Floats
 from ..bounded.programmes import SolverError, least_squares
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.estimates import widening
@@ -201,7 +202,7 @@ class BenchSearch:
     """
 
     readings: Readings
-    start: NDArray[np.float64]
+    start: Floats
     places: tuple[EffectPlace, ...]
     classes: Classes
 

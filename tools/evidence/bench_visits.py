@@ -12,6 +12,7 @@ from ...models.effects import EffectPlace, Rows
 from ...models.effects.accelerometer import NOMINAL_TEMPERATURE
 from ...models.effects.columns import ports, small_turns
 from ...models.restricted import CONTEXT_SIZE, HOURS, INPUT, KEPT, TEMPERATURE
+from ..arrays import Bools, Floats
 from ..calibration.model import (
     Linearisation,
     Parametrisation,
@@ -163,7 +164,7 @@ class Visits:
         )
 
     @property
-    def _axis_rates(self) -> NDArray[np.float64]:
+    def _axis_rates(self) -> Floats:
         rates = self.circumstances.axis_rates
         if rates is None:
             return np.zeros((len(self), 2))
@@ -292,7 +293,7 @@ def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
     return np.hstack(columns)
 
 
-def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> NDArray[np.bool_]:
+def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> Bools:
     """Return which readings (3 N,) some linear effect changes by an amount that the record does not determine."""
     untold = np.zeros(rows.n.shape, dtype=bool)
     for place in places:
@@ -301,7 +302,7 @@ def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> NDArray[np.boo
     return untold.ravel()
 
 
-def left_open(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+def left_open(place: EffectPlace, rows: Rows) -> Floats:
     """Return the undetermined part of each reading (3 N,) per unit of an effect's size [g]."""
     effect, open_parts = place.definition, np.zeros(rows.n.shape)
     for function in (effect.untold, effect.open_argument):

@@ -9,11 +9,11 @@ The search decides whether other sets of effects do as well.
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import bmat, csc_matrix, identity
 
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.definition import ACCELEROMETERS
+from ..arrays import Floats, Ints
 from ..bounded.programmes import SolverError, any_centre, linear_programme, solved, solver
 from ..bounded.sets import Work
 from .bench_visits import signature_columns
@@ -39,7 +39,7 @@ def wanders(centre: Fit, rows: Rows, limit: float, work: Work, *, proven: bool) 
 
     every = np.arange(len(centre.residual))
 
-    def stands(columns: NDArray[np.float64], rows: NDArray[np.int_] = every) -> bool:
+    def stands(columns: Floats, rows: Ints = every) -> bool:
         matrix = (np.hstack((centre.jacobian, columns)) / centre.bound[:, None])[rows]
         work.programme(*matrix.shape)
         try:
@@ -61,7 +61,7 @@ def wanders(centre: Fit, rows: Rows, limit: float, work: Work, *, proven: bool) 
                 break
 
 
-def _free(p: int, count: int) -> NDArray[np.float64]:
+def _free(p: int, count: int) -> Floats:
     """Columns (3 N, N), one for each reading of an accelerometer."""
     free = np.zeros((count, 3, count))
     free[np.arange(count), p, np.arange(count)] = 1.0
@@ -87,7 +87,7 @@ def _is_time(centre: Fit, rows: Rows, p: int, work: Work) -> bool:
     return True
 
 
-def least_variation(centre: Fit, p: int, order: NDArray[np.int_], work: Work) -> float:
+def least_variation(centre: Fit, p: int, order: Ints, work: Work) -> float:
     """Return the least total variation of an addition (n,) to an accelerometer that makes the model consistent.
 
     The value is in units of the bounds, by the model linear at a centre; infinite where no addition does.
@@ -124,7 +124,7 @@ def least_variation(centre: Fit, p: int, order: NDArray[np.int_], work: Work) ->
         return np.inf
 
 
-def straight(hours: NDArray[np.float64], knots: int) -> str:
+def straight(hours: Floats, knots: int) -> str:
     """The law of a function of time (N,) with knots at equal distances over a record."""
     places = np.round(np.linspace(hours.min(), hours.max(), knots), DIGITS)
     return f"hours at {' '.join(repr(float(value)) for value in places)}"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...fmus.parameters import Parameters, elements_of
 from ...models.effects import CATALOGUE, EffectPlace
+from ..arrays import Floats
 from ..bounded.programmes import Growth, chebyshev_radius
 from ..calibrated import UNITS, Calibration, Parameter, Sigma
 from ..calibration.parameter_sets import Sized, Start
@@ -139,7 +140,7 @@ class CarriedReader(RecordReader):
         """The part whose errors are quoted."""
         return self.rows.parts[self.model.quoted]
 
-    def quoted_errors(self, fit: Fit) -> NDArray[np.float64]:
+    def quoted_errors(self, fit: Fit) -> Floats:
         """Return the quoted errors (S, d) under a fit."""
         return self.rows.split(fit.left)[self.model.quoted]
 
@@ -163,7 +164,7 @@ class CarriedReader(RecordReader):
         return Lengths(self.model.quoted, partial(replace, self.model), measured, self.would_need)
 
     @property
-    def bias_at_rest(self) -> NDArray[np.float64] | None:
+    def bias_at_rest(self) -> Floats | None:
         """The gyros' mean at rest (3,) that was taken out [rad/s]."""
         return self.model.gyros.bias if self.model.at_rest is not None and len(self.model.found.rests) else None
 
@@ -178,7 +179,7 @@ class CarriedReader(RecordReader):
                 unseen += [place for place in effect.places if place not in known]
         return tuple(unseen)
 
-    def quantities(self) -> dict[str, NDArray[np.float64]]:
+    def quantities(self) -> dict[str, Floats]:
         """Quantities (S, k) that the errors of the quoted pieces may depend on.
 
         ``rate``: mean rate about each axis; ``turn``: its integral; ``orientation``: specific force at the beginning;
@@ -418,7 +419,7 @@ class CarriedRerun:
     @staticmethod
     def _errors_of_folds(
         model: Carried, places: Sequence[EffectPlace], folds: Sequence[NDArray]
-    ) -> list[NDArray[np.float64]] | None:
+    ) -> list[Floats] | None:
         """Return the errors (S, d) of each scored part, each fold run with a fit of the others; None if impossible."""
         rows, of_rows = model.rows, model.rows.of_rows(folds)
         matrix, smoothing = rows.matrix(places), rows.smoothing(places)
@@ -441,7 +442,7 @@ class CarriedRerun:
                     error[at] = simulated_errors
         return errors
 
-    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64]:
+    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> Floats:
         """Errors (S, d) of the quoted moves or windows [rad]."""
         model, rows = self.model, self.model.rows
         places, sizes, point = own_with(model, effects)

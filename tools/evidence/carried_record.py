@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
+from ..arrays import Floats
 from ..bounded.sets import Work
 from ..errors import InputError
 from ..motion.carry import GyroModel, Motion, TurnsTooFar, carried_attitude, mean_motion
@@ -184,7 +185,7 @@ def linear_evidence(
     return about(x, model, with_effects=True)
 
 
-def refined(run: Carried, robust: bool = False) -> tuple[NDArray[np.float64], GyroModel]:
+def refined(run: Carried, robust: bool = False) -> tuple[Floats, GyroModel]:
     """Accelerometers and gyros by least squares; with scale factors and misalignments that an instrument has.
 
     `robust`: rows that misfit lose their weight.
@@ -222,7 +223,7 @@ def truth_reference(inspection: Inspection) -> Truth:
     return Truth(time_s, inspection.rests, noise, windows, attitude, np.array(scatter), inertial=inertial)
 
 
-def rest_mean(inspection: Inspection) -> NDArray[np.float64]:
+def rest_mean(inspection: Inspection) -> Floats:
     """The gyros' mean reading over all rests (3,) [rad/s]; zeros where there are none."""
     if not len(inspection.rests):
         return np.zeros(3)
@@ -427,7 +428,7 @@ def without_jumps(reader: CarriedReader) -> CarriedReader:
     return replace(reader, model=of_windows(run, masks), warnings=(*reader.warnings, *warnings))
 
 
-def left_out_by_all(run: Carried) -> list[NDArray[np.float64]]:
+def left_out_by_all(run: Carried) -> list[Floats]:
     """Return the errors (S, d) [rad] of each part that all effects together leave in left-out blocks."""
     even = run.rows.with_bounds([np.ones_like(part.bound) for part in run.rows.parts])
     return even.split(even.left_out(even.places, even.folds()))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ..arrays import Bools, Floats
 from ..bounded.sets import Work
 from ..motion.carry import GyroModel, Motion, carried_attitude, reads
 from ..motion.inspect import Inspection
@@ -41,7 +42,7 @@ LONG = 1_000_000
 class UnitTurns(Run):
     """A run of the same attitude in which each piece gains a turn, a unit about each axis of the reference."""
 
-    def columns(self, pieces: Pieces) -> NDArray[np.float64]:
+    def columns(self, pieces: Pieces) -> Floats:
         """Rotations (S, 3, 3) into axes of each piece's beginning."""
         return matrices_of(self.attitude[pieces.first]).transpose(0, 2, 1)
 
@@ -61,9 +62,9 @@ class Carried(SettingIn):
     own: tuple[EffectPlace, ...]
     motion: Motion
     gyros: GyroModel
-    attitude: NDArray[np.float64]
+    attitude: Floats
     reference: Gravity | Truth
-    at_rest: NDArray[np.float64] | None
+    at_rest: Floats | None
     starting: tuple[EffectPlace, ...] = ()
     set_in: Mapping[EffectPlace, float] = field(default_factory=dict)
 
@@ -101,7 +102,7 @@ class Carried(SettingIn):
         return tuple(groups)
 
     @cached_property
-    def resting(self) -> NDArray[np.bool_]:
+    def resting(self) -> Bools:
         """Mask (N,) of the rows that belong to a rest."""
         resting = np.zeros(len(self.motion), dtype=bool)
         for rows in self.found.rests.rows:
@@ -158,7 +159,7 @@ class Carried(SettingIn):
                 model = model._beside(place, *self._columns_at(place))
         return model
 
-    def _columns_at(self, place: EffectPlace) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    def _columns_at(self, place: EffectPlace) -> tuple[list[Floats], Floats]:
         """Columns (S, d, K) of each part of an effect that always acts, and its part (3, K) of the mean at rest."""
         if place.definition.component != "AccelerometerBlock":
             return self.make_cells(place).columns(0)
@@ -188,7 +189,7 @@ class Carried(SettingIn):
         in_time = any(place in self.starting for place in places)
         return self.mended_in_time(places, work) if in_time else super().mended(places, work)
 
-    def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+    def over_bounds(self, columns: Sequence[NDArray]) -> Floats:
         """Columns (S, d, K) of each part as rows (M, K) over their bounds."""
         return np.concatenate([rows_over(c, part.bound) for c, part in zip(columns, self.rows.parts, strict=True)])
 
@@ -203,7 +204,7 @@ class Carried(SettingIn):
 
     def simulated(
         self, fmus: Mapping[str, Path], places: Sequence[EffectPlace], solution: NDArray, numbers: Sequence[NDArray]
-    ) -> list[NDArray[np.float64]]:
+    ) -> list[Floats]:
         """Return errors (n, d) of some pieces (n,) of each scored kind, by FMUs that are extended with effects.
 
         The solution (P + k,) are steps of the model's parameters and coefficients of the effects.
@@ -223,7 +224,7 @@ class Carried(SettingIn):
             errors.append(self.reference.errors(k, turned(moved, attitude), up, up, at))
         return errors
 
-    def errors_along(self, attitude: NDArray, step: NDArray) -> list[NDArray[np.float64]]:
+    def errors_along(self, attitude: NDArray, step: NDArray) -> list[Floats]:
         """Errors of each part with another attitude and a step of the model's parameters; norms stay."""
         reference, x, errors = self.reference, self.rows.point[: len(NAMES)], []
         first, up = reference.directions(x), reference.directions(x + step[: len(NAMES)])

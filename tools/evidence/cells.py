@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.columns import ONSET, on_columns, ports, response
 from ...models.effects.last_stage import LAST_HOUR
+from ..arrays import Bools, Floats, Ints
 
 FEWEST_ROWS = 2
 """Least number of rows on each side of a step; a step of one row is an outlier."""
@@ -67,11 +68,11 @@ class Cell:
 
     place: EffectPlace
     ends: tuple[float, float]
-    columns: NDArray[np.float64]
-    numbers: NDArray[np.float64]
-    missed: NDArray[np.float64] | None = None
-    sums: NDArray[np.float64] | None = None
-    elsewhere: Callable[[Rows], NDArray[np.float64]] | None = None
+    columns: Floats
+    numbers: Floats
+    missed: Floats | None = None
+    sums: Floats | None = None
+    elsewhere: Callable[[Rows], Floats] | None = None
 
     @property
     def one_sign(self) -> bool:
@@ -79,7 +80,7 @@ class Cell:
         return self.missed is not None
 
     @property
-    def directions(self) -> NDArray[np.float64]:
+    def directions(self) -> Floats:
         """Sums (S, K) of coefficients that are the first of the parameters."""
         if self.sums is None:
             return np.eye(len(self.numbers))
@@ -92,20 +93,20 @@ class Cell:
         return (*limits, self.ends)
 
     @property
-    def low(self) -> NDArray[np.float64]:
+    def low(self) -> Floats:
         """Lower ends (K,) of the coefficients: that of the first parameter to which each belongs."""
         return np.array(self.limits)[self._parameters, 0]
 
     @property
-    def high(self) -> NDArray[np.float64]:
+    def high(self) -> Floats:
         """Upper ends (K,) of the coefficients."""
         return np.array(self.limits)[self._parameters, 1]
 
     @property
-    def _parameters(self) -> NDArray[np.int_]:
+    def _parameters(self) -> Ints:
         return (self.directions != 0.0).argmax(axis=0)
 
-    def values(self, coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+    def values(self, coefficients: Floats) -> tuple[float, ...]:
         """Values of the parameters; the number is the mean of those of the coefficients, by logarithms."""
         sizes = (self.directions @ coefficients).tolist()
         number = float(self.numbers[0])
@@ -116,7 +117,7 @@ class Cell:
             number = float(np.exp(weights @ np.log(self.numbers)))
         return (*sizes, number)
 
-    def undecided(self, rows: Rows, sigma: float) -> NDArray[np.bool_]:
+    def undecided(self, rows: Rows, sigma: float) -> Bools:
         """Return which readings (n, 3) of other rows lie between the ends of a time, so that they are undecided."""
         within = (rows.hours > self.ends[0]) & (rows.hours < self.ends[1])
         return within[:, None] & np.any(self.columns != 0.0, axis=(0, 2)) & (not self.one_sign)
@@ -158,12 +159,12 @@ class CellsAtRest(Sequence[Cell]):
         return self.place.definition.searched == ONSET
 
     @cached_property
-    def first(self) -> NDArray[np.float64]:
+    def first(self) -> Floats:
         """Columns (N, 3, K) of an effect that acts from the first row of the record on."""
         return self.from_first(self.rows)
 
     @cached_property
-    def ends(self) -> NDArray[np.float64]:
+    def ends(self) -> Floats:
         """Ends (C + 1,) of the cells [h]."""
         hours, effect = self.rows.hours, self.place.definition
         if self.is_step:
@@ -176,29 +177,29 @@ class CellsAtRest(Sequence[Cell]):
             return time_constants(hours)
         return time_constants(hours, SHORTER)
 
-    def read(self, added: NDArray[np.float64], rows: Rows) -> NDArray[np.float64]:
+    def read(self, added: Floats, rows: Rows) -> Floats:
         """Return the changes (N, 3, K) of the readings by additions (N, ports, K) at the effect's stage."""
         return rows.by_ports(self.place.definition.stage) @ added
 
-    def from_first(self, rows: Rows) -> NDArray[np.float64]:
+    def from_first(self, rows: Rows) -> Floats:
         """Columns (N, 3, K) of an effect that acts from the first row on."""
         return self.read(ports(self.place.definition, self.place, rows), rows)
 
     @cached_property
-    def beginnings(self) -> NDArray[np.float64]:
+    def beginnings(self) -> Floats:
         """Limits of the further coefficients per unit of the first: (B, 0) or (B, 1)."""
         if self.place.definition.memory is None:
             return np.zeros((1, 0))
         return beginnings(self.warmth)[:, None]
 
     @property
-    def warmth(self) -> NDArray[np.float64]:
+    def warmth(self) -> Floats:
         """Temperature of the record [degC]; ValueError where it is not known."""
         if self.rows.temperature is None:
             raise ValueError("effects of temperature need the temperature of the rows")
         return self.rows.temperature
 
-    def with_constants(self, k: int, rows: Rows) -> NDArray[np.float64]:
+    def with_constants(self, k: int, rows: Rows) -> Floats:
         """Columns (N, 3, 2 B) with the time constants at both ends of a cell, of each from every beginning."""
         place, columns, at = self.place, [], rows
         for number in (k, k + 1):
@@ -209,7 +210,7 @@ class CellsAtRest(Sequence[Cell]):
                 columns.append(response(place.definition, place, at, parameters))
         return self.read(np.stack(columns, axis=2), rows)
 
-    def lag(self, number: int, rows: Rows) -> NDArray[np.float64]:
+    def lag(self, number: int, rows: Rows) -> Floats:
         """The lagging temperature (N,) at the rows of the record, or at others as if each were the next after it."""
         effect, lag = self.place.definition, lagged_of(self.rows.hours.tobytes(), self.warmth.tobytes())[0][:, number]
         if rows is self.rows:
@@ -220,7 +221,7 @@ class CellsAtRest(Sequence[Cell]):
         on_columns(effect.memory)(rows.seen_by(effect.component)[0], before, *arguments)
         return np.asarray(temperatures[self.place.index], dtype=float)
 
-    def missed(self, k: int) -> NDArray[np.float64]:
+    def missed(self, k: int) -> Floats:
         """Return the error (N, 3, B) within a cell of the mean of the columns at its ends, per unit of size."""
         place, rows, ends = self.place, self.rows, self.ends[k : k + 2]
         faded = fading_error(rows.hours, ends)[:, 0]
@@ -235,7 +236,7 @@ class CellsAtRest(Sequence[Cell]):
         return missed
 
 
-def time_constants(hours: NDArray[np.float64], part: float = 1.0) -> NDArray[np.float64]:
+def time_constants(hours: Floats, part: float = 1.0) -> Floats:
     """Return ends (C + 1,) of the cells of time constants [h] for rows at some hours (N,); none for too few rows.
 
     The shortest is a `part` of the time of the third row.
@@ -248,12 +249,12 @@ def time_constants(hours: NDArray[np.float64], part: float = 1.0) -> NDArray[np.
     return np.geomspace(shortest, longest, count + 1)
 
 
-def fading_error(hours: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+def fading_error(hours: Floats, ends: Floats) -> Floats:
     """Return the error (N, C) within each cell of the mean of e^(−t/τ) at its ends, cells (C + 1,)."""
     return most_bent(hours[:, None] / ends) * np.log(ends[1:] / ends[:-1]) ** 2 / 8.0
 
 
-def most_bent(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def most_bent(x: Floats) -> Floats:
     """The largest second derivatives (N, C) of e^(−x) by log x, each between two neighbours of falling x (N, C + 1)."""
     by_log = np.abs(x * x - x) * np.exp(-x)
     largest = np.maximum(by_log[:, :-1], by_log[:, 1:])
@@ -264,9 +265,7 @@ def most_bent(x: NDArray[np.float64]) -> NDArray[np.float64]:
     return largest
 
 
-def lagged(
-    hours: NDArray[np.float64], temperature: NDArray[np.float64], ends: NDArray[np.float64]
-) -> tuple[NDArray, NDArray]:
+def lagged(hours: Floats, temperature: Floats, ends: Floats) -> tuple[NDArray, NDArray]:
     """Return the lag (N, C + 1) of a temperature at ends of cells, and the error (N, C) of their means.
 
     The temperature (N,) is linear between the rows, and its lag begins with it.
@@ -295,7 +294,7 @@ def lagged_of(hours: bytes, temperature: bytes) -> tuple[NDArray, NDArray]:
     return lagged(when, np.frombuffer(temperature), time_constants(when, SHORTER))
 
 
-def beginnings(temperature: NDArray[np.float64]) -> NDArray[np.float64]:
+def beginnings(temperature: Floats) -> Floats:
     """Return the limits (2,) [K] of a lag above the first of some temperatures (N,)."""
     low, high = float(temperature.min()), float(temperature.max())
     return np.array([low - BEFORE * (high - low), high + BEFORE * (high - low)]) - temperature[0]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from ...models.effects.columns import TIME_CONSTANT
 from ...models.effects.last_stage import LAST_HOUR
+from ..arrays import Bools, Floats, Ints
 from ..bounded.programmes import SolverError
 from ..bounded.sets import Work, sharpened
 from .cells import most_bent
@@ -49,10 +50,10 @@ LEFT_AWAY = 1e-3
 """Largest action, in bounds, that is neglected where a few columns hold those of a range of time constants."""
 FEWEST = 2
 """Least number of moves, or windows of the least length, before an onset and after it."""
-Columns = list[NDArray[np.float64]]
-OverBounds = Callable[[Sequence[NDArray[np.float64]]], NDArray[np.float64]]
+Columns = list[Floats]
+OverBounds = Callable[[Sequence[Floats]], Floats]
 """Columns (S, d, K) of each group of pieces -> rows (M, K) over their bounds."""
-Range = tuple[NDArray[np.float64], float]
+Range = tuple[Floats, float]
 """Columns (M, L) over the bounds that hold an effect with any number of a range, and by how many bounds it may miss."""
 
 
@@ -78,20 +79,20 @@ class SteppingAdditions:
     errors.
     """
 
-    hours: NDArray[np.float64]
+    hours: Floats
     groups: tuple[Group, ...]
-    resting: NDArray[np.bool_]
-    integral: NDArray[np.float64]
-    counted: NDArray[np.float64]
+    resting: Bools
+    integral: Floats
+    counted: Floats
     over_bounds: OverBounds
 
     @cached_property
-    def boundaries(self) -> NDArray[np.int_]:
+    def boundaries(self) -> Ints:
         """Rows at which pieces begin or end."""
         return boundaries_of(self.groups)
 
     @cached_property
-    def rows_between(self) -> NDArray[np.int_]:
+    def rows_between(self) -> Ints:
         """Rows at which pieces begin or end, with enough of them before and after."""
         turning = [group.pieces for group in self.groups if group.pieces.kind not in ("rests", "norms")]
         most = max(turning, key=len)
@@ -107,12 +108,12 @@ class Onsets(SteppingAdditions):
     """An effect that sets in after a row: its number is the row."""
 
     @cached_property
-    def at_rest(self) -> NDArray[np.float64]:
+    def at_rest(self) -> Floats:
         """Its part (N, 3, K) of the mean over all rests, up to each row."""
         return np.cumsum(self.counted, axis=0)
 
     @property
-    def edges(self) -> NDArray[np.int_]:
+    def edges(self) -> Ints:
         """Rows at which pieces begin or end."""
         return self.rows_between
 
@@ -128,7 +129,7 @@ class Onsets(SteppingAdditions):
         """Return the times [h] of two rows."""
         return float(self.hours[int(begin)]), float(self.hours[int(end) + self.at_once])
 
-    def columns(self, number: float) -> tuple[Columns, NDArray[np.float64]]:
+    def columns(self, number: float) -> tuple[Columns, Floats]:
         """Return the columns of an effect that acts after a row."""
         row = int(number)
         mean = self.at_rest[-1] - self.at_rest[row]
@@ -147,7 +148,7 @@ class Onsets(SteppingAdditions):
             moving.append(turn)
         return moving
 
-    def turn_within(self, k: int, begin: int, end: int) -> NDArray[np.float64]:
+    def turn_within(self, k: int, begin: int, end: int) -> Floats:
         """Return the change of pieces (S, d, 3) by a turn between two rows; NaN for a piece that holds one of them."""
         group = self.groups[k]
         holding = (group.pieces.first <= begin) & (group.pieces.last >= end)
@@ -163,7 +164,7 @@ class Onsets(SteppingAdditions):
         columns = self.over_bounds(self.columns(end)[0])
         return np.hstack([columns, self.over_bounds(self.moving(begin, end, rested=rested))]), 0.0
 
-    def swept(self, begin: int, end: int) -> tuple[NDArray, NDArray, NDArray[np.float64]]:
+    def swept(self, begin: int, end: int) -> tuple[NDArray, NDArray, Floats]:
         """Return the additions of the effect at every row from one to another.
 
         Returns rows (M, K) at the last row, NaN where the record leaves them open; rows (M, t) that move; and the ways
@@ -186,12 +187,12 @@ class Slips(Onsets):
     `missed` is the error by the small number of moments, in bounds.
     """
 
-    whole: tuple[NDArray[np.float64], ...]
+    whole: tuple[Floats, ...]
     missed: float
 
     at_once: ClassVar[int] = 1
 
-    def columns(self, number: float) -> tuple[Columns, NDArray[np.float64]]:
+    def columns(self, number: float) -> tuple[Columns, Floats]:
         """Return columns with the slip itself; NaN of readings that are of both sides of it."""
         columns, mean = super().columns(number)
         readings, turned = (group.pieces for group in self.groups)
@@ -201,7 +202,7 @@ class Slips(Onsets):
         columns[1][across] += self.whole[1][across]
         return columns, mean
 
-    def turn_within(self, k: int, begin: int, end: int) -> NDArray[np.float64]:
+    def turn_within(self, k: int, begin: int, end: int) -> Floats:
         """Return the same where the slip is behind the moment `end` at the latest and a moment follows it."""
         pieces, gain = self.groups[k].pieces, self.groups[k].gain
         holding = (pieces.first <= begin) & (pieces.last > end) & (k > 0)
@@ -214,10 +215,10 @@ class Slips(Onsets):
 class TimeConstants(SteppingAdditions):
     """An effect that fades with a time constant, numbered from the shortest of the search."""
 
-    samples: dict[int, NDArray[np.float64]] = field(default_factory=dict)
+    samples: dict[int, Floats] = field(default_factory=dict)
 
     @cached_property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Floats:
         """Time constants (J,) [h] of the search, near each other."""
         low, high = SHORTEST * self.hours[self.rows_between[0]], LONGEST * self.hours[-1]
         count = TIMES_AT_ONCE * max(1, math.ceil(math.log(high / low) / math.log(RATIO) / TIMES_AT_ONCE)) + 1
@@ -229,12 +230,12 @@ class TimeConstants(SteppingAdditions):
         return math.log(self.times[1] / self.times[0])
 
     @cached_property
-    def turning(self) -> NDArray[np.float64]:
+    def turning(self) -> Floats:
         """Turn (N - 1, 3, K) of each step by the effect from its beginning."""
         return np.diff(self.integral, axis=0)
 
     @property
-    def edges(self) -> NDArray[np.int_]:
+    def edges(self) -> Ints:
         """Numbers, evenly spaced."""
         return np.arange(0, len(self.times), TIMES_AT_ONCE)
 
@@ -255,7 +256,7 @@ class TimeConstants(SteppingAdditions):
             high = self.value(end)
         return low, high
 
-    def columns(self, number: float) -> tuple[Columns, NDArray[np.float64]]:
+    def columns(self, number: float) -> tuple[Columns, Floats]:
         """Return the columns of a fading effect."""
         part = np.exp(-self.hours[1:] / self.value(number))
         sums = _up_to(self.turning * part[:, None, None], self.boundaries)
@@ -269,7 +270,7 @@ class TimeConstants(SteppingAdditions):
         few, left_away = held(np.hstack(self._samples(self._nodes(begin, end))), LEFT_AWAY / float(size))
         return few, float((missed @ largest + left_away * size).max())
 
-    def swept(self, numbers: NDArray) -> tuple[NDArray, NDArray, NDArray[np.float64]]:
+    def swept(self, numbers: NDArray) -> tuple[NDArray, NDArray, Floats]:
         """Return the additions of the effect for time constants with the given numbers (R,), evenly spaced.
 
         Returns rows (M, t) that move and the ways (R, t, K) to add them, polynomials of the logarithm. The error (M, K)
@@ -294,19 +295,19 @@ class TimeConstants(SteppingAdditions):
         return basis[:, retained], ways, self._at_most(bent + MISSED) + left_away[:, None]
 
     @staticmethod
-    def _nodes(begin: float, end: float) -> NDArray[np.int_]:
+    def _nodes(begin: float, end: float) -> Ints:
         """Return the numbers of the time constants that serve as nodes between two numbers."""
         first, last = math.floor(begin / SPACING) - AROUND, math.ceil(end / SPACING) + AROUND
         return SPACING * np.arange(first, max(last, first + DEGREE) + 1)
 
-    def _samples(self, numbers: NDArray[np.int_]) -> list[NDArray[np.float64]]:
+    def _samples(self, numbers: Ints) -> list[Floats]:
         """Rows (M, K) with some time constants, kept for the ranges that share them."""
         for number in numbers.tolist():
             if number not in self.samples:
                 self.samples[number] = self.over_bounds(self.columns(number)[0])
         return [self.samples[number] for number in numbers.tolist()]
 
-    def _at_most(self, part: NDArray) -> NDArray[np.float64]:
+    def _at_most(self, part: NDArray) -> Floats:
         """Return the largest errors (M, K) from a part (N - 1,), of either sign, of the effect at each row."""
         sums = _up_to(np.abs(self.turning) * part[:, None, None], self.boundaries)
         mean = np.einsum("nik,n->ik", np.abs(self.counted[1:]), part)
@@ -320,12 +321,12 @@ Cells = Onsets | TimeConstants
 
 def cells_of(
     place: EffectPlace,
-    hours: NDArray[np.float64],
+    hours: Floats,
     groups: tuple[Group, ...],
     over_bounds: OverBounds,
-    integral: NDArray[np.float64],
-    counted: NDArray[np.float64] | None = None,
-    resting: NDArray[np.bool_] | None = None,
+    integral: Floats,
+    counted: Floats | None = None,
+    resting: Bools | None = None,
 ) -> Cells:
     """Return the cells of an effect's number; one that is not searched acts from the first row on.
 
@@ -338,7 +339,7 @@ def cells_of(
     return Onsets(hours, groups, resting, integral, counted, over_bounds)
 
 
-def _up_to(additions: NDArray, rows: NDArray) -> NDArray[np.float64]:
+def _up_to(additions: NDArray, rows: NDArray) -> Floats:
     """Return the sums (R, 3, K) of additions (N - 1, 3, K) before some rows (R,), in order."""
     starts = np.append(0, rows[:-1])
     some, sums = rows > starts, np.zeros((len(rows), *additions.shape[1:]))
@@ -346,7 +347,7 @@ def _up_to(additions: NDArray, rows: NDArray) -> NDArray[np.float64]:
     return np.cumsum(sums, axis=0)
 
 
-def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
+def lagrange(at: NDArray, nodes: NDArray) -> Floats:
     """Return the weights of the values at nodes (R, j) in the polynomials through them, at the given numbers (R,)."""
     weights = np.ones(nodes.shape)
     for node in range(nodes.shape[1]):
@@ -356,7 +357,7 @@ def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
     return weights
 
 
-def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
+def held(matrix: NDArray, most: float) -> tuple[Floats, float]:
     """Return the fewest columns (M, L) that span columns (M, n), except for short rows; and the longest of these.
 
     `most` is the largest length of a row that is dropped.

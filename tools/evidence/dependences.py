@@ -18,6 +18,7 @@ from ...models.effects.columns import is_inner_axis
 from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
 from ...models.effects.lookup import FROM, TURNS
 from ...models.effects.mounting import MOUNTING
+from ..arrays import Floats
 from ..bounded.programmes import column_space
 from ..motion.norm import inputs_of
 from .observation import Group, Observation, OnKnots, Travel
@@ -35,7 +36,7 @@ COMMON: Mapping[str, str] = {"w1": "rate", "dw1": "acceleration", "n1": "force"}
 """A quantity of gyro 1 alone, and the same where each gyro has its own."""
 
 
-def slow_quantities(hours: NDArray, temperature: NDArray | None) -> dict[str, NDArray[np.float64]]:
+def slow_quantities(hours: NDArray, temperature: NDArray | None) -> dict[str, Floats]:
     """Return time and temperature (N,), where they change."""
     slow = {"hours": hours}
     if temperature is not None:
@@ -43,19 +44,19 @@ def slow_quantities(hours: NDArray, temperature: NDArray | None) -> dict[str, ND
     return {name: values for name, values in slow.items() if np.ptp(values) > 0.0}
 
 
-def inputs_and_products(n: NDArray) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
+def inputs_and_products(n: NDArray) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Return three inputs (N,) by name, and their products."""
     inputs = {f"n{axis + 1}": values for axis, values in enumerate(n.T)}
     products = {f"{first} {second}": inputs[first] * inputs[second] for first, second in combinations(inputs, 2)}
     return inputs, products
 
 
-def through(slope: NDArray[np.float64]) -> Spread:
+def through(slope: Floats) -> Spread:
     """Return the changes of readings (3 N, K) by functions (N, K), through a slope (N, 3)."""
     return lambda functions: (slope[:, :, None] * functions[:, None, :]).reshape(slope.size, -1)
 
 
-def through_matrix(matrix: NDArray[np.float64]) -> Spread:
+def through_matrix(matrix: Floats) -> Spread:
     """Return the changes of rows (M, K) by functions (N, K), through a matrix (M, N)."""
     return lambda functions: matrix @ functions
 
@@ -139,7 +140,7 @@ class Way:
         """Return whether the quantity is an angle."""
         return self.quantity in ("alpha", "beta")
 
-    def values(self, rows: Rows) -> NDArray[np.float64]:
+    def values(self, rows: Rows) -> Floats:
         """Return the quantity (N,)."""
         if self.quantity == "sense":
             return {"outer-axis": rows.sense_alpha, "inner-axis": rows.sense_beta}[self.where]
@@ -147,7 +148,7 @@ class Way:
             return rows.n[:, int(self.quantity[1]) - 1]
         return np.asarray(getattr(rows, self.quantity))
 
-    def slope(self, rows: Rows, turns: NDArray) -> NDArray[np.float64]:
+    def slope(self, rows: Rows, turns: NDArray) -> Floats:
         """Return the effect (N, 3) of a unit, from those of the seven small turns (7, N, 3)."""
         if self.factor == "sin alpha":
             return turns[self.turn] * np.sin(rows.alpha)[:, None]
@@ -187,7 +188,7 @@ def pairs_of_whole(readings_rows: Rows, travel: Travel, bound: NDArray, nominal:
 def _above(spread: Spread, bound: NDArray, count: int) -> Spread:
     """Return a spread on readings divided by their bounds, with zeros appended up to a count of rows."""
 
-    def spread_on_all(functions: NDArray) -> NDArray[np.float64]:
+    def spread_on_all(functions: NDArray) -> Floats:
         upper = spread(functions) / bound[:, None]
         return np.vstack([upper, np.zeros((count - len(upper), upper.shape[1]))])
 
@@ -206,7 +207,7 @@ def _of_both(way: Way, readings_rows: Rows, travel: Travel, bound: NDArray) -> P
         nodes = np.linspace(values_anywhere.min(), values_anywhere.max(), NODES_OF_TIME)
 
     @cache
-    def matrix() -> NDArray[np.float64]:
+    def matrix() -> Floats:
         functions = OnKnots(nodes, circle=way.circle)
         slope = way.slope(readings_rows, np.moveaxis(readings_rows.by_turns, 2, 0))
         on_readings = through(slope)(functions.at(at_readings))
@@ -234,7 +235,7 @@ def imitated(pair: Pair, base: NDArray) -> Pair:
     space = np.linalg.qr(np.stack(plain, axis=1))[0]
 
     @cache
-    def inexact() -> NDArray[np.float64]:
+    def inexact() -> Floats:
         columns = pair.spread(space)
         remainder = columns - base @ (base.T @ columns)
         _, sizes, directions = np.linalg.svd(np.linalg.qr(remainder, mode="r"), full_matrices=False)
@@ -256,7 +257,7 @@ class GyroPairs:
 
     steps: MotionRows
     observation: Observation
-    bounds: Sequence[NDArray[np.float64]]
+    bounds: Sequence[Floats]
 
     @cached_property
     def moves(self) -> tuple[tuple[float, float], ...]:
@@ -332,21 +333,21 @@ class OnNodes:
 
     of: GyroPairs
     p: int
-    nodes: NDArray[np.float64]
-    values: NDArray[np.float64]
-    times: NDArray[np.float64] | float
+    nodes: Floats
+    values: Floats
+    times: Floats | float
 
-    def __call__(self, functions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, functions: Floats) -> Floats:
         """Return rows (M, K) of functions (n, K)."""
         return self.matrix @ functions
 
     @cached_property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Floats:
         """Rows (M, n) over their bounds of a unit at each node."""
         weights = [(knot, self.times * weight) for knot, weight in OnKnots(self.nodes).weights(self.values)]
         return self._over_bounds(self.of.observation.of_functions(weights, len(self.nodes), self.p))
 
-    def missed(self, knots: NDArray[np.float64]) -> NDArray[np.float64]:
+    def missed(self, knots: Floats) -> Floats:
         """Return the error of rows (M,) over their bounds, for a function whose slope changes by one in all.
 
         The rows compared are those of a function that is straight between knots (k,) and has the same values there. At
@@ -359,7 +360,7 @@ class OnNodes:
         largest = self.of.observation.largest.of_functions(((after - 1, apart),), len(knots), self.p)
         return self._over_bounds(largest).max(axis=1, initial=0.0)
 
-    def _over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+    def _over_bounds(self, columns: Sequence[NDArray]) -> Floats:
         """Return columns (S, d, K) of each group as rows (M, K) over their bounds."""
         pairs = zip(columns, self.of.bounds, strict=True)
         return np.concatenate([rows_over(columns_of_group, bound) for columns_of_group, bound in pairs])

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ..arrays import Floats, Ints
 from ..bounded.programmes import Interval, column_space, spaces_beyond
 from ..bounded.sets import Problem, Work, sets_of_size
 from ..calibrated import Calibration, Parameter, Sigma
@@ -31,7 +32,7 @@ SEEN = 1e-3
 SHUFFLES = 40
 LIMIT = 1.0 + 1e-7
 """Radius up to which a model stands: one, and the rounding of the programmes."""
-Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
+Errors = tuple[Floats, Floats]
 
 
 @dataclass(frozen=True)
@@ -76,10 +77,10 @@ class Trial:
     places: tuple[EffectPlace, ...]
     folds: Errors | None
     blocks: Errors | None
-    shuffled: Iterable[NDArray[np.float64]] = ()
+    shuffled: Iterable[Floats] = ()
     jointly: bool = False
     worst: Worst | None = None
-    rows: NDArray[np.int_] | None = None
+    rows: Ints | None = None
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ class Model(Protocol):
         """The effects that can be seen and separated."""
         ...
 
-    def spaces_of(self, places: Sequence[EffectPlace]) -> list[NDArray[np.float64]]:
+    def spaces_of(self, places: Sequence[EffectPlace]) -> list[Floats]:
         """Return the column space of each effect beyond the model, as in `classes`."""
         ...
 
@@ -184,7 +185,7 @@ class Model(Protocol):
         """Return why consistent sets of a size may not be the smallest: which smaller ones were not tried."""
         ...
 
-    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
+    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, Floats]]:
         """Yield the effects that a fit lacks, with their columns (M, k) there."""
         ...
 
@@ -245,7 +246,7 @@ class Linear:
                 seen.append(place)
         return tuple(seen)
 
-    def spaces_of(self, places: Sequence[EffectPlace]) -> list[NDArray[np.float64]]:
+    def spaces_of(self, places: Sequence[EffectPlace]) -> list[Floats]:
         """Return the column space of each effect beyond the model."""
         return spaces_beyond(self.rows.nominal, [self.rows.columns_of([place]) for place in places])
 
@@ -277,7 +278,7 @@ class Linear:
         """Return None: all sets are tried."""
         return None
 
-    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
+    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, Floats]]:
         """Yield the effects that a fit lacks, with their columns (M, k)."""
         for place in self.seen:
             if place not in fit.places:
@@ -308,7 +309,7 @@ def linear_fit(rows: Rows, places: Sequence[EffectPlace]) -> Fit:
     return Fit(tuple(places), blocks, at, step, rows.residual, rows.bound, matrix, radius, estimate, estimate[count:])
 
 
-def limits_of(places: Sequence[EffectPlace]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def limits_of(places: Sequence[EffectPlace]) -> tuple[Floats, Floats]:
     """Ends of the possible values of each coefficient of some effects."""
     ends = [np.array(coefficient_limits(place)) for place in places]
     low, high = np.hstack([np.zeros((2, 0)), *ends])
@@ -330,7 +331,7 @@ class Rerun(Protocol):
         """Return the gain of the extended components on data that no fit used; None where none can be computed."""
         ...
 
-    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
+    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> Floats | None:
         """The quoted errors (S, d) with effects of given coefficients; None: cannot be run."""
         ...
 
@@ -520,9 +521,7 @@ def trials_in_time(rows: Rows, fit: Fit) -> Iterator[Trial]:
         yield Trial((place,), (rows.left_out(others, folds), reached), None, shuffled, rows=np.arange(len(reached)))
 
 
-def own_with(
-    model: Any, effects: Mapping[EffectPlace, NDArray]
-) -> tuple[list[EffectPlace], NDArray[np.float64], NDArray[np.float64]]:
+def own_with(model: Any, effects: Mapping[EffectPlace, NDArray]) -> tuple[list[EffectPlace], Floats, Floats]:
     """Return the effects that a record can show, their given coefficients (K,), and its own parameters (P,).
 
     The parameters are those of least squares beside the effects.
@@ -538,7 +537,7 @@ def own_with(
     return places, sizes, point
 
 
-def stacked_sizes(effects: Mapping[EffectPlace, NDArray], places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+def stacked_sizes(effects: Mapping[EffectPlace, NDArray], places: Sequence[EffectPlace]) -> Floats:
     """The coefficients (K,) of some effects, one after the other."""
     sizes = [np.zeros(0)]
     for place in places:

@@ -19,6 +19,7 @@ from ...fmus.component import started
 from ...fmus.parameters import Parameters, component_parameters, elements_of
 from ...models.bench import TARGETS
 from ...models.effects import EffectPlace
+from ..arrays import Bools, Floats
 from ..calibration.parameter_sets import Sized, Start
 from ..orchestrator.scenario import Scenario, write_scenario
 from .bench_model import Readings
@@ -114,9 +115,9 @@ class Visited:
     record gives, else straight from the position before.
     """
 
-    commands: NDArray[np.float64]
-    senses: NDArray[np.float64]
-    moved: NDArray[np.bool_]
+    commands: Floats
+    senses: Floats
+    moved: Bools
     circumstances: Circumstances
 
     @staticmethod
@@ -130,12 +131,12 @@ class Visited:
         return Visited(commands[rows] if circumstances.approached else straight, senses, moved, circumstances)
 
     @property
-    def seconds(self) -> NDArray[np.float64]:
+    def seconds(self) -> Floats:
         """Times (n,) [s] since the record's first row."""
         return 3600.0 * self.circumstances.hours
 
     @property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Floats:
         """Times (n,) [s] of the record."""
         return self.circumstances.began + self.seconds
 
@@ -145,13 +146,13 @@ class Visited:
         return smallest_gap(self.circumstances) / STEPS_PER_GAP
 
     @property
-    def away(self) -> NDArray[np.float64]:
+    def away(self) -> Floats:
         """Difference (n, 2) [rad] of each position from the point where the table's approach to it begins."""
         # An axis that did not turn must not decide the inputs' senses, unless neither did.
         turning = self.moved | ~self.moved.any(axis=1, keepdims=True)
         return APPROACH * self.senses * turning
 
-    def rows(self) -> dict[str, NDArray[np.float64]]:
+    def rows(self) -> dict[str, Floats]:
         """Timed rows of commands [rad] and temperature: each holds from its time on.
 
         Between rests the table swings about the position before, so that no stop there is taken for one.

@@ -17,6 +17,7 @@ from ...fmus.component import can_extend
 from ...fmus.units import ARCMIN as ARCMIN
 from ...models.effects import EffectPlace, place_from_mapping
 from ...models.effects.variants import Variant
+from ..arrays import Floats
 from ..bounded.centre import Bounded, analytic_centre, central_programme
 from ..bounded.possible import AnyOf, Possible, Proofs, Reach, Steps, allowed_about, grown_rows, polar_intervals
 from ..bounded.programmes import (
@@ -71,41 +72,41 @@ class Fit:
 
     places: tuple[EffectPlace, ...]
     blocks: tuple[slice, ...]
-    at: NDArray[np.float64]
-    step: NDArray[np.float64]
-    residual: NDArray[np.float64]
-    bound: NDArray[np.float64]
-    jacobian: NDArray[np.float64]
+    at: Floats
+    step: Floats
+    residual: Floats
+    bound: Floats
+    jacobian: Floats
     radius: float
-    estimate: NDArray[np.float64]
-    stated: NDArray[np.float64]
+    estimate: Floats
+    stated: Floats
     variants: tuple[Way | None, ...] = ()
     growths: tuple[Growth, ...] = ()
     also: tuple["Fit", ...] = ()
     swept: tuple[Swept, ...] = ()
 
     @property
-    def point(self) -> NDArray[np.float64]:
+    def point(self) -> Floats:
         """Parameters (P,) of the model at which it is linearised."""
         return self.at[: len(self.at) - len(self.stated)]
 
     @property
-    def coefficients(self) -> NDArray[np.float64]:
+    def coefficients(self) -> Floats:
         """Coefficients (K,) of the effects at which it is linearised."""
         return self.at[len(self.point) :]
 
     @property
-    def central(self) -> NDArray[np.float64]:
+    def central(self) -> Floats:
         """Parameters and coefficients (P + K,) where the radius is attained."""
         return self.at + self.step
 
     @cached_property
-    def left(self) -> NDArray[np.float64]:
+    def left(self) -> Floats:
         """Errors (M,) where the radius is attained."""
         return self.residual - self.jacobian @ self.step
 
     @property
-    def allowed(self) -> NDArray[np.float64]:
+    def allowed(self) -> Floats:
         """Largest errors (M,) at the least radius, including the part that the sizes leave open."""
         return self.bound + self.growths[0].at(self.step) if self.growths else self.bound
 
@@ -148,7 +149,7 @@ class Fit:
         return tuple(signs)
 
     @property
-    def sized(self) -> list[tuple[EffectPlace, NDArray[np.float64]]]:
+    def sized(self) -> list[tuple[EffectPlace, Floats]]:
         """Each effect with the coefficients at which the fit is linearised."""
         return [(place, self.coefficients[block]) for place, block, _ in self.ways]
 
@@ -228,7 +229,7 @@ class Fit:
             return replace(self, estimate=point, stated=point[len(self.point) :])
         return self
 
-    def _middle(self, bounded: Bounded, room: float, most_rows: int | None) -> NDArray[np.float64]:
+    def _middle(self, bounded: Bounded, room: float, most_rows: int | None) -> Floats:
         """The step (P + K,) of the central programme."""
         possible = self.possible(room, None, most_rows)
         numbers, ends = [], []
@@ -240,7 +241,7 @@ class Fit:
         return central_programme(bounded, np.eye(len(self.at))[numbers], np.array(ends).reshape(-1, 2))
 
     @property
-    def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def limits(self) -> tuple[Floats, Floats]:
         """Ends (K,) of the possible coefficients."""
         low, high = [np.zeros(0)], [np.zeros(0)]
         for place, _, variant in self.ways:
@@ -249,7 +250,7 @@ class Fit:
             high.append(np.asarray(highest))
         return np.concatenate(low), np.concatenate(high)
 
-    def ends(self, room: float = 0.0, most_rows: int | None = None, count: int | None = None) -> NDArray[np.float64]:
+    def ends(self, room: float = 0.0, most_rows: int | None = None, count: int | None = None) -> Floats:
         """Return the ends (P, 2) of the possible values of each parameter of the model; infinite where it has no bound.
 
         By default all parameters are returned, else the given number of the first ones.
@@ -355,7 +356,7 @@ def _variant_intervals(variant: Way, reach: Reach) -> tuple[Interval, ...]:
     return tuple(intervals)
 
 
-def hull(ends: Sequence[NDArray]) -> NDArray[np.float64]:
+def hull(ends: Sequence[NDArray]) -> Floats:
     """The least intervals (K, 2) that hold several (K, 2)."""
     low, high = np.min(ends, axis=0)[:, 0], np.max(ends, axis=0)[:, 1]
     return np.stack((low, high), axis=1)
@@ -372,7 +373,7 @@ class Classes:
 
     places: tuple[EffectPlace, ...]
     members: tuple[tuple[EffectPlace, ...], ...]
-    spaces: tuple[NDArray[np.float64], ...]
+    spaces: tuple[Floats, ...]
     within: frozenset[EffectPlace] = frozenset()
 
     @staticmethod
@@ -434,7 +435,7 @@ class Classes:
                 return (first, *members)
         return (place,)
 
-    def joint_space(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+    def joint_space(self, places: Sequence[EffectPlace]) -> Floats:
         """Return the column space of a set of effects together, beyond the model."""
         spaces = [self.spaces[self.places.index(self.whole_class(place)[0])] for place in places]
         return column_space(np.hstack(spaces)) if spaces else np.zeros((1, 0))
@@ -477,7 +478,7 @@ def blocks_of(places: Sequence[EffectPlace], variants: Sequence[Way | None] = ()
     return tuple(blocks)
 
 
-def coefficient_limits(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def coefficient_limits(place: EffectPlace) -> tuple[Floats, Floats]:
     """Return the ends of the possible coefficients of a linear effect; for amplitude and phase those of their pair."""
     ends: list[tuple[float, float]] = []
     for parameter in place.definition.linear_parameters:
@@ -558,7 +559,7 @@ def composed(
     return Scenario.model_validate(description | parts)
 
 
-def estimated(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
+def estimated(matrix: NDArray, residual: NDArray) -> Floats:
     """Least squares of rows in units of their bounds.
 
     Directions that nothing determines stay where they are.
@@ -568,7 +569,7 @@ def estimated(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
     return np.linalg.lstsq(matrix / scale, residual, rcond=DETERMINED)[0] / scale
 
 
-def robust_estimate(matrix: NDArray, residual: NDArray, rounds: int = ROBUST_ROUNDS) -> NDArray[np.float64]:
+def robust_estimate(matrix: NDArray, residual: NDArray, rounds: int = ROBUST_ROUNDS) -> Floats:
     """Least squares of rows (M, P) in units of their bounds, in which those that misfit lose their weight."""
     step = estimated(matrix, residual)
     for _ in range(rounds):
@@ -579,7 +580,7 @@ def robust_estimate(matrix: NDArray, residual: NDArray, rounds: int = ROBUST_ROU
 
 def least_radius(
     matrix: NDArray, residual: NDArray, ends: tuple[NDArray, NDArray], squares: NDArray
-) -> tuple[float, NDArray[np.float64]]:
+) -> tuple[float, Floats]:
     """Return the least radius of rows (M, P) over their bounds, with limits (P,) of the coefficients, and its point.
 
     Of many rows few matter: those that least squares `squares` (P,) fit worst, and those that a fit to them violates.

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ..arrays import Bools, Floats, Ints
 from ..bounded.programmes import Interval, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, Parameter, Provenance
@@ -88,11 +89,11 @@ class Joint(Linear):
     """
 
     names: tuple[tuple[str, str], ...]
-    point: NDArray[np.float64]
+    point: Floats
     members: tuple[Evidence, ...]
     labels: tuple[str, ...]
     shared: tuple[str, ...]
-    chosen: tuple[NDArray[np.float64], ...]
+    chosen: tuple[Floats, ...]
     asked: tuple[Sequence[str], Sequence[str]]
 
     effort = Effort(most_sets=None, ranks_each=False)
@@ -105,7 +106,7 @@ class Joint(Linear):
         return Rows(self.names, self.point, self.places, residual, nominal, bound, self.columns_of, fold_numbers=folds)
 
     @cached_property
-    def starts(self) -> NDArray[np.int_]:
+    def starts(self) -> Ints:
         """First row of each record, and the number of all."""
         return np.cumsum([0, *(len(member.rows.residual) for member in self.members)])
 
@@ -170,7 +171,7 @@ class Joint(Linear):
             columns.append((dict(zip(places, blocks, strict=True)), at.jacobian / at.bound[:, None]))
         return tuple(columns)
 
-    def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+    def columns_of(self, places: Sequence[EffectPlace]) -> Floats:
         """Columns (M, K) of some effects at the point, over the bounds."""
         stacked = [np.zeros((self.starts[-1], 0))]
         for place in places:
@@ -198,7 +199,7 @@ class Joint(Linear):
 
     def at(
         self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Floats, Floats, Floats]:
         """Errors (M,), derivatives (M, P + K) and growth of the bounds (M, P + K), exact at a point and coefficients.
 
         All are in units of the bounds.
@@ -244,9 +245,7 @@ class Joint(Linear):
         """The exact models of all records with some effects, relinearised: least squares, then the Chebyshev fit."""
         return relinearised(self.at, places, self.point, self._own_centres)
 
-    def _own_centres(
-        self, jacobian: NDArray, residual: NDArray, paid: NDArray[np.bool_], step: NDArray
-    ) -> NDArray[np.float64]:
+    def _own_centres(self, jacobian: NDArray, residual: NDArray, paid: Bools, step: NDArray) -> Floats:
         """Return a step (n,) to the least radius, with the parameters of each record alone at their centre.
 
         Records that do not decide the radius could lie anywhere within it, and would go to and fro between its corners.
@@ -308,7 +307,7 @@ class Joint(Linear):
                 acting.append(plain(place))
         return self.members[k].model.refit(acting)
 
-    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
+    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, Floats]]:
         """Yield nothing: the diagnosis of each record names the effects that it excludes."""
         yield from ()
 
@@ -401,7 +400,7 @@ class JointReader(Reader):
         parts = [np.flatnonzero(folds == fold) for fold in range(folds.max() + 1)]
         yield from trials_of_each(fit, parts, self._shuffled)
 
-    def _shuffled(self, columns: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
+    def _shuffled(self, columns: NDArray, rng: np.random.Generator) -> Floats:
         """Return an effect's columns (M, k) moved to other rows of the record that it acts on; of a constant to any."""
         moved = columns.copy()
         for begin, end in pairwise(self.model.starts):

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.effects import POSITION_EFFECTS, EffectPlace
 from ...models.effects import Rows as Contexts
 from ...models.effects.definition import ACCELEROMETERS
+from ..arrays import Floats
 from ..calibrated import Calibration, Sigma
 from ..errors import InputError
 from .bench_left_out import FOLDS, by_position, trials_of_each
@@ -34,8 +34,8 @@ class KnownDirections:
     `noise_bound` [g] is the largest error of a reading.
     """
 
-    direction: NDArray[np.float64]
-    reading: NDArray[np.float64]
+    direction: Floats
+    reading: Floats
     noise_bound: float
     path: Path = Path("known directions")
 
@@ -110,7 +110,7 @@ def directions_evidence(record: KnownDirections) -> Evidence:
     still, nothing = np.zeros(len(n)), np.zeros_like(n)
     contexts = Contexts(still, still, still, n, by_alpha=nothing, by_beta=nothing)
 
-    def columns_of(places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+    def columns_of(places: Sequence[EffectPlace]) -> Floats:
         return signature_columns(places, contexts) / sigma
 
     names, places = [], []

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...models.bench import axes_of_turns, turning_of
 from ...models.effects import CATALOGUE, STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
 from ...models.effects.columns import small_turns
+from ..arrays import Bools, Floats, Ints
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
 from ..records import BenchRecord, PositionRecord, RawRecord
@@ -34,7 +35,7 @@ CONTAINING = ("lag",)
 OF_GYROS = ("GyroBlock", "AttitudeComputer")
 """Components that feel turns of the block without a move of the table: the gyros, and the computer that integrates
 them."""
-Weights = Sequence[tuple[NDArray[np.int_], NDArray[np.float64]]]
+Weights = Sequence[tuple[Ints, Floats]]
 """Columns (R,) to which rows add, and how much (R,) of each."""
 
 
@@ -46,17 +47,15 @@ class Group:
     """
 
     pieces: Pieces
-    gain: NDArray[np.float64]
-    mean: NDArray[np.float64] | None = None
+    gain: Floats
+    mean: Floats | None = None
 
-    def columns(
-        self, sums: NDArray[np.float64], mean: NDArray[np.float64], first: NDArray[np.int_], last: NDArray[np.int_]
-    ) -> NDArray[np.float64]:
+    def columns(self, sums: Floats, mean: Floats, first: Ints, last: Ints) -> Floats:
         """Return errors (S, d, K) by sums (B, 3, K), with the first and last sum of each piece, and a mean (3, K)."""
         errors = self.gain @ (sums[last] - sums[first])
         return errors if self.mean is None else errors - self.mean @ mean
 
-    def since(self, sums: NDArray[np.float64], mean: NDArray[np.float64], row: int) -> NDArray[np.float64]:
+    def since(self, sums: Floats, mean: Floats, row: int) -> Floats:
         """Return errors (S, d, K) by an addition that acts after a row, from its sums up to each row."""
         return self.columns(sums, mean, np.maximum(self.pieces.first, row), np.maximum(self.pieces.last, row))
 
@@ -76,11 +75,11 @@ class Observation:
     """
 
     groups: tuple[Group, ...]
-    adds: NDArray[np.float64]
-    resting: NDArray[np.bool_] | None = None
-    ends: NDArray[np.float64] | None = None
+    adds: Floats
+    resting: Bools | None = None
+    ends: Floats | None = None
 
-    def of(self, added: NDArray[np.float64]) -> NDArray[np.float64]:
+    def of(self, added: Floats) -> Floats:
         """Return the errors (M, K) by additions (R, P, K) to steps, or (R + 1, P, K) at the rows where these count."""
         if not self.groups:
             return (self.adds @ added).reshape(-1, added.shape[2])
@@ -90,7 +89,7 @@ class Observation:
             parts.append(errors.reshape(-1, errors.shape[2]))
         return np.concatenate(parts)
 
-    def sums(self, added: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sums(self, added: Floats) -> Floats:
         """Return the sums (R + 1, 3, K) of the additions up to each row."""
         sums = np.zeros((len(self.adds) + 1, 3, added.shape[2]))
         if self.ends is None:
@@ -100,18 +99,18 @@ class Observation:
         np.cumsum(self.adds @ (0.5 * (at_rows[1:] + at_rows[:-1])), axis=0, out=sums[1:])
         return at_rows + sums
 
-    def mean(self, added: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mean(self, added: Floats) -> Floats:
         """Return the mean (P, K) of the additions over the rows at rest."""
         if self.resting is None or not self.resting.any():
             return np.zeros(added.shape[1:])
         return added[self.resting].mean(axis=0)
 
     @cached_property
-    def boundaries(self) -> NDArray[np.int_]:
+    def boundaries(self) -> Ints:
         """Rows at which pieces begin or end, in order."""
         return boundaries_of(self.groups)
 
-    def of_functions(self, weights: Weights, count: int, port: int) -> list[NDArray[np.float64]]:
+    def of_functions(self, weights: Weights, count: int, port: int) -> list[Floats]:
         """Return errors (S, d, count) of each group, of weights that add to some columns at one port."""
         sums = integrated(weights, count, self.adds[..., port], self.boundaries)
         mean = np.zeros((self.adds.shape[2], count))
@@ -127,7 +126,7 @@ class Observation:
         return Observation(tuple(group.largest for group in self.groups), np.abs(self.adds), self.resting)
 
 
-def boundaries_of(groups: Sequence[Group]) -> NDArray[np.int_]:
+def boundaries_of(groups: Sequence[Group]) -> Ints:
     """Return the rows at which pieces of some groups begin or end, in order."""
     rows = np.zeros(0, dtype=int)
     for group in groups:
@@ -135,9 +134,7 @@ def boundaries_of(groups: Sequence[Group]) -> NDArray[np.int_]:
     return np.unique(rows)
 
 
-def errors_between(
-    groups: Sequence[Group], boundaries: NDArray[np.int_], sums: NDArray[np.float64], mean: NDArray[np.float64]
-) -> list[NDArray[np.float64]]:
+def errors_between(groups: Sequence[Group], boundaries: Ints, sums: Floats, mean: Floats) -> list[Floats]:
     """Return errors (S, d, K) of each group by sums (B, 3, K) up to the boundaries of its pieces and a mean (3, K)."""
     errors = []
     for group in groups:
@@ -150,7 +147,7 @@ def errors_between(
 class OnKnots:
     """Functions that are straight between knots (k,); round a circle the last knot is the first."""
 
-    knots: NDArray[np.float64]
+    knots: Floats
     circle: bool = False
 
     @property
@@ -165,7 +162,7 @@ class OnKnots:
         share = (values - self.knots[after - 1]) / (self.knots[after] - self.knots[after - 1])
         return (after - 1, 1.0 - share), (after % self.count, share)
 
-    def at(self, values: NDArray) -> NDArray[np.float64]:
+    def at(self, values: NDArray) -> Floats:
         """Return the functions (n, K) at values (n,)."""
         functions, rows = np.zeros((len(values), self.count)), np.arange(len(values))
         for knot, weight in self.weights(values):
@@ -173,7 +170,7 @@ class OnKnots:
         return functions
 
 
-def integrated(weights: Weights, count: int, adds: NDArray, boundaries: NDArray) -> NDArray[np.float64]:
+def integrated(weights: Weights, count: int, adds: NDArray, boundaries: NDArray) -> Floats:
     """Return the sums (B, 3, count), up to each boundary, of additions (R, 3) times weights, by column."""
     until = np.searchsorted(boundaries, np.arange(1, len(adds) + 1))
     ends = len(boundaries) + 1
@@ -226,7 +223,7 @@ def effects_of_gyros(*, with_temperature: bool) -> tuple[EffectPlace, ...]:
     return tuple(places)
 
 
-def interpolated(at: NDArray, time: NDArray, values: NDArray) -> NDArray[np.float64]:
+def interpolated(at: NDArray, time: NDArray, values: NDArray) -> Floats:
     """Return values (N, k) at times (N,) interpolated at others (n,)."""
     return np.stack([np.interp(at, time, column) for column in values.T], axis=1)
 
@@ -244,7 +241,7 @@ def approached(record: PositionRecord, encoder_bound: float) -> PositionRecord:
     )
 
 
-def moves_of(raw: RawRecord, encoder_bound: float) -> NDArray[np.float64]:
+def moves_of(raw: RawRecord, encoder_bound: float) -> Floats:
     """Return the move of both axes (2, T) at the rows of a series [rad a row]; 0 within an encoder's error [rad]."""
     moves = []
     for angle in (without_turns(raw.alpha), without_turns(raw.beta)):
@@ -263,20 +260,20 @@ class Travel:
     axes.
     """
 
-    hours: NDArray[np.float64]
-    alpha: NDArray[np.float64]
-    beta: NDArray[np.float64]
-    turning: NDArray[np.float64]
-    step: NDArray[np.float64]
-    up: NDArray[np.float64]
-    senses: NDArray[np.float64]
-    axis_rates: NDArray[np.float64]
-    temperature: NDArray[np.float64] | None
-    first: NDArray[np.int_]
-    last: NDArray[np.int_]
-    coning: NDArray[np.float64]
-    to_gyros: NDArray[np.float64]
-    to_block: NDArray[np.float64]
+    hours: Floats
+    alpha: Floats
+    beta: Floats
+    turning: Floats
+    step: Floats
+    up: Floats
+    senses: Floats
+    axis_rates: Floats
+    temperature: Floats | None
+    first: Ints
+    last: Ints
+    coning: Floats
+    to_gyros: Floats
+    to_block: Floats
     shift: float
     lean: float
     gravity: float
@@ -320,7 +317,7 @@ class Travel:
             gravity,
         )
 
-    def columns(self, place: EffectPlace) -> NDArray[np.float64]:
+    def columns(self, place: EffectPlace) -> Floats:
         """Return the columns (3 S, K) [rad] of an effect for the integrals of the gyros over all pieces."""
         if place.definition.component == "GyroBlock":
             return self.gyros.of(place.definition.signature(place, self.motion))
@@ -365,13 +362,13 @@ class Travel:
         )
 
     @cached_property
-    def axes(self) -> NDArray[np.float64]:
+    def axes(self) -> Floats:
         """The axes (7, R, 3) of small turns, of the table and of the block, in those of the inner frame."""
         of_table = axes_of_turns(self.alpha - self.shift, self.beta, self.lean)
         of_block = np.broadcast_to(self.to_block[:, None, :], (3, *of_table.shape[1:]))
         return np.concatenate([of_table, of_block])
 
-    def turned(self, functions: OnKnots, values: NDArray, slope: NDArray) -> NDArray[np.float64]:
+    def turned(self, functions: OnKnots, values: NDArray, slope: NDArray) -> Floats:
         """Return the change (3 S, K) [rad] of the integrals by small turns: slope (R, 3) times functions of (R,)."""
         middle = 0.5 * (slope[1:] + slope[:-1])
         weights, count = functions.weights(0.5 * (values[1:] + values[:-1])), functions.count
@@ -400,7 +397,7 @@ class Travel:
         )
 
 
-def senses_of_moves(swing: NDArray) -> NDArray[np.float64]:
+def senses_of_moves(swing: NDArray) -> Floats:
     """Return the sense (R,) of an axis' last move, by its turns (R - 1,) between rows; 0 before the first move."""
     last = np.maximum.accumulate(np.where(swing != 0.0, np.arange(len(swing)), -1))
     return np.append(0.0, np.where(last >= 0, np.sign(swing[last]), 0.0))

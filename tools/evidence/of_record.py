@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...models.bench import SYMMETRIC_PAIRS
 from ...models.effects import EffectPlace
 from ...models.effects.definition import Effect, EffectParameter
+from ..arrays import Floats
 from ..calibration.targets import NAMES
 from .bench_model import LARGEST_OF_BENCH
 from .evidence import Evidence, Linear, Model, Reader
@@ -92,7 +93,7 @@ class Mended(Linear):
     `free` are columns (M, K) of the fit's other effects.
     """
 
-    def __init__(self, rows: Rows, before: Model, free: Mapping[EffectPlace, NDArray[np.float64]]) -> None:
+    def __init__(self, rows: Rows, before: Model, free: Mapping[EffectPlace, Floats]) -> None:
         super().__init__(rows)
         self.before, self.free = before, free
         self.limit, self.curvature = before.limit, before.curvature

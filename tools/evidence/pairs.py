@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import OF_ANGLES, TILTS, TURNS, WAYS
+from ..arrays import Floats
 
 TURN = 2.0 * math.pi
-Spread = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Spread = Callable[[Floats], Floats]
 """Functions (n, K) of a quantity on the rows (M, K) of evidence."""
 PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24)
 """Equal pieces of a function that is straight within each."""
@@ -80,13 +81,13 @@ class Form:
             return 2
         return 1
 
-    def knots(self, values: NDArray) -> NDArray[np.float64]:
+    def knots(self, values: NDArray) -> Floats:
         """Return the knots between the pieces of a function of the values (n,)."""
         if self.kind == "around":
             return (self.at + TURN * np.arange(self.count) / self.count) % TURN
         return np.linspace(values.min(), values.max(), self.count + 1)
 
-    def columns(self, values: NDArray) -> NDArray[np.float64]:
+    def columns(self, values: NDArray) -> Floats:
         """The functions (n, K) at values (n,) of the quantity."""
         if self.kind == "jump":
             return (values > self.at).astype(float)[:, None]
@@ -131,7 +132,7 @@ class Pair:
 
     where: str
     quantity: str
-    values: NDArray[np.float64]
+    values: Floats
     spread: Spread
     freedom: str
     factor: str = ""
@@ -169,7 +170,7 @@ class Pair:
         """Place and quantity in words."""
         return function_in_words(self.where, self.quantity, self.factor)
 
-    def columns(self, form: Form) -> NDArray[np.float64]:
+    def columns(self, form: Form) -> Floats:
         """Return the columns (M, K) of the functions of a form."""
         return self.columns_of([form])[0]
 
@@ -177,7 +178,7 @@ class Pair:
         """Return the number of coefficients of the functions of a form."""
         return form.coefficients * max(1, len(self.members))
 
-    def columns_of(self, forms: Sequence[Form]) -> list[NDArray[np.float64]]:
+    def columns_of(self, forms: Sequence[Form]) -> list[Floats]:
         """Return the columns of several forms, as `columns` does of one."""
         if self.members:
             of_members = [member.columns_of(forms) for member in self.members]

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ...models.effects import Rows
 from ...models.effects.definition import AXES
 from ...models.effects.mounting import MOUNTING
+from ..arrays import Floats
 from ..bounded.functions import Unknown, imitated
 from ..bounded.possible import DETERMINED, Possible
 from ..bounded.programmes import column_space
@@ -139,7 +140,7 @@ def class_of(pair: Pair, p: Parametrisation, jacobian: NDArray) -> tuple[NDArray
     return np.hstack((jacobian, columns)), counted
 
 
-def _hats(pair: Pair, finer: int, values: NDArray) -> NDArray[np.float64]:
+def _hats(pair: Pair, finer: int, values: NDArray) -> Floats:
     """Return functions (n, K) of the class, or of a finer one, each one at a single knot, at values (n,)."""
     if pair.circle:
         return Form("around", finer * SECTORS).columns(values)
@@ -147,7 +148,7 @@ def _hats(pair: Pair, finer: int, values: NDArray) -> NDArray[np.float64]:
     return Form("pieces", finer * PIECES).columns(np.append(values, ends))[: len(values)]
 
 
-def _range(pair: Pair) -> NDArray[np.float64]:
+def _range(pair: Pair) -> Floats:
     """Return the ends (2,) of a quantity other than an angle: those of inputs, else those of the rows."""
     names = pair.quantity.split()
     if set(names) <= set(INPUTS):
@@ -156,7 +157,7 @@ def _range(pair: Pair) -> NDArray[np.float64]:
     return np.array([pair.values.min(), pair.values.max()])
 
 
-def _knots(pair: Pair, finer: int) -> NDArray[np.float64]:
+def _knots(pair: Pair, finer: int) -> Floats:
     """Return the knots (K,) between the pieces."""
     if pair.circle:
         return TURN * np.arange(finer * SECTORS) / (finer * SECTORS)
@@ -165,7 +166,7 @@ def _knots(pair: Pair, finer: int) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=8)
-def _scattered(matrices: bytes, symmetric: bool) -> tuple[dict[Named, Pair], NDArray[np.float64]]:
+def _scattered(matrices: bytes, symmetric: bool) -> tuple[dict[Named, Pair], Floats]:
     """Pairs at positions, times and temperatures scattered evenly over a faultless bench; the model's space (M, P)."""
     every = np.frombuffer(matrices).reshape(-1, 3, 3)
     names = map(str, range(len(every)))
@@ -184,7 +185,7 @@ def _scattered(matrices: bytes, symmetric: bool) -> tuple[dict[Named, Pair], NDA
 
 
 @lru_cache(maxsize=512)
-def _beyond_the_model(name: Named, matrices: bytes, symmetric: bool) -> NDArray[np.float64]:
+def _beyond_the_model(name: Named, matrices: bytes, symmetric: bool) -> Floats:
     """Return the matrix P (K, K) that subtracts from values at the knots their fit by imitated functions."""
     pairs, space = _scattered(matrices, symmetric)
     pair = pairs[name]
@@ -201,7 +202,7 @@ def _beyond_the_model(name: Named, matrices: bytes, symmetric: bool) -> NDArray[
     return np.eye(len(knots)) - base @ base.T
 
 
-def _imitated(pair: Pair, space: NDArray, finer: int, most: float) -> NDArray[np.float64]:
+def _imitated(pair: Pair, space: NDArray, finer: int, most: float) -> Floats:
     """Return the functions (K, d) that the model imitates, except for a given part of the sum of squares."""
     columns = pair.spread(_hats(pair, finer, pair.values))
     remainder = columns - space @ (space.T @ columns)

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from ...models.bench import EARTH_RATE
 from ...models.effects import EffectPlace, Rows
+from ..arrays import Floats, Ints
 from ..motion.carry import GyroModel, Motion, matrices_of
 from ..motion.inspect import Inspection
 from ..motion.norm import COLUMNS, NAMES, ROWS, inputs_of, norm_block, norm_equations
@@ -42,7 +43,7 @@ Sized = Mapping[EffectPlace, tuple[float, ...]]
 """Effects with the values of their parameters."""
 
 
-def force_deviation(inspection: Inspection) -> NDArray[np.float64]:
+def force_deviation(inspection: Inspection) -> Floats:
     """Standard deviation (K, 3) of the accelerometers' means at rest [m/s²], flicker over the whole record included."""
     rests, record, period = inspection.rests, inspection.record, inspection.sampling.period
     assert rests.force_scatter is not None
@@ -79,12 +80,12 @@ class Run:
     by each coefficient of their effects.
     """
 
-    attitude: NDArray[np.float64]
-    rows: NDArray[np.int_]
-    integral: NDArray[np.float64]
+    attitude: Floats
+    rows: Ints
+    integral: Floats
     own: int
 
-    def columns(self, pieces: Pieces) -> NDArray[np.float64]:
+    def columns(self, pieces: Pieces) -> Floats:
         """Signatures (S, 3, P + K) in axes of each piece's beginning."""
         before, after = (np.searchsorted(self.rows, at) for at in (pieces.first, pieces.last))
         start = matrices_of(self.attitude[pieces.first])
@@ -93,7 +94,7 @@ class Run:
 
 def integrals(
     motion: Motion, model: GyroModel, attitude: NDArray, places: Sequence[EffectPlace], rows: NDArray
-) -> NDArray[np.float64]:
+) -> Floats:
     """∫ C (I + Γ)⁻¹ δω dt from the first row to some rows (B,), per coefficient of all effects: (B, 3, K).
 
     The attitude (N, 4), scalar first, was carried with the model; the rows rise.
@@ -115,16 +116,14 @@ def integrals(
     return np.array(sums)
 
 
-def turning(motion: Motion, model: GyroModel, attitude: NDArray, begin: int, end: int) -> NDArray[np.float64]:
+def turning(motion: Motion, model: GyroModel, attitude: NDArray, begin: int, end: int) -> Floats:
     """Return C (I + Γ)⁻¹ dt (n, 3, 3) of rows begin to end: the turn by a unit of error of each gyro."""
     after, before = attitude[begin:end], attitude[begin - 1 : end - 1]
     middle = after + before * np.sign(np.sum(after * before, axis=1, keepdims=True))
     return matrices_of(middle) @ model.inverse * motion.step[begin:end, None, None]
 
 
-def means_at_rest(
-    motion: Motion, model: GyroModel, places: Sequence[EffectPlace], rests: Sequence[slice]
-) -> NDArray[np.float64]:
+def means_at_rest(motion: Motion, model: GyroModel, places: Sequence[EffectPlace], rests: Sequence[slice]) -> Floats:
     """Return the change (3, K) [rad/s] of the gyros' mean over all rests by each coefficient."""
     total, count = np.zeros((3, sum(coefficient_count(place) for place in places))), 0
     for rows in rests:
@@ -136,23 +135,23 @@ def means_at_rest(
     return total / max(count, 1)
 
 
-def turned(pieces: Pieces, attitude: NDArray) -> NDArray[np.float64]:
+def turned(pieces: Pieces, attitude: NDArray) -> Floats:
     """Rotation (S, 3, 3) of each piece by an attitude (N, 4): body at its end to body at its beginning."""
     return matrices_of(attitude[pieces.first]).transpose(0, 2, 1) @ matrices_of(attitude[pieces.last])
 
 
-def rotation_vectors(rotation: NDArray) -> NDArray[np.float64]:
+def rotation_vectors(rotation: NDArray) -> Floats:
     """Rotation vectors (S, 3) of matrices (S, 3, 3) [rad]."""
     return Rotation.from_matrix(rotation).as_rotvec() if len(rotation) else np.zeros((0, 3))
 
 
-def all_rows(parts: Sequence[Pieces]) -> NDArray[np.int_]:
+def all_rows(parts: Sequence[Pieces]) -> Ints:
     """Every row at which a piece begins or ends, in order."""
     ends = [rows for part in parts for rows in (part.first, part.last)]
     return np.unique(np.concatenate(ends)) if ends else np.zeros(0, dtype=int)
 
 
-def force_columns(place: EffectPlace, n: NDArray, rests: Rests) -> NDArray[np.float64]:
+def force_columns(place: EffectPlace, n: NDArray, rests: Rests) -> Floats:
     """Signature (K, 3, k) of a static effect of the accelerometers at inputs (K, 3) [g]."""
     nothing = np.zeros_like(n)
     hours, angle = (rests.time_s - rests.time_s[:1]) / 3600.0, np.zeros(len(n))
@@ -160,7 +159,7 @@ def force_columns(place: EffectPlace, n: NDArray, rests: Rests) -> NDArray[np.fl
     return place.definition.signature(place, rows)
 
 
-def across(up: NDArray) -> NDArray[np.float64]:
+def across(up: NDArray) -> Floats:
     """Two unit vectors across each direction (S, 3): (S, 2, 3)."""
     least = np.eye(3)[np.argmin(np.abs(up), axis=1)]
     first = np.cross(up, least)
@@ -175,21 +174,21 @@ class Reference:
     `noise` is the gyros'; None where the record leaves it open: bounds are then zero.
     """
 
-    time_s: NDArray[np.float64]
+    time_s: Floats
     rests: Rests
     noise: RestNoise | None
     scored: tuple[Pieces, ...]
 
     @property
-    def rows(self) -> NDArray[np.int_]:
+    def rows(self) -> Ints:
         """Every row at which a piece begins or ends."""
         return all_rows(self.scored)
 
-    def directions(self, x: NDArray, effects: Sized | None = None) -> NDArray[np.float64]:
+    def directions(self, x: NDArray, effects: Sized | None = None) -> Floats:
         """Directions (K, 3) at the rests, with accelerometers of nine parameters and effects, where needed."""
         return np.zeros((0, 3))
 
-    def spread(self, pieces: Pieces) -> NDArray[np.float64]:
+    def spread(self, pieces: Pieces) -> Floats:
         """Return the mean square (S,) of the pieces' turns by noise [rad²]."""
         return np.zeros(len(pieces)) if self.noise is None else self.noise.angle_square(pieces.durations(self.time_s))
 
@@ -203,17 +202,17 @@ class Gravity(Reference):
     means and their standard deviation [g].
     """
 
-    ends: tuple[NDArray[np.int_], ...]
+    ends: tuple[Ints, ...]
     still: Pieces
-    reading: NDArray[np.float64]
-    deviation: NDArray[np.float64]
+    reading: Floats
+    deviation: Floats
 
     @property
-    def rows(self) -> NDArray[np.int_]:
+    def rows(self) -> Ints:
         """Every row at which a piece begins or ends."""
         return all_rows([self.still, *self.scored])
 
-    def directions(self, x: NDArray, effects: Sized | None = None) -> NDArray[np.float64]:
+    def directions(self, x: NDArray, effects: Sized | None = None) -> Floats:
         """Return the directions (K, 3) at the rests, for nine parameters of the accelerometers and sizes of effects."""
         n = inputs_of(x, self.reading)
         for _ in range(2 if effects else 0):
@@ -221,13 +220,13 @@ class Gravity(Reference):
             n = inputs_of(x, self.reading - added)
         return n / np.linalg.norm(n, axis=1)[:, None]
 
-    def across(self, number: int, up: NDArray, chosen: NDArray | slice = slice(None)) -> NDArray[np.float64]:
+    def across(self, number: int, up: NDArray, chosen: NDArray | slice = slice(None)) -> Floats:
         """Two unit vectors (S, 2, 3) across the directions (K, 3) before chosen moves of one kind."""
         return across(up[self.ends[number][chosen][:, 0]])
 
     def errors(
         self, number: int, rotation: NDArray, up: NDArray, frame: NDArray, chosen: NDArray | slice = slice(None)
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Errors (S, 2) of directions after chosen moves of one kind, carried back by their rotations (S, 3, 3).
 
         `up` (K, 3) are the directions at the rests, `frame` (K, 3) those across which the errors are.
@@ -283,7 +282,7 @@ class Gravity(Reference):
             parts.append(part(moves, self.errors(number, rotation, up, up), limit, by_rates))
         return parts
 
-    def of_readings(self, x: NDArray, attitude: NDArray) -> dict[str, NDArray[np.float64]]:
+    def of_readings(self, x: NDArray, attitude: NDArray) -> dict[str, Floats]:
         """Return the change (S, d, K, 3) of each part, by its label, per unit error of the readings at the rests.
 
         The attitude (N, 4) was carried; `x` are the nine parameters of the accelerometers.
@@ -306,7 +305,7 @@ class Gravity(Reference):
         return of_parts
 
 
-def gravity_pieces(inspection: Inspection) -> tuple[Pieces, tuple[Pieces, ...], tuple[NDArray[np.int_], ...]]:
+def gravity_pieces(inspection: Inspection) -> tuple[Pieces, tuple[Pieces, ...], tuple[Ints, ...]]:
     """Rests without a gap; moves over one, two and three rests; numbers (S, 2) of the rests at the ends of each."""
     rests, usable = inspection.rests, usable_in(inspection.record, inspection.sampling)
     first, last = _ends_of(rests)
@@ -335,8 +334,8 @@ class Truth(Reference):
     true if the attitude is against inertial space, so that Earth's rotation is in it.
     """
 
-    attitude: NDArray[np.float64]
-    scatter: NDArray[np.float64]
+    attitude: Floats
+    scatter: Floats
     stated: float | None = None
     inertial: bool = False
 
@@ -346,7 +345,7 @@ class Truth(Reference):
         return 0.5 * float(self.scatter.max(initial=0.0))
 
     @property
-    def of_windows(self) -> NDArray[np.float64]:
+    def of_windows(self) -> Floats:
         """Addition of the true attitude's errors to the bound of a window of each length (L,) [rad].
 
         A stated error counts at both ends, and never reduces the error that the record shows.
@@ -357,7 +356,7 @@ class Truth(Reference):
 
     def errors(
         self, number: int, rotation: NDArray, up: NDArray, frame: NDArray, chosen: NDArray | slice = slice(None)
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Rotation vectors (S, 3) of the carried rotations (S, 3, 3) against the true ones of chosen windows [rad]."""
         true = turned(self.scored[number].selected(chosen), self.attitude)
         return rotation_vectors(rotation @ true.transpose(0, 2, 1))
@@ -416,7 +415,7 @@ def windows_of(known: NDArray, usable: Usable, period: float, seconds: float) ->
     return Pieces("windows", f"{seconds:g} s", first, last)
 
 
-def _ends_of(rests: Rests) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+def _ends_of(rests: Rests) -> tuple[Ints, Ints]:
     """First and last rows (K,) of the rests."""
     first = np.array([rows.start for rows in rests.rows], dtype=int)
     return first, np.array([rows.stop - 1 for rows in rests.rows], dtype=int)

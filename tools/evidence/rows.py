@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import place_of
 from ...models.effects.lookup import Table
+from ..arrays import Floats, Ints
 from .fit import blocks_of, estimated
 
 FOLDS = 8
@@ -32,8 +33,8 @@ class Pieces:
 
     kind: str
     label: str
-    first: NDArray[np.int_]
-    last: NDArray[np.int_]
+    first: Ints
+    last: Ints
 
     def __len__(self) -> int:
         return len(self.first)
@@ -42,7 +43,7 @@ class Pieces:
         """Return some of the pieces, by mask or numbers."""
         return Pieces(self.kind, self.label, self.first[index], self.last[index])
 
-    def durations(self, time_s: NDArray) -> NDArray[np.float64]:
+    def durations(self, time_s: NDArray) -> Floats:
         """Length of each piece (S,) [s]."""
         return time_s[self.last] - time_s[self.first]
 
@@ -57,10 +58,10 @@ class Part:
     """
 
     pieces: Pieces
-    error: NDArray[np.float64]
-    bound: NDArray[np.float64]
-    nominal: NDArray[np.float64]
-    columns: NDArray[np.float64]
+    error: Floats
+    bound: Floats
+    nominal: Floats
+    columns: Floats
     scored: bool
 
     def __len__(self) -> int:
@@ -72,7 +73,7 @@ class Part:
         return self.pieces.label
 
     @property
-    def middles(self) -> NDArray[np.float64]:
+    def middles(self) -> Floats:
         """The middle row of each piece (S,)."""
         return np.asarray(0.5 * (self.pieces.first + self.pieces.last), dtype=float)
 
@@ -91,11 +92,11 @@ class Channel:
     """
 
     label: Mapping[str, int]
-    error: NDArray[np.float64]
-    bound: NDArray[np.float64]
-    quantities: Mapping[str, NDArray[np.float64]]
-    joint: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    angles: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    error: Floats
+    bound: Floats
+    quantities: Mapping[str, Floats]
+    joint: Mapping[str, Floats] = field(default_factory=dict)
+    angles: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +107,10 @@ class About:
     open.
     """
 
-    residual: NDArray[np.float64]
-    jacobian: NDArray[np.float64]
-    bound: NDArray[np.float64]
-    rate: NDArray[np.float64]
+    residual: Floats
+    jacobian: Floats
+    bound: Floats
+    rate: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,14 +142,14 @@ class Rows:
     """
 
     names: tuple[tuple[str, str], ...]
-    point: NDArray[np.float64]
+    point: Floats
     places: tuple[EffectPlace, ...]
-    residual: NDArray[np.float64]
-    nominal: NDArray[np.float64]
-    bound: NDArray[np.float64]
-    columns_of: Callable[[Sequence[EffectPlace]], NDArray[np.float64]]
+    residual: Floats
+    nominal: Floats
+    bound: Floats
+    columns_of: Callable[[Sequence[EffectPlace]], Floats]
     parts: tuple[Part, ...] = ()
-    fold_numbers: NDArray[np.int_] | None = None
+    fold_numbers: Ints | None = None
     are_readings: bool = False
     least_singular: float = 0.0
 
@@ -156,7 +157,7 @@ class Rows:
     def of(
         parts: Sequence[Part],
         names: Sequence[tuple[str, str]] = (),
-        point: Sequence[float] | NDArray[np.float64] = (),
+        point: Sequence[float] | Floats = (),
         places: Sequence[EffectPlace] = (),
     ) -> "Rows":
         """The rows of parts, whose columns are in the order of the places, over their bounds."""
@@ -169,7 +170,7 @@ class Rows:
         signatures = np.concatenate(columns) if columns else np.zeros((0, 0))
         blocks = dict(zip(places, blocks_of(places), strict=True))
 
-        def columns_of(chosen: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        def columns_of(chosen: Sequence[EffectPlace]) -> Floats:
             return signatures[:, numbers_in(blocks, chosen)]
 
         return Rows(
@@ -188,7 +189,7 @@ class Rows:
         """The columns of each effect in the parts."""
         return dict(zip(self.places, blocks_of(self.places), strict=True))
 
-    def numbers_of(self, places: Sequence[EffectPlace]) -> NDArray[np.int_]:
+    def numbers_of(self, places: Sequence[EffectPlace]) -> Ints:
         """Numbers of the columns of some effects in the parts."""
         return numbers_in(self.blocks, places)
 
@@ -204,11 +205,11 @@ class Rows:
         """Effects that are linear in their coefficients."""
         return [place for place in self.places if place.definition.linear]
 
-    def matrix(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+    def matrix(self, places: Sequence[EffectPlace]) -> Floats:
         """Columns of the model and of some effects (M, P + k)."""
         return np.hstack([self.nominal, self.columns_of(places)])
 
-    def estimate(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+    def estimate(self, places: Sequence[EffectPlace]) -> Floats:
         """Steps and coefficients (P + k,) of least squares."""
         return estimated(self.matrix(places), self.residual)
 
@@ -266,7 +267,7 @@ class Rows:
             parts.append(replace(part, columns=columns))
         return self.with_parts(parts)
 
-    def split(self, values: NDArray) -> list[NDArray[np.float64]]:
+    def split(self, values: NDArray) -> list[Floats]:
         """Rows (M,) in units of their bounds as errors (S, d) of each part, in its unit."""
         ends = np.cumsum([part.error.size for part in self.parts])[:-1]
         errors = []
@@ -274,22 +275,22 @@ class Rows:
             errors.append(own.reshape(part.error.shape) * part.bound)
         return errors
 
-    def folds(self, count: int = FOLDS) -> list[NDArray[np.int_]]:
+    def folds(self, count: int = FOLDS) -> list[Ints]:
         """Return the fold of each piece (S,): blocks in time with equal numbers of the shortest scored kind."""
         main = max((self.parts[k] for k in self.scored), key=len)
         edges = np.quantile(main.middles, np.linspace(0.0, 1.0, min(count, len(main)) + 1)[1:-1])
         return [np.searchsorted(edges, part.middles) for part in self.parts]
 
     @property
-    def fold_of_rows(self) -> NDArray[np.int_]:
+    def fold_of_rows(self) -> Ints:
         """The part (M,) of the record that each row is left out with."""
         return self.of_rows(self.folds()) if self.fold_numbers is None else self.fold_numbers
 
-    def of_rows(self, folds: Sequence[NDArray]) -> NDArray[np.int_]:
+    def of_rows(self, folds: Sequence[NDArray]) -> Ints:
         """The block of each row (M,)."""
         return np.concatenate([np.repeat(own, p.error.shape[1]) for own, p in zip(folds, self.parts, strict=True)])
 
-    def smoothing(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+    def smoothing(self, places: Sequence[EffectPlace]) -> Floats:
         """Return further rows (B, P + k) of zeros by which tables bend about as much as over the whole record.
 
         Without them a knot takes any value where the pieces near it are left out.
@@ -308,7 +309,7 @@ class Rows:
                 further.append(smoothing)
         return np.vstack(further)
 
-    def left_out(self, places: Sequence[EffectPlace], folds: Sequence[NDArray]) -> NDArray[np.float64]:
+    def left_out(self, places: Sequence[EffectPlace], folds: Sequence[NDArray]) -> Floats:
         """Errors (M,) in units of their bounds, those of each fold predicted by least squares over the others.
 
         A piece that reaches into a fold that is left out is left out with it where its middle lies in it.
@@ -329,7 +330,7 @@ class Rows:
         return errors
 
 
-def numbers_in(blocks: Mapping[EffectPlace, slice], places: Sequence[EffectPlace]) -> NDArray[np.int_]:
+def numbers_in(blocks: Mapping[EffectPlace, slice], places: Sequence[EffectPlace]) -> Ints:
     """Numbers of the columns of some effects."""
     numbers = [np.zeros(0, dtype=int)]
     for place in places:
@@ -342,6 +343,6 @@ def reading_at(row: int) -> EffectPlace:
     return place_of(row // 3 + 1, row % 3 + 1)
 
 
-def rows_over(columns: NDArray, bound: NDArray) -> NDArray[np.float64]:
+def rows_over(columns: NDArray, bound: NDArray) -> Floats:
     """Columns (S, d, K) over bounds (S, d), as rows (S d, K)."""
     return (columns / bound[..., None]).reshape(bound.size, columns.shape[-1])

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ..arrays import Floats, Ints
 from ..bounded.sets import Problem, Work, sets_of_size
 from ..bounded.sweep import Rows, Swept, apart, largest_sizes, open_ranges
 from .cells import Cell
@@ -68,7 +69,7 @@ class SettingIn(Linear):
         """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
         raise NotImplementedError
 
-    def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+    def over_bounds(self, columns: Sequence[NDArray]) -> Floats:
         """Columns (S, d, K) of each part of the onsets as rows (M, K) over their bounds."""
         raise NotImplementedError
 
@@ -223,7 +224,7 @@ class SettingIn(Linear):
 
     def _rows_of_times(
         self, place: EffectPlace, linear: Sequence[EffectPlace], numbers: NDArray
-    ) -> tuple[Rows, NDArray[np.float64]]:
+    ) -> tuple[Rows, Floats]:
         """Return rows with an effect at time constants of the given numbers (R,), and its error (M, k) between these.
 
         The last k rows hold the sizes within their limits.
@@ -294,7 +295,7 @@ class SettingIn(Linear):
         for begin, end, _ in open_ranges(self._edges(place), [0], standing_in):
             yield begin, end - cells.at_once
 
-    def _edges(self, place: EffectPlace) -> NDArray[np.int_]:
+    def _edges(self, place: EffectPlace) -> Ints:
         """Return the ends of the least ranges of an effect's numbers; none where too few pieces determine them."""
         cells = self.cells[place]
         if len(cells.rows_between) < 2:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from ..errors import InputError
 from ..records.columns import (
     ANGLES,
@@ -34,7 +34,6 @@ from .mapping import OPEN, plural
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES
 from .numbers import (
     BLANKS,
-    Numbers,
     bare,
     bits_of_signed,
     is_missing,
@@ -75,13 +74,13 @@ class Conversion:
         standard error of a mean of them, pooled over the rests [m/s²]
     """
 
-    numbers: dict[str, Numbers] = field(default_factory=dict)
+    numbers: dict[str, Floats] = field(default_factory=dict)
     words: dict[str, list[str]] = field(default_factory=dict)
-    row: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    row: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     left_out: dict[str, list[int]] = field(default_factory=dict)
     resolution: dict[str, float] = field(default_factory=dict)
-    readings: NDArray[np.int_] | None = None
-    scatter: Numbers | None = None
+    readings: Ints | None = None
+    scatter: Floats | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -91,7 +90,7 @@ def converted(table: UnderstoodTable) -> Conversion:
     Raises InputError with the row and column that cannot be converted.
     """
     frame = numeric_frame(table)
-    given: dict[str, Numbers] = {}
+    given: dict[str, Floats] = {}
     lines: Sequence[int] = []
     if frame is not None:
         given, places, left_out = values_of_frame(table, frame)
@@ -103,7 +102,7 @@ def converted(table: UnderstoodTable) -> Conversion:
         return Conversion(left_out=left_out)
     if not len(places):
         raise InputError(f"{table.sheet.path}: no row has all that a {table.kind.name} needs")
-    numbers: dict[str, Numbers] = {}
+    numbers: dict[str, Floats] = {}
     for column, origin in table.origins.items():
         if column == DATE or column in TEXTS:
             continue
@@ -140,7 +139,7 @@ def converted(table: UnderstoodTable) -> Conversion:
     return conversion
 
 
-def _converted(table: UnderstoodTable, column: str, values: Numbers) -> Numbers:
+def _converted(table: UnderstoodTable, column: str, values: Floats) -> Floats:
     """Return numbers of a file (N,) in the unit of a column of the record."""
     origin = table.origins[column]
     _ask_of_fillers(table, column, values)
@@ -192,7 +191,7 @@ def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dic
     return texts, lines, left_out
 
 
-def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequence[int]) -> Numbers:
+def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequence[int]) -> Floats:
     """Return the numbers of a column's cells (N,), in the file's unit.
 
     Raises InputError if a cell is not a number or has another unit.
@@ -226,7 +225,7 @@ def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequen
     return np.array(values) * _signs(table, column, texts, lines)
 
 
-def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Sequence[int]) -> Numbers:
+def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Sequence[int]) -> Floats:
     """Return +1 or -1 for each cell (N,) from the mark behind its number, CW or CCW.
 
     Raises InputError if some cells have no mark.
@@ -244,7 +243,7 @@ def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Seq
     return np.where(np.array(senses) == OPPOSITE[positive], -1.0, 1.0)
 
 
-def _ask_of_fillers(table: UnderstoodTable, column: str, values: Numbers) -> None:
+def _ask_of_fillers(table: UnderstoodTable, column: str, values: Floats) -> None:
     """Ask whether numbers as -9999, unlike all others of a column (N,), stand for missing measurements."""
     if "none" in table.mapping.missing:
         return
@@ -261,7 +260,7 @@ def _ask_of_fillers(table: UnderstoodTable, column: str, values: Numbers) -> Non
         table.ask("missing", (text, "none"), why)
 
 
-def _counts(table: UnderstoodTable, column: str, values: Numbers) -> Numbers:
+def _counts(table: UnderstoodTable, column: str, values: Floats) -> Floats:
     """Return the counts of a channel (N,); restore the sign of two's complement counts written without one."""
     kind = table.mapping.integers
     if column not in FORCE + RATE:
@@ -344,7 +343,7 @@ def _average(table: UnderstoodTable, conversion: Conversion) -> None:
         conversion.words[column] = np.array(texts)[begins].tolist()
 
 
-def _moved(numbers: dict[str, Numbers]) -> NDArray[np.bool_]:
+def _moved(numbers: dict[str, Floats]) -> Bools:
     """Return a mask of the rows (N,) whose angles differ from the previous row's."""
     moved = np.zeros(len(numbers[ANGLES[0]]), dtype=bool)
     moved[0] = True
@@ -354,7 +353,7 @@ def _moved(numbers: dict[str, Numbers]) -> NDArray[np.bool_]:
     return moved
 
 
-def _means(name: str, values: Numbers, begins: NDArray[np.int_], sizes: NDArray[np.int_]) -> Numbers:
+def _means(name: str, values: Floats, begins: Ints, sizes: Ints) -> Floats:
     """Return means over the rests; an angle's mean is taken about its first reading, in case it passes 0 or ±180."""
     first = values[begins]
     if sizes.max() == 1 or name == "position":
@@ -365,7 +364,7 @@ def _means(name: str, values: Numbers, begins: NDArray[np.int_], sizes: NDArray[
     return first + np.add.reduceat(apart, begins) / sizes
 
 
-def _scatter(numbers: dict[str, Numbers], means: dict[str, Numbers], sizes: NDArray[np.int_]) -> Numbers:
+def _scatter(numbers: dict[str, Floats], means: dict[str, Floats], sizes: Ints) -> Floats:
     """Return the standard error of a rest's mean for each accelerometer (3,) [m/s²]: scatter pooled over all rests."""
     squares = [np.sum((numbers[name] - np.repeat(means[name], sizes)) ** 2) for name in FORCE]
     return np.sqrt(np.array(squares) / np.sum(sizes - 1) * np.mean(1.0 / sizes))

@@ -6,6 +6,7 @@ from decimal import Decimal, InvalidOperation
 
 import numpy as np
 
+from ..arrays import Floats
 from ..errors import InputError
 from ..records.columns import (
     quoted,
@@ -13,7 +14,6 @@ from ..records.columns import (
 from .mapping import OPEN, plural
 from .names import DATE, TIMES
 from .numbers import (
-    Numbers,
     clock,
     moment,
 )
@@ -32,7 +32,7 @@ EPOCH = 1e8
 """Time above which times count from an epoch [s]: the first row is subtracted, since doubles would lose digits."""
 
 
-def numbered_times(table: UnderstoodTable, texts: Sequence[str], values: Numbers) -> Numbers:
+def numbered_times(table: UnderstoodTable, texts: Sequence[str], values: Floats) -> Floats:
     """Return times [s] of numbers (N,): from the first row on if they count from an epoch.
 
     The difference is exact: doubles hold 16 digits, epochs in ns have 19.
@@ -50,7 +50,7 @@ def numbered_times(table: UnderstoodTable, texts: Sequence[str], values: Numbers
     return counted_times(table, values)
 
 
-def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int]) -> Numbers:
+def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int]) -> Floats:
     """Return times [s] from the first row on of times of day and dates.
 
     Raises InputError with the row that has none.
@@ -83,7 +83,7 @@ def written_times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Se
     return values
 
 
-def counted_times(table: UnderstoodTable, values: Numbers) -> Numbers:
+def counted_times(table: UnderstoodTable, values: Floats) -> Floats:
     """Return times [s] of a column of numbers (N,), without the wraps of its counter."""
     unit = table.origins[TIMES].unit
     assert unit is not None
@@ -93,7 +93,7 @@ def counted_times(table: UnderstoodTable, values: Numbers) -> Numbers:
     return values * unit.factor
 
 
-def _clock_changes(table: UnderstoodTable, seconds: Numbers, texts: Sequence[str], lines: Sequence[int]) -> Numbers:
+def _clock_changes(table: UnderstoodTable, seconds: Floats, texts: Sequence[str], lines: Sequence[int]) -> Floats:
     """Return the seconds (N,) that remove clock changes from local times; ask if one jumps at a full hour."""
     steps = np.diff(seconds)
     answer = table.mapping.clock_changes
@@ -117,7 +117,7 @@ def _clock_changes(table: UnderstoodTable, seconds: Numbers, texts: Sequence[str
     return np.cumsum(jumps)
 
 
-def unwrapped(counts: Numbers) -> tuple[Numbers, int]:
+def unwrapped(counts: Floats) -> tuple[Floats, int]:
     """Return times (N,) of a counter without its wraps to zero, and the number of wraps; unchanged if there are
     none."""
     step = np.diff(counts)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from ..arrays import Floats, Ints
 from ..records.columns import (
     QUATERNION,
     TEXTS,
@@ -16,7 +16,6 @@ from ..records.columns import (
 from .converted_times import EPOCH
 from .mapping import OPEN
 from .names import DATE, TIMES
-from .numbers import Numbers
 from .sheet import SEPARATORS
 from .understanding import NUMBER, UnderstoodTable
 
@@ -91,7 +90,7 @@ def _whole_text(table: UnderstoodTable, source: Path | bytes) -> pl.DataFrame:
 
 def values_of_frame(
     table: UnderstoodTable, frame: pl.DataFrame
-) -> tuple[dict[str, Numbers], NDArray[np.int_], dict[str, list[int]]]:
+) -> tuple[dict[str, Floats], Ints, dict[str, list[int]]]:
     """Return the numbers of columns (N,), the lines of their rows, and the lines left out, which lack a number."""
     columns = {column: frame[frame.columns[origin.field.place]] for column, origin in table.origins.items()}
     complete = np.ones(len(frame), dtype=bool)

@@ -5,10 +5,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import correlate, correlation_lags
 
+from ..arrays import Bools, Floats
 from ..errors import InputError, nearest
 from ..records.columns import FORCE, RATE, STRAPDOWN_RATES, TEMPERATURE, RecordKind
 from ..records.read import table_in_memory
@@ -28,7 +28,6 @@ from .containers import (
 from .conversion import Conversion
 from .mapping import OPEN
 from .names import TIMES, from_one, heading
-from .numbers import Numbers
 from .presets import presets
 from .ranking import named_triads
 from .sheet import HeaderFacts, Sheet, cell
@@ -182,7 +181,7 @@ class Instrument:
     columns: tuple[str, ...]
     word: str
     unit: str
-    times: Numbers
+    times: Floats
 
     @property
     def file(self) -> str:
@@ -199,7 +198,7 @@ class Instrument:
         """True if the times begin at 0 s, as those of any clock that begins with its file."""
         return self.table.start == 0 and abs(float(self.conversion.numbers[TIMES][0])) < 0.5 * self.step
 
-    def at(self, times: Numbers) -> dict[str, Numbers]:
+    def at(self, times: Floats) -> dict[str, Floats]:
         """Return the channels, interpolated linearly to other times (M,) [s]."""
         return {column: np.interp(times, self.times, self.conversion.numbers[column]) for column in self.columns}
 
@@ -248,7 +247,7 @@ def joined(forces: Side, rates: Side) -> Side:
     return table, Conversion(numbers, {}, rows, left_out, resolution, notes=list(dict.fromkeys(notes)))
 
 
-def _common_rows(fast: Instrument, slow: Instrument) -> NDArray[np.bool_]:
+def _common_rows(fast: Instrument, slow: Instrument) -> Bools:
     """Return a mask of the rows of the faster clock between two readings of the slower one.
 
     Raises InputError if a clock runs backwards, or if they have no time in common.
@@ -267,7 +266,7 @@ def _common_rows(fast: Instrument, slow: Instrument) -> NDArray[np.bool_]:
     return inside
 
 
-def _lag_note(force: Instrument, rate: Instrument, numbers: dict[str, Numbers], *, is_open: bool) -> str:
+def _lag_note(force: Instrument, rate: Instrument, numbers: dict[str, Floats], *, is_open: bool) -> str:
     """Return what turns of gravity show of the clocks; ask for the lag where it shows two that begin at 0 s."""
     is_doubtful = is_open and force.counts_from_zero and rate.counts_from_zero
     lag, correlation = lag_of(numbers, LONGEST_START if is_doubtful else LONGEST_LAG)
@@ -282,7 +281,7 @@ def _lag_note(force: Instrument, rate: Instrument, numbers: dict[str, Numbers], 
     return f"{measured} (correlation {digits(correlation, 2)}); not corrected{not_certain}"
 
 
-def lag_of(numbers: dict[str, Numbers], longest: float) -> tuple[float, float]:
+def lag_of(numbers: dict[str, Floats], longest: float) -> tuple[float, float]:
     """Return the lag [s] of the gyros behind the accelerometers, and the correlation of the turns of gravity there.
 
     The lag is at most `longest` [s] and a quarter of the record; both are 0 for a record that is too short.

@@ -10,11 +10,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import date, datetime
 
-import numpy as np
-from numpy.typing import NDArray
-
-Numbers = NDArray[np.float64]
-"""Numbers of a file or a record."""
 MISSING = frozenset(
     ("", "n/a", "#n/a", "n.a.", "na", "nan", "#nv", "#na", "k.a.", "null", "none", "-", "--", "---", "–", "—", "...")
 )

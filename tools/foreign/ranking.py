@@ -14,12 +14,13 @@ import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench.rests import up
+from ..arrays import Floats
 from ..records.columns import ANGLES, POSITION
 from ..records.columns import FORCE as FORCES
 from ..records.columns import VELOCITY as VELOCITIES
 from .mapping import OPEN, Mapping
 from .names import TIMES, normal
-from .numbers import Numbers, bits_of_signed, date_of
+from .numbers import bits_of_signed, date_of
 from .presets import presets
 from .tables import TABLES
 from .understanding import Field, UnderstoodTable
@@ -171,7 +172,7 @@ def unnamed_triads(table: UnderstoodTable, fields: Sequence[Field]) -> list[Tria
     return [triad for _, triad in sorted(triads, key=lambda entry: entry[0])]
 
 
-def numbers_in(table: UnderstoodTable, fields: Sequence[Field]) -> Numbers:
+def numbers_in(table: UnderstoodTable, fields: Sequence[Field]) -> Floats:
     """Return the numbers of some columns, in the rows that have all of them (N, columns); beyond `LARGEST` this."""
     rows = []
     for _, texts in table.rows:
@@ -181,7 +182,7 @@ def numbers_in(table: UnderstoodTable, fields: Sequence[Field]) -> Numbers:
     return np.clip(np.array(rows, dtype=np.float64).reshape(-1, len(fields)), -LARGEST, LARGEST)
 
 
-def bits_of_offset(counts: Numbers) -> int:
+def bits_of_offset(counts: Floats) -> int:
     """Return the bits of a converter whose zero is in the middle of its range, by counts (N, 3) at rest; 0 if none.
 
     All counts are within the middle 80 % of its range, and their distance from its middle is steady.
@@ -207,7 +208,7 @@ def zero_of(integers: str) -> float:
     return 2.0 ** (int(integers.split()[1]) - 1)
 
 
-def values_of(table: UnderstoodTable, fields: Sequence[Field]) -> Numbers:
+def values_of(table: UnderstoodTable, fields: Sequence[Field]) -> Floats:
     """Return the numbers of some columns, in the rows that have all of them (N, columns); counts with their signs."""
     values, integers = numbers_in(table, fields), table.mapping.integers
     if integers == "unsigned" or not len(values):
@@ -341,7 +342,7 @@ def _stated_scale(table: UnderstoodTable, quantity: str, fields: Sequence[Field]
     return texts if len(texts) == 1 else []
 
 
-def _force_answers(values: Numbers, likely: list[str]) -> list[str]:
+def _force_answers(values: Floats, likely: list[str]) -> list[str]:
     """Return units of readings (N, 3) by the size of gravity; the layout's first where it agrees, counts as counts."""
     if not len(values):
         return likely

@@ -14,10 +14,10 @@ from datetime import datetime
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from ...models.effects import CATALOGUE
+from ..arrays import Bools, Floats
 from ..diagnosis.cause import NamedEffect
 from ..instrument import moment
 from ..rounding import digits
@@ -50,11 +50,11 @@ class LotColumn:
     symbol: str
     unit: str
     members: Sequence[Member]
-    estimates: NDArray[np.float64]
+    estimates: Floats
     """(n,)"""
-    lows: NDArray[np.float64]
+    lows: Floats
     """(n,); the estimate where no interval is guaranteed"""
-    highs: NDArray[np.float64]
+    highs: Floats
 
     @property
     def median(self) -> float:
@@ -278,7 +278,7 @@ def shared_causes(instruments: Sequence[Member]) -> list[SharedCause]:
     return sorted(shared, key=lambda cause: cause.chance)
 
 
-def _part_of(has: NDArray[np.bool_]) -> tuple[int, int]:
+def _part_of(has: Bools) -> tuple[int, int]:
     """Return the first instrument, and the one after the last, of the part in which a cause is more frequent.
 
     A split is taken only where chance does not explain the difference of the two sides.
@@ -298,7 +298,7 @@ def _part_of(has: NDArray[np.bool_]) -> tuple[int, int]:
     return begin, end
 
 
-def _stretch_of(has: NDArray[np.bool_]) -> tuple[int, int]:
+def _stretch_of(has: Bools) -> tuple[int, int]:
     """Return the part between two instruments with a cause in which it is more frequent; all where chance may be why.
 
     One split may be explained by chance where a part between two is not.
@@ -313,7 +313,7 @@ def _stretch_of(has: NDArray[np.bool_]) -> tuple[int, int]:
     return int(at[first[best]]), int(at[last[best]]) + 1
 
 
-def _split_of(has: NDArray[np.bool_]) -> int | None:
+def _split_of(has: Bools) -> int | None:
     """Return where the rate of a cause changes; None where it may be the same everywhere."""
     count, total = len(has), int(has.sum())
     best: tuple[float, int] | None = None
@@ -359,7 +359,7 @@ def _remainder(column: LotColumn, dependence: LotTrend) -> float:
     return float(np.abs(left - np.median(left)).mean())
 
 
-def _abscissa(column: LotColumn, against: Against) -> tuple[NDArray[np.float64], list[int]]:
+def _abscissa(column: LotColumn, against: Against) -> tuple[Floats, list[int]]:
     """Return the place of each instrument by serial number, the date [years] or the temperature [°C].
 
     Also returns the numbers of the instruments that tell it.

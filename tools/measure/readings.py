@@ -16,6 +16,7 @@ from typing import Any, BinaryIO, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import InputError, reason
 from ..files import note_read
 from ..records.columns import (
@@ -46,7 +47,7 @@ class AcceptedLines:
     """Incoming lines: bytes to keep, the rows in them (n, 8), and a line for each part left out."""
 
     kept: bytes
-    rows: NDArray[np.float64]
+    rows: Floats
     left_out: tuple[str, ...] = ()
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats
 from ..records import StrapdownRecord
 from ..records.channels import PERMUTATIONS, Channels
 from ..records.turned import Stretches, thinned
@@ -57,45 +57,45 @@ class Moves:
     2) are those at which moves begin and end [s].
     """
 
-    before: NDArray[np.float64]
-    after: NDArray[np.float64]
+    before: Floats
+    after: Floats
     turns: Stretches
-    drift: NDArray[np.float64]
-    times: NDArray[np.float64]
+    drift: Floats
+    times: Floats
 
     def __len__(self) -> int:
         return len(self.drift)
 
-    def those(self, mask: NDArray[np.bool_]) -> "Moves":
+    def those(self, mask: Bools) -> "Moves":
         """Some of the moves."""
         return Moves(self.before[mask], self.after[mask], self.turns.those(mask), self.drift[mask], self.times[mask])
 
-    def carried(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    def carried(self, matrix: Floats) -> Floats:
         """Gravity (M, 3) at the second rests, as gyros carry it that are read through a matrix (3, 3)."""
         if not len(self):
             return self.before
         return self.turns.total(matrix).inv().apply(self.before)
 
-    def missed(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    def missed(self, matrix: Floats) -> Floats:
         """Angles (M,) between gravity as it is carried and as it is measured [rad]."""
         return angles_of(self.carried(matrix), self.after)
 
-    def allowed(self, size: float = 1.0) -> NDArray[np.float64]:
+    def allowed(self, size: float = 1.0) -> Floats:
         """Return the errors (M,) allowed to usual gyros whose true turns are `size` times the readings [rad]."""
         return ALLOWED + ALLOWED_PART * size * self.turns.way + self.drift
 
-    def missing(self, scale: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def missing(self, scale: Floats) -> Bools:
         """Return the moves (M,) over which gyros of these scales (3,) miss gravity by more than allowed."""
         allowed = self.allowed(float(scale.max()))
         return (allowed <= TELLING) & (self.missed(np.diag(scale)) > allowed)
 
     @property
-    def turned(self) -> NDArray[np.float64]:
+    def turned(self) -> Floats:
         """Angles (M,) by which gravity turned [rad]."""
         return angles_of(self.before, self.after)
 
 
-def angles_of(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def angles_of(a: Floats, b: Floats) -> Floats:
     """Angles (M,) between vectors (M, 3) [rad]."""
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
 
@@ -136,7 +136,7 @@ def ways_beside_gravity(moves: Moves, before: Channels | None) -> tuple[str, str
     return said_of_ways(ways_that_fit(telling, before), before)
 
 
-def missed_gravity(moves: Moves, scale: NDArray[np.float64]) -> tuple[str, ...]:
+def missed_gravity(moves: Moves, scale: Floats) -> tuple[str, ...]:
     """A line where gyros of these scales (3,) and usual errors miss gravity over some move; nothing where none does."""
     missing = moves.missing(scale)
     if not missing.any():
@@ -170,7 +170,7 @@ def ways_that_fit(moves: Moves, before: Channels | None) -> list[tuple[int, int]
     return sorted(fits, key=lambda way: fits[way])
 
 
-def scales_by_rests(moves: Moves) -> NDArray[np.float64] | None:
+def scales_by_rests(moves: Moves) -> Floats | None:
     """Return the ratio of true to measured turn of each gyro (3,), by gravity at the rests; None if undetermined.
 
     They differ where that misses far less.
@@ -179,13 +179,13 @@ def scales_by_rests(moves: Moves) -> NDArray[np.float64] | None:
     if len(telling) < FEWEST_MOVES:
         return None
 
-    def misses(logs: NDArray[np.float64]) -> NDArray[np.float64]:
+    def misses(logs: Floats) -> Floats:
         """Return the misses of gyros of scales whose logarithms are given, one or three."""
         scale = np.exp(logs) * np.ones(3)
         missed = telling.carried(np.diag(scale)) - telling.after
         return np.append(missed, ALIKE * (logs - logs.mean()))
 
-    def fitted(starts: NDArray[np.float64]) -> "OptimizeResult":
+    def fitted(starts: Floats) -> "OptimizeResult":
         """Return the best fit from the best of some starts, logarithms (S, 1) or (S, 3)."""
         costs = [float(np.square(misses(start)).sum()) for start in starts]
         return scipy.optimize.least_squares(misses, starts[int(np.argmin(costs))])

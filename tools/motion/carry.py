@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...fmus.instruments import HALF_A_TURN, OUT_OF_RANGE
 from ...models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT
 from ...models.effects import EffectPlace, MotionRows, parameter_name, place_from_mapping
+from ..arrays import Floats
 from ..errors import InputError
 from ..orchestrator import run_scenario
 from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
@@ -57,18 +58,18 @@ class Motion:
     """
 
     period: float
-    time_s: NDArray[np.float64]
-    step: NDArray[np.float64]
-    rate: NDArray[np.float64]
-    specific_force: NDArray[np.float64]
+    time_s: Floats
+    step: Floats
+    rate: Floats
+    specific_force: Floats
     gravity: float
-    temperature: NDArray[np.float64] | None
+    temperature: Floats | None
 
     def __len__(self) -> int:
         return len(self.time_s)
 
     @property
-    def increments(self) -> NDArray[np.float64]:
+    def increments(self) -> Floats:
         """Integrals (N - 1, 3) of the readings over the intervals [rad]."""
         return self.rate[1:] * self.step[1:, None]
 
@@ -78,7 +79,7 @@ class Motion:
         values = {name: getattr(self, name) for name in names}
         return replace(self, **{name: None if v is None else v[begin:end] for name, v in values.items()})
 
-    def force(self, rows: slice | NDArray) -> NDArray[np.float64]:
+    def force(self, rows: slice | NDArray) -> Floats:
         """Readings of the accelerometers at some rows [g]."""
         return self.specific_force[rows] / self.gravity
 
@@ -135,12 +136,12 @@ class GyroModel:
         effect at its place -> values of its parameters
     """
 
-    bias: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    scale_misalignment: NDArray[np.float64] = field(default_factory=lambda: np.zeros(9))
+    bias: Floats = field(default_factory=lambda: np.zeros(3))
+    scale_misalignment: Floats = field(default_factory=lambda: np.zeros(9))
     effects: Mapping[EffectPlace, tuple[float, ...]] = field(default_factory=dict)
 
     @property
-    def inverse(self) -> NDArray[np.float64]:
+    def inverse(self) -> Floats:
         """(I + Γ)⁻¹ (3, 3)."""
         return np.asarray(np.linalg.inv(np.eye(3) + self.scale_misalignment.reshape(3, 3)), dtype=np.float64)
 
@@ -185,7 +186,7 @@ def carrying(
 
 def carried_attitude(
     motion: Motion, model: GyroModel, gravity: float, fmus: Mapping[str, Path] | None = None
-) -> NDArray[np.float64]:
+) -> Floats:
     """Attitudes (N, 4), scalar first, at the rows of a record, from the identity at the first; gravity in [m/s²].
 
     The record's increments go through the compensation of the gyro block to the attitude computer. The run's steps are
@@ -211,9 +212,7 @@ def carried_attitude(
         raise
 
 
-def compensated_increments(
-    motion: Motion, effects: Mapping[EffectPlace, tuple[float, ...]], gravity: float
-) -> NDArray[np.float64]:
+def compensated_increments(motion: Motion, effects: Mapping[EffectPlace, tuple[float, ...]], gravity: float) -> Floats:
     """Return a record's increments (N, 3) [rad] without the effects of the gyros; zero in the first row."""
     settings = {
         "compensation": _setting("GyroCompensation", {}, {"gravity": gravity}, _effect_entries(effects, "GyroBlock")),
@@ -288,6 +287,6 @@ def algorithm_for(increments: NDArray) -> int:
     return by_name[ALGORITHM if 1.1 * longest < by_name[ALGORITHM].max_increment else FALLBACK].number
 
 
-def matrices_of(quaternion: NDArray) -> NDArray[np.float64]:
+def matrices_of(quaternion: NDArray) -> Floats:
     """Rotation matrices (n, 3, 3), body to reference, of quaternions (n, 4), scalar first."""
     return rotation_of(quaternion).as_matrix()

@@ -14,6 +14,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats
+
 ROWS, COLUMNS = np.tril_indices(3)
 """Indices of the six elements of Γ."""
 PRIOR_SD = np.array([0.05, 0.03, 0.05, 0.03, 0.03, 0.05, 0.1, 0.1, 0.1])
@@ -34,7 +36,7 @@ MOST_POSES = 24
 """Largest number of poses that are asked for."""
 
 
-def _directions(count: int) -> NDArray[np.float64]:
+def _directions(count: int) -> Floats:
     """Return unit vectors (count, 3) spread evenly over the sphere (a Fibonacci lattice)."""
     number = np.arange(count) + 0.5
     height = 1.0 - 2.0 * number / count
@@ -51,7 +53,7 @@ TURN_AXES = np.vstack([np.eye(3), UNSEEN[::5]])
 """Axes over which the error of a turn is predicted."""
 
 
-def worst_turn(covariance: NDArray) -> tuple[float, NDArray[np.float64]]:
+def worst_turn(covariance: NDArray) -> tuple[float, Floats]:
     """Return the largest standard error of a turn of 90° [rad], and its axis (3,), by the covariance (9, 9) of M."""
     block = covariance.reshape(3, 3, 3, 3)
     of_axes = np.einsum("iakb,na,nb->nik", block, TURN_AXES, TURN_AXES)
@@ -60,7 +62,7 @@ def worst_turn(covariance: NDArray) -> tuple[float, NDArray[np.float64]]:
     return 0.5 * np.pi * float(np.sqrt(variances[worst])), TURN_AXES[worst]
 
 
-def slopes_of(up: NDArray, x: NDArray | None = None) -> NDArray[np.float64]:
+def slopes_of(up: NDArray, x: NDArray | None = None) -> Floats:
     """Return the derivatives (K, 9) of |n| by the parameters in poses `up` (K, 3), at parameters x (9,) or nominal."""
     matrix = np.eye(3)
     if x is not None:
@@ -83,9 +85,9 @@ class Determinacy:
         the parameters; None of a nominal instrument
     """
 
-    covariance: NDArray[np.float64]
-    prior_sd: NDArray[np.float64] = field(default_factory=PRIOR_SD.copy)
-    x: NDArray[np.float64] | None = None
+    covariance: Floats
+    prior_sd: Floats = field(default_factory=PRIOR_SD.copy)
+    x: Floats | None = None
 
     @classmethod
     def of(cls, slopes: NDArray, sd: NDArray | float, prior_sd: NDArray = PRIOR_SD) -> Self:
@@ -102,16 +104,16 @@ class Determinacy:
         return cls(np.diag(prior_sd**2), prior_sd)
 
     @property
-    def standard_errors(self) -> NDArray[np.float64]:
+    def standard_errors(self) -> Floats:
         """Standard errors (9,) of the parameters."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def determined(self) -> NDArray[np.bool_]:
+    def determined(self) -> Bools:
         """The parameters (9,) whose variance is less than the part `OPEN` of that before the rests."""
         return self.standard_errors < np.sqrt(OPEN) * self.prior_sd
 
-    def pose_errors(self, up: NDArray = UNSEEN) -> NDArray[np.float64]:
+    def pose_errors(self, up: NDArray = UNSEEN) -> Floats:
         """Return the standard error (M,) [g] of |f| in poses `up` (M, 3)."""
         slopes = slopes_of(up, self.x)
         return np.sqrt(np.einsum("ki,ij,kj->k", slopes, self.covariance, slopes))
@@ -127,7 +129,7 @@ class Determinacy:
         return float(np.sqrt(np.mean(self.pose_errors() ** 2)))
 
     @property
-    def open(self) -> NDArray[np.float64]:
+    def open(self) -> Floats:
         """The open directions (m, 9): combinations of the parameters, in units of their standard deviations before.
 
         The most open is the first; a row's largest element is positive.
@@ -161,7 +163,7 @@ class Pose:
     """
 
     words: str
-    up: NDArray[np.float64]
+    up: Floats
     after: Determinacy
 
 

@@ -8,6 +8,7 @@ the norm: the first axis is the first accelerometer's and the second lies in the
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..calibrated import Calibration
 from .determinacy import COLUMNS, LEAST_SD, ROWS
 
@@ -18,7 +19,7 @@ LARGEST = 0.3
 """Beyond this a parameter is none of an instrument, and the linearisation fails."""
 
 
-def norm_values(calibration: Calibration | None) -> NDArray[np.float64] | None:
+def norm_values(calibration: Calibration | None) -> Floats | None:
     """Return the nine parameters (9,) of a calibration by the norm of gravity; None where it has none."""
     if calibration is None or not all(p.determined for p in calibration.parameters):
         return None
@@ -55,6 +56,6 @@ def norm_equations(x: NDArray, reading: NDArray, run: NDArray | None = None) -> 
     return norm - 1.0, slopes, back
 
 
-def standard_deviations(bound: NDArray) -> NDArray[np.float64]:
+def standard_deviations(bound: NDArray) -> Floats:
     """Return the standard deviations (K,) [g] of means at rest whose bounds (K, 3) are three Allan deviations [g]."""
     return np.maximum(bound.max(axis=1) / 3.0, LEAST_SD)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from ..arrays import Floats, Ints
 from ..bounded.programmes import Polytope, SolverError, chebyshev_radius
 from .determinacy import COLUMNS, PRIOR_SD, ROWS
 from .norm import LARGEST, norm_block, norm_equations
@@ -48,9 +49,9 @@ class Possible:
     """
 
     radius: float
-    ends: NDArray[np.float64] | None = None
+    ends: Floats | None = None
 
-    def those(self, columns: NDArray[np.int_]) -> "Possible":
+    def those(self, columns: Ints) -> "Possible":
         """Return some of the parameters."""
         return self if self.ends is None else replace(self, ends=self.ends[:, columns])
 
@@ -99,7 +100,7 @@ def possible_forces(x: NDArray, reading: NDArray, bound: NDArray, run: NDArray) 
     return Possible(radius, ends)
 
 
-def central_parameters(x: NDArray, reading: NDArray, bound: NDArray, run: NDArray) -> tuple[float, NDArray[np.float64]]:
+def central_parameters(x: NDArray, reading: NDArray, bound: NDArray, run: NDArray) -> tuple[float, Floats]:
     """Return the least largest error of a reading over its bound, and parameters that make no larger one.
 
     The arguments are those of `possible_forces`.
@@ -118,7 +119,7 @@ def central_parameters(x: NDArray, reading: NDArray, bound: NDArray, run: NDArra
 
 def nearest_possible(
     x: NDArray, covariance: NDArray, centre: NDArray, reading: NDArray, bound: NDArray, run: NDArray
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the parameters nearest to an estimate by its covariance that keep each reading within its bound.
 
     They are sought from the central parameters, which are returned where there are no others or the solver fails. The
@@ -174,10 +175,10 @@ class _Equations:
     The numbers are six of Q − 1, then three of q and one of c of each run.
     """
 
-    about: NDArray[np.float64]
-    run: NDArray[np.int_]
-    inverse: NDArray[np.float64]
-    bound: NDArray[np.float64]
+    about: Floats
+    run: Ints
+    inverse: Floats
+    bound: Floats
 
     def radius(self, limit: NDArray) -> float:
         """Return the least largest error over its bound, within limits (6 + 4 R,) of the numbers."""
@@ -187,7 +188,7 @@ class _Equations:
         largest = 2.0 * (size + np.abs(slopes) @ limit) + self._square(limit) + ROUNDING
         return float(chebyshev_radius(rows, middle, largest, low=low, high=limit)[0])
 
-    def ends(self, limit: NDArray, weights: NDArray) -> NDArray[np.float64] | None:
+    def ends(self, limit: NDArray, weights: NDArray) -> Floats | None:
         """Return the least and the largest value (2, T) of weights (T, 6 + 4 R) times the numbers within limits.
 
         None where a programme was not solved. A row is F = 1 + 2 (Q r − q)ρ − ρQρ, and |Q r − q| is below a linear
@@ -212,7 +213,7 @@ class _Equations:
             return None
         return ends
 
-    def _sizes(self, limit: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _sizes(self, limit: NDArray) -> tuple[Floats, Floats]:
         """Return a linear function above σ |Lᵀ(Q r − q)| of each row: its value (K,) at zero and its slopes."""
         at_zero = self.about @ self.inverse
         slopes = np.zeros((len(self.about), 3, len(limit)))
@@ -232,7 +233,7 @@ class _Equations:
         size = (self.bound * (gain * at_zero + level)).sum(axis=1)
         return size, np.einsum("ki,kin->kn", self.bound * gain, slopes)
 
-    def _square(self, limit: NDArray) -> NDArray[np.float64]:
+    def _square(self, limit: NDArray) -> Floats:
         """Return the largest ρQρ of each row (K,)."""
         size = 1.0 + float(np.linalg.norm(_matrix_of(limit), 2))
         return size * np.square(self.bound @ np.abs(self.inverse).T).sum(axis=1)
@@ -247,14 +248,14 @@ class _Equations:
         return rows, 1.0 - np.square(self.about).sum(axis=1)
 
 
-def _least(limit: NDArray) -> NDArray[np.float64]:
+def _least(limit: NDArray) -> Floats:
     """Return the least values of the numbers within limits (6 + 4 R,): no c is below zero."""
     low = -limit
     low[9::4] = 0.0
     return low
 
 
-def _matrix_of(limit: NDArray) -> NDArray[np.float64]:
+def _matrix_of(limit: NDArray) -> Floats:
     """Return the limits (3, 3) of the entries of Q − 1."""
     full = np.zeros((3, 3))
     for number, (row, column) in enumerate(PAIRS):
@@ -280,9 +281,7 @@ def _triangle(limit: NDArray) -> tuple[NDArray, NDArray]:
     return largest, beyond
 
 
-def _ends_of_parameters(
-    x: NDArray, matrix: NDArray, equations: _Equations, limit: NDArray
-) -> NDArray[np.float64] | None:
+def _ends_of_parameters(x: NDArray, matrix: NDArray, equations: _Equations, limit: NDArray) -> Floats | None:
     """Return the ends of Γ and b: to first order exactly, and the rest by interval arithmetic."""
     largest, beyond = _triangle(limit)
     square = _matrix_of(limit)

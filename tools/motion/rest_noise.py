@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ...models.bench import EARTH_RATE
+from ..arrays import Floats
 from ..records import StrapdownRecord
 from ..records.noise import SCATTER_FACTOR, allan_deviation
 from ..rounding import digits
@@ -51,23 +52,23 @@ class RestNoise:
     `wander` is beside that.
     """
 
-    white: NDArray[np.float64]
-    flicker: NDArray[np.float64]
-    least: NDArray[np.float64]
-    count: NDArray[np.float64]
-    wander: NDArray[np.float64]
+    white: Floats
+    flicker: Floats
+    least: Floats
+    count: Floats
+    wander: Floats
     span: float
     unsteady: tuple[tuple[int, float, float], ...] = ()
     jumps: bool = False
 
-    def rate_square(self, seconds: NDArray) -> NDArray[np.float64]:
+    def rate_square(self, seconds: NDArray) -> Floats:
         """Mean square (S, 3) of a mean rate's error over times (S,) [rad²/s²]."""
         seconds = np.maximum(np.asarray(seconds, dtype=float), 1e-9)[:, None]
         wandering = self.flicker * self._octaves(seconds)
         slow = np.where(np.isfinite(self.wander), np.maximum(self.wander, self.flicker), wandering)
         return np.maximum(self.white / seconds + slow, LEAST_RATE**2)
 
-    def angle_square(self, seconds: NDArray) -> NDArray[np.float64]:
+    def angle_square(self, seconds: NDArray) -> Floats:
         """Mean square (S,) of the turn about any axis over times (S,) that is noise [rad²]."""
         return self.rate_square(seconds).max(axis=1) * np.asarray(seconds, dtype=float) ** 2
 
@@ -113,7 +114,7 @@ class RestNoise:
             f"from rest to rest, {gyros}{once}"
         )
 
-    def _octaves(self, seconds: NDArray) -> NDArray[np.float64]:
+    def _octaves(self, seconds: NDArray) -> Floats:
         """Return the mean square of means over times within the record, for flicker noise of unit Allan deviation."""
         return np.maximum(1.0, np.log(np.maximum(self.span / seconds, 1.0)) / FLICKER_TO_ALLAN)
 
@@ -123,9 +124,7 @@ def factor_for(rows: int) -> float:
     return max(SCATTER_FACTOR, -float(scipy.special.ndtri(0.5 * ANY_BEYOND / max(rows, 1))))
 
 
-def gyro_noise(
-    record: StrapdownRecord, rests: Rests, period: float, up: NDArray[np.float64] | None = None
-) -> RestNoise | None:
+def gyro_noise(record: StrapdownRecord, rests: Rests, period: float, up: Floats | None = None) -> RestNoise | None:
     """Return the noise of the gyros from the rests; None if these are too few or too short.
 
     Differences between the rests' means that no drift, gravity or temperature explains count as noise too, up to the
@@ -188,7 +187,7 @@ def rest_noise(readings: NDArray, time_s: NDArray, rests: Rests, period: float) 
     return RestNoise(white, flicker, half, counts[at, channels], unknown, span)
 
 
-def allan_square(pieces: Sequence[NDArray], size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def allan_square(pieces: Sequence[NDArray], size: int) -> tuple[Floats, Floats]:
     """Square (3,) of the Allan deviation of averages over `size` rows, and its degrees of freedom (3,).
 
     Rests (n, 3) that scatter as no noise of the others does are left out: something happened there.
@@ -211,14 +210,12 @@ def allan_square(pieces: Sequence[NDArray], size: int) -> tuple[NDArray[np.float
     return (square * weight).sum(axis=0) / weight.sum(axis=0), (usual_pieces * free[:, None]).sum(axis=0)
 
 
-def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
+def rest_lengths(rests: Rests, period: float) -> Floats:
     """Length (K,) of each rest [s]."""
     return np.array([rows.stop - rows.start for rows in rests.rows], dtype=float) * period
 
 
-def rest_scatter(
-    rests: Rests, up: NDArray | None, change: NDArray | None = None
-) -> tuple[NDArray[np.float64], int] | None:
+def rest_scatter(rests: Rests, up: NDArray | None, change: NDArray | None = None) -> tuple[Floats, int] | None:
     """Return the mean square (3,) of the means at rest [rad²/s²], and its degrees of freedom; None if undetermined.
 
     Everything that an effect could do at rest is fitted and subtracted. That is growth with time, with temperature,

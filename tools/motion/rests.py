@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...models.attitude_algorithms import MAX_INCREMENT
+from ..arrays import Bools, Floats, Ints
 from ..errors import InputError, nearest
 from ..memory import each, once
 from ..records import StrapdownRecord
@@ -109,7 +110,7 @@ class RecordSampling(Result):
     wrapped: int = Field(default=0, alias="wrapped_rows")
     wrapped_from: float | None = Field(default=None, alias="wrapped_from_s")
     limits: Limits = Field(default=ABSENT, exclude=True)
-    broken: NDArray[np.bool_] = Field(default=ABSENT, exclude=True)
+    broken: Bools = Field(default=ABSENT, exclude=True)
 
     @property
     def lines(self) -> list[str]:
@@ -126,7 +127,7 @@ class RecordSampling(Result):
         ]
 
 
-def rates_of(record: StrapdownRecord) -> NDArray[np.float64]:
+def rates_of(record: StrapdownRecord) -> Floats:
     """Rates (N, 3) [rad/s]: as measured, or the mean over the interval before each row where it has increments.
 
     The first increment has no interval of its own: the median one is taken for it.
@@ -138,7 +139,7 @@ def rates_of(record: StrapdownRecord) -> NDArray[np.float64]:
     return record.increment / np.concatenate([[np.median(between)], between])[:, None]
 
 
-def mean_rates(record: StrapdownRecord, rates: str) -> NDArray[np.float64]:
+def mean_rates(record: StrapdownRecord, rates: str) -> Floats:
     """Mean rates (N - 1, 3) over the intervals between the rows, from the samples of a record with rates [rad/s]."""
     assert record.rate is not None
     if rates == "averaged":
@@ -152,7 +153,7 @@ def check_meaning(rates: str) -> None:
         raise InputError(f"rates '{rates}' are not known; {nearest(rates, RATE_MEANINGS)}")
 
 
-def check_turns(record: StrapdownRecord, turns: NDArray[np.float64]) -> None:
+def check_turns(record: StrapdownRecord, turns: Floats) -> None:
     """Refuse, by its row, a turn of more than half a revolution between the record's last rows (n, 3) [rad]."""
     size = np.linalg.norm(turns, axis=1)
     long = np.flatnonzero(~(size <= MAX_INCREMENT))
@@ -206,7 +207,7 @@ def sampling_of(record: StrapdownRecord) -> RecordSampling:
     )
 
 
-def wrapped_rows(record: StrapdownRecord, step: NDArray[np.float64]) -> NDArray[np.bool_]:
+def wrapped_rows(record: StrapdownRecord, step: Floats) -> Bools:
     """Return rows (N,) that end an ambiguous turn, over half a revolution, in intervals (N,) [s].
 
     So they are whether a rate is that of its row or the mean over the interval before.
@@ -224,7 +225,7 @@ FEWEST_FOR_NOISE = 5
 """Fewer rests tell an Allan deviation at their length by chance."""
 
 
-def widened_for_rests(scatter: NDArray | None) -> NDArray[np.float64] | None:
+def widened_for_rests(scatter: NDArray | None) -> Floats | None:
     """Return bounds (K, 3) of means at K rests by their scatter (K, 3); None of too few rests."""
     if scatter is None or len(scatter) < FEWEST_FOR_NOISE:
         return None
@@ -318,7 +319,7 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling, *, bounds: bo
     return rests.model_copy(update={**left_out, "clipped_rows": tuple(clipped), "walking_rows": tuple(walking)})
 
 
-def _quiet_windows(record: StrapdownRecord, period: float) -> tuple[list[NDArray], NDArray[np.bool_], NDArray]:
+def _quiet_windows(record: StrapdownRecord, period: float) -> tuple[list[NDArray], Bools, NDArray]:
     """Return the channels of a record without knocks, and its still windows with the noise, as of `still_windows`."""
     # A knock would be all that sums of squares hold.
     channels = [*rates_of(record).T, *np.clip(record.specific_force, -LARGEST_FORCE, LARGEST_FORCE).T]
@@ -326,9 +327,7 @@ def _quiet_windows(record: StrapdownRecord, period: float) -> tuple[list[NDArray
     return channels, still, noise
 
 
-def still_windows(
-    channels: Sequence[NDArray], period: float, limits: Sequence[float]
-) -> tuple[list[NDArray[np.bool_]], NDArray]:
+def still_windows(channels: Sequence[NDArray], period: float, limits: Sequence[float]) -> tuple[list[Bools], NDArray]:
     """Return the windows of half a second in which each channel is still, by their first rows, and the noises.
 
     For each limit, a channel is still where it scatters at most that many times its noise. The noise comes from
@@ -354,9 +353,7 @@ def still_windows(
     return still, noise
 
 
-def still_stretches(
-    time: NDArray, still: NDArray[np.bool_], period: float, broken: NDArray[np.bool_] | None = None
-) -> list[slice]:
+def still_stretches(time: NDArray, still: Bools, period: float, broken: Bools | None = None) -> list[slice]:
     """Return the rows of each rest by its still windows, without its ends and without broken rows (N,).
 
     Neighbouring rows belong to one rest where one still window holds both, so that a jump between two poses parts them.
@@ -406,7 +403,7 @@ def window_sums(values: NDArray, size: int) -> NDArray:
     return sums[size:] - sums[:-size]
 
 
-def parting_gaps(time: NDArray) -> NDArray[np.int_]:
+def parting_gaps(time: NDArray) -> Ints:
     """Rows before the gaps that end a rest; of stamps with a gap every few rows only the long ones do."""
     grid = grid_of(time)
     if len(grid.gaps) <= IRREGULAR * len(time):
@@ -420,7 +417,7 @@ def _walks(values: NDArray, noise: NDArray) -> bool:
     return bool((np.abs(values[-third:].mean(axis=0) - values[:third].mean(axis=0)) > SLOW * noise).any())
 
 
-def _steady_turns(rate: NDArray, force: NDArray, rests: list[slice], noise: NDArray) -> NDArray[np.bool_]:
+def _steady_turns(rate: NDArray, force: NDArray, rests: list[slice], noise: NDArray) -> Bools:
     """Return the rests (K,) whose mean rate is far from the value expected from the others, gravity and time.
 
     Gyros that depend on gravity read something else in every pose. The least sum of sizes (least squares, reweighted)
@@ -497,7 +494,7 @@ def _mean(values: NDArray) -> NDArray:
     return values.mean(axis=0)
 
 
-def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tuple[NDArray, NDArray]:
+def reading_steps(values: Floats, rests: tuple[slice, ...]) -> tuple[NDArray, NDArray]:
     """Return steps (3,) of the readings (N, 3), and the error (3,) that they may cause in a mean at rest.
 
     Both are in the readings' unit; the step is 0 where the readings hide none in their noise. At least one rest.
@@ -516,7 +513,7 @@ def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tupl
     return step, off
 
 
-def common_divisor(values: NDArray[np.float64]) -> float:
+def common_divisor(values: Floats) -> float:
     """Return the largest number that divides all values (n,), positive, to a thousandth of it (Euclid's algorithm).
 
     Of readings without a step it is as small as their last digit, or smaller.

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
+from ..arrays import Bools, Floats
 from ..errors import InputError
 from ..memory import once
 from ..records import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
@@ -73,13 +74,13 @@ def odd_rows_of_forces(record: Series) -> tuple[str, ...]:
     return _described(record, _odd_forces(record))
 
 
-def odd_rows(record: Series) -> dict[str, NDArray[np.bool_]]:
+def odd_rows(record: Series) -> dict[str, Bools]:
     """Return the rows (N,) of each channel that no motion can cause, by words; channels without any are left out."""
     gyros = _odd_gyros(record) if isinstance(record, StrapdownRecord) else {}
     return gyros | _odd_forces(record)
 
 
-def _odd_gyros(record: StrapdownRecord) -> dict[str, NDArray[np.bool_]]:
+def _odd_gyros(record: StrapdownRecord) -> dict[str, Bools]:
     """Rows with a knock of the accelerometers are motion: gyros feel it too."""
     period = float(np.median(np.diff(record.time_s)))
     rates = record.rate
@@ -91,7 +92,7 @@ def _odd_gyros(record: StrapdownRecord) -> dict[str, NDArray[np.bool_]]:
     return _odd(record, "gyro", rates, spikes, least)
 
 
-def _odd_forces(record: Series) -> dict[str, NDArray[np.bool_]]:
+def _odd_forces(record: Series) -> dict[str, Bools]:
     """A knock is motion: more than one accelerometer feels it."""
     period = float(np.median(np.diff(record.time_s)))
     forces = record.specific_force
@@ -110,9 +111,9 @@ def _odd(
     record: Series,
     name: str,
     channels: NDArray,
-    spikes: NDArray[np.bool_],
+    spikes: Bools,
     least: float,
-) -> dict[str, NDArray[np.bool_]]:
+) -> dict[str, Bools]:
     """Return each kind of odd rows of each channel (N, 3), by words."""
     period = float(np.median(np.diff(record.time_s)))
     odd, moving = {}, ~_repeated_together(record)
@@ -127,7 +128,7 @@ def _odd(
     return odd
 
 
-def _described(record: Series, odd: dict[str, NDArray[np.bool_]]) -> tuple[str, ...]:
+def _described(record: Series, odd: dict[str, Bools]) -> tuple[str, ...]:
     """Return a line for each kind of odd rows."""
     lines = []
     for words, rows in odd.items():
@@ -136,7 +137,7 @@ def _described(record: Series, odd: dict[str, NDArray[np.bool_]]) -> tuple[str, 
     return tuple(lines)
 
 
-def unlike_rows(channels: NDArray[np.float64], least: float) -> NDArray[np.bool_]:
+def unlike_rows(channels: Floats, least: float) -> Bools:
     """Rows (N, K) of channels (N, K) far from their neighbours on both sides, by `least` and more; up to three."""
     count = len(channels)
     spikes = np.zeros(channels.shape, dtype=bool)
@@ -159,7 +160,7 @@ def unlike_rows(channels: NDArray[np.float64], least: float) -> NDArray[np.bool_
     return spikes
 
 
-def overflowed_rows(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+def overflowed_rows(values: Floats) -> Bools:
     """Rows (N,) of a channel between two jumps from one end of its range to the other, towards which it was moving."""
     overflowed = np.zeros(len(values), dtype=bool)
     change = np.diff(values)
@@ -181,7 +182,7 @@ def overflowed_rows(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     return overflowed
 
 
-def lost_rows(values: NDArray[np.float64], period: float, least: float) -> NDArray[np.bool_]:
+def lost_rows(values: Floats, period: float, least: float) -> Bools:
     """Rows (N,) that are exactly 0 between readings far from 0, which times the rows are `least` and more."""
     lost = np.zeros(len(values), dtype=bool)
     if values.all():
@@ -199,7 +200,7 @@ def lost_rows(values: NDArray[np.float64], period: float, least: float) -> NDArr
     return lost
 
 
-def stuck_rows(values: NDArray[np.float64], moving: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
+def stuck_rows(values: Floats, moving: Bools, least: float) -> Bools:
     """Rows (N,) at one value while others change, from which the channel jumps by what times the rows is `least`.
 
     `moving` (N,): rows in which some channel does not repeat the row before. A channel that often repeats a value is
@@ -225,7 +226,7 @@ def stuck_rows(values: NDArray[np.float64], moving: NDArray[np.bool_], least: fl
     return stuck
 
 
-def _repeated_together(record: Series) -> NDArray[np.bool_]:
+def _repeated_together(record: Series) -> Bools:
     """Rows (N,) in which all channels repeat the row before: a rest without noise, or a row that is held."""
     channels = [record.specific_force]
     if isinstance(record, StrapdownRecord):
@@ -236,12 +237,12 @@ def _repeated_together(record: Series) -> NDArray[np.bool_]:
     return np.append(False, np.all(changes == 0.0, axis=1))
 
 
-def _beside(rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _beside(rows: Bools) -> Bools:
     """These rows (N,) and their neighbours."""
     return np.convolve(rows, np.ones(3), "same") > 0.0
 
 
-def _counted(record: Series, rows: NDArray[np.bool_]) -> str:
+def _counted(record: Series, rows: Bools) -> str:
     """Return the number of rows, and the first of them with its time."""
     first = int(np.argmax(rows))
     where = f"row {int(record.row[first])} ({digits(float(record.time_s[first]), 9)} s)"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from ..records import StrapdownRecord
 from ..records.channels import Channels
 from ..records.stamps import grid_of
@@ -34,7 +35,7 @@ LONGEST_TURN = 2.5
 """Longer turns have no certain axis [rad]."""
 LARGEST_SCALE = 6.0
 """Factor beyond which gyros are in another unit."""
-Usable: TypeAlias = Callable[[NDArray, NDArray], NDArray[np.bool_]]
+Usable: TypeAlias = Callable[[NDArray, NDArray], Bools]
 """Rows at which stretches (S,) begin and end -> whether every interval of theirs can be used."""
 
 
@@ -94,7 +95,7 @@ def truth_check(record: StrapdownRecord, sampling: RecordSampling, rests: Rests)
     return TruthCheck(faults=(line,), scale=np.ones(3))
 
 
-def scales_of(carried_turns: "Rotation", true: "Rotation") -> NDArray[np.float64]:
+def scales_of(carried_turns: "Rotation", true: "Rotation") -> Floats:
     """Return the ratio of true turns to carried turns (S) about each axis (3,).
 
     An axis about which they do not turn alike is as the others are; 1 where none does.
@@ -162,14 +163,14 @@ def usable_in(record: StrapdownRecord, sampling: RecordSampling, *, whole: bool 
     return lambda first, last: broken[last] == broken[first]
 
 
-def known_rows(record: StrapdownRecord) -> NDArray[np.int_]:
+def known_rows(record: StrapdownRecord) -> Ints:
     """Return the rows whose true attitude is known."""
     if record.attitude is None:
         return np.zeros(0, dtype=int)
     return np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
 
 
-def windows_between(known: NDArray, usable: Usable, period: float, seconds: float) -> NDArray[np.int_]:
+def windows_between(known: NDArray, usable: Usable, period: float, seconds: float) -> Ints:
     """Return windows of one length, side by side, as rows (S, 2) of the rows (K,) with known true attitude."""
     rows = max(1, round(seconds / period))
     room = max(1, int(LENGTH_ROOM * rows))

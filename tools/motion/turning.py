@@ -12,6 +12,7 @@ import scipy
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..arrays import Floats
 from ..records.channels import PERMUTATIONS, RADIANS, USUAL, Channels, advice, far_better, reading_of
 from ..result import Array, Result
 from ..rounding import digits
@@ -175,7 +176,7 @@ def units_tried(before: Channels | None) -> tuple[float, float]:
     return (1.0, 1.0 / RADIANS if before is not None and before.degrees else RADIANS)
 
 
-def _costs(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> NDArray[np.float64]:
+def _costs(matrix: NDArray, uncertain: NDArray, before: Channels | None) -> Floats:
     """Costs (96,) of K (3, 3), with its covariance (9, 9), as each signed permutation in each of the two units."""
     costs = []
     for unit in units_tried(before):

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..memory import once
 from ..records import StrapdownRecord
 from ..records.channels import PERMUTATIONS, RADIANS, Channels, advice, reading_of
@@ -97,7 +97,7 @@ def _shares(record: StrapdownRecord) -> tuple[dict[Way, float], int]:
         0
     ]
 
-    def square(left: NDArray[np.float64]) -> float:
+    def square(left: Floats) -> float:
         vector = left.ravel()
         return float(np.square(vector - bias @ (bias.T @ vector)).sum())
 

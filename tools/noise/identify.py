@@ -11,10 +11,10 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from ...fmus.units import STANDARD_GRAVITY
+from ..arrays import Floats
 from ..errors import InputError, InvalidInput
 from ..orchestrator.scenario import Scenario
 from ..progress import tracked
@@ -177,7 +177,7 @@ def predicted_drifts(channel: ChannelAtRest, step: float, simulated: Sizes, lett
     return results
 
 
-def window_drifts(readings: NDArray[np.float64], step: float, time: float) -> NDArray[np.float64]:
+def window_drifts(readings: Floats, step: float, time: float) -> Floats:
     """Return drifts over a time, each less the bias of the minute before, one window after the other."""
     before, behind = round(BIAS_TAKEN / step), round(time / step)
     if behind == 0:
@@ -215,9 +215,7 @@ def averaging_rows(longest: int) -> list[int]:
     return sorted(set(rows))
 
 
-def allan_curve(
-    pieces: Sequence[NDArray[np.float64]], step: float, likelihood: Likelihood, fit: NoiseFit
-) -> AllanCurve:
+def allan_curve(pieces: Sequence[Floats], step: float, likelihood: Likelihood, fit: NoiseFit) -> AllanCurve:
     """Return the overlapping Allan deviation of a channel with 95 % intervals, and the band of the fitted processes.
 
     The degrees of freedom are those of the processes, by the spectrum: the Allan variance is a weighted mean of the
@@ -289,7 +287,7 @@ def of_processes(
     return math.sqrt(variance + trend), max(1.0, freedom)
 
 
-def _numbers(longest: int) -> NDArray[np.float64]:
+def _numbers(longest: int) -> Floats:
     """Return the numbers of cosine coefficients at which a spectrum is added up: the lowest all, then 200 an octave."""
     if longest <= 512:
         return np.arange(1, longest, dtype=np.float64)

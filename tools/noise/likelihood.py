@@ -11,9 +11,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar, nnls, root_scalar
 
+from ..arrays import Floats
 from .processes import Letter, template
 from .spectrum import LONGEST_WARM_UP, SHORTEST_WARM_UP, Bins
 
@@ -72,7 +72,7 @@ class NoiseFit:
     """
 
     letters: tuple[Letter, ...]
-    power: NDArray[np.float64]
+    power: Floats
     constant: float
     trend: Trend | None
     cost: float
@@ -115,12 +115,12 @@ class Likelihood:
         self.bins = bins
         # sizes near one: the fits are of ratios to a smooth level
         self.unit = float(np.exp(np.average(np.log(np.maximum(bins.power, 1e-300)), weights=bins.count)))
-        self.templates: dict[tuple[Letter, float], NDArray[np.float64]] = {}
-        self.shapes: dict[float, NDArray[np.float64]] = {}
+        self.templates: dict[tuple[Letter, float], Floats] = {}
+        self.shapes: dict[float, Floats] = {}
         self.fits: dict[tuple[Letter, ...], NoiseFit] = {}
 
     @cached_property
-    def constants(self) -> NDArray[np.float64]:
+    def constants(self) -> Floats:
         """Correlation times that are tried [s]: from three steps to a quarter of the record."""
         first = 3.0 * self.bins.step * math.pi / max(float(self.bins.angle[-1]), 1e-12)
         last = max(self.bins.duration / 4.0, 2.0 * first)
@@ -142,18 +142,18 @@ class Likelihood:
         )
         return [*constants, math.exp(refined.x)]
 
-    def column(self, letter: Letter, constant: float) -> NDArray[np.float64]:
+    def column(self, letter: Letter, constant: float) -> Floats:
         """Return the template of a process at the bins, of size about one."""
         key = (letter, constant if letter == "M" else 0.0)
         if key not in self.templates:
             self.templates[key] = template(letter, self.bins.angle, self.bins.step, constant) / self.unit
         return self.templates[key]
 
-    def columns(self, letters: tuple[Letter, ...], constant: float) -> NDArray[np.float64]:
+    def columns(self, letters: tuple[Letter, ...], constant: float) -> Floats:
         """Return the templates (B, p) of some processes."""
         return np.stack([self.column(letter, constant) for letter in letters], axis=1)
 
-    def spectrum(self, fit: NoiseFit, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    def spectrum(self, fit: NoiseFit, angle: Floats) -> Floats:
         """Return the variance of cosine coefficients at ω [rad per reading] by fitted processes."""
         spectrum = np.zeros(angle.shape)
         for letter, power in zip(fit.letters, fit.power, strict=True):
@@ -210,9 +210,7 @@ class Likelihood:
         cost += float(count.sum()) * math.log(self.unit)
         return NoiseFit(letters, theta, constant, fitted, cost)
 
-    def _least_squares(
-        self, columns: NDArray[np.float64], power: NDArray[np.float64], spectrum: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _least_squares(self, columns: Floats, power: Floats, spectrum: Floats) -> Floats:
         """Return θ ≥ 0 by least squares, weighted as the scatter of the power about a spectrum is."""
         weight = np.sqrt(self.bins.count) / np.maximum(spectrum, 1e-300)
         weighted = columns * weight[:, None]
@@ -220,25 +218,25 @@ class Likelihood:
         solution, _ = nnls(weighted / scale, power * weight)
         return solution / scale
 
-    def _cost(self, spectrum: NDArray[np.float64], power: NDArray[np.float64]) -> float:
+    def _cost(self, spectrum: Floats, power: Floats) -> float:
         """Return Σ ν (ln S + P / S); infinite where the spectrum vanishes."""
         if not np.all(spectrum > 0.0):
             return math.inf
         return float(self.bins.count @ (np.log(spectrum) + power / spectrum))
 
-    def shape(self, trend: float) -> NDArray[np.float64]:
+    def shape(self, trend: float) -> Floats:
         """Return the single coefficients (S,) of a trend of size one."""
         if trend not in self.shapes:
             self.shapes[trend] = self.bins.trend(trend)
         return self.shapes[trend]
 
-    def _trend_size(self, spectrum: NDArray[np.float64], trend: float) -> float:
+    def _trend_size(self, spectrum: Floats, trend: float) -> float:
         """Return the size of a trend by least squares, weighted by the spectrum."""
         weight = 1.0 / (spectrum[self.bins.is_single] * self.unit)
         shape = self.shape(trend)
         return float((weight * shape) @ self.bins.single / ((weight * shape) @ shape))
 
-    def _power_without(self, trend: float, size: float) -> NDArray[np.float64]:
+    def _power_without(self, trend: float, size: float) -> Floats:
         """Return the power of the bins without a trend."""
         power = self.bins.power.copy()
         power[self.bins.is_single] = (self.bins.single - size * self.shape(trend)) ** 2
@@ -281,7 +279,7 @@ class Likelihood:
         return float(least.fun)
 
     def fit_beside(
-        self, fixed: NDArray[np.float64], letters: tuple[Letter, ...], constant: float = 0.0, trend: float | None = None
+        self, fixed: Floats, letters: tuple[Letter, ...], constant: float = 0.0, trend: float | None = None
     ) -> NoiseFit:
         """Return the fit of a set of processes beside a fixed spectrum (B,), with one correlation time and trend.
 
@@ -297,11 +295,11 @@ class Likelihood:
 
     def _beside(
         self,
-        fixed: NDArray[np.float64],
-        columns: NDArray[np.float64],
-        start: NDArray[np.float64],
+        fixed: Floats,
+        columns: Floats,
+        start: Floats,
         trend: float | None,
-    ) -> tuple[NDArray[np.float64], float]:
+    ) -> tuple[Floats, float]:
         """Return θ ≥ 0 of some columns beside a fixed spectrum, from a spectrum of theirs on, and the least cost."""
         power = self.bins.power / self.unit
         theta = np.zeros(columns.shape[1])
@@ -322,9 +320,7 @@ class Likelihood:
             cost = cost_new
         return theta, cost_new + float(self.bins.count.sum()) * math.log(self.unit)
 
-    def _part_of_step(
-        self, before: NDArray[np.float64], after: NDArray[np.float64], power: NDArray[np.float64]
-    ) -> tuple[float, float]:
+    def _part_of_step(self, before: Floats, after: Floats, power: Floats) -> tuple[float, float]:
         """Return the part of a step from one spectrum towards another that does not raise the cost, and its cost."""
         cost = self._cost(before, power)
         part = 1.0
@@ -354,7 +350,7 @@ class Likelihood:
         spread = 2.0 / (9.0 * self.bins.count)
         return float(np.max(np.abs(np.cbrt(power / spectrum) - (1.0 - spread)) / np.sqrt(spread)))
 
-    def with_power(self, fit: NoiseFit, power: NDArray[np.float64]) -> NoiseFit:
+    def with_power(self, fit: NoiseFit, power: Floats) -> NoiseFit:
         """Return a fit with other sizes, and its cost."""
         other = replace(fit, power=power)
         spectrum = self.columns(fit.letters, fit.constant) @ power

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
+from ..arrays import Floats, Ints
 from ..by_hand.still import TimedReadings, still_rests
 from ..errors import InputError
 from ..motion.rests import quiet_rests, rates_of, sampling_of
@@ -60,7 +60,7 @@ class ChannelAtRest:
 
     name: str
     sensor: Sensor
-    pieces: tuple[NDArray[np.float64], ...]
+    pieces: tuple[Floats, ...]
 
     @property
     def caution(self) -> str:
@@ -174,7 +174,7 @@ def _of_record(record: TimeSeries, skip: float) -> AtRest:
         raise InputError(
             f"{record.path}: no rest of {FEWEST_ROWS} rows ({digits(length)} s) is in it; record the block at rest"
         )
-    groups: list[tuple[Sensor, NDArray[np.float64]]] = []
+    groups: list[tuple[Sensor, Floats]] = []
     rates = _rates(record, grid.period)
     if rates is not None:
         groups.append(("gyro", rates))
@@ -188,7 +188,7 @@ def _of_record(record: TimeSeries, skip: float) -> AtRest:
     return AtRest(tuple(channels), grid.period, static, getattr(record, "increment", None) is not None)
 
 
-def _check_range(pieces: Sequence[NDArray[np.float64]], where: str) -> None:
+def _check_range(pieces: Sequence[Floats], where: str) -> None:
     """Raise an InputError where readings are cut off at an end of the range: their noise looks smaller than it is."""
     cut = sum(int(rows_at_limit(piece).sum()) for piece in pieces)
     rows = sum(map(len, pieces))
@@ -201,7 +201,7 @@ def _check_range(pieces: Sequence[NDArray[np.float64]], where: str) -> None:
         )
 
 
-def _rates(record: TimeSeries, period: float) -> NDArray[np.float64] | None:
+def _rates(record: TimeSeries, period: float) -> Floats | None:
     """Return rates (N, 3) [rad/s], of increments over one period; None without gyros."""
     if isinstance(record, StrapdownRecord | BenchRecord):
         if record.increment is not None:
@@ -260,7 +260,7 @@ def _stands_still(record: StrapdownRecord | ForceRecord, rows: slice, period: fl
     return isinstance(record, ForceRecord) or not _turns(rates_of(record)[rows], period)
 
 
-def _turns(rate: NDArray[np.float64], period: float) -> bool:
+def _turns(rate: Floats, period: float) -> bool:
     """Return true if rates (n, 3) show a move.
 
     The rate of a move changes within seconds, and stands out. A bias wanders always alike, or drifts over minutes.
@@ -280,13 +280,13 @@ def _turns(rate: NDArray[np.float64], period: float) -> bool:
     return False
 
 
-def _same_pose(means: NDArray[np.float64]) -> bool:
+def _same_pose(means: Floats) -> bool:
     """Return true if specific forces (K, 3) are of one pose."""
     size = float(np.linalg.norm(means, axis=1).mean())
     return float(np.ptp(means, axis=0).max()) <= SAME_POSE * size
 
 
-def _without_gaps(record: TimeSeries, stretch: slice, gaps: NDArray[np.int_], start: float) -> list[slice]:
+def _without_gaps(record: TimeSeries, stretch: slice, gaps: Ints, start: float) -> list[slice]:
     """Return the parts of a stretch between long gaps and knocks, from a time on [s]."""
     first = max(stretch.start, int(np.searchsorted(record.time_s, start)))
     cuts = [(int(gap) + 1, int(gap) + 1) for gap in gaps]

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
+from ..arrays import Floats
 
 Letter = Literal["N", "Q", "B", "K", "M", "R", "W"]
 Sensor = Literal["gyro", "accelerometer"]
@@ -119,7 +119,7 @@ PROCESSES: dict[Letter, Process] = {
 """Processes in the order in which they are named."""
 
 
-def template(letter: Letter, angle: NDArray[np.float64], step: float, constant: float = 1.0) -> NDArray[np.float64]:
+def template(letter: Letter, angle: Floats, step: float, constant: float = 1.0) -> Floats:
     """Return the variance of cosine coefficients of a process of size one.
 
     Parameters
@@ -147,7 +147,7 @@ def template(letter: Letter, angle: NDArray[np.float64], step: float, constant: 
     return -np.expm1(-2.0 * step / constant) / (np.expm1(-step / constant) ** 2 + decay * sine)
 
 
-def difference_gain(angle: NDArray[np.float64], rows: int) -> NDArray[np.float64]:
+def difference_gain(angle: Floats, rows: int) -> Floats:
     """Return the gain from the spectrum at ω to half the squared difference of neighbouring means of `rows` readings.
 
     The mean of gain times spectrum over the frequencies of a record is its Allan variance.
@@ -155,7 +155,7 @@ def difference_gain(angle: NDArray[np.float64], rows: int) -> NDArray[np.float64
     return 2.0 * np.sin(0.5 * rows * angle) ** 4 / (rows * np.sin(0.5 * angle)) ** 2
 
 
-def drift_variance(letter: Letter, time: NDArray[np.float64], constant: float = 1.0) -> NDArray[np.float64]:
+def drift_variance(letter: Letter, time: Floats, constant: float = 1.0) -> Floats:
     """Return the generalised variogram V(t) of the integral of a process of size one.
 
     The variance of a contrast Σ w_i I(t_i) with Σ w_i = 0 is -½ ΣΣ w_i w_j V(t_i - t_j). Where the process wanders, Σ

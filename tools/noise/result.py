@@ -6,10 +6,10 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus import version
+from ..arrays import Floats
 from ..errors import InputError, InvalidInput
 from ..quantity import Quantity
 from ..result import Result
@@ -202,7 +202,7 @@ class ChannelNoise(Result):
 
         It is the root mean square over all means.
         """
-        apart: NDArray[np.float64] = (dwell_s + gap_s) * np.arange(count, dtype=np.float64)
+        apart: Floats = (dwell_s + gap_s) * np.arange(count, dtype=np.float64)
         pairs = np.concatenate([[count], 2.0 * np.arange(count - 1, 0, -1)]) / count**2
 
         def of_one(letter: Letter, constant: float) -> float:

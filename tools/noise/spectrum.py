@@ -15,6 +15,8 @@ from scipy.fft import dct
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtri
 
+from ..arrays import Bools, Floats, Ints
+
 SINGLE = 64
 """Lowest coefficients that are bins of their own."""
 AN_OCTAVE = 12
@@ -80,13 +82,13 @@ class Bins:
         rows of the longest piece
     """
 
-    angle: NDArray[np.float64]
-    power: NDArray[np.float64]
-    count: NDArray[np.float64]
+    angle: Floats
+    power: Floats
+    count: Floats
     step: float
-    single: NDArray[np.float64]
-    number: NDArray[np.int_]
-    is_single: NDArray[np.bool_]
+    single: Floats
+    number: Ints
+    is_single: Bools
     rows: int
 
     @property
@@ -100,11 +102,11 @@ class Bins:
         return len(self.single) > 0
 
     @property
-    def warm_ups(self) -> NDArray[np.float64]:
+    def warm_ups(self) -> Floats:
         """Return the time constants of warm-ups that are tried [s]."""
         return np.geomspace(self.duration / 30.0, self.duration / 2.0, WARM_UPS)
 
-    def trend(self, constant: float) -> NDArray[np.float64]:
+    def trend(self, constant: float) -> Floats:
         """Return the single coefficients (S,) of a trend of size one: the ramp for 0, else a warm-up [s]."""
         return trend_coefficients(self.number, self.rows, self.step, constant)
 
@@ -123,7 +125,7 @@ class Bins:
         )
 
 
-def bins_of(pieces: Sequence[NDArray[np.float64]], step: float) -> tuple[Bins, tuple[LineInSpectrum, ...]]:
+def bins_of(pieces: Sequence[Floats], step: float) -> tuple[Bins, tuple[LineInSpectrum, ...]]:
     """Return the spectrum of the pieces of one channel without its lines, and the lines.
 
     Parameters
@@ -149,7 +151,7 @@ def bins_of(pieces: Sequence[NDArray[np.float64]], step: float) -> tuple[Bins, t
     return joined, tuple(lines)
 
 
-def _coefficients(piece: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+def _coefficients(piece: Floats, step: float) -> Floats:
     """Return the cosine coefficients (n - 1,) of a piece; a strong warm-up is only in those that are single bins."""
     coefficients = np.asarray(dct(piece - piece[0], type=2, norm="ortho"))[1:]
     rows, single = len(piece), coefficients[:SINGLE]
@@ -175,8 +177,8 @@ def _coefficients(piece: NDArray[np.float64], step: float) -> NDArray[np.float64
 
 
 def _piece_bins(
-    coefficients: NDArray[np.float64],
-    masked: NDArray[np.bool_],
+    coefficients: Floats,
+    masked: Bools,
     step: float,
     floor: float,
 ) -> Bins:
@@ -218,7 +220,7 @@ def bin_edges(count: int) -> NDArray[np.int64]:
     return np.array(edges, dtype=np.int64)
 
 
-def trend_coefficients(number: NDArray[np.int_], rows: int, step: float, constant: float) -> NDArray[np.float64]:
+def trend_coefficients(number: Ints, rows: int, step: float, constant: float) -> Floats:
     """Return the cosine coefficients of these numbers of a ramp of 1/s, for 0, or of a warm-up exp(-t/T).
 
     They are the sums over k of x_k cos(ω (k + 1/2)) times √(2/n).
@@ -251,7 +253,7 @@ def _joined(parts: Sequence[Bins]) -> Bins:
     )
 
 
-def line_mask(coefficients: NDArray[np.float64]) -> NDArray[np.bool_]:
+def line_mask(coefficients: Floats) -> Bools:
     """Return true for the coefficients (n,) of lines and their neighbours, against the median level around them."""
     count = len(coefficients)
     squares = coefficients**2
@@ -283,7 +285,7 @@ def _level_edges(count: int) -> NDArray[np.int64]:
     return np.array(edges, dtype=np.int64)
 
 
-def _levels(squares: NDArray[np.float64], masked: NDArray[np.bool_], edges: NDArray[np.int64]) -> NDArray[np.float64]:
+def _levels(squares: Floats, masked: Bools, edges: NDArray[np.int64]) -> Floats:
     """Return the median of the squares (n,) of each block that are no lines."""
     level = np.full(len(squares), np.inf)
     ends = [*edges[1:].tolist(), len(squares)]
@@ -294,7 +296,7 @@ def _levels(squares: NDArray[np.float64], masked: NDArray[np.bool_], edges: NDAr
     return level
 
 
-def lines_of(coefficients: NDArray[np.float64], masked: NDArray[np.bool_], step: float) -> list[LineInSpectrum]:
+def lines_of(coefficients: Floats, masked: Bools, step: float) -> list[LineInSpectrum]:
     """Return the strongest lines: runs of masked coefficients, with the amplitude of one sine of their energy."""
     size = len(coefficients) + 1
     edges = np.flatnonzero(np.diff(np.concatenate([[False], masked, [False]]).astype(np.int8)))

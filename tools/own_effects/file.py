@@ -19,7 +19,6 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...fmus.catalogue import COMPONENTS
 from ...fmus.component import extend
@@ -39,6 +38,7 @@ from ...models.effects import (
 )
 from ...models.effects.columns import ONSET, PORTS, WHOLE, ports
 from ...models.effects.definition import ACCELEROMETERS, AXES, GYRO_BLOCK, whole_numbers
+from ..arrays import Floats
 from ..errors import InputError, nearest, one_line
 from ..files import advice_on, bytes_of
 
@@ -434,9 +434,7 @@ def rows_for(effect: Effect) -> Rows | MotionRows:
     )
 
 
-def kernel_additions(
-    place: EffectPlace, effect: Effect, values: Sequence[float], rows: Rows | MotionRows
-) -> NDArray[np.float64]:
+def kernel_additions(place: EffectPlace, effect: Effect, values: Sequence[float], rows: Rows | MotionRows) -> Floats:
     """Return the terms (N, ports) that the kernel adds to the ports of its stage, row by row."""
     assert effect.kernel is not None
     added = np.zeros((COUNT, PORTS[str(effect.stage)]))
@@ -465,7 +463,7 @@ def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     else:
         part, agree = (AT_REST, AGREE)
 
-    def added(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    def added(coefficients: Floats) -> Floats:
         values = list(effect.from_coefficients(coefficients))
         values += last
         with errors_of_field(refuse, "kernel"):

@@ -15,6 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
+from ..arrays import Floats
 from ..calibration.model import parametrise
 from ..calibration.targets import expression_weights
 from ..motion.attitude import algorithm_named, angle_between
@@ -75,7 +76,7 @@ def _six_digits(values: Sequence[float] | NDArray) -> list[float]:
 
 
 Angles: TypeAlias = Annotated[
-    NDArray[np.float64],
+    Floats,
     BeforeValidator(lambda value: np.asarray(value, dtype=np.float64)),
     PlainSerializer(_six_digits),
     WithJsonSchema({"type": "array", "items": {"type": "number"}}),
@@ -399,9 +400,7 @@ def _checked(
     )
 
 
-def _margin_and_regressors(
-    block: Sequence[SignSheet], readings: Sequence[Mapping[str, float]]
-) -> tuple[float, NDArray[np.float64]]:
+def _margin_and_regressors(block: Sequence[SignSheet], readings: Sequence[Mapping[str, float]]) -> tuple[float, Floats]:
     """The least clearance [g] of readings, each on its accelerometer's better sheet, and their F (N, 18)."""
     margin, regressors = math.inf, []
     for reading in readings:

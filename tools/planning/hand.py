@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
+from ..arrays import Floats
 from ..errors import InputError, nearest
 from ..motion.determinacy import LEAST_SD, MOST_POSES, TURN_PRIOR_SD, Determinacy, candidate_poses, worst_turn
 from ..motion.inspect import inspect_record
@@ -146,7 +147,7 @@ def wanted_error(text: str, option: str, example: str) -> float:
 class TurnDeterminacy:
     """How well moves determine the scale factors and misalignments M of gyros, row by row: covariance (9, 9)."""
 
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.diag(TURN_PRIOR_SD**2))
+    covariance: Floats = field(default_factory=lambda: np.diag(TURN_PRIOR_SD**2))
 
     @property
     def worst(self) -> float:
@@ -165,19 +166,19 @@ class TurnDeterminacy:
 class PlannedTurn:
     """A turn by `angle` [rad] about `axis` (3,), both axes of the instrument; `after` (3,) is the direction up then."""
 
-    axis: NDArray[np.float64]
+    axis: Floats
     angle: float
-    after: NDArray[np.float64]
+    after: Floats
     words: str
 
 
-def _cross(vector: NDArray) -> NDArray[np.float64]:
+def _cross(vector: NDArray) -> Floats:
     """Return the matrix (3, 3) of the product with a vector from the left."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def _along_the_way(turn: PlannedTurn) -> NDArray[np.float64]:
+def _along_the_way(turn: PlannedTurn) -> Floats:
     """Return the integral (3, 3) over a turn that carries an error per angle to its end."""
     axis, angle = turn.axis, turn.angle
     along = np.outer(axis, axis)
@@ -206,7 +207,7 @@ def turns_to(up: NDArray, target: NDArray) -> list[PlannedTurn]:
     return turns or [PlannedTurn(_level(up), np.pi, target, "turn over by 180°")]
 
 
-def _level(up: NDArray) -> NDArray[np.float64]:
+def _level(up: NDArray) -> Floats:
     """Return a unit vector (3,) at right angles to another."""
     axis = np.cross(up, np.eye(3)[int(np.abs(up).argmin())])
     return axis / np.linalg.norm(axis)
@@ -293,7 +294,7 @@ class Progress:
 
     forces: Determinacy
     gyros: TurnDeterminacy
-    up: NDArray[np.float64] | None = None
+    up: Floats | None = None
 
     def moved(self, turn: PlannedTurn | None, up: NDArray, sd: float) -> "Progress":
         """Return the knowledge after a turn and a rest."""

@@ -23,6 +23,7 @@ from pydantic import Field
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base, integrated_readings, moments_of, nominal_input
 from ...models.table_commands import TICK_TOLERANCE, move_duration
+from ..arrays import Floats, Ints
 from ..bounded.programmes import Polytope
 from ..calibration import BenchOnEarth
 from ..calibration.calibration import Asked, checked_noise_bound, fit_record, wanted_targets
@@ -101,7 +102,7 @@ def _steps_of(programme: Sequence[TableVisit]) -> list[int]:
     return steps
 
 
-def _covered(way: float, rate: float, time: NDArray) -> NDArray[np.float64]:
+def _covered(way: float, rate: float, time: NDArray) -> Floats:
     """Return the angle [rad] that a move over `way` from rest to rest has covered at times after its beginning."""
     acceleration, length = TABLE_ACCELERATION, abs(way)
     if length == 0.0:
@@ -158,7 +159,7 @@ class Planned:
         size = len(bench) + len(GYRO_PARAMETERS)
         return [widened(target, size) for target in (*bench, *gyro_targets(len(bench)))]
 
-    def errors(self, rows: WithTurns) -> NDArray[np.float64]:
+    def errors(self, rows: WithTurns) -> Floats:
         """Return the guaranteed errors (T,) of all targets; infinite for undetermined ones."""
         errors = a_priori_values(rows, self.targets)[:, 1]
         return np.where(np.isnan(errors), np.inf, errors)
@@ -168,14 +169,14 @@ class Stop(NamedTuple):
     """A rest, or whole turns to and fro with rests at both ends: its visits, and its rows (K,) of the pool."""
 
     visits: tuple[TableVisit, ...]
-    rows: NDArray[np.int_]
+    rows: Ints
 
 
 @dataclass(frozen=True, eq=False)
 class StopPool:
     """The reference for all choices: rows (M, P) over their bounds, and the stops to choose from."""
 
-    rows: NDArray[np.float64]
+    rows: Floats
     stops: tuple[Stop, ...]
 
     @staticmethod
@@ -213,7 +214,7 @@ class StopPool:
 Place = tuple[float, float]
 
 
-def _three(piece: int | NDArray) -> NDArray[np.int_]:
+def _three(piece: int | NDArray) -> Ints:
     """Return rows (..., 3) of pieces: one for each accelerometer or gyro."""
     return 3 * np.asarray(piece)[..., None] + np.arange(3)
 
@@ -252,7 +253,7 @@ def _joined(stops: Sequence[Sequence[Place]]) -> tuple[list[Place], list[tuple[i
     return path, ends
 
 
-def _longer_rest(record: WithTurns, rest: int, behind: int, dwell_s: float) -> NDArray[np.float64]:
+def _longer_rest(record: WithTurns, rest: int, behind: int, dwell_s: float) -> Floats:
     """Return the gyros' rows (3, P) over their bounds of a rest that is longer than in the pool's record."""
     turns, rows = record.turns, behind + _three(rest)
     seconds = (turns.last[rest] - turns.first[rest]) * STEP_S
@@ -270,7 +271,7 @@ def confined(rows: NDArray) -> tuple[NDArray, Polytope]:
     return stacked, Polytope(stacked, np.ones(len(stacked)), np.arange(len(rows), len(stacked)))
 
 
-def joint_errors(pool: StopPool, rows: WithTurns, targets: Sequence[Target]) -> NDArray[np.float64]:
+def joint_errors(pool: StopPool, rows: WithTurns, targets: Sequence[Target]) -> Floats:
     """Return the guaranteed errors (T,) of the pool and a programme's own rows together."""
     stacked, polytope = confined(np.vstack([pool.rows, rows.jacobian / rows.bound[:, None]]))
     polytope.confine(-np.ones(len(stacked)), np.ones(len(stacked)))
@@ -302,7 +303,7 @@ class StopSearch:
             self._share[k] = np.abs(duals) / self._error[k]
 
     @property
-    def ratio(self) -> NDArray[np.float64]:
+    def ratio(self) -> Floats:
         """Return the guaranteed errors (T,) over those of the whole pool."""
         return self._error / self._best
 
@@ -334,7 +335,7 @@ class StopSearch:
             open_targets[:] = True
 
     @cached_property
-    def _costs(self) -> NDArray[np.float64]:
+    def _costs(self) -> Floats:
         """Return the approximate time (E,) of each stop, with the way to it [s]."""
         return np.array([WAY_S + seconds_of(stop.visits) for stop in self._pool.stops])
 

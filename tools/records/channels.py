@@ -14,6 +14,7 @@ from typing import TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats, Ints
 from ..errors import InputError
 
 Axes: TypeAlias = tuple[int, int, int]
@@ -34,7 +35,7 @@ SIGNED = re.compile(r"[+-]?[123]")
 OPTIONS = "as 2,1,-3 (accelerometers), w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad or w=deg"
 
 
-def _matrix(order: Axes) -> NDArray[np.float64]:
+def _matrix(order: Axes) -> Floats:
     matrix = np.zeros((3, 3))
     for axis, channel in enumerate(order):
         matrix[axis, abs(channel) - 1] = np.sign(channel)
@@ -81,12 +82,12 @@ class Channels:
         return Channels(**fields)  # type: ignore[arg-type]
 
     @property
-    def of_accelerometers(self) -> NDArray[np.float64]:
+    def of_accelerometers(self) -> Floats:
         """The matrix (3, 3) by which their readings are multiplied."""
         return _matrix(self.accelerometers)
 
     @property
-    def of_gyros(self) -> NDArray[np.float64]:
+    def of_gyros(self) -> Floats:
         """The matrix (3, 3) by which their readings are multiplied."""
         size = 1.0
         if self.degrees:
@@ -170,7 +171,7 @@ def _order(value: str) -> Axes | None:
     return None
 
 
-def far_better(costs: NDArray[np.float64]) -> NDArray[np.int_]:
+def far_better(costs: Floats) -> Ints:
     """Return the equally good ways of reading (n,) that fit far better than the first, the unchanged one.
 
     They are numbers of costs (W,), the best first (see `FAR_BETTER`); none where the best is not far better.

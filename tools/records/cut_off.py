@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from ..memory import each, once
 from .limits import rows_at_limit
 
@@ -79,8 +79,8 @@ class CountedReadings:
     `at` names the ends of the channel's range that the first and the last value are.
     """
 
-    edges: NDArray[np.float64]
-    counts: NDArray[np.float64]
+    edges: Floats
+    counts: Floats
     at: frozenset[End]
 
     def fit(self, ends: Sequence[End]) -> tuple[float, float]:
@@ -94,7 +94,7 @@ class CountedReadings:
         mean = float(self.counts @ middle / rows)
         spread = float(np.sqrt(self.counts @ (middle - mean) ** 2 / rows))
 
-        def cost(parameters: NDArray[np.float64]) -> float:
+        def cost(parameters: Floats) -> float:
             scaled = (inner - mean - spread * parameters[0]) / (spread * np.exp(parameters[1]))
             return float(-2.0 * self.counts @ log_between(scaled))
 
@@ -128,7 +128,7 @@ class LimitedNormal:
         return LimitedNormal(ends, sum(cost for cost, _ in fits), sum(beyond for _, beyond in fits))
 
 
-def log_between(edges: NDArray[np.float64]) -> NDArray[np.float64]:
+def log_between(edges: Floats) -> Floats:
     """Return the logarithm of the probability of normal values between edges (k + 1,), in ascending order."""
     low, high = edges[:-1], edges[1:]
     mirrored = low > 0.0
@@ -137,7 +137,7 @@ def log_between(edges: NDArray[np.float64]) -> NDArray[np.float64]:
     return above + np.log1p(-np.minimum(np.exp(below - above), 1.0 - 1e-15))
 
 
-def cut_off(pieces: Sequence[NDArray[np.float64]]) -> CutOff | None:
+def cut_off(pieces: Sequence[Floats]) -> CutOff | None:
     """Return the readings of a channel at rest that are cut off at an end of its range; None where none are.
 
     Parameters
@@ -178,9 +178,7 @@ def cut_off(pieces: Sequence[NDArray[np.float64]]) -> CutOff | None:
     return CutOff(best.ends, sum(at_ends), best.beyond / len(values), certain)
 
 
-def limited_rests(
-    values: NDArray[np.float64], rests: Sequence[slice], moved: Sequence[NDArray[np.float64]] = ()
-) -> NDArray[np.bool_]:
+def limited_rests(values: Floats, rests: Sequence[slice], moved: Sequence[Floats] = ()) -> Bools:
     """Return the rests (K, C) in which channels (N, C) are at an end of their range, so that their means are wrong.
 
     Such a rest holds readings that are cut off for certain, or scatters less than the others at an end of the range.
@@ -204,17 +202,15 @@ def limited_rests(
     return limited
 
 
-def _spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spread(values: Floats) -> Floats:
     return values.std(axis=0)
 
 
-def _rows_at_limit(values: NDArray[np.float64], axis: int, *moved: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _rows_at_limit(values: Floats, axis: int, *moved: Floats) -> Bools:
     return rows_at_limit(values[:, axis], [*np.delete(values, axis, axis=1).T, *moved])
 
 
-def _flat(
-    pieces: Sequence[NDArray[np.float64]], spread: NDArray[np.float64], at_rest: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _flat(pieces: Sequence[Floats], spread: Floats, at_rest: Floats) -> Bools:
     """Return the pieces that stay at an end of the range, though the others scatter by more than their steps."""
     usual = float(np.median(spread))
     lowest, highest = at_rest.min(), at_rest.max()
@@ -227,7 +223,7 @@ def _flat(
     return flat
 
 
-def steps_hide_noise(pieces: Sequence[NDArray[np.float64]]) -> bool:
+def steps_hide_noise(pieces: Sequence[Floats]) -> bool:
     """Return true if readings at rest scatter by less than their steps, so that a limit would not show."""
     windows = _windows(pieces)
     windows = windows[:: max(1, len(windows) // SEEN)]
@@ -238,7 +234,7 @@ def steps_hide_noise(pieces: Sequence[NDArray[np.float64]]) -> bool:
     return bool(spread < HIDDEN * np.median(steps))
 
 
-def _windows(pieces: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+def _windows(pieces: Sequence[Floats]) -> list[Floats]:
     """Return the pieces in windows in which a bias is constant."""
     windows = []
     for piece in pieces:
@@ -251,7 +247,7 @@ def _windows(pieces: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]
     return windows
 
 
-def _groups(windows: Sequence[NDArray[np.float64]], lowest: float, highest: float) -> list[CountedReadings]:
+def _groups(windows: Sequence[Floats], lowest: float, highest: float) -> list[CountedReadings]:
     """Return the windows with alike means that reach an end of the range, counted together."""
     means = np.array([window.mean() for window in windows])
     spread = float(np.median([window.std() for window in windows]))
@@ -272,7 +268,7 @@ def _groups(windows: Sequence[NDArray[np.float64]], lowest: float, highest: floa
     return groups
 
 
-def _group(codes: NDArray[np.float64], counts: NDArray[np.int_], width: float, at: frozenset[End]) -> CountedReadings:
+def _group(codes: Floats, counts: Ints, width: float, at: frozenset[End]) -> CountedReadings:
     """Return counted readings in bins of a least width; the first and the last value have a bin of their own."""
     middles = 0.5 * (codes[1:] + codes[:-1])
     kept = [0]
@@ -287,7 +283,7 @@ def _group(codes: NDArray[np.float64], counts: NDArray[np.int_], width: float, a
     return CountedReadings(edges, np.add.reduceat(counts, starts).astype(np.float64), at)
 
 
-def _independent(windows: Sequence[NDArray[np.float64]]) -> float:
+def _independent(windows: Sequence[Floats]) -> float:
     """Return the part of the rows that count as independent, by the correlation of each with the next."""
     product, square = 0.0, 0.0
     for window in windows:
@@ -305,7 +301,7 @@ def _piles_up(groups: Sequence[CountedReadings]) -> bool:
     return max(at_lower, at_upper) > 0.0
 
 
-def _has_line(piece: NDArray[np.float64]) -> bool:
+def _has_line(piece: Floats) -> bool:
     """Return true if one line holds much of the variance of readings above the frequencies of drifts."""
     power = np.abs(np.fft.rfft(piece - piece.mean())) ** 2
     above = power[DRIFTS:]

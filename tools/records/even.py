@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from .. import postponed as postponed
+from ..arrays import Floats, Ints
 from ..errors import InputError
 from ..rounding import digits, exactly
 from .kinds import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
@@ -163,7 +164,7 @@ def missed_angles(record: StrapdownRecord, grid: Grid) -> Missed | None:
     return Missed(even, logged, len(ends), words)
 
 
-def _usable(record: StrapdownRecord, grid: Grid, ends: NDArray[np.int_]) -> NDArray[np.int_]:
+def _usable(record: StrapdownRecord, grid: Grid, ends: Ints) -> Ints:
     """Return stretches (S, 2) of rows without a gap, in which the block turns; spread over the record."""
     gaps = np.append(0, np.cumsum(grid.is_gap))
     whole = np.flatnonzero(gaps[ends[:, 0]] == gaps[ends[:, 1]])
@@ -171,7 +172,7 @@ def _usable(record: StrapdownRecord, grid: Grid, ends: NDArray[np.int_]) -> NDAr
     return thinned(whole[turned], MOST)
 
 
-def _with_truth(record: StrapdownRecord, grid: Grid) -> NDArray[np.int_]:
+def _with_truth(record: StrapdownRecord, grid: Grid) -> Ints:
     """Stretches (S, 2), first and last row, in which the block turns and its true attitude is known at both ends."""
     rows = max(2, round(STRETCH / grid.period))
     first = np.arange(0, len(record) - rows, rows)
@@ -183,7 +184,7 @@ def _with_truth(record: StrapdownRecord, grid: Grid) -> NDArray[np.int_]:
     return ends[_usable(record, grid, ends)]
 
 
-def _moves(record: StrapdownRecord, grid: Grid) -> tuple[NDArray[np.int_], NDArray[np.float64]]:
+def _moves(record: StrapdownRecord, grid: Grid) -> tuple[Ints, Floats]:
     """Moves (S, 2), from the middle of a rest to that of the next, and gravity's directions (S, 2, 3) at both.
 
     Rests are neighbouring quiet blocks without a gap.
@@ -211,7 +212,7 @@ def _moves(record: StrapdownRecord, grid: Grid) -> tuple[NDArray[np.int_], NDArr
     return ends[usable], np.stack([directions[:-1], directions[1:]], axis=1)[usable]
 
 
-def _least_missed(record: StrapdownRecord, time: NDArray, ends: NDArray[np.int_], directions: NDArray | None) -> float:
+def _least_missed(record: StrapdownRecord, time: NDArray, ends: Ints, directions: NDArray | None) -> float:
     """Return the gyros' miss [rad], rms over stretches (S, 2), with the best small errors of the instruments."""
     stretches = Stretches.of(record, time, ends)
 

@@ -11,8 +11,8 @@ from hashlib import sha256
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from ..rounding import digits
 from .kinds import RawRecord, StrapdownRecord
 
@@ -61,8 +61,8 @@ class Course(NamedTuple):
     repeats: int
     usual: int
     noisy: bool
-    at_largest: NDArray[np.int_]
-    at_least: NDArray[np.int_]
+    at_largest: Ints
+    at_least: Ints
 
 
 _courses: dict[tuple[int, bytes], Course | None] = {}
@@ -76,12 +76,12 @@ class Limits:
     `rows`: channel -> mask (N,) of the rows at a limit of it; channels without one are left out. `time_s` (N,) [s].
     """
 
-    channels: Mapping[str, NDArray[np.float64]]
-    rows: Mapping[str, NDArray[np.bool_]]
-    time_s: NDArray[np.float64]
+    channels: Mapping[str, Floats]
+    rows: Mapping[str, Bools]
+    time_s: Floats
     unit: str
 
-    def of(self, letter: str) -> NDArray[np.bool_]:
+    def of(self, letter: str) -> Bools:
         """Rows (N,) at which any gyro, "w", or accelerometer, "f", is at a limit."""
         rows = np.zeros(len(self.time_s), dtype=bool)
         for name, mask in self.rows.items():
@@ -89,7 +89,7 @@ class Limits:
                 rows |= mask
         return rows
 
-    def among(self, chosen: NDArray[np.bool_]) -> "Limits":
+    def among(self, chosen: Bools) -> "Limits":
         """The limits at some of the rows, a mask (N,)."""
         rows = {}
         for name, mask in self.rows.items():
@@ -138,7 +138,7 @@ def channel_limits(record: StrapdownRecord | RawRecord) -> Limits:
     return Limits(channels, masks, record.time_s, unit)
 
 
-def rows_at_limit(values: NDArray[np.float64], channels: Sequence[NDArray[np.float64]] = ()) -> NDArray[np.bool_]:
+def rows_at_limit(values: Floats, channels: Sequence[Floats] = ()) -> Bools:
     """Rows (N,) of a channel at its largest or least value, where that is a limit, and where it is stuck.
 
     Where the `others`, channels (N,), stand still for a while, a rest explains equal readings.
@@ -170,7 +170,7 @@ def rows_at_limit(values: NDArray[np.float64], channels: Sequence[NDArray[np.flo
     return at_limit
 
 
-def _course_of(values: NDArray[np.float64]) -> Course | None:
+def _course_of(values: Floats) -> Course | None:
     """Return what tells limits of a channel, None of one with few values; the same readings are looked at once."""
     key = (len(values), sha256(values.tobytes()).digest())
     if key not in _courses:
@@ -180,7 +180,7 @@ def _course_of(values: NDArray[np.float64]) -> Course | None:
     return _courses[key]
 
 
-def _new_course(values: NDArray[np.float64]) -> Course | None:
+def _new_course(values: Floats) -> Course | None:
     distinct, counts = np.unique(values, return_counts=True)
     if len(distinct) < DISTINCT:
         return None
@@ -200,13 +200,13 @@ def _new_course(values: NDArray[np.float64]) -> Course | None:
     )
 
 
-def resolution_of(distinct: NDArray[np.float64]) -> float:
+def resolution_of(distinct: Floats) -> float:
     """Return the least step between the different values (n,) of a channel, sorted; ignore rounding of doubles."""
     steps = np.diff(distinct)
     return float(steps[steps > 1e-12 * np.abs(distinct).max()].min(initial=np.ptp(distinct)))
 
 
-def is_noisy(values: NDArray[np.float64], resolution: float) -> bool:
+def is_noisy(values: Floats, resolution: float) -> bool:
     """Return true if readings (n,) scatter from row to row by more than their resolution."""
     second = np.diff(values, 2)
     resolved = np.abs(second) > RESOLVED * resolution
@@ -222,7 +222,7 @@ def is_longer(rows: int, usual: int) -> bool:
     return rows > LONGER * usual
 
 
-def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: float, repeats: int = 1) -> bool:
+def has_corner(values: Floats, run: tuple[int, int], resolution: float, repeats: int = 1) -> bool:
     """Return true if a curve, smooth outside, has a corner at its largest value and is bent as motion is.
 
     A smooth extreme has no corner; the straight ramps of a table are not bent towards their end. Every reading is
@@ -245,7 +245,7 @@ def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: fl
     return False
 
 
-def is_rest(channels: Sequence[NDArray[np.float64]], run: tuple[int, int]) -> bool:
+def is_rest(channels: Sequence[Floats], run: tuple[int, int]) -> bool:
     """Return true if other channels are constant over a run of rows, but not around it."""
     begin, end = run
     length = end - begin
@@ -258,7 +258,7 @@ def is_rest(channels: Sequence[NDArray[np.float64]], run: tuple[int, int]) -> bo
     return moved
 
 
-def stands_still(values: NDArray[np.float64]) -> bool:
+def stands_still(values: Floats) -> bool:
     """Return true if readings (n,) change by no more than their steps and noise."""
     if len(values) < 2 or np.ptp(values) == 0.0:
         return True
@@ -267,7 +267,7 @@ def stands_still(values: NDArray[np.float64]) -> bool:
     return bool(np.ptp(means) <= STILL * max(float(np.median(steps)), float(steps[steps > 0.0].min())))
 
 
-def stuck_rows(values: NDArray[np.float64], repeated: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def stuck_rows(values: Floats, repeated: Bools) -> Bools:
     """Return rows (N,) where a channel that rarely repeats a value stays at one, far from its usual readings."""
     stuck = np.zeros(len(values), dtype=bool)
     begins, ends = runs_of(repeated)
@@ -284,7 +284,7 @@ def stuck_rows(values: NDArray[np.float64], repeated: NDArray[np.bool_]) -> NDAr
     return np.zeros(len(values), dtype=bool)
 
 
-def runs_of(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+def runs_of(mask: Bools) -> tuple[Ints, Ints]:
     """Beginnings and ends of the runs of a mask (N,)."""
     edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
     return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

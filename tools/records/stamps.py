@@ -12,6 +12,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
+
 GAP = 1.5
 """Stamps that leave their line for good by half a period less than this many periods hide a gap."""
 UNEVEN = 0.01
@@ -70,20 +72,20 @@ class Grid:
     """
 
     period: float
-    gaps: NDArray[np.int_]
-    even: NDArray[np.float64]
-    logged: NDArray[np.float64]
+    gaps: Ints
+    even: Floats
+    logged: Floats
     regular: bool
 
     @property
-    def is_gap(self) -> NDArray[np.bool_]:
+    def is_gap(self) -> Bools:
         """Intervals (N - 1,) between rows that are gaps."""
         mask = np.zeros(len(self.logged) - 1, dtype=bool)
         mask[self.gaps] = True
         return mask
 
     @property
-    def lost(self) -> NDArray[np.int_]:
+    def lost(self) -> Ints:
         """Rows (G,) that each gap lacks, at least one."""
         between = np.diff(self.even)[self.gaps]
         return np.maximum(np.round(between / self.period).astype(int) - 1, 1)
@@ -99,7 +101,7 @@ class Grid:
         return self.regular and self.departure > UNEVEN * self.period
 
 
-def grid_of(time: NDArray[np.float64]) -> Grid:
+def grid_of(time: Floats) -> Grid:
     """Return period, gaps and even times of stamps (N,), at least two [s]."""
     return _grid(time.tobytes())
 
@@ -146,7 +148,7 @@ def _steadied(time: NDArray, period: float, stretch: int, lag: int) -> float:
     return period
 
 
-def _lasting_jumps(departure: NDArray, period: float, stretch: int) -> tuple[NDArray[np.int_], NDArray]:
+def _lasting_jumps(departure: NDArray, period: float, stretch: int) -> tuple[Ints, NDArray]:
     """Return the rows before a gap, and the shift (N,) of each row's stamp by the gaps before it [s]."""
     count = len(departure)
     step = np.diff(departure)
@@ -214,12 +216,12 @@ def _with_steps(time: NDArray, period: float) -> Grid:
     return _fitted(time, np.flatnonzero(is_gap), period, NEAR)
 
 
-def _segments(gaps: NDArray[np.int_], count: int) -> Iterator[tuple[int, int]]:
+def _segments(gaps: Ints, count: int) -> Iterator[tuple[int, int]]:
     """First rows of the parts between gaps, and those behind them."""
     return pairwise([0, *(gaps + 1).tolist(), count])
 
 
-def _common_slope(time: NDArray, gaps: NDArray[np.int_], period: float, stretch: int) -> float:
+def _common_slope(time: NDArray, gaps: Ints, period: float, stretch: int) -> float:
     """The slope of the earliest stamps of stretches of rows, one for all parts between gaps."""
     departure = time - period * np.arange(len(time))
     moment = square = 0.0
@@ -234,7 +236,7 @@ def _common_slope(time: NDArray, gaps: NDArray[np.int_], period: float, stretch:
     return period
 
 
-def _fitted(time: NDArray, gaps: NDArray[np.int_], period: float, stretch: int) -> Grid:
+def _fitted(time: NDArray, gaps: Ints, period: float, stretch: int) -> Grid:
     """Return the even times of stamps with known gaps."""
     between = np.delete(np.diff(time), gaps)
     rows = np.arange(len(time))
@@ -245,13 +247,13 @@ def _fitted(time: NDArray, gaps: NDArray[np.int_], period: float, stretch: int) 
     else:
         period = _common_slope(time, gaps, period, stretch)
     departure = time - period * rows
-    even: NDArray[np.float64] = np.asarray(period * rows, dtype=np.float64)
+    even: Floats = np.asarray(period * rows, dtype=np.float64)
     for first, stop in _segments(gaps, len(time)):
         even[first:stop] += np.median(departure[first:stop])
     return Grid(period, gaps, even, time, regular=True)
 
 
-def lost_share(time: NDArray[np.float64], *readings: NDArray[np.float64]) -> float:
+def lost_share(time: Floats, *readings: Floats) -> float:
     """Return the part of the rows that a smooth motion proves to be lost though its stamps (N,) are even.
 
     Where a row is lost, all readings (N, 3) change twice as much as by the rows beside it. As many changes by nothing

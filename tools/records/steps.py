@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
+
 SETTINGS_DEG = 0.5
 """Angles on a grid as wide as this are settings."""
 DECIMALS = 9
@@ -24,7 +26,7 @@ MOST_PARTS = 10
 """Most steps in the least difference of two readings."""
 
 
-def _grids() -> NDArray[np.float64]:
+def _grids() -> Floats:
     """Return the steps of encoders [deg], the widest first: decimals, minutes and seconds of arc, counts of a turn."""
     steps = [360.0 / 2**bits for bits in range(10, 21)]
     for unit in (1.0, 0.1, 0.01, 0.001):
@@ -86,7 +88,7 @@ def in_words(step_deg: float) -> str:
     return f"{step_deg:.4g}°"
 
 
-def angle_steps(alpha: NDArray[np.float64], beta: NDArray[np.float64]) -> AngleSteps:
+def angle_steps(alpha: Floats, beta: Floats) -> AngleSteps:
     """Return the steps on which encoder angles (N,) [rad] stand; an axis on wide settings has those of the other."""
     steps = [_step_of(np.degrees(angle)) for angle in (alpha, beta)]
     known = [step for step in steps if step is not None]
@@ -119,7 +121,7 @@ def _step_of(angle: NDArray) -> float | None:
     return 0.0
 
 
-def reading_step(values: NDArray[np.float64]) -> float:
+def reading_step(values: Floats) -> float:
     """Return the step on which all readings (N, 3) stand, in their unit; 0 where they show none."""
     step = 0.0
     for channel in values.T:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from ..memory import once
 from .kinds import StrapdownRecord
 
@@ -24,12 +24,12 @@ class Stretches:
     `way` (S,): total angle of the block's turns, to and fro [rad].
     """
 
-    turns: NDArray[np.float64]
-    seconds: NDArray[np.float64]
-    way: NDArray[np.float64]
+    turns: Floats
+    seconds: Floats
+    way: Floats
 
     @staticmethod
-    def of(record: StrapdownRecord, time: NDArray[np.float64], ends: NDArray[np.int_]) -> "Stretches":
+    def of(record: StrapdownRecord, time: Floats, ends: Ints) -> "Stretches":
         """The stretches between rows (S, 2) of a record with these time stamps (N,); each has one row at least."""
         turns, so_far = once(_turns_of, record, time)
         summed = []
@@ -45,16 +45,16 @@ class Stretches:
     def __len__(self) -> int:
         return len(self.way)
 
-    def those(self, mask: NDArray[np.bool_]) -> "Stretches":
+    def those(self, mask: Bools) -> "Stretches":
         """Some of the stretches."""
         return Stretches(self.turns[mask], self.seconds[mask], self.way[mask])
 
-    def less(self, level: NDArray[np.float64]) -> "Stretches":
+    def less(self, level: Floats) -> "Stretches":
         """The stretches without a rate (S, 3) that the gyros read at rest [rad/s]."""
         turns = self.turns - self.seconds[:, :, None] * level[:, None, :]
         return Stretches(turns, self.seconds, np.linalg.norm(turns, axis=2).sum(axis=1))
 
-    def total(self, matrix: NDArray[np.float64]) -> "Rotation":
+    def total(self, matrix: Floats) -> "Rotation":
         """The turns (S), at least one, over whole stretches of gyros that are read through a matrix (3, 3)."""
         total = scipy.spatial.transform.Rotation.from_rotvec((self.turns @ matrix.T).reshape(-1, 3))
         while len(total) > len(self):
@@ -62,7 +62,7 @@ class Stretches:
         return total
 
 
-def _turns_of(record: StrapdownRecord, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _turns_of(record: StrapdownRecord, time: Floats) -> tuple[Floats, Floats]:
     """Return turns and durations (N - 1, 4) from row to row [rad, s], and the angle (N,) to and fro so far [rad]."""
     step = np.diff(time)[:, None]
     if record.rate is None:
@@ -73,7 +73,7 @@ def _turns_of(record: StrapdownRecord, time: NDArray[np.float64]) -> tuple[NDArr
     return np.hstack([turns, step]), np.append(0.0, np.cumsum(np.linalg.norm(turns, axis=1)))
 
 
-def thinned(chosen: NDArray[np.int_], most: int) -> NDArray[np.int_]:
+def thinned(chosen: Ints, most: int) -> Ints:
     """Return at most `most` rows of an array, spread over it: they carry much the same information."""
     if len(chosen) <= most:
         return chosen

@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Ints
 from ..diagnosis.added import Added, added_by
 from ..diagnosis.result import Diagnosis, Explanation
 from ..document.blocks import Page, Section
@@ -45,7 +46,7 @@ class ChannelRows:
     """Rows (n,) of the evidence that belong to one channel, and the quantities (n,) to draw them against, by label."""
 
     title: str
-    rows: NDArray[np.int_]
+    rows: Ints
     quantities: Mapping[str, NDArray]
 
 

@@ -13,6 +13,7 @@ from ...models.effects.columns import is_inner_axis
 from ...models.effects.definition import ACCELEROMETERS, AXES
 from ...models.effects.lookup import ALL_ACCELEROMETERS, SCALE
 from ...models.effects.mounting import MOUNTING
+from ..arrays import Floats, Ints
 from ..bounded.programmes import Interval, SolverError, column_space
 from ..bounded.sets import EffectSet, Problem, Work, linear_radius, sets_of_size
 from ..evidence.bench import Bench
@@ -238,12 +239,12 @@ class BreakSearch:
         return tuple(groups)
 
     @cached_property
-    def order(self) -> NDArray[np.int_]:
+    def order(self) -> Ints:
         """The rows (N,) in the order of time."""
         return np.argsort(self.hours, kind="stable")
 
     @property
-    def hours(self) -> NDArray[np.float64]:
+    def hours(self) -> Floats:
         """Times (N,) of the rows [h]."""
         return self.model.readings.circumstances.hours
 
@@ -258,7 +259,7 @@ class BreakSearch:
         return gaps
 
     @cached_property
-    def point(self) -> NDArray[np.float64]:
+    def point(self) -> Floats:
         """Parameters (P,) of a fit to most of the rows."""
         point = self.model.here.point
         for _ in range(ROUNDS):
@@ -280,7 +281,7 @@ class BreakSearch:
         largest = float(np.abs(self.problem.residual).max())
         return self.model.limit - 1.0 + min(MOST_SLACK, self.model.curvature * largest**2)
 
-    def columns(self, group: ChangingGroup) -> Iterator[NDArray[np.float64]]:
+    def columns(self, group: ChangingGroup) -> Iterator[Floats]:
         """Yield the columns that a change at each gap adds to the rows (M, k), in units of their bounds."""
         places = group.jumping(FROM_THE_FIRST)
         columns = signature_columns(places, self.rows) / self.model.rows.bound[:, None]
@@ -394,7 +395,7 @@ class BreakSearch:
         return self.number_at(gap.after)
 
     @cached_property
-    def numbers(self) -> NDArray[np.int_]:
+    def numbers(self) -> Ints:
         """Numbers (N,) of the rows in the file; of a series those of its rests."""
         source = self.evidence.source
         return np.arange(1, len(self.hours) + 1) if source is None else source.record.numbers

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats, Ints
 from ..bounded.programmes import chebyshev_radius, least_squares
 from ..rounding import digits
 from .exchange import NEAR, WrongRows
@@ -49,7 +50,7 @@ class Mending:
 
     table: TableRows
     row: int
-    wrong: NDArray[np.int_]
+    wrong: Ints
 
     @cached_property
     def best(self) -> RowChange:
@@ -68,21 +69,21 @@ class Mending:
         return WrongRows(self.table, np.array([self.row]), self.wrong)
 
     @property
-    def bound(self) -> NDArray[np.float64]:
+    def bound(self) -> Floats:
         """Bounds of the row's readings (3,)."""
         return self.alone.bound[0]
 
     @property
-    def reading(self) -> NDArray[np.float64]:
+    def reading(self) -> Floats:
         """Readings of the row (3,) [g]."""
         return self.alone.reading[0]
 
     @property
-    def written(self) -> NDArray[np.float64]:
+    def written(self) -> Floats:
         """Angles (2,) [rad]."""
         return self.alone.angles[0]
 
-    def predicted(self, angles: NDArray) -> NDArray[np.float64]:
+    def predicted(self, angles: NDArray) -> Floats:
         """Readings (K, 3) at other angles (K, 2), at the fit of the others."""
         return self.alone.predicted(angles)
 
@@ -180,7 +181,7 @@ class Mending:
         here, before, after = self.predicted(np.array([angles, angles - step, angles + step]))
         return self.reading - here, (after - before) / (2.0 * DIFFERENCE)
 
-    def _free(self, angles: NDArray, axes: list[int]) -> tuple[float, NDArray[np.float64]]:
+    def _free(self, angles: NDArray, axes: list[int]) -> tuple[float, Floats]:
         """The radius with some of the row's angles free, and their steps [rad] from the given ones by least squares."""
         matrix, target = self.alone.others
         error, _ = self._about(angles, 0)
@@ -199,7 +200,7 @@ def _either(changes: list[RowChange]) -> RowChange:
     return RowChange(first.numbers, words, first.keys, first.reading)
 
 
-def _wrapped(shifts: NDArray) -> NDArray[np.float64]:
+def _wrapped(shifts: NDArray) -> Floats:
     """Angles within half a turn [rad]."""
     return (shifts + np.pi) % (2.0 * np.pi) - np.pi
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats, Ints
 from ..calibration.model import Positions, predicted_reading, reading_jacobian
 from .removal import held_by
 from .table import SECOND_ORDER, TableRows
@@ -31,8 +32,8 @@ class Exchange:
 
     words: str
     keys: Mapping[str, Any]
-    angles: NDArray[np.float64]
-    reading: NDArray[np.float64]
+    angles: Floats
+    reading: Floats
 
 
 def exchanges(angles: NDArray, reading: NDArray) -> Iterator[Exchange]:
@@ -60,27 +61,27 @@ class WrongRows:
     """
 
     table: TableRows
-    rows: NDArray[np.int_]
-    wrong: NDArray[np.int_]
+    rows: Ints
+    wrong: Ints
 
     @cached_property
-    def others(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def others(self) -> tuple[Floats, Floats]:
         """Derivatives and errors of the right rows over their bounds."""
         kept = self.table.readings_without(self.wrong)
         return self.table.matrix[kept], self.table.target[kept]
 
     @property
-    def bound(self) -> NDArray[np.float64]:
+    def bound(self) -> Floats:
         """Bounds (K, 3) of the readings [g]."""
         return self.table.linear.bound.reshape(-1, 3)[self.rows]
 
     @property
-    def reading(self) -> NDArray[np.float64]:
+    def reading(self) -> Floats:
         """Readings (K, 3) [g]."""
         return self.table.linear.reading[self.rows]
 
     @property
-    def angles(self) -> NDArray[np.float64]:
+    def angles(self) -> Floats:
         """Angles (K, 2) as the record has them [rad]."""
         at = self.table.linear.positions
         return np.column_stack((at.alpha, at.beta))[self.rows]
@@ -90,12 +91,12 @@ class WrongRows:
         mounting = np.broadcast_to(self.table.linear.positions.mounting[self.rows], len(angles))
         return Positions(angles[:, 0], angles[:, 1], mounting)
 
-    def predicted(self, angles: NDArray) -> NDArray[np.float64]:
+    def predicted(self, angles: NDArray) -> Floats:
         """Readings (K, 3) at other angles (K, 2), at the fit of the others."""
         linear = self.table.linear
         return predicted_reading(linear.parametrisation, linear.point, self.at(angles))
 
-    def derivatives(self, angles: NDArray) -> NDArray[np.float64]:
+    def derivatives(self, angles: NDArray) -> Floats:
         """Derivatives (3 K, P) of the readings at angles (K, 2), over the bounds."""
         linear = self.table.linear
         jacobian = reading_jacobian(linear.parametrisation, linear.point, self.at(angles))

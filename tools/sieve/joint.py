@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import place_of
+from ..arrays import Floats
 from ..bounded.sets import CutOff, EffectSet, Problem, Work, linear_radius, sets_of_size
 from ..evidence.bench import Bench
 from ..evidence.bench_visits import is_linear, signature_columns
@@ -68,7 +69,7 @@ class Fault:
 
 
 NOTHING = Fault()
-Options = tuple[list[Fault], list[NDArray[np.float64]]]
+Options = tuple[list[Fault], list[Floats]]
 """Options, each with its columns (M, k) over the bounds of the rows."""
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ..arrays import Floats
 from ..bounded.programmes import column_space, spaces_beyond
 from ..evidence.evidence import Evidence
 from ..evidence.fit import coefficient_count
@@ -33,16 +34,16 @@ WITHIN = 1e-6
 class Residual:
     """Residual of errors (M,) after least squares on some columns (M, P), both over their bounds."""
 
-    errors: NDArray[np.float64]
-    columns: NDArray[np.float64]
+    errors: Floats
+    columns: Floats
 
     @cached_property
-    def base(self) -> NDArray[np.float64]:
+    def base(self) -> Floats:
         """Orthonormal basis of the columns."""
         return column_space(self.columns)
 
     @cached_property
-    def left(self) -> NDArray[np.float64]:
+    def left(self) -> Floats:
         """The residual (M,)."""
         return self.errors - self.base @ (self.base.T @ self.errors)
 
@@ -60,21 +61,21 @@ class Residual:
         """Return the residual after least squares on further columns (M, k), too."""
         return Residual(self.errors, np.hstack([self.columns, columns]))
 
-    def of_blocks(self, blocks: Sequence[NDArray]) -> NDArray[np.float64]:
+    def of_blocks(self, blocks: Sequence[NDArray]) -> Floats:
         """Return the squares (K,) that each block of columns (M, k) explains."""
         explained = []
         for space in spaces_beyond(self.columns, blocks):
             explained.append(float(np.square(space.T @ self.left).sum()))
         return np.array(explained)
 
-    def of_columns(self, columns: NDArray) -> NDArray[np.float64]:
+    def of_columns(self, columns: NDArray) -> Floats:
         """Return the squares (K,) that each column (M, K) explains."""
         beyond = columns - self.base @ (self.base.T @ columns)
         size = np.square(beyond).sum(axis=0)
         is_beyond = size > WITHIN * np.square(columns).sum(axis=0)
         return np.where(is_beyond, np.square(self.left @ beyond) / np.where(is_beyond, size, 1.0), 0.0)
 
-    def of_readings(self) -> NDArray[np.float64]:
+    def of_readings(self) -> Floats:
         """The squares (M,) that each error explains, were it free."""
         free = 1.0 - np.square(self.base).sum(axis=1)
         return np.where(free > WITHIN, np.square(self.left) / np.maximum(free, WITHIN), 0.0)
@@ -93,7 +94,7 @@ class LeadingFunctions:
         return Residual(rows.residual / rows.bound, rows.nominal / rows.bound[:, None])
 
     @cached_property
-    def effects(self) -> dict[EffectPlace, NDArray[np.float64]]:
+    def effects(self) -> dict[EffectPlace, Floats]:
         """Columns (M, k) of each effect of the catalogue, one of each class."""
         columns = {}
         for place in self.evidence.model.classes.places:
@@ -102,14 +103,14 @@ class LeadingFunctions:
         return columns
 
     @cached_property
-    def functions(self) -> list[NDArray[np.float64]]:
+    def functions(self) -> list[Floats]:
         """Columns (M, k) of functions of each quantity at each place."""
         columns = []
         for pair in self.evidence.reader.pairs:
             columns += [self._over_bounds(block) for block in _functions_of(pair)]
         return columns
 
-    def breaks(self) -> Iterator[NDArray[np.float64]]:
+    def breaks(self) -> Iterator[Floats]:
         """Columns (M, K) of each parameter that changes once, at every gap with two positions on each side."""
         position = np.arange(len(self.residual.errors)) // 3
         last = int(position.max(initial=0)) - 1
@@ -126,11 +127,11 @@ class LeadingFunctions:
         most = BY_CHANCE * 2.0 * math.log(len(every)) / residual.freedom
         return float(every.max()) <= most * residual.squares
 
-    def _over_bounds(self, columns: NDArray) -> NDArray[np.float64]:
+    def _over_bounds(self, columns: NDArray) -> Floats:
         return columns / self.evidence.rows.bound[:, None]
 
 
-def _functions_of(pair: Pair) -> Iterator[NDArray[np.float64]]:
+def _functions_of(pair: Pair) -> Iterator[Floats]:
     """Columns (M, k) of powers or harmonics of one pair, one by one."""
     if pair.told:
         yield pair.columns(Form("values"))

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..evidence.bench import BenchReader
 from ..evidence.bench_in_motion import BenchInMotion
 from ..evidence.carried_run import Carried
@@ -134,23 +135,23 @@ class PieceOfCarried:
     # Fit of the others
 
     @cached_property
-    def solution(self) -> NDArray[np.float64]:
+    def solution(self) -> Floats:
         """Steps (P,) of the parameters of the others."""
         return self.others.baseline.step
 
     @cached_property
-    def accelerometers(self) -> NDArray[np.float64]:
+    def accelerometers(self) -> Floats:
         """Nine parameters of the accelerometers; none beside a true attitude."""
         return (self.others.rows.point + self.solution)[: self.others.of_forces]
 
     @cached_property
-    def up(self) -> NDArray[np.float64]:
+    def up(self) -> Floats:
         """Directions (K, 3) at all rests of the record."""
         assert isinstance(self.model.reference, Gravity)
         n = inputs_of(self.accelerometers, self.model.reference.reading)
         return n / np.linalg.norm(n, axis=1)[:, None]
 
-    def rotation(self, first: int, last: int, changed: Changed = np.asarray) -> NDArray[np.float64]:
+    def rotation(self, first: int, last: int, changed: Changed = np.asarray) -> Floats:
         """Return the rotation (3, 3) from one row to another with changed rates: body at the end to the beginning."""
         motion = self.model.motion.part(first, last + 1)
         gyros = self.others.gyros_with((), self.solution)
@@ -165,7 +166,7 @@ class PieceOfCarried:
         """The first and the last row of the move, or of the window."""
         return self.piece.begin - 1, self.piece.end + (self.piece.kind == "move")
 
-    def error(self, changed: Changed) -> NDArray[np.float64]:
+    def error(self, changed: Changed) -> Floats:
         """Return the error (3,) of the turn [rad] with changed rates; infinite with rates that no turn can have."""
         reference = self.model.reference
         try:
@@ -258,7 +259,7 @@ def _of_bench(evidence: Evidence, others: BenchInMotion, piece: Stretch) -> RowC
     return RowChange(ROW, DISTURBED)
 
 
-def _swept(raw: BenchRecord, piece: Stretch) -> NDArray[np.float64]:
+def _swept(raw: BenchRecord, piece: Stretch) -> Floats:
     """Return the integrals (3,) [rad] of the gyros over the rows of a piece."""
     rows = slice(piece.begin, piece.end + 1)
     if raw.increment is not None:

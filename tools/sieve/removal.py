@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from ..bounded.exchange import exchanged
 from ..bounded.programmes import chebyshev_radius
 
@@ -32,10 +33,10 @@ class Removal:
     removed. `excess` (K,) is the misfit of each part in a robust fit: the order in which parts are tried.
     """
 
-    matrix: NDArray[np.float64]
-    target: NDArray[np.float64]
-    belongs: NDArray[np.bool_]
-    excess: NDArray[np.float64]
+    matrix: Floats
+    target: Floats
+    belongs: Bools
+    excess: Floats
     limit: float
     programmes: int = 0
     conflicts: list[Parts] = field(default_factory=list)
@@ -91,7 +92,7 @@ class Removal:
         return frozenset(np.flatnonzero(self.belongs[kept[named]].any(axis=0)).tolist())
 
 
-def held_by(matrix: NDArray, target: NDArray) -> tuple[float, NDArray[np.int_]]:
+def held_by(matrix: NDArray, target: NDArray) -> tuple[float, Ints]:
     """The least largest error of linear rows over their bounds, and the rows that prove it."""
     exchange = exchanged(matrix, target)
     if exchange is not None:

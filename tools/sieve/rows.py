@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects.last_stage import place_of
+from ..arrays import Ints
 from ..bounded.sets import Work
 from ..errors import InputError
 from ..evidence.evidence import Evidence
@@ -43,7 +44,7 @@ def wrong_stretches(evidence: Evidence) -> tuple[Simple, ...]:
     return _fault(evidence, window, mended)
 
 
-def shortest_stretch(removal: Removal, count: int, least: int, most: int) -> NDArray[np.int_] | None:
+def shortest_stretch(removal: Removal, count: int, least: int, most: int) -> Ints | None:
     """Return the rows (from 0) of the shortest stretch without which the model fits; None if there is none."""
     conflicts: list[Parts] = []
     try:
@@ -122,7 +123,7 @@ def fault_of_row(evidence: Evidence, row: int) -> Simple | None:
     return _of_whole_rows(evidence, wrong, _changes_of(table, wrong))
 
 
-def _changes_of(table: TableRows, wrong: NDArray[np.int_]) -> list[RowChange]:
+def _changes_of(table: TableRows, wrong: Ints) -> list[RowChange]:
     """Return the change that makes each of the rows fit."""
     about = table.about(wrong)
     return [Mending(about, int(row), wrong).best for row in wrong]
@@ -134,7 +135,7 @@ def most_rows(table: TableRows) -> int:
     return min(MOST_ROWS, spare // (3 * FREED))
 
 
-def standing_sets(table: TableRows, most: int) -> list[NDArray[np.int_]]:
+def standing_sets(table: TableRows, most: int) -> list[Ints]:
     """Return the smallest sets of rows (from 0) whose removal makes the exact model fit."""
     for _ in range(AGAIN):
         standing = []

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats
 from ..bounded.programmes import SolverError
 from ..errors import InputError
 from ..evidence.bench_in_motion import BenchInMotion
@@ -52,7 +53,7 @@ class Piece:
     begin: int
     end: int
 
-    def meets(self, first: NDArray, last: NDArray) -> NDArray[np.bool_]:
+    def meets(self, first: NDArray, last: NDArray) -> Bools:
         """Mark the stretches from rows (S,) to rows (S,) that need a row of the piece."""
         return (first <= self.end) & (last >= self.begin)
 
@@ -71,12 +72,12 @@ class SeriesPieces:
     """
 
     evidence: Evidence
-    time_s: NDArray[np.float64]
+    time_s: Floats
     pieces: tuple[Piece, ...]
-    matrix: NDArray[np.float64]
-    target: NDArray[np.float64]
-    belongs: NDArray[np.bool_]
-    single: NDArray[np.bool_]
+    matrix: Floats
+    target: Floats
+    belongs: Bools
+    single: Bools
 
     @staticmethod
     def of(evidence: Evidence) -> "SeriesPieces | None":
@@ -99,7 +100,7 @@ class SeriesPieces:
         return min(MOST_PIECES, spare // max(widest, 1))
 
     @property
-    def excess(self) -> NDArray[np.float64]:
+    def excess(self) -> Floats:
         """Return how much each piece (K,) misfits: its least error that other pieces cannot cause."""
         errors = np.abs(self.target)[:, None]
         alone = self.belongs & (self.belongs.sum(axis=1) <= MOST_PIECES)[:, None]
@@ -129,7 +130,7 @@ class SeriesPieces:
         return held_by(self.matrix, self.target)[0]
 
     @cached_property
-    def robust_errors(self) -> NDArray[np.float64]:
+    def robust_errors(self) -> Floats:
         """Return the sizes of the errors (M,) about a robust fit [bounds]."""
         return np.abs(self.target - self.matrix @ robust_estimate(self.matrix, self.target))
 
@@ -170,7 +171,7 @@ class SeriesPieces:
         together, _ = held_by(self.matrix / scale[:, None], self.target / scale)
         return together > self.evidence.model.limit and self.is_small_without(numbers)
 
-    def needing(self, numbers: Sequence[int]) -> NDArray[np.bool_]:
+    def needing(self, numbers: Sequence[int]) -> Bools:
         """Mark the errors (M,) that need any of some pieces."""
         return np.any(self.belongs[:, list(numbers)], axis=1)
 
@@ -263,7 +264,7 @@ def _between(rests: Sequence[tuple[int, int]]) -> tuple[Piece, ...]:
     return tuple(pieces)
 
 
-def _marks(pieces: Sequence[Piece], first: NDArray, last: NDArray, repeats: int) -> NDArray[np.bool_]:
+def _marks(pieces: Sequence[Piece], first: NDArray, last: NDArray, repeats: int) -> Bools:
     """Mark the pieces (S · repeats, K) that stretches from rows (S,) to rows (S,) need."""
     marks = np.array([piece.meets(first, last) for piece in pieces]).reshape(len(pieces), -1).T
     return np.repeat(marks, repeats, axis=0)

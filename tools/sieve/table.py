@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.bench import admissible, nominal_input
+from ..arrays import Bools, Floats, Ints
 from ..bounded.programmes import chebyshev_radius, least_squares
 from ..calibration.estimates import widening
 from ..calibration.model import Linearisation, linearise, predicted_reading, reading_jacobian
@@ -34,7 +35,7 @@ class TableRows:
 
     linear: Linearisation
     limit: float
-    numbers: NDArray[np.int_]
+    numbers: Ints
 
     @staticmethod
     def of(evidence: Evidence) -> "TableRows | None":
@@ -58,17 +59,17 @@ class TableRows:
         return len(self.linear.reading)
 
     @cached_property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Floats:
         """Derivatives (3 N, P) over the bounds, by the combinations that the readings determine."""
         return (self.linear.jacobian @ self.linear.span) / self.linear.bound[:, None]
 
     @cached_property
-    def target(self) -> NDArray[np.float64]:
+    def target(self) -> Floats:
         """Errors (3 N,) over the bounds."""
         return self.linear.residual / self.linear.bound
 
     @property
-    def excess(self) -> NDArray[np.float64]:
+    def excess(self) -> Floats:
         """Largest error of each row (N,), in bounds."""
         return np.abs(self.target.reshape(-1, 3)).max(axis=1)
 
@@ -77,11 +78,11 @@ class TableRows:
         return Removal(self.matrix, self.target, self.belongs, self.excess, self.limit + slack)
 
     @property
-    def belongs(self) -> NDArray[np.bool_]:
+    def belongs(self) -> Bools:
         """Marks (3 N, N) of the row of each reading."""
         return np.repeat(np.eye(len(self), dtype=bool), 3, axis=0)
 
-    def readings_without(self, rows: NDArray) -> NDArray[np.int_]:
+    def readings_without(self, rows: NDArray) -> Ints:
         """Numbers of the readings that remain without some rows."""
         return np.flatnonzero(~np.repeat(np.isin(np.arange(len(self)), rows), 3))
 
@@ -114,7 +115,7 @@ class TableRows:
         return len(kept) >= kept.shape[1] and bool(values.min() > max(1e-4, least))
 
 
-def robust_point(here: Linearisation, bound: NDArray) -> NDArray[np.float64]:
+def robust_point(here: Linearisation, bound: NDArray) -> Floats:
     """Parameters (P,) with about the least sum of the rows' misfits, which few rows cannot draw."""
     p, at = here.parametrisation, here.positions
     point = np.zeros(len(p.symbols))

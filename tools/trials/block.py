@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.harmonic_motion import HARMONICS
+from ..arrays import Floats
 from ..evidence.fit import composed
 from ..motion.compare import sample_motion
 from ..orchestrator import run_scenario
@@ -48,13 +49,13 @@ class TrueMotion:
 
     period: float
     """period [s]"""
-    increment: NDArray[np.float64]
+    increment: Floats
     """(N, 3): integrals of the rate between the rows, in block axes [rad]"""
-    rate: NDArray[np.float64]
+    rate: Floats
     """(N + 1, 3): rates at the rows [rad/s]"""
-    attitude: NDArray[np.float64]
+    attitude: Floats
     """(N + 1, 4) quaternions, scalar first, body to a reference whose third axis is up"""
-    force: NDArray[np.float64]
+    force: Floats
     """(N + 1, 3): specific force at the rows, in block axes [g]"""
 
     def __len__(self) -> int:
@@ -123,7 +124,7 @@ class Block:
     reference: Reference
     motion: TrueMotion
     instruments: Instruments
-    temperature: NDArray[np.float64] | None = None
+    temperature: Floats | None = None
     """(N + 1,) [°C]; None: the record has none, and the block has 20 °C"""
     jitter: float = 0.0
     """bound of the errors of the time stamps, in periods; the sampling stays regular"""
@@ -337,7 +338,7 @@ def draw_motion(rng: np.random.Generator, schedule: Schedule, period: float) -> 
     )
 
 
-def draw_move(rng: np.random.Generator, seconds: float) -> NDArray[np.float64]:
+def draw_move(rng: np.random.Generator, seconds: float) -> Floats:
     """Draw harmonics (3, 4, 3) of a move as `HarmonicMotion` takes them: amplitude, circular frequency, phase of each.
 
     Angles are cosines of half a turn, a turn, a turn and a half and two turns over the move, so their rates vanish at
@@ -370,13 +371,13 @@ def angles_and_rates(harmonics: NDArray, time: NDArray) -> tuple[NDArray, NDArra
     )
 
 
-def without_coning(increment: NDArray, coefficient: float) -> NDArray[np.float64]:
+def without_coning(increment: NDArray, coefficient: float) -> Floats:
     """Return increments (N, 3) that lack c γ' × γ, with γ' the previous increment: those of a unit that sums rates."""
     before = np.vstack([increment[:1], increment[:-1]])
     return increment - coefficient * np.cross(before, increment)
 
 
-def flicker_noise(rng: np.random.Generator, rows: int, period: float, coefficient: float) -> NDArray[np.float64]:
+def flicker_noise(rng: np.random.Generator, rows: int, period: float, coefficient: float) -> Floats:
     """Draw flicker noise (rows, 3): a sum of bounded processes of the first order, time constants from rows to record.
 
     The period is in s; the coefficient is the flat part of the noise's Allan deviation, in its unit.

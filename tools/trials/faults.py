@@ -12,6 +12,7 @@ from ...models.bench import elementary_reading
 from ...models.effects import EffectPlace
 from ...models.effects.definition import ACCELEROMETERS
 from ...models.effects.mounting import MOUNTING
+from ..arrays import Floats
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import PRESETS
 from ..diagnosis.result import Explanation
@@ -145,7 +146,7 @@ def breaks_of(explanation: Explanation) -> list[NamedBreak]:
     return breaks
 
 
-def readings_of(bench: TrialBench) -> NDArray[np.float64]:
+def readings_of(bench: TrialBench) -> Floats:
     """Return the readings (N, 3) [g] of a bench without noise and effects."""
     readings = np.zeros((len(bench.alpha), 3))
     for k, name in enumerate(bench.mountings):
@@ -210,7 +211,7 @@ def _disturbed(record: PositionRecord, row: int, numbers: tuple[float, ...]) -> 
     return replace(record, specific_force=_with(record.specific_force, row, record.specific_force[row] + added))
 
 
-def _with(values: NDArray, row: int, value: Any) -> NDArray[np.float64]:
+def _with(values: NDArray, row: int, value: Any) -> Floats:
     changed = values.copy()
     changed[row] = value
     return changed
@@ -256,7 +257,7 @@ def _draw_row(rng: np.random.Generator, record: PositionRecord) -> Fault | None:
     return None
 
 
-def _predicted(record: PositionRecord, row: int) -> NDArray[np.float64]:
+def _predicted(record: PositionRecord, row: int) -> Floats:
     """Return the readings (3,) [g] of an ideal bench at the angles of a row."""
     mounting = PRESETS[record.mounting[row] if record.mounting else "identity"]
     at = slice(row, row + 1)

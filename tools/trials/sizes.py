@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.columns import TIME_CONSTANT
 from ...models.effects.last_stage import place_of
+from ..arrays import Floats
 from ..bounded.programmes import chebyshev_radius, column_space, spread_directions
 from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation
@@ -405,7 +406,7 @@ def drawn_time(rng: np.random.Generator, model: SettingIn, place: EffectPlace) -
     return int(rng.integers(low, high))
 
 
-def most_alike(model: SettingIn, place: EffectPlace, change: NDArray) -> NDArray[np.float64]:
+def most_alike(model: SettingIn, place: EffectPlace, change: NDArray) -> Floats:
     """Return columns (M, K) of an effect that sets in, at the time with the least squares distance to a change (M,)."""
     cells, candidates = model.cells[place], []
     for row in cells.edges:

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..records import RawRecord, StrapdownRecord
 from ..records.columns import ANGLES
 
@@ -39,8 +40,8 @@ class SeriesChannels:
         field of a record -> its values, (N,) or (N, 3)
     """
 
-    time_s: NDArray[np.float64]
-    fields: Mapping[str, NDArray[np.float64] | None]
+    time_s: Floats
+    fields: Mapping[str, Floats | None]
 
 
 def channels_of_file(path: Path) -> SeriesChannels | None:
@@ -109,12 +110,12 @@ def steps_of(count: int, points: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, count, points, endpoint=False).astype(np.int64))
 
 
-def extremes(values: NDArray[np.float64], edges: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def extremes(values: Floats, edges: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Return the least and the largest value of each step, shapes (K,); the last step ends with the values."""
     return np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
 
 
-def plain(values: NDArray[np.float64], figures: int = 6) -> list[float | None]:
+def plain(values: Floats, figures: int = 6) -> list[float | None]:
     """Return numbers of JSON, rounded to a number of digits; None for missing ones."""
     numbers: list[float | None] = []
     for value in values.tolist():

@@ -9,6 +9,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ....fmus.units import ARCMIN
+from ...arrays import Floats
 from ...calibrated import Calibration, ParameterChange
 from ...calibration.estimates import PairSet
 from ...calibration.model import Positions
@@ -269,7 +270,7 @@ def errors_over_quantities(quantities: Mapping[str, NDArray], before: NDArray, a
     return figure, "Error of the carried attitude against rate, turn, orientation and temperature"
 
 
-def sizes(errors: NDArray) -> NDArray[np.float64]:
+def sizes(errors: NDArray) -> Floats:
     """Return sizes (S,) of errors (S, d), arcminutes."""
     return np.linalg.norm(errors, axis=1) / ARCMIN
 
@@ -459,13 +460,13 @@ class BandDrawn:
     with the part that the model imitates. `steps`: functions jump.
     """
 
-    at: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    knots: NDArray[np.float64]
-    readings: tuple[NDArray[np.float64], NDArray[np.float64]]
-    lines: Sequence[tuple[str, NDArray[np.float64]]]
-    whole: Sequence[tuple[str, NDArray[np.float64]]]
+    at: Floats
+    low: Floats
+    high: Floats
+    knots: Floats
+    readings: tuple[Floats, Floats]
+    lines: Sequence[tuple[str, Floats]]
+    whole: Sequence[tuple[str, Floats]]
     quantity: str
     error: str
     steps: bool = False
