@@ -132,7 +132,7 @@ class Story:
 
     def true_table(self) -> Table:
         """Return some parameters with their true values and intervals."""
-        rows: list[list[Cell]] = []
+        rows = []
         for parameter in self.calibration.parameters:
             if parameter.symbol in SHOWN:
                 _, low, high = interval(parameter.central, parameter.low, parameter.high)
@@ -143,7 +143,7 @@ class Story:
     def size_table(self) -> Table:
         """Return the hidden sizes with the intervals that the diagnosis leaves possible."""
         hidden = self.case.answer()["hidden"]["parameters"]
-        rows: list[list[Cell]] = []
+        rows = []
         for finding in sets_of(self.diagnosis)[:1]:
             for cause in finding.causes:
                 for parameter, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):

@@ -63,7 +63,7 @@ class Table:
     def without_empty_columns(self) -> "Table":
         """Return the table without its empty columns."""
         header = []
-        rows: list[list[Cell]] = [[] for _ in self.rows]
+        rows = [[] for _ in self.rows]
         for k, heading in enumerate(self.header):
             cells = [row[k] for row in self.rows]
             if all(cell is None or cell == "" for cell in cells):
@@ -88,7 +88,7 @@ def table_of(
         return Table([], [])
     quantities = quantities_of(type(results[0]))
     header = [quantities[name].heading for name in names]
-    rows: list[list[Cell]] = []
+    rows = []
     for result in results:
         cells = cells_of(result, names)
         for k, name in enumerate(names):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..options import PLACES
@@ -69,7 +70,7 @@ def _points(times: pl.Series, values: pl.Series) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, up, strict=True))
 
 
-def _share(numbers: np.ndarray) -> np.ndarray:
+def _share(numbers: NDArray) -> NDArray:
     """Return where numbers lie between their least (0) and their greatest (1)."""
     # Halved: the difference of two large numbers would overflow.
     halves = numbers / 2 - numbers.min() / 2

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 from pydantic import Field
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
@@ -139,12 +140,12 @@ class AttitudeRun(Result):
     provenance: dict[str, Any] = Field(default_factory=dict, exclude=True)
 
     @property
-    def judged(self) -> np.ndarray:
+    def judged(self) -> NDArray:
         """Mask (N,) of updates after the start whose true attitude is known."""
         return judged_updates(self.error_angle)
 
     @property
-    def trusted(self) -> np.ndarray:
+    def trusted(self) -> NDArray:
         """Mask (N,) of the updates before a gyro is at its limit."""
         if self.trusted_until is None:
             until = np.inf
@@ -152,7 +153,7 @@ class AttitudeRun(Result):
             until = self.trusted_until
         return np.asarray(self.time_s <= until)
 
-    def bridged_bound_at(self) -> np.ndarray:
+    def bridged_bound_at(self) -> NDArray:
         """Bound (N,) of the attitude error that bridged gaps may have caused at each update [rad]."""
         begins = np.array([bridge.time_s for bridge in self.bridges])
         total = np.cumsum([0.0, *(bridge.bound for bridge in self.bridges)])
@@ -172,14 +173,14 @@ class AttitudeRun(Result):
         )
 
 
-def judged_updates(error_angle: np.ndarray) -> np.ndarray:
+def judged_updates(error_angle: NDArray) -> NDArray:
     """Return the mask (N,) of updates after the start whose error (N,) is known."""
     finite = np.isfinite(error_angle)
     finite[:1] = False
     return finite
 
 
-def rate_at_rest(record: StrapdownRecord) -> np.ndarray | None:
+def rate_at_rest(record: StrapdownRecord) -> NDArray | None:
     """Return the mean rate over the rest at the start of a record: the usual estimate of the gyros' bias.
 
     It holds Earth's rotation too, in the components of that rest. Shape (3,) [rad/s]; None where the record does not
@@ -210,7 +211,7 @@ def run_attitude(
     *,
     algorithm: str = "two-sample-rodrigues",
     rates: str = "instantaneous",
-    gyro_bias: Sequence[float] | np.ndarray | None = None,
+    gyro_bias: Sequence[float] | NDArray | None = None,
     rate_divisor: int = 1,
     bridge_gaps: int = 0,
     **run: Any,
@@ -355,14 +356,14 @@ def _third_axis_is_vertical(record: StrapdownRecord) -> bool:
     return bool(math.atan2(math.hypot(mean[0], mean[1]), mean[2]) <= VERTICAL_WITHIN)
 
 
-def attitude_error(computed: np.ndarray, true: np.ndarray) -> np.ndarray:
+def attitude_error(computed: NDArray, true: NDArray) -> NDArray:
     """Rotation vectors (N, 3) [rad] that turn true attitudes (N, 4) into computed ones, in the reference frame."""
     if len(computed) == 0:
         return np.zeros((0, 3))
     return (rotation_of(computed) * rotation_of(true).inv()).as_rotvec()
 
 
-def heading_and_tilt(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def heading_and_tilt(error: NDArray) -> tuple[NDArray, NDArray]:
     """Split error rotations (N, 3) [rad] into the turn about the reference's third axis and the tilt of that axis.
 
     The heading (N,) is within [-π, π], the tilt (N,) the angle between the third axis and where the error takes it;
@@ -376,12 +377,12 @@ def heading_and_tilt(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arctan2(np.sin(heading), np.cos(heading)), tilt
 
 
-def attitudes_of_angles(angles: np.ndarray) -> np.ndarray:
+def attitudes_of_angles(angles: NDArray) -> NDArray:
     """Quaternions (N, 4), scalar first, of the angles ψ, ϑ, γ (N, 3): about the second, then third, then first axis."""
     return np.roll(Rotation.from_euler("YZX", angles).as_quat(), 1, axis=-1)
 
 
-def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+def angle_between(p: NDArray, q: NDArray) -> NDArray:
     """Return angles (N,) between the attitudes of quaternions (N, 4) of any norm [rad]; accurate for small angles."""
     halves = np.empty((2, len(p)))
     _comparing(loops_over(len(p)))(np.asarray(p), np.asarray(q), halves)
@@ -420,13 +421,13 @@ class ErrorSplit:
     """
 
     period: float
-    slow: np.ndarray
-    periodic: np.ndarray
-    rate: np.ndarray
-    amplitude: np.ndarray
+    slow: NDArray
+    periodic: NDArray
+    rate: NDArray
+    amplitude: NDArray
 
 
-def split_error(time_s: np.ndarray, error: np.ndarray, period: float | None = None) -> ErrorSplit:
+def split_error(time_s: NDArray, error: NDArray, period: float | None = None) -> ErrorSplit:
     """Split an error (N,) or (N, K) at growing times (N,) [s] as Chelnokov et al. 2016, section 3.1.1, describe theirs.
 
     The slow part is the mean over one whole period around each moment, so that errors which repeat with the motion drop
@@ -456,7 +457,7 @@ def split_error(time_s: np.ndarray, error: np.ndarray, period: float | None = No
     return ErrorSplit(period, slow, periodic, rate, np.abs(periodic).max(axis=0))
 
 
-def found_period(time_s: np.ndarray, error: np.ndarray) -> float:
+def found_period(time_s: NDArray, error: NDArray) -> float:
     """Return the longest strong period in an error (N, K) without its best line [s].
 
     At most a quarter of the run; the quarter itself where nothing is periodic.
@@ -477,7 +478,7 @@ def found_period(time_s: np.ndarray, error: np.ndarray) -> float:
     return _refined_period(grid, rest, span / peak, span)
 
 
-def _refined_period(time: np.ndarray, rest: np.ndarray, period: float, span: float) -> float:
+def _refined_period(time: NDArray, rest: NDArray, period: float, span: float) -> float:
     """Return the period, near a line of the spectrum, whose sine and cosine reduce the error most."""
     window = np.hanning(len(time))[:, None] * rest
 
@@ -490,7 +491,7 @@ def _refined_period(time: np.ndarray, rest: np.ndarray, period: float, span: flo
     return 1.0 / float(best.x)  # type: ignore[attr-defined]
 
 
-def _slope(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _slope(time: NDArray, values: NDArray) -> NDArray:
     """Slopes (K,) of the best lines through values (N, K)."""
     moved = time - time.mean()
     return moved @ values / (moved @ moved)

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, NamedTuple, cast
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus.instruments import GYRO_BLOCK
@@ -186,16 +187,16 @@ class Samples:
     """Increments (N, 3) of the gyros over each sample period [s] of a motion; true ψ, ϑ, γ (N, 3) at its end [rad]."""
 
     period: float
-    increments: np.ndarray
-    angles: np.ndarray
+    increments: NDArray
+    angles: NDArray
 
-    def angles_at_steps(self, algorithm: Algorithm) -> np.ndarray:
+    def angles_at_steps(self, algorithm: Algorithm) -> NDArray:
         """True angles at the end of each step of an algorithm."""
         samples = algorithm.samples
         return self.angles[samples - 1 : len(self.angles) // samples * samples : samples]
 
 
-def sample_motion(harmonics: np.ndarray, period: float, count: int, intervals: int = 0) -> Samples:
+def sample_motion(harmonics: NDArray, period: float, count: int, intervals: int = 0) -> Samples:
     """Increments and true angles of a harmonic motion.
 
     Parameters
@@ -218,7 +219,7 @@ def sample_motion(harmonics: np.ndarray, period: float, count: int, intervals: i
     return Samples(period, increments, angles)
 
 
-def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: bool = False) -> np.ndarray:
+def run_algorithm(algorithm: Algorithm, increments: NDArray, renormalise: bool = False) -> NDArray:
     """Attitudes (N // samples, 4), scalar first, at the end of each step of an algorithm, from the attitude 1.
 
     The increments (N, 3) are of the gyro samples [rad]; samples that do not fill a step are left out.
@@ -231,7 +232,7 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
 
 
 @cache
-def _table_of(algorithm: int) -> np.ndarray:
+def _table_of(algorithm: int) -> NDArray:
     """Return the table of an algorithm; plain Python writes it once, in the time of 5,000 samples."""
     table = [0.0] * TABLE_SIZE
     prepare_update(float(algorithm), list(PRODUCTS), table)
@@ -331,8 +332,8 @@ def _turn(step: Callable[..., Any], previous: bool, kernel_made: Callable[..., A
 class GyroErrors(NamedTuple):
     """Errors of the gyros of a run: Γ (9,) row by row, bias (3,) and bound of the errors [rad/s], quantum [rad]."""
 
-    scale_misalignment: np.ndarray
-    bias: np.ndarray
+    scale_misalignment: NDArray
+    bias: NDArray
     quantum: float
     noise_bound: float
     seed: int
@@ -340,12 +341,12 @@ class GyroErrors(NamedTuple):
 
 def read_increments(
     samples: Samples,
-    scale_misalignment: np.ndarray,
-    bias: np.ndarray,
+    scale_misalignment: NDArray,
+    bias: NDArray,
     quantum: float,
     noise_bound: float,
     seed: int,
-) -> np.ndarray:
+) -> NDArray:
     """Return exact increments as gyros with errors read them, by the kernels of `trihedron.models.gyro`: (N, 3) [rad].
 
     The errors are those of `GyroErrors`; a quantum of 0: exact.
@@ -399,7 +400,7 @@ def _reader(makers: Makers) -> Callable[..., int]:
     return read
 
 
-def angles_of_runs(algorithm: Algorithm, samples: Samples, true: np.ndarray, gyros: Sequence[GyroErrors]) -> np.ndarray:
+def angles_of_runs(algorithm: Algorithm, samples: Samples, true: NDArray, gyros: Sequence[GyroErrors]) -> NDArray:
     """Return the angles (`LANES`, steps) of `LANES` runs to the true attitudes (N, 4) at the ends of steps [rad].
 
     Each run has the bits of `read_increments`, `run_algorithm` with renormalisation and `angle_between`.
@@ -467,7 +468,7 @@ def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int) -> Ca
     return run
 
 
-def rounded_increments(increments: np.ndarray, rounding: str) -> tuple[np.ndarray, np.ndarray]:
+def rounded_increments(increments: NDArray, rounding: str) -> tuple[NDArray, NDArray]:
     """Increments (N, 3) [rad] as 32-bit numbers, high and low, by one of `ROUNDINGS`; low is zero but for pairs."""
     high = increments.astype(np.float32)
     low = np.zeros_like(high)
@@ -478,7 +479,7 @@ def rounded_increments(increments: np.ndarray, rounding: str) -> tuple[np.ndarra
     return high, low
 
 
-def run_single(high: np.ndarray, low: np.ndarray, arithmetic: str) -> np.ndarray:
+def run_single(high: NDArray, low: NDArray, arithmetic: str) -> NDArray:
     """Attitudes (N // 2, 4) at every second sample from increments high + low (N, 3) [rad], by one of `ARITHMETICS`.
 
     Quaternions, scalar first, as the 32-bit numbers have them: nothing renormalises them.

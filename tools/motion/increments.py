@@ -156,9 +156,9 @@ class Increments:
     """
 
     period: float
-    time_s: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray | None = None
+    time_s: NDArray
+    angle: NDArray
+    velocity: NDArray | None = None
 
 
 def sampling_period(record: StrapdownRecord) -> float:
@@ -182,7 +182,7 @@ def sampling_period(record: StrapdownRecord) -> float:
     return period
 
 
-def off_the_grid(time: np.ndarray) -> np.ndarray:
+def off_the_grid(time: NDArray) -> NDArray:
     """Return the departure of times (N,) from the uniform grid between first and last, in periods."""
     return (time - time[0]) / (time[-1] - time[0]) * (len(time) - 1) - np.arange(len(time))
 
@@ -213,7 +213,7 @@ def increments_from(
     record: StrapdownRecord,
     first: int,
     rates: str = "instantaneous",
-    gyro_bias: Sequence[float] | np.ndarray | None = None,
+    gyro_bias: Sequence[float] | NDArray | None = None,
 ) -> Increments:
     """Angle increments of the rows after row `first`, at which the attitude is known.
 
@@ -256,7 +256,7 @@ def coarser(increments: Increments, divisor: int) -> Increments:
         raise InputError(f"--rate-divisor {divisor}: give a whole number from 1 to {count}, the record's increments")
     samples = count // divisor
 
-    def added(values: np.ndarray) -> np.ndarray:
+    def added(values: NDArray) -> NDArray:
         return np.ascontiguousarray(values[: samples * divisor].reshape(samples, divisor, 3).sum(axis=1))
 
     time = increments.time_s[: samples * divisor + 1 : divisor]
@@ -305,7 +305,7 @@ class GyroInput:
         limits = (line for line in self.limits.lines if line.startswith(("w", "dv")))
         return (*self.record.warnings, *jitter_line(self.record), *limits)
 
-    def trusted_until(self, time: np.ndarray) -> float | None:
+    def trusted_until(self, time: NDArray) -> float | None:
         """Return the last of some times (N,), the start first, with an attitude to trust [s]; None: all."""
         if self.worthless_from == np.inf:
             return None
@@ -317,7 +317,7 @@ def gyro_input(
     rates: str,
     *,
     bridge_gaps: int = 0,
-    gyro_bias: Sequence[float] | np.ndarray | None = None,
+    gyro_bias: Sequence[float] | NDArray | None = None,
 ) -> GyroInput:
     """Return the input to carry a record's attitude; options and errors as of `run_attitude`."""
     limits, measured = channel_limits(record), record.time_s

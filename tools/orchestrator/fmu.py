@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 
 import fmpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..locks import PREFIX
@@ -228,7 +229,7 @@ class Slave:
             except InputError as error:
                 raise InputError(f"{error} [setting {setting}]") from error
 
-    def interpolate(self, variables: Sequence[FmuVariable], times: np.ndarray, rows: np.ndarray) -> None:
+    def interpolate(self, variables: Sequence[FmuVariable], times: NDArray, rows: NDArray) -> None:
         """Give inputs to the solver of a guest: rows at some times [s], linear between them."""
         references = np.array([v.reference for v in variables if v.place == 0], dtype=np.uint32)
         setter = self.accessor("Set", variables[0].access)

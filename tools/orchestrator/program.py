@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from . import operations as op
@@ -88,7 +89,7 @@ class Ports:
         self.transfers: dict[str, list[Operation]] = {}
         self.sums: dict[str, list[Operation]] = {}
         self.slopes: list[FmuVariable] = []
-        self.tables: list[tuple[tuple[FmuVariable, ...], np.ndarray, np.ndarray]] = []
+        self.tables: list[tuple[tuple[FmuVariable, ...], NDArray, NDArray]] = []
         self._memory: list[Any] = []
         """Objects to which addresses point; kept alive here."""
         changing = [w.input for w in wires if w.target == interface.name]
@@ -156,7 +157,7 @@ class Ports:
                 self.feeds.append(Operation(op.FEED, words))
                 first = end
 
-    def _interpolate(self, interface: Interface, drive: Drive, times: np.ndarray) -> None:
+    def _interpolate(self, interface: Interface, drive: Drive, times: NDArray) -> None:
         """Lay out a table for the FMU's solver; the other elements of an array of FMI 3.0 are constant."""
         (access,) = {variable.access for variable in drive.variables}
         port, variables = self.inputs[access], tuple(_whole(interface, drive.variables))
@@ -167,7 +168,7 @@ class Ports:
         rows[:, [variables.index(variable) for variable in drive.variables]] = drive.values
         self.tables.append((variables, times, rows))
 
-    def _encoded(self, port: Port, rows: Any, columns: Sequence[int]) -> np.ndarray:
+    def _encoded(self, port: Port, rows: Any, columns: Sequence[int]) -> NDArray:
         """Return columns of rows of values in the form of a port."""
         if isinstance(rows, np.ndarray):
             every_column = len(columns) == rows.shape[1]
@@ -283,7 +284,7 @@ class Program:
     def __len__(self) -> int:
         return len(self.operations)
 
-    def tables(self) -> tuple[np.ndarray, np.ndarray]:
+    def tables(self) -> tuple[NDArray, NDArray]:
         """Return the whole numbers of all operations, a row each, and their real numbers."""
         rows = np.zeros((len(self), op.WIDTH), dtype=np.int64)
         numbers = np.zeros((len(self), 2))

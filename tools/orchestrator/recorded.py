@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from ..errors import InputError, said_of
 from .interface import VALUE_TYPES, FmuVariable, Interface, bytes_at, conversion, refer, suffix_for
@@ -127,7 +128,7 @@ class Blocks:
         self._columns, self._grid, self._keep, self.every = columns, grid, keep, every
         self._tick = self.row = 0
         numbers: list[tuple[str, Port, int]] = []
-        self._values: dict[tuple[str, str], np.ndarray] = {}
+        self._values: dict[tuple[str, str], NDArray] = {}
         self._texts: dict[tuple[str, str], list[str]] = {}
         self._addresses: list[tuple[list[str], Port, int]] = []
         for name, members in ports.items():

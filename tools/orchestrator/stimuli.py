@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..errors import InputError, nearest, said_of
@@ -64,9 +65,9 @@ class Drive:
 
     fmu: str
     variables: tuple[FmuVariable, ...]
-    values: list[list[Value]] | np.ndarray
-    begins: np.ndarray | None
-    times: np.ndarray | None = None
+    values: list[list[Value]] | NDArray
+    begins: NDArray | None
+    times: NDArray | None = None
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,8 @@ class NumberTable:
     """
 
     label: str
-    columns: dict[str, np.ndarray]
-    lines: np.ndarray
+    columns: dict[str, NDArray]
+    lines: NDArray
 
     def row(self, index: int) -> str:
         """Return the file and the row, for a message."""
@@ -222,7 +223,7 @@ def _read_csv(content: bytes, label: str, required: Sequence[str] | None) -> Num
     return _numbers(label, chosen, np.array([number for number, _ in rows], dtype=np.int64))
 
 
-def _numbers(label: str, frame: pl.DataFrame, lines: np.ndarray) -> NumberTable:
+def _numbers(label: str, frame: pl.DataFrame, lines: NDArray) -> NumberTable:
     columns = {}
     for name in frame.columns:
         text = frame[name]
@@ -285,12 +286,12 @@ def resolve_rows(
     table = table_with(names)
 
     @cache
-    def held(grid: StepGrid) -> tuple[np.ndarray, np.ndarray]:
+    def held(grid: StepGrid) -> tuple[NDArray, NDArray]:
         if stimulus.stamp == "end":
             return _rows_that_end(table, grid, increments=increments)
         return _rows_that_begin(table, grid)
 
-    groups: dict[tuple[str, str], list[tuple[FmuVariable, np.ndarray]]] = {}
+    groups: dict[tuple[str, str], list[tuple[FmuVariable, NDArray]]] = {}
     for interface, variable, column, (factor, offset) in ends:
         values = table.columns[column]
         if (factor, offset) != (1.0, 0.0):
@@ -312,7 +313,7 @@ def resolve_rows(
 
 
 def _interpolated(
-    fmu: str, group: Sequence[tuple[FmuVariable, np.ndarray]], table: NumberTable, grid: StepGrid, *, solved: bool
+    fmu: str, group: Sequence[tuple[FmuVariable, NDArray]], table: NumberTable, grid: StepGrid, *, solved: bool
 ) -> list[Drive]:
     """Return rows at the beginning of each step: continuous inputs linearly between rows, others from the last row.
 
@@ -344,7 +345,7 @@ def _interpolated(
     return drives
 
 
-def _ticks(table: NumberTable, grid: StepGrid) -> np.ndarray:
+def _ticks(table: NumberTable, grid: StepGrid) -> NDArray:
     """Return the times of the rows in steps, rounded where they are near a step."""
     times = table.columns["time_s"]
     back = np.flatnonzero(np.diff(times) <= 0.0)
@@ -355,14 +356,14 @@ def _ticks(table: NumberTable, grid: StepGrid) -> np.ndarray:
     return np.where(np.abs(ticks - near) <= ROW_TOLERANCE, near, ticks)
 
 
-def _held(begins: np.ndarray, grid: StepGrid) -> tuple[np.ndarray, np.ndarray]:
+def _held(begins: NDArray, grid: StepGrid) -> tuple[NDArray, NDArray]:
     """Return the rows that hold over a step, and their first steps, from rows that begin at fractional steps."""
     first = np.clip(begins, 0.0, grid.steps).astype(np.int64)
     rows = np.flatnonzero(np.diff(np.append(first, grid.steps)) > 0)
     return rows, first[rows]
 
 
-def _rows_that_begin(table: NumberTable, grid: StepGrid) -> tuple[np.ndarray, np.ndarray]:
+def _rows_that_begin(table: NumberTable, grid: StepGrid) -> tuple[NDArray, NDArray]:
     """Return the rows that hold from their time on over some step, and the first step of each."""
     ticks = _ticks(table, grid)
     if ticks[0] > 0.0:
@@ -373,7 +374,7 @@ def _rows_that_begin(table: NumberTable, grid: StepGrid) -> tuple[np.ndarray, np
     return _held(np.ceil(ticks), grid)
 
 
-def _rows_that_end(table: NumberTable, grid: StepGrid, *, increments: bool) -> tuple[np.ndarray, np.ndarray]:
+def _rows_that_end(table: NumberTable, grid: StepGrid, *, increments: bool) -> tuple[NDArray, NDArray]:
     """Return the rows that hold up to their time over some step, and the first step of each."""
     times, ticks = table.columns["time_s"], _ticks(table, grid)
     if ticks[-1] < grid.steps:
@@ -406,7 +407,7 @@ def _rows_that_end(table: NumberTable, grid: StepGrid, *, increments: bool) -> t
     return rows, begins
 
 
-def _check_column(table: NumberTable, column: str, variable: FmuVariable, values: np.ndarray) -> None:
+def _check_column(table: NumberTable, column: str, variable: FmuVariable, values: NDArray) -> None:
     """Refuse a value that the variable's type or limits do not allow."""
     suspects = np.arange(len(values))
     if variable.kind == "Real":

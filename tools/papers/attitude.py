@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ...models.attitude_algorithms import Algorithm
@@ -208,7 +209,7 @@ CAUSES = (
 """Every switch of `Conditions`."""
 
 
-def paper_motion(name: str, conditions: Conditions) -> np.ndarray:
+def paper_motion(name: str, conditions: Conditions) -> NDArray:
     """A motion, one of `MOTIONS`, as the harmonics that `trihedron.models.harmonic_motion` takes, shape (36,).
 
     Amplitude [rad], circular frequency [rad/s] and phase of each; an InputError where no motion has this name.

@@ -230,7 +230,7 @@ def _score(rows: Sequence[ReproducedRow], tables: tuple[str, ...], within: float
     )
 
 
-def run_tasks(tasks: Iterable[Task], *, progress: bool = False) -> Mapping[Task, np.ndarray]:
+def run_tasks(tasks: Iterable[Task], *, progress: bool = False) -> Mapping[Task, NDArray]:
     """Largest errors of ψ, ϑ, γ [rad] of rows under conditions; rows with the same increments share them.
 
     The work is spread over the cores by threads: compiled code does not hold Python's lock.
@@ -242,7 +242,7 @@ def run_tasks(tasks: Iterable[Task], *, progress: bool = False) -> Mapping[Task,
         groups.setdefault(stream, []).append((row, conditions))
     # The longest first, so that no core waits long at the end.
     streams = sorted(groups, key=_cost, reverse=True)
-    errors: dict[Task, np.ndarray] = {}
+    errors: dict[Task, NDArray] = {}
     with (
         progress_bar("running the published rows", sum(map(_cost, streams)), show=progress) as advance,
         ThreadPoolExecutor(max_workers=os.cpu_count()) as pool,
@@ -254,10 +254,10 @@ def run_tasks(tasks: Iterable[Task], *, progress: bool = False) -> Mapping[Task,
     return errors
 
 
-def _run_group(stream: Stream, tasks: Sequence[Task]) -> dict[Task, np.ndarray]:
+def _run_group(stream: Stream, tasks: Sequence[Task]) -> dict[Task, NDArray]:
     harmonics, period, intervals = stream
     samples = sample_motion(np.frombuffer(harmonics), period, round(DURATION / period), intervals)
-    errors: dict[Task, np.ndarray] = {}
+    errors: dict[Task, NDArray] = {}
     for row, conditions in tasks:
         algorithm = conditions.algorithm(row)
         attitudes = run_algorithm(algorithm, samples.increments)
@@ -266,7 +266,7 @@ def _run_group(stream: Stream, tasks: Sequence[Task]) -> dict[Task, np.ndarray]:
     return errors
 
 
-def angle_errors(attitudes: np.ndarray, angles: np.ndarray, normalised: bool) -> np.ndarray:
+def angle_errors(attitudes: NDArray, angles: NDArray, normalised: bool) -> NDArray:
     """Largest errors (3,) of ψ, ϑ, γ [rad] of quaternions (N, 4), scalar first, against the true angles (N, 3).
 
     The quaternions may be brought to the unit sphere first: the formulas are those of the paper, C11 = 2(λ0² + λ1²) - 1
@@ -484,7 +484,7 @@ def word_length_errors(
     return WordLength(errors_rad=tuple(errors))
 
 
-def _increments(motion: str, duration: float, period: float) -> np.ndarray:
+def _increments(motion: str, duration: float, period: float) -> NDArray:
     harmonics = paper_motion("1", EXACT)
     if motion == INCOMMENSURATE:
         axes = harmonics.reshape(3, -1, 3)

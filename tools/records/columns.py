@@ -13,6 +13,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
@@ -221,15 +222,15 @@ class FileColumns:
 
     path: Path
     layout: Layout
-    numbers: dict[str, np.ndarray]
+    numbers: dict[str, NDArray]
     texts: Mapping[str, tuple[str, ...]]
-    row: np.ndarray
+    row: NDArray
     resolution: float
     angle_resolution: float = 0.0
     temperature_resolution: float = 0.0
     comments: Comments = field(default_factory=Comments)
 
-    def group(self, names: Sequence[str]) -> np.ndarray:
+    def group(self, names: Sequence[str]) -> NDArray:
         """The named columns side by side, shape (N, len(names))."""
         return np.stack([self.numbers[name] for name in names], axis=1)
 
@@ -384,7 +385,7 @@ def warnings(columns: FileColumns) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _rows_from(columns: FileColumns, index: np.ndarray) -> str:
+def _rows_from(columns: FileColumns, index: NDArray) -> str:
     """Return the rows as text: their number, and the first of them."""
     first = int(columns.row[index[0]])
     if len(index) == 1:
@@ -392,7 +393,7 @@ def _rows_from(columns: FileColumns, index: np.ndarray) -> str:
     return f"{len(index)} rows, the first row {first}"
 
 
-def least_step(values: np.ndarray) -> float:
+def least_step(values: NDArray) -> float:
     """Least distance of two values (N,) that differ by more than rounding; infinite where none do."""
     steps = np.diff(np.unique(values))
     return float(steps[steps > ROUNDING_STEP].min(initial=np.inf))
@@ -536,7 +537,7 @@ def _increasing(columns: FileColumns, name: str, least: float = 0.0) -> Iterator
         yield columns.fault(k + 1, name, what)
 
 
-def knocks_of(force: np.ndarray) -> np.ndarray:
+def knocks_of(force: NDArray) -> NDArray:
     """Rows (N,) of readings (N, 3) [m/s²] that are beyond 10 times gravity."""
     large = np.abs(force).max(axis=1, initial=0.0)
     # the squares of huge numbers overflow
@@ -577,7 +578,7 @@ def _forces(columns: FileColumns) -> Iterator[RecordError]:
         yield RecordError(columns.path, None, _all(FORCE), f"{what}; m/s2 are needed")
 
 
-def spoilt_attitudes(columns: FileColumns) -> np.ndarray:
+def spoilt_attitudes(columns: FileColumns) -> NDArray:
     """Return rows (N,) with an invalid true attitude: empty in part, or of a norm that is not 1."""
     if QUATERNION[0] not in columns.numbers:
         return np.zeros(len(columns.row), dtype=bool)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..files import bytes_of
@@ -276,7 +277,7 @@ def without_rows(record: Any, text: str) -> Any:
     return replace(record.selected(kept), warnings=(*record.warnings, line))
 
 
-def rows_of_rests(time_s: np.ndarray, rests: Sequence[DecidedRest], where: str) -> list[slice]:
+def rows_of_rests(time_s: NDArray, rests: Sequence[DecidedRest], where: str) -> list[slice]:
     """Return the rows of each rest.
 
     Raises

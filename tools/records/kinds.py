@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..files import whole_file
@@ -70,11 +71,11 @@ class Rest:
         return slice(self.kept_first, self.kept_last + 1)
 
 
-def _no_rows() -> np.ndarray:
+def _no_rows() -> NDArray:
     return np.zeros(0, dtype=np.int64)
 
 
-def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
+def degrees_that_read_back(angle: NDArray) -> NDArray:
     """Return degrees with the fewest decimals whose conversion to radians gives the same doubles.
 
     Not every double in radians has such a degree (the spacing of doubles is wider in degrees for one in ten);
@@ -117,12 +118,12 @@ class _Origin:
     """
 
     path: Path = Path("record")
-    row: np.ndarray = field(default_factory=_no_rows)
+    row: NDArray = field(default_factory=_no_rows)
     warnings: tuple[str, ...] = ()
     sha256: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
     channels: Channels | None = None
-    aside: np.ndarray | None = None
+    aside: NDArray | None = None
     decisions: Decisions | None = None
 
 
@@ -132,8 +133,8 @@ class _Record(_Origin):
     word: ClassVar[str]
     groups: ClassVar[dict[str, tuple[str, ...]]]
     """Field -> its columns in a file, in their order; one column is an array (N,), several are (N, columns)."""
-    time_s: np.ndarray
-    specific_force: np.ndarray
+    time_s: NDArray
+    specific_force: NDArray
 
     def __post_init__(self) -> None:
         count = len(self)
@@ -167,7 +168,7 @@ class _Record(_Origin):
         return len(self.specific_force)
 
     @cached_property
-    def knocks(self) -> np.ndarray:
+    def knocks(self) -> NDArray:
         """Rows (N,) with readings beyond 10 times gravity, or set aside; no rest or move with them is used."""
         knocks = once(knocks_of, self.specific_force)
         return knocks if self.aside is None else knocks | self.aside
@@ -216,7 +217,7 @@ class _Record(_Origin):
         changed |= {"warnings": (*warnings, options), "channels": channels.after(self.channels or Channels())}
         return replace(cast("Any", self), **changed)
 
-    def selected(self, index: np.ndarray) -> Self:
+    def selected(self, index: NDArray) -> Self:
         """The same record with the rows that a mask or an index array selects, in that order."""
         index = np.arange(len(self))[index]
         changed: dict[str, Any] = {}
@@ -296,11 +297,11 @@ class RawRecord(_Record):
         "temperature": (TEMPERATURE,),
     }
 
-    time_s: np.ndarray
-    alpha: np.ndarray
-    beta: np.ndarray
-    specific_force: np.ndarray
-    temperature: np.ndarray | None = None
+    time_s: NDArray
+    alpha: NDArray
+    beta: NDArray
+    specific_force: NDArray
+    temperature: NDArray | None = None
     resolution: float = 0.0
 
 
@@ -319,8 +320,8 @@ class BenchRecord(RawRecord):
     word = "bench record"
     groups: ClassVar = {**RawRecord.groups, "rate": RATE, "increment": INCREMENT}
 
-    rate: np.ndarray | None = None
-    increment: np.ndarray | None = None
+    rate: NDArray | None = None
+    increment: NDArray | None = None
 
     def __post_init__(self) -> None:
         if (self.rate is None) == (self.increment is None):
@@ -387,26 +388,26 @@ class PositionRecord(_Record):
         "mounting": (MOUNTING,),
     }
 
-    position: np.ndarray
-    time_s: np.ndarray
-    alpha: np.ndarray
-    beta: np.ndarray
-    specific_force: np.ndarray
-    temperature: np.ndarray | None = None
-    approach_alpha: np.ndarray | None = None
-    approach_beta: np.ndarray | None = None
+    position: NDArray
+    time_s: NDArray
+    alpha: NDArray
+    beta: NDArray
+    specific_force: NDArray
+    temperature: NDArray | None = None
+    approach_alpha: NDArray | None = None
+    approach_beta: NDArray | None = None
     mounting: tuple[str, ...] | None = None
     resolution: float = 0.0
     angle_resolution: float = 0.0
     temperature_resolution: float = 0.0
     steps: AngleSteps = field(default_factory=AngleSteps)
-    scatter: np.ndarray | None = None
+    scatter: NDArray | None = None
     dwell_noise: DwellNoise | None = None
     raw: RawRecord | None = None
     rests: tuple[Rest, ...] = ()
-    numbers: np.ndarray = field(default_factory=_no_rows)
+    numbers: NDArray = field(default_factory=_no_rows)
 
-    def bounds_with(self, noise_bound: float, gravity: float) -> np.ndarray:
+    def bounds_with(self, noise_bound: float, gravity: float) -> NDArray:
         """Return the bound of each reading's error (3 N,), fractions of `gravity`.
 
         It is σ, the limit of a correction, and half a step of the encoders.
@@ -473,13 +474,13 @@ class StrapdownRecord(_Record):
         "part": (PART,),
     }
 
-    time_s: np.ndarray
-    rate: np.ndarray | None
-    increment: np.ndarray | None
-    specific_force: np.ndarray
-    attitude: np.ndarray | None = None
-    temperature: np.ndarray | None = None
-    velocity_increment: np.ndarray | None = None
+    time_s: NDArray
+    rate: NDArray | None
+    increment: NDArray | None
+    specific_force: NDArray
+    attitude: NDArray | None = None
+    temperature: NDArray | None = None
+    velocity_increment: NDArray | None = None
     face: tuple[str, ...] | None = None
     turn: tuple[str, ...] | None = None
     part: tuple[str, ...] | None = None
@@ -518,9 +519,9 @@ class ForceRecord(_Record):
         "part": (PART,),
     }
 
-    time_s: np.ndarray
-    specific_force: np.ndarray
-    temperature: np.ndarray | None = None
+    time_s: NDArray
+    specific_force: NDArray
+    temperature: NDArray | None = None
     face: tuple[str, ...] | None = None
     turn: tuple[str, ...] | None = None
     part: tuple[str, ...] | None = None
@@ -562,14 +563,14 @@ class PoseRecord(_Record):
         "up": UP,
     }
 
-    position: np.ndarray
-    specific_force: np.ndarray
-    time_s: np.ndarray | None = None  # type: ignore[assignment]
-    temperature: np.ndarray | None = None
+    position: NDArray
+    specific_force: NDArray
+    time_s: NDArray | None = None  # type: ignore[assignment]
+    temperature: NDArray | None = None
     face: tuple[str, ...] | None = None
-    up: np.ndarray | None = None
-    scatter: np.ndarray | None = None
-    numbers: np.ndarray = field(default_factory=_no_rows)
+    up: NDArray | None = None
+    scatter: NDArray | None = None
+    numbers: NDArray = field(default_factory=_no_rows)
 
 
 LONG = 500_000

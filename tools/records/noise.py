@@ -10,6 +10,7 @@ from functools import cache
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..rounding import digits, upwards
@@ -135,7 +136,7 @@ def _from_scatter(record: PositionRecord, fitted: Fitted) -> NoiseBound | None:
     return NoiseBound(factor * pooled, basis, complete=False)
 
 
-def _same_positions(record: PositionRecord) -> np.ndarray:
+def _same_positions(record: PositionRecord) -> NDArray:
     """A label for each row, the same for repeats of a position in the same mounting."""
     names = record.mounting or ("",) * len(record)
     keys = np.stack(
@@ -149,7 +150,7 @@ def _same_positions(record: PositionRecord) -> np.ndarray:
     return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _angle_labels(angle: np.ndarray) -> np.ndarray:
+def _angle_labels(angle: NDArray) -> NDArray:
     """A label for each angle, the same where angles agree within SAME_ANGLE, whole turns apart or not."""
     turned = angle % (2.0 * math.pi)
     order = np.argsort(turned, kind="stable")
@@ -172,7 +173,7 @@ def _angle_labels(angle: np.ndarray) -> np.ndarray:
     return labels
 
 
-def _without_angle_differences(record: PositionRecord) -> tuple[np.ndarray, float]:
+def _without_angle_differences(record: PositionRecord) -> tuple[NDArray, float]:
     """Return readings in g less a fitted block's readings at the same angles, and a slack [g/rad].
 
     Repeats are not set to the same angle exactly: an arcminute is 3e-4 g. The fit (three readings affine in
@@ -200,7 +201,7 @@ def _without_angle_differences(record: PositionRecord) -> tuple[np.ndarray, floa
     return residual, 0.0
 
 
-def allan_deviation(pieces: Sequence[np.ndarray], size: int) -> np.ndarray | None:
+def allan_deviation(pieces: Sequence[NDArray], size: int) -> NDArray | None:
     """Overlapping Allan deviation of averages over `size` rows, all pieces together, shape (m,).
 
     It is the square root of half the mean square difference of averages side by side; None when no piece holds two. The
@@ -209,12 +210,12 @@ def allan_deviation(pieces: Sequence[np.ndarray], size: int) -> np.ndarray | Non
     return allan_deviation_of_sums([sums_of(piece) for piece in pieces], size)
 
 
-def sums_of(piece: np.ndarray) -> np.ndarray:
+def sums_of(piece: NDArray) -> NDArray:
     """Return the sums (n + 1, m) of a piece (n, m) up to each row, its mean taken out: they stay small."""
     return np.concatenate([np.zeros((1, piece.shape[1])), np.cumsum(piece - mean_of(piece), axis=0)])
 
 
-def allan_deviation_of_sums(sums: Sequence[np.ndarray], size: int) -> np.ndarray | None:
+def allan_deviation_of_sums(sums: Sequence[NDArray], size: int) -> NDArray | None:
     """Return the overlapping Allan deviation of averages over `size` rows, shape (m,), from `sums_of` each piece."""
     total, count = 0.0, 0
     for of_piece in sums:
@@ -236,7 +237,7 @@ def allan_deviation_of_sums(sums: Sequence[np.ndarray], size: int) -> np.ndarray
     return None
 
 
-def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
+def deviation_at_dwell(pieces: Sequence[NDArray]) -> NDArray | None:
     """Allan deviation of an average over a whole rest (the median one), shape (m,).
 
     A rest shows it up to half its length. One octave more follows from the slope of the last octave, white noise's at
@@ -269,11 +270,11 @@ def dwell_noise(raw: RawRecord, rests: Sequence[slice]) -> DwellNoise | None:
 class LinearTrend:
     """Linear trends: change (m,) from first to last row, and whether (m,) it exceeds the scatter."""
 
-    change: np.ndarray
-    significant: np.ndarray
+    change: NDArray
+    significant: NDArray
 
 
-def settled_from(values: np.ndarray, floor: np.ndarray, *, drifts: bool = False) -> int:
+def settled_from(values: NDArray, floor: NDArray, *, drifts: bool = False) -> int:
     """First row of a rest from which its readings and angles have settled.
 
     The rest is cut into blocks. A block of the first half that differs from the second half's mean by more than the
@@ -297,7 +298,7 @@ def settled_from(values: np.ndarray, floor: np.ndarray, *, drifts: bool = False)
     return start
 
 
-def still_settling(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> bool:
+def still_settling(time: NDArray, values: NDArray, floor: NDArray) -> bool:
     """Return true if a column's change over these rows slows down or speeds up: a transient, not a linear drift."""
     place = (time - time[0]) / (time[-1] - time[0])
     basis = np.linalg.qr(np.stack([np.ones(len(time)), place, place**2], axis=1))[0]
@@ -309,7 +310,7 @@ def still_settling(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> b
     return bool(np.any(np.abs(weight[2]) > np.maximum(student_quantile(freedom, FALSE_ALARM) * error, floor)))
 
 
-def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
+def _unsettled(values: NDArray, floor: NDArray, drifts: bool) -> int:
     """Return the number of rows at the start that have not settled by one test; at most half of them."""
     size = max(1, len(values) // BLOCKS)
     # counted from the end, so that rows that fill no block are at the start
@@ -353,12 +354,12 @@ def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
     return 0
 
 
-def mean_of(values: np.ndarray) -> np.ndarray:
+def mean_of(values: NDArray) -> NDArray:
     """Mean over the rows; of equal rows exactly that row."""
     return values[0] + np.mean(values - values[0], axis=0)
 
 
-def scatter_of_mean(values: np.ndarray) -> np.ndarray:
+def scatter_of_mean(values: NDArray) -> NDArray:
     """Standard error of the mean over the rows, from their own scatter, shape (m,).
 
     The largest of three: independent rows, independent eighths, and half the difference of the two halves. The last
@@ -374,7 +375,7 @@ def scatter_of_mean(values: np.ndarray) -> np.ndarray:
     return np.maximum(np.maximum(white, slow), np.std(eighths - eighths[0], axis=0, ddof=1) / math.sqrt(8))
 
 
-def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> LinearTrend:
+def trend_of(time: NDArray, values: NDArray, floor: NDArray) -> LinearTrend:
     """Linear trend of each column of a rest (n, m) over its times (n,) [s], by least squares.
 
     Changes up to the floor (m,) are never significant: what rounding does.
@@ -393,7 +394,7 @@ def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> LinearT
     )
 
 
-def scatter_about_line(time: np.ndarray, values: np.ndarray) -> float:
+def scatter_about_line(time: NDArray, values: NDArray) -> float:
     """Largest less smallest distance of values (n,) from their least-squares line."""
     centred = time - mean_of(time)
     slope = float(centred @ (values - mean_of(values))) / float(centred @ centred)
@@ -435,7 +436,7 @@ def student_quantile(freedom: int, chance: float) -> float:
     return math.exp(log_t)
 
 
-def _block_means(values: np.ndarray, count: int) -> np.ndarray:
+def _block_means(values: NDArray, count: int) -> NDArray:
     """Return the means of `count` blocks of equal size, shape (count, m); rows at the end may remain unused."""
     size = len(values) // count
     blocks = values[: count * size].reshape(count, size, -1)

@@ -248,7 +248,7 @@ def _label(name: object) -> str:
     return str(name)
 
 
-def _column_in_memory(values: np.ndarray) -> Any:
+def _column_in_memory(values: NDArray) -> Any:
     """Return the values of a column; times stay times, in nanoseconds."""
     if values.dtype.kind in "mM":
         return values.astype(f"{values.dtype.kind}8[ns]")
@@ -339,7 +339,7 @@ def _with_import(error: RecordError, path: Path, content: bytes) -> RecordError:
     return RecordError(path, error.row, error.column, what)
 
 
-def _without_negligible(values: np.ndarray) -> np.ndarray:
+def _without_negligible(values: NDArray) -> NDArray:
     """Return numbers with zero for those that no instrument measures: their sign would decide a scale factor."""
     negligible = (np.abs(values) < NEGLIGIBLE) & (values != 0.0)
     return np.where(negligible, 0.0, values) if negligible.any() else values
@@ -409,9 +409,9 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
         yield _too_many(path, layout, count)
         return None
     place = {name: names.index(name) for name in sorted(layout.present, key=names.index)}
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in layout.numbers}
+    parts: dict[str, list[NDArray]] = {name: [] for name in layout.numbers}
     texts_of: dict[str, list[str]] = {name: [] for name in place if name in TEXTS}
-    blocks: list[np.ndarray] = []
+    blocks: list[NDArray] = []
     digits = dict.fromkeys(layout.numbers, 0)
     for start in tracked(range(1, len(body), PART), "reading", show=len(content) >= LARGE):
         some, where = body[start : start + PART], rows[start : start + PART]
@@ -548,7 +548,7 @@ def fields_of(path: Path, row: int, line: str) -> list[str]:
 
 def taken_of(
     lines: list[str], width: int, place: dict[str, int]
-) -> tuple[dict[str, tuple[str, ...]], dict[str, np.ndarray]] | None:
+) -> tuple[dict[str, tuple[str, ...]], dict[str, NDArray]] | None:
     """Texts and numbers of the columns in their places; None when a line has a fault."""
     if not lines:
         return dict.fromkeys(place, ()), dict.fromkeys(place, np.zeros(0))
@@ -592,7 +592,7 @@ def faults_of_line(path: Path, row: int, line: str, width: int, place: dict[str,
             yield RecordError(path, row, name, fault)
 
 
-def _numbers(texts: Sequence[str], may_be_empty: bool) -> np.ndarray | None:
+def _numbers(texts: Sequence[str], may_be_empty: bool) -> NDArray | None:
     """Return the texts as finite numbers, or NaN if they may be empty; None when one is neither."""
     joined = "".join(texts)
     # float() takes 1_000 and the digits of every script
@@ -681,7 +681,7 @@ def _read_parquet(path: Path, content: bytes, kinds: Sequence[RecordKind], *, tr
     return FileColumns(path, layout, numbers, texts, np.arange(1, frame.height + 1), resolution)
 
 
-def _parquet_numbers(path: Path, series: pl.Series) -> np.ndarray:
+def _parquet_numbers(path: Path, series: pl.Series) -> NDArray:
     if not series.dtype.is_numeric():
         raise RecordError(path, None, series.name, f"holds {series.dtype}; numbers are needed")
     empty = series.is_null().to_numpy()

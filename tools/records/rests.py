@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from ..errors import InputError
@@ -115,7 +116,7 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
     slices = [rest.kept for rest in averaged]
     begins, ends = np.array([(rest.kept_first, rest.kept_last) for rest in averaged]).T
 
-    def means(values: np.ndarray) -> np.ndarray:
+    def means(values: NDArray) -> NDArray:
         return np.array([mean_of(values[rows]) for rows in slices])
 
     # the encoder's own turn again, so that angles stand as they were read
@@ -153,7 +154,7 @@ def position_record_of(raw: RawRecord) -> PositionRecord:
     return average_rests(raw, find_rests(raw))
 
 
-def tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int, last: int) -> Rest:
+def tested(raw: RawRecord, angles: NDArray, tolerance: NDArray, first: int, last: int) -> Rest:
     """Drop the unsettled rows, then test the others for length and for trends."""
     # a row beside a move may hold a reading taken while the table still moved
     start, end = first, last
@@ -233,7 +234,7 @@ def _without_limited(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
     return rests
 
 
-def _dropped(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> int:
+def _dropped(time: NDArray, values: NDArray, floor: NDArray) -> int:
     """Return the number of unsettled rows, measured from a linear drift where there is one, else from a level.
 
     A drift counts if it does not bend and outlasts the rows dropped before it; otherwise it is the tail of a transient.
@@ -246,12 +247,12 @@ def _dropped(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> int:
     return settled_from(values, floor)
 
 
-def angles_of(raw: RawRecord) -> np.ndarray:
+def angles_of(raw: RawRecord) -> NDArray:
     """Both encoder readings without jumps by whole turns, shape (N, 2) [rad]."""
     return np.stack([without_turns(raw.alpha), without_turns(raw.beta)], axis=1)
 
 
-def reading_floor(raw: RawRecord) -> np.ndarray:
+def reading_floor(raw: RawRecord) -> NDArray:
     """Changes of the readings (3,) that rounding may make [m/s²]."""
     return np.full(3, max(2.0 * raw.resolution, ROUNDING))
 
@@ -264,7 +265,7 @@ def _lasts(raw: RawRecord, rows: slice) -> str:
     return f"{digits(float(raw.time_s[rows.stop - 1] - raw.time_s[rows.start]))} s"
 
 
-def _median_by_rows(duration: np.ndarray, rows: np.ndarray) -> float:
+def _median_by_rows(duration: NDArray, rows: NDArray) -> float:
     """Return the duration for which half the rows of all stops belong to stops at least that long.
 
     Many short pieces of a slow motion do not pull it down as they would a plain median.
@@ -274,7 +275,7 @@ def _median_by_rows(duration: np.ndarray, rows: np.ndarray) -> float:
     return float(duration[order[np.searchsorted(below, 0.5 * below[-1])]])
 
 
-def _approach(angle: np.ndarray, rests: Sequence[Rest]) -> np.ndarray | None:
+def _approach(angle: NDArray, rests: Sequence[Rest]) -> NDArray | None:
     """Sense of the last move of one axis before each rest, +1 or -1; None when a rest has none before it."""
     senses: list[float] = []
     searched = 0
@@ -311,7 +312,7 @@ def _said(raw: RawRecord, rests: Sequence[Rest]) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def without_turns(angle: np.ndarray) -> np.ndarray:
+def without_turns(angle: NDArray) -> NDArray:
     """The angle without the jumps by whole turns that an encoder makes at its zero, shape (N,) [rad]."""
     turns = np.rint(np.diff(angle) / (2.0 * math.pi))
     result = angle.copy()
@@ -319,13 +320,13 @@ def without_turns(angle: np.ndarray) -> np.ndarray:
     return result
 
 
-def smallest_step(angle: np.ndarray) -> float:
+def smallest_step(angle: NDArray) -> float:
     """The smallest change of an encoder's reading from row to row that is not a move [rad]; infinite where none is."""
     steps = np.abs(np.diff(angle))
     return float(steps[(steps > 0.0) & (steps <= COARSEST_ENCODER)].min(initial=math.inf))
 
 
-def quiet_tolerance(angle: np.ndarray, step: float | None = None) -> float:
+def quiet_tolerance(angle: NDArray, step: float | None = None) -> float:
     """Spread of one encoder's readings over a rest, from the record's own quiet stretches [rad].
 
     Some hundredths of the record at least are taken to be at rest on this axis. The lowest hundredth of the spread over
@@ -341,7 +342,7 @@ def quiet_tolerance(angle: np.ndarray, step: float | None = None) -> float:
     return min(max(10.0 * float(spread), 1.5 * digit, LEAST_TOLERANCE), GREATEST_TOLERANCE)
 
 
-def find_stops(angles: np.ndarray, tolerance: np.ndarray) -> list[tuple[int, int]]:
+def find_stops(angles: NDArray, tolerance: NDArray) -> list[tuple[int, int]]:
     """First and last row of every stretch of at least WINDOW rows over which both angles keep their level.
 
     Parameters
@@ -375,7 +376,7 @@ def find_stops(angles: np.ndarray, tolerance: np.ndarray) -> list[tuple[int, int
     return long
 
 
-def _window_spread(values: np.ndarray) -> np.ndarray:
+def _window_spread(values: NDArray) -> NDArray:
     """Largest less smallest value in each window of WINDOW rows, shape (N - WINDOW + 1,)."""
     high = low = values
     width = 1
@@ -386,7 +387,7 @@ def _window_spread(values: np.ndarray) -> np.ndarray:
     return high - low
 
 
-def _levels(angles: np.ndarray, first: int, last: int, tolerance: np.ndarray) -> Iterator[tuple[int, int]]:
+def _levels(angles: NDArray, first: int, last: int, tolerance: NDArray) -> Iterator[tuple[int, int]]:
     """Cut a stretch that holds a slow motion into pieces of one level each; one that only creeps is a rest."""
     if np.all(np.ptp(angles[first : last + 1], axis=0) <= GREATEST_TOLERANCE):
         yield first, last
@@ -403,7 +404,7 @@ def _levels(angles: np.ndarray, first: int, last: int, tolerance: np.ndarray) ->
         start = end + 1
 
 
-def _level_end(angles: np.ndarray, start: int, last: int, tolerance: np.ndarray) -> int:
+def _level_end(angles: NDArray, start: int, last: int, tolerance: NDArray) -> int:
     """Last row up to which the spread from `start` stays within the tolerance."""
 
     def level(end: int) -> bool:

@@ -134,7 +134,7 @@ def proof_section(result: Calibration, numbers: NDArray) -> Section | None:
     linearised = result.linearised
     in_bounds = centre_residual(result) / bounds_of_readings(linearised)
     alpha, beta = np.degrees(linearised.positions.alpha), np.degrees(linearised.positions.beta)
-    rows: list[list[Cell]] = []
+    rows = []
     for i, axis in np.argwhere(proved(result, numbers)).tolist():
         row: list[Cell] = [int(numbers[i]), axis + 1]
         row += [digits(float(alpha[i]), 7), digits(float(beta[i]), 7)]
@@ -185,7 +185,7 @@ def next_sections(
         return []
     alpha = np.radians([position["alpha_deg"] for position in positions])
     beta = np.radians([position["beta_deg"] for position in positions])
-    rows: list[list[Cell]] = []
+    rows = []
     separates = False
     for number, position in enumerate(positions, start=1):
         cells: list[Cell] = [number, exactly(position["alpha_deg"]), exactly(position["beta_deg"])]

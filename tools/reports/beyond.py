@@ -12,7 +12,7 @@ from ..diagnosis.cause import Cause
 from ..diagnosis.laws import words_of
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Picture, Section, Table
-from ..document.notation import Cell, raised, sentence, unit_text
+from ..document.notation import raised, sentence, unit_text
 from ..evidence.pairs import GYROS, in_words
 from ..rounding import digits, interval, residual, upwards
 from .pictures.residuals import BandDrawn, band_picture
@@ -177,7 +177,7 @@ def _table(result: Diagnosis) -> Table | None:
     extension = result.extension
     if extension is not None and extension.kind == "lookup":
         laws.append(extension)
-    rows: list[list[Cell]] = []
+    rows = []
     for law in laws:
         left_out = "" if law.left_out_rms is None else digits(law.left_out_rms)
         for cause in law.causes:
@@ -242,7 +242,7 @@ def level_section(result: Diagnosis) -> Section | None:
     """Return the functions that suffice for any law; None if the model fits."""
     if not result.suffices:
         return None
-    rows: list[list[Cell]] = []
+    rows = []
     for function in result.suffices or ():
         rows.append([function.where, function.on, function.form, function.complexity, residual(function.radius)])
     header = ["place", "quantity", "form", "complexity", "radius"]

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..calibrated import ByHand, Calibration, Parameter
 from ..document.blocks import Page, Section, Table, Tone, table_of
-from ..document.notation import Cell, unit_text
+from ..document.notation import unit_text
 from ..motion.determinacy import USABLE_TURN
 from ..rounding import digits, exactly, residual, upwards
 from . import bench
@@ -187,7 +187,7 @@ def parameter_table(parameters: Sequence[Parameter]) -> Table:
     """Return a row for each parameter: symbol, words, estimate, standard error, interval, basis."""
     columns = ["symbol", "name", "estimate", "standard_error", "low", "high", "unit"]
     table = table_of(parameters, columns, {"unit": unit_text})
-    rows: list[list[Cell]] = []
+    rows = []
     for cells, parameter in zip(table.rows, parameters, strict=True):
         rows.append([*cells, None if parameter.determined else "from the prior"])
     return Table([*table.header, "note"], rows)

@@ -17,7 +17,6 @@ from ..calibration.targets import ARCSEC
 from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import (
     Bar,
-    Cell,
     Drawn,
     bars,
     bars_by_unit,
@@ -87,7 +86,7 @@ def effect_sections(result: Calibration) -> list[Section]:
     """Return the effects that were solved with the parameters; none where there were none."""
     if not result.effects:
         return []
-    rows: list[list[Cell]] = []
+    rows = []
     for effect in result.effects:
         numbers = table_of(effect.parameters, ("name", "central", "error_bound", "low", "high", "unit"), WORDS)
         rows += [[effect.effect, *cells] for cells in numbers.rows]
@@ -208,7 +207,7 @@ def levelling_sections(result: Calibration) -> list[Section]:
     before, after = errors.worst
     if errors.after is None or after is None:
         return []
-    rows: list[list[Cell]] = []
+    rows = []
     for name, as_read, corrected in zip(names, errors.before.tolist(), errors.after.tolist(), strict=True):
         rows.append([name, upwards(as_read / ARCSEC), upwards(corrected / ARCSEC)])
     equations = []
@@ -406,7 +405,7 @@ def _interval_table(
 ) -> Table:
     """Return parameters with their drawn intervals, and with their true values if known."""
     numbers = table_of(parameters, ("symbol", "name", "central", "error_bound", "low", "high", "unit"), WORDS)
-    rows: list[list[Cell]] = []
+    rows = []
     for cells, bar, p in zip(numbers.rows, pictures, parameters, strict=True):
         row = list(cells)
         row.insert(BEFORE_INTERVAL, bar)
@@ -438,7 +437,7 @@ def beside_table(result: Calibration) -> Table:
     if result.stands:
         parameters = [*parameters, *result.of_gyros]
     numbers = table_of(parameters, columns, WORDS)
-    rows: list[list[Cell]] = []
+    rows = []
     for cells, p in zip(numbers.rows, parameters, strict=True):
         outside = []
         if not p.possible(p.a_priori):

@@ -74,7 +74,7 @@ def _computed(result: CampaignResult, results: Results | None = None) -> list[Se
 def _quantiles(item: Mapping[str, Any], results: Results | None) -> Section:
     """Return the distribution of each scalar: mean, quantiles, largest value."""
     header = ["scalar", "meaning", "unit", "runs", "mean"]
-    rows: list[list[Cell]] = []
+    rows = []
     columns, marks = {}, {}
     for name, entry in item["result"].items():
         if not entry["runs"]:
@@ -103,7 +103,7 @@ def _quantiles(item: Mapping[str, Any], results: Results | None) -> Section:
 
 def _rates(item: Mapping[str, Any], results: Results | None) -> Section:
     """Return a rate over ranges of a scalar, with its intervals."""
-    rows: list[list[Cell]] = []
+    rows = []
     for entry in item["result"]:
         if entry["cases"]:
             rows.append([digits(entry["low"], 6), digits(entry["high"], 6), rate_text(entry)])
@@ -118,7 +118,7 @@ def _rates(item: Mapping[str, Any], results: Results | None) -> Section:
 
 def _confusion(item: Mapping[str, Any], results: Results | None) -> Section:
     """Return the outcomes of each true value, the most frequent first."""
-    rows: list[list[Cell]] = []
+    rows = []
     for true, counts in item["result"].items():
         ordered = sorted(counts.items(), key=lambda pair: -pair[1])
         rows.append([true, ", ".join([f"{name} {count}" for name, count in ordered])])
@@ -134,7 +134,7 @@ def _sensitivity(name: str, entry: Mapping[str, Any], results: Results | None) -
     sobol = entry["method"] == "sobol"
     key = "total" if sobol else "correlation"
     ordered = sorted(entry["parameters"].items(), key=lambda pair: -abs(pair[1][key] or 0.0))
-    rows: list[list[Cell]] = []
+    rows = []
     for parameter, numbers in ordered:
         if numbers[key] is None:
             rows.append([parameter, "no value", None])
@@ -289,7 +289,7 @@ def _about(campaign: Campaign) -> Section:
         paragraphs.append(f"{campaign.samples} points, {how}.")
     if campaign.repeats > 1 and campaign.hidden is None:
         paragraphs.append(f"Each is run {campaign.repeats} times with other random errors.")
-    rows: list[list[Cell]] = []
+    rows = []
     for name, axis in campaign.parameters.items():
         ((form, value),) = axis.model_dump(exclude_none=True).items()
         values = ", ".join(exactly(v) if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
@@ -400,7 +400,7 @@ def _confusion_sections(suite: Suite) -> list[Section]:
     if suite.false_alarms["clean"] >= suite.cases:
         return []
     counts = confusion(suite.results)
-    rows: list[list[Cell]] = []
+    rows = []
     for name, row in counts.items():
         words = []
         for outcome, count in row.most_common():
@@ -440,7 +440,7 @@ def _size_sections(suite: Suite) -> list[Section]:
 def _detection_section(suite: Suite) -> Section:
     """Return how often effects are detected and named, over their size."""
     falsified, named_rightly = [], []
-    rows: list[list[Cell]] = []
+    rows = []
     for bin_ in suite.detection:
         high = bin_.low * 1.19**2 if bin_.high is None else bin_.high
         ends = {"low": max(bin_.low, 0.18), "high": high}

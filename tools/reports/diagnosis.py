@@ -64,7 +64,7 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
 
 def _page_of_file(result: Diagnosis) -> Page:
     """Return the page of a diagnosis read from its file: the verdict, and the causes with their intervals."""
-    rows: list[list[Cell]] = []
+    rows = []
     texts = []
     for number, explanation in enumerate(result.explanations, start=1):
         if explanation.kind in OF_RECORD:
@@ -106,7 +106,7 @@ def change_section(result: Diagnosis) -> Section | None:
     first = result.explanations[0] if result.explanations else None
     if first is None or first.kind != "break" or not first.change:
         return None
-    rows: list[list[Cell]] = []
+    rows = []
     for name, value in first.change.items():
         if first.within is None:
             rows.append([name, digits(value), None, None])
@@ -163,7 +163,7 @@ def cause_section(result: Diagnosis, files: Sequence[Path] = ()) -> Section | No
         return None
     is_named = result.verdict == "explained"
     first_sets = sets[:MOST_SETS]
-    rows: list[list[Cell]] = []
+    rows = []
     for number, finding in enumerate(sets, start=1):
         for cause in finding.causes:
             for p, value, (least, most) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
@@ -231,7 +231,7 @@ def gain_section(result: Diagnosis) -> Section | None:
     gain = result.gain
     if gain is None:
         return None
-    rows: list[list[Cell]] = []
+    rows = []
     parts = [gain]
     parts += gain.others or ()
     for part in parts:
@@ -583,7 +583,7 @@ def hypothesis_sections(result: Diagnosis) -> list[Section]:
     """Return the user's formulas, with their answers; empty without any."""
     if not result.hypotheses:
         return []
-    rows: list[list[Cell]] = []
+    rows = []
     paragraphs: list[str] = []
     equations: list[str] = []
     for hypothesis in result.hypotheses:

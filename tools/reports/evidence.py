@@ -174,7 +174,7 @@ def moved_targets_section(result: Diagnosis) -> Section | None:
             high = (high - target["after"]) / nominal.noise_bound
         intervals.append(Bar(None, low, high))
     drawn, reach = bars(intervals)
-    rows: list[list[Cell]] = []
+    rows = []
     for target, bar in zip(result.targets, drawn, strict=True):
         symbol, low, high = target["symbol"], target["low"], target["high"]
         moved = to_bound(target["after"] - target["before"], half_width(low, high))
@@ -202,7 +202,7 @@ def parameter_section(result: Diagnosis) -> Section | None:
         return None
     bounded = all(half_width(p.low, p.high) is not None for p in parameters)
     drawn = _interval_bars(parameters) if bounded else [None] * len(parameters)
-    rows: list[list[Cell]] = []
+    rows = []
     for p, bar in zip(parameters, drawn, strict=True):
         value, low, high = interval(p.estimate, p.low, p.high)
         row: list[Cell] = [own_words(p.symbol), value, bar]
@@ -284,7 +284,7 @@ def confusion_section(result: Diagnosis) -> Section | None:
 
 def _equivalent_rows(result: Diagnosis) -> list[list[Cell]]:
     """Return effects with those that no such record tells from them, each once."""
-    rows: list[list[Cell]] = []
+    rows = []
     for finding in result.findings:
         for cause in finding.causes:
             row: list[Cell] = [cause.place.title, ", ".join([place.title for place in cause.alike])]
@@ -299,7 +299,7 @@ def length_section(result: Diagnosis) -> Section | None:
     """Return the results for each length, and the order of the effects; None if there is one length."""
     if not result.lengths:
         return None
-    rows: list[list[Cell]] = []
+    rows = []
     for length in result.lengths:
         sets = []
         for places in length.smallest_sets[:4]:
@@ -376,7 +376,7 @@ def excluded_sections(result: Diagnosis) -> list[Section]:
     sections = []
     paragraphs = ["Larger sizes of these effects contradict the record. Bounds are rounded up."]
     for part, entries in bounds.items():
-        rows: list[list[Cell]] = []
+        rows = []
         for (words, parameter, unit), sizes in entries.items():
             row: list[Cell] = [words, parameter]
             row += [sizes.get(column) for column in COLUMNS[part]]
@@ -420,7 +420,7 @@ def power_section(result: Diagnosis) -> Section | None:
     columns = []
     for places in COLUMNS.values():
         columns += [place for place in places if place in with_size]
-    rows: list[list[Cell]] = []
+    rows = []
     for (quantity, factor, unit), of_place in sizes.items():
         row: list[Cell] = [quantity, factor]
         row += [of_place.get(column) for column in columns]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...models.bench import EARTH_RATE
 from ..calibrated import Calibration
 from ..document.blocks import Page, Section, Table, table_of
-from ..document.notation import Cell, sentence, unit_text
+from ..document.notation import sentence, unit_text
 from ..errors import InputError
 from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
@@ -131,7 +131,7 @@ def pose_lines(poses: PosesSeen | None) -> list[str]:
     ]
 
 
-def span_of(values: np.ndarray) -> str:
+def span_of(values: NDArray) -> str:
     """Return the least and the largest of values, or the only one."""
     least, largest = float(values.min()), float(values.max())
     return f"of {' to '.join(outwards(least, largest))}" if least < largest else f"of {digits(least)}"
@@ -222,7 +222,7 @@ def _gyros(gyros: GyrosAtRest) -> Section:
     paragraphs = [sentence(gyro_lines(gyros)[0])]
     for reason in gyros.not_tried:
         paragraphs.append(sentence(f"not tried: {reason}"))
-    rows: list[list[Cell]] = []
+    rows = []
     for model in gyros.tried:
         chance = None if model.by_chance is None else digits(100.0 * model.by_chance)
         rows.append([model.title, residual(model.radius), chance])

@@ -73,7 +73,7 @@ def _drawn(
         else:
             not_drawn.append(name)
     sections: list[Section] = []
-    rows: list[list[Cell]] = []
+    rows = []
     room = MOST_PANELS
     for unit, arrays in by_unit.items():
         groups = _panels(arrays.values())
@@ -145,7 +145,7 @@ def compared_page(result: Compared) -> Page:
     beyond = sum(not difference.within for difference in result.columns)
     columns = ("column", "largest", "time_s", "first", "second", "rms")
     differences = table_of(result.columns, columns)
-    rows: list[list[Cell]] = []
+    rows = []
     for cells, difference in zip(differences.rows, result.columns, strict=True):
         row = list(cells)
         row += [difference.one_only or None, "yes" if difference.within else "no"]

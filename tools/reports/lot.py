@@ -20,7 +20,7 @@ def lot_page(result: Lot) -> Page:
         sections.append(_listed("Records without a result", ("record", "reason"), _reasons(failures)))
     by_tolerance = [member for member in result.members if member.status not in (None, "pass")]
     if by_tolerance:
-        rows: list[list[Cell]] = [[one.serial, one.record, one.status, one.reason] for one in by_tolerance]
+        rows = [[one.serial, one.record, one.status, one.reason] for one in by_tolerance]
         sections.append(_listed("Out of tolerance", ("serial", "record", "status", "reason"), rows))
     if result.distributions:
         sections.append(
@@ -71,7 +71,7 @@ def _findings(result: Lot) -> list[Section]:
     if changes:
         sections.append(Section("Changes over the lot", changes))
     if result.odd:
-        rows: list[list[Cell]] = [[odd.serial, odd.record, odd.sentence] for odd in result.odd]
+        rows = [[odd.serial, odd.record, odd.sentence] for odd in result.odd]
         sections.append(_listed("Instruments unlike their lot", ("serial", "record", "what"), rows))
     return sections
 
@@ -90,7 +90,7 @@ def _reasons(members: Sequence[Member]) -> list[list[Cell]]:
 
 def _members(members: Sequence[Member]) -> Section:
     """Return a row for each record."""
-    rows: list[list[Cell]] = []
+    rows = []
     for member in members:
         causes = "; ".join(cause.title for cause in member.causes)
         temperature = None if member.temperature is None else digits(member.temperature, 3)

@@ -86,7 +86,7 @@ def against_sections(result: Noise) -> list[Section]:
     """Return the answer on the simulation's noise, channel by channel, and the gain on the second half."""
     if not result.against:
         return []
-    rows: list[list[Cell]] = []
+    rows = []
     for one in result.against:
         sensor = "gyro" if one.channel.startswith("gyro") else "accelerometer"
         changes = [_changed_text(letter, size, one.simulated, sensor) for letter, size in one.changed.items()]
@@ -123,7 +123,7 @@ def _sensor_sections(result: Noise) -> list[Section]:
         letters: dict[Letter, None] = {}
         for channel in channels:
             letters.update(dict.fromkeys(one.process for one in channel.coefficients))
-        rows: list[list[Cell]] = []
+        rows = []
         for letter in letters:
             ones = [channel.coefficient(letter) for channel in channels]
             first = next(one for one in ones if one is not None)
@@ -211,7 +211,7 @@ def _channel_warnings(channel: ChannelNoise) -> list[str]:
 
 def _further(result: Noise) -> Sequence[Section]:
     """Return the coefficients in SI units."""
-    rows: list[list[Cell]] = []
+    rows = []
     for channel in result.channels:
         for one in channel.coefficients:
             numbers = [None if value is None else digits(value, 4) for value in (one.estimate, one.low, one.high)]

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..document.blocks import Page, Section, Table, Tone
-from ..document.notation import Cell
 from ..document.page import notebook, text, write_page
 from ..errors import InputError
 from ..result import Result
@@ -235,7 +234,7 @@ def installation_page(result: "Installation") -> Page:
     wrong = [finding.subject for finding in result.findings if finding.good is False]
     verdict = f"does not work: {', '.join(wrong)}" if wrong else "everything works"
     marks = {True: "yes", False: "NO", None: "-"}
-    rows: list[list[Cell]] = [[marks[one.good], one.subject, one.state] for one in result.findings]
+    rows = [[marks[one.good], one.subject, one.state] for one in result.findings]
     section = Section("Installation", table=Table(["good", "what", "state"], rows))
     return Page("Installation", verdict, [section], tone=_tone(good=not wrong))
 

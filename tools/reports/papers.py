@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..document.blocks import Page, Section, Table
 from ..document.notation import Cell
@@ -28,7 +29,7 @@ AS_PRINTED = 0.1
 
 def published_page(result: PublishedCalibration) -> Page:
     """Return the published tables, ours beside them, and the paper's errors."""
-    rows: list[list[Cell]] = []
+    rows = []
     remarks = []
     better = 0
     for row in result.rows:
@@ -65,7 +66,7 @@ def published_page(result: PublishedCalibration) -> Page:
 
 def reproduction_page(result: Reproduction) -> Page:
     """Return every row, the effect of each cause, scores, and rows that are not reproduced."""
-    rows: list[list[Cell]] = []
+    rows = []
     not_reproduced = [f"not reproduced within {digits(100.0 * TOLERANCE)} %"]
     for row in result.rows:
         cells: list[Cell] = [row.row, TABLES[row.table], row.algorithm, exactly(row.h_s), row.nodes, row.motion]
@@ -100,11 +101,11 @@ def reproduction_page(result: Reproduction) -> Page:
     return Page("Published attitude errors", verdict, answer)
 
 
-def _angles_text(angles: Sequence[float] | np.ndarray) -> str:
+def _angles_text(angles: Sequence[float] | NDArray) -> str:
     return " ".join([digits(angle) for angle in angles])
 
 
-def _ratios(values: Sequence[float] | np.ndarray) -> str:
+def _ratios(values: Sequence[float] | NDArray) -> str:
     texts = [f"{digits(value, 5 if value >= 1e-3 else 1):>7}" for value in values]
     return " ".join(texts)
 
@@ -131,7 +132,7 @@ def word_length_page(result: WordLength) -> Page:
         (REPEATING, "The motion repeats exactly in samples. Rounding errors add up. Largest errors [µdeg]:"),
         (INCOMMENSURATE, "The frequencies are incommensurate. Rounding errors do not repeat. Largest errors [µdeg]:"),
     ):
-        rows: list[list[Cell]] = []
+        rows = []
         for rounding in ROUNDINGS:
             row: list[Cell] = [rounding]
             for name in columns:

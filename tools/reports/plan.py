@@ -44,7 +44,7 @@ def plans_page(plans: Plans) -> Page:
     """Return the costs of all targets; for one target its readings and weights; then each target's estimator."""
     first = plans[0]
     where = "all angles" if first.grid_deg is None else f"a grid of {exactly(first.grid_deg)}°"
-    rows: list[list[Cell]] = []
+    rows = []
     warnings = []
     for plan in plans:
         cost, least, gap = upwards(plan.cost, COST), downwards(plan.lower_bound, COST), upwards(plan.gap, 1)
@@ -104,7 +104,7 @@ def _certain_signs(plan: Plan) -> str:
 
 def estimator_section(plan: Plan) -> Section:
     """Return the estimator of one target, with its numbers."""
-    rows: list[list[Cell]] = []
+    rows = []
     terms = []
     places = {}
     for reading in plan.weights:
@@ -154,7 +154,7 @@ def positions_page(plan: "PositionPlan") -> Page:
 
 def _order_section(plan: "PositionPlan") -> Section:
     """Return the positions in the order of measurement."""
-    rows: list[list[Cell]] = []
+    rows = []
     for number, at in enumerate(plan.programme, start=1):
         position = plan.positions[at - 1]
         again = "again" if at in plan.programme[: number - 1] else None
@@ -166,7 +166,7 @@ def _order_section(plan: "PositionPlan") -> Section:
 
 def cost_section(plan: "PositionPlan") -> Section:
     """Return the guaranteed error of each target beside its optimum, and the proven bound of the set."""
-    rows: list[list[Cell]] = []
+    rows = []
     for target, cost, best in zip(plan.task.targets, plan.costs.values(), plan.optima.values(), strict=True):
         row: list[Cell] = [symbol_text(target.symbol), physical_words(target.name)]
         row += [upwards(cost, 7), upwards(best, 7), upwards(cost / best, 6)]
@@ -281,7 +281,7 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
     """Return the programme row by row with room for notes, the picture, and the value of the plan, as HTML."""
     several = len(plan.mountings) > 1
     header = ["no.", "α [deg]", "β [deg]", "mounting", "dwell [s]", "α read [deg]", "β read [deg]", "remarks", "done"]
-    rows: list[list[Cell]] = []
+    rows = []
     for number, at in enumerate(plan.programme, start=1):
         position, first = plan.positions[at - 1], plan.programme.index(at) + 1
         alpha = exactly(round(position.alpha_deg, MOST_DECIMALS))
@@ -457,7 +457,7 @@ def hand_page(plan: "HandPlan") -> Page:
     )
     if not plan.steps:
         verdict = f"Nothing is missing in {plan.measured}: {errors}, {turns} (1 standard error)."
-    rows: list[list[Cell]] = []
+    rows = []
     for number, step in enumerate(plan.steps, start=1):
         pose_error, turn_error = digits(1e3 * step.pose_error, 2), digits(ARCMIN * step.turn_error, 2)
         rows.append([number, step.turn or "begin", step.pose, digits(step.rest_s), pose_error, turn_error])
@@ -495,7 +495,7 @@ def way_of(plan: "ImuPlan") -> tuple[NDArray, list[NDArray]]:
 
 def imu_page(plan: "ImuPlan") -> Page:
     """Return the programme row by row with room for notes, and its promised errors."""
-    rows: list[list[Cell]] = []
+    rows = []
     for number, entry in enumerate(plan.programme, start=1):
         alpha, beta = exactly(entry.alpha_deg), exactly(entry.beta_deg)
         rows.append([number, alpha, beta, digits(entry.dwell_s), READ, READ, ROOM, "☐"])

@@ -123,7 +123,7 @@ def several_page(result: Diagnosis) -> Page:
     together = [sentence(text) for text in texts]
     if result.missing:
         together.append(f"Still open: {', '.join(map(str, result.missing))}.")
-    rows: list[list[Cell]] = []
+    rows = []
     provenance = versions()
     for entry in result.records or ():
         rows.append([entry.record, entry.diagnosis.verdict, _titles(entry.diagnosis.best), entry.left_out or None])
@@ -184,7 +184,7 @@ def _changes(alone: Calibration | None, sigma: float | None = None) -> Section:
     """Return the parameters of each record, and those that surely change; an empty section without several."""
     if alone is None or not drawable(alone):
         return Section("Changes")
-    rows: list[list[Cell]] = []
+    rows = []
     for change in alone.changes:
         if change.of == "instrument" and change.at_least > 0.0:
             row: list[Cell] = [words(change.symbol), downwards(change.at_least), upwards(change.at_most)]
@@ -216,7 +216,7 @@ def _gains(result: Diagnosis) -> list[Section]:
     for applied in result.cross_gain[0].applied:
         header.append(f"with that of {applied.found_in}")
     header.append("unit")
-    rows: list[list[Cell]] = []
+    rows = []
     for gain in result.cross_gain:
         row: list[Cell] = [f"{gain.record}, {gain.over}", digits(gain.rms)]
         for applied in gain.applied:
@@ -237,7 +237,7 @@ def _repeatability(alone: Calibration | None) -> list[Section]:
     """Return each parameter in each record by itself; empty if nothing is repeated."""
     if alone is None or not alone.changes:
         return []
-    rows: list[list[Cell]] = []
+    rows = []
     for change in alone.changes:
         for label, p in alone.each(change.symbol).items():
             row: list[Cell] = [words(change.symbol), change.of, label]

@@ -36,7 +36,7 @@ def judgement_section(result: Diagnosis) -> Section | None:
         paragraphs += _joint_texts(judgement)
         table = _joint_table(judgement)
     elif judgement:
-        rows: list[list[Cell]] = []
+        rows = []
         for w in judgement:
             shuffles = f"{w.shuffles.as_good} of {w.shuffles.tried}"
             rows.append([w.title, digits(w.rms_without), digits(w.rms_with), shuffles])
@@ -69,7 +69,7 @@ def _joint_texts(witness: Witness) -> list[str]:
 
 def _joint_table(witness: Witness) -> Table | None:
     """Return the errors of left-out parts, without and with the effects; None if no part could be left out."""
-    rows: list[list[Cell]] = []
+    rows = []
     for name, score in (("every fifth position", witness.folds), ("every quarter of the time", witness.blocks)):
         if score is not None:
             row: list[Cell] = [name, score.scored]
@@ -111,7 +111,7 @@ def turn_sections(result: Diagnosis) -> list[Section]:
         "The gyros' integrals, less the turns by the encoders, by a fit in which readings and turns that misfit have "
         f"little weight. {two_witnesses(result)[0]}"
     )
-    rows: list[list[Cell]] = []
+    rows = []
     for k in np.argsort(-before, kind="stable")[:MOST_TURNS].tolist():
         outer, inner = np.degrees(turns.turned[k])
         row: list[Cell] = [to_bound(float(turns.first[k]), COARSE), to_bound(float(turns.last[k]), COARSE)]

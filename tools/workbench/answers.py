@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
 from .. import by_hand, corrections, diagnosis, document, foreign, measured, motion, records, reports
@@ -293,7 +294,7 @@ def _keep_only(paths: Sequence[str]) -> None:
     ABOUT[:] = paths
 
 
-def _size_at_rest(values: np.ndarray) -> dict[str, float]:
+def _size_at_rest(values: NDArray) -> dict[str, float]:
     """Return the norm of the mean of readings (n, 3) and their largest scatter [g]."""
     force = values / STANDARD_GRAVITY
     return {"norm": float(np.linalg.norm(force.mean(axis=0))), "scatter": float(force.std(axis=0).max())}

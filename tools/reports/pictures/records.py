@@ -53,7 +53,7 @@ MOST_POINTS = 2000
 """Largest number of points of a line; longer ones show the least and the largest value of intervals."""
 
 
-def thinned(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def thinned(time: NDArray, value: NDArray) -> tuple[NDArray, NDArray]:
     """Return a line with fewer points that looks the same: least and largest value of each interval, gaps kept."""
     if len(time) <= MOST_POINTS:
         return time, value
@@ -343,12 +343,12 @@ class DrawnLine:
     """A line with the points that are drawn; `ends` are its first, least, largest and last value."""
 
     name: str
-    time: np.ndarray
-    value: np.ndarray
+    time: NDArray
+    value: NDArray
     ends: tuple[float, float, float, float]
 
     @classmethod
-    def of(cls, name: str, time: np.ndarray, value: np.ndarray) -> "DrawnLine":
+    def of(cls, name: str, time: NDArray, value: NDArray) -> "DrawnLine":
         """Return the line of values (N,) at times (N,) [s]; it has a gap at an unknown value."""
         finite = value[np.isfinite(value)]
         least, largest = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
