@@ -19,7 +19,7 @@ from ..records.noise import noise_bound_of
 from .calibration import Bounds, HandFit, calibration_of, checked_fit, with_gyros
 from .forces import SPARE, Forces, Norms, fitted_forces, scatter_of
 from .moves import Windows
-from .pooled_gyros import with_pooled_gyros
+from .pooled_gyros import share_gyros
 from .run import HandRecord, HandRequest, Run, run_of
 
 CHANCE, GROWTH = 1e-3, 1.2
@@ -236,7 +236,7 @@ def pooled_fit(runs: Sequence[Run], alone: Sequence[HandFit], *, share_bias: boo
         if bounds.possible.radius > 1.0:
             most = _most_alone(runs, alone)
         test = test.model_copy(update={"one_instrument": bounds.possible.radius <= most})
-    fits, warnings = with_pooled_gyros(runs, fits)
+    fits, warnings = share_gyros(runs, fits)
     return PooledFit(tuple(fits), test, bounds, tuple(columns), warnings)
 
 

@@ -112,14 +112,15 @@ def _determined(covariance: NDArray, prior: NDArray) -> float:
     return len(prior) - float((np.diag(covariance) / prior**2).sum())
 
 
-def with_pooled_gyros(runs: Sequence[Run], fits: Sequence[HandFit]) -> tuple[list[HandFit], list[str]]:
+def share_gyros(runs: Sequence[Run], fits: Sequence[HandFit]) -> tuple[list[HandFit], list[str]]:
     """Return the fits with the shared parameters of all gyros, and warnings where these differ."""
-    of_runs = [(number, fit.gyros) for number, fit in enumerate(fits) if fit.gyros is not None]
-    if len(of_runs) < 2:
+    numbers = [number for number, fit in enumerate(fits) if fit.gyros is not None]
+    gyro_fits = [fit.gyros for fit in fits if fit.gyros is not None]
+    if len(numbers) < 2:
         return list(fits), []
-    sensitive = all(SENSITIVITY.start in fit.fitted for _, fit in of_runs)
+    sensitive = all(SENSITIVITY.start in fit.fitted for fit in gyro_fits)
     shared = np.arange(MATRIX.start, SENSITIVITY.stop if sensitive else MATRIX.stop)
-    gyros = [RunGyros.of(runs[number], fit, shared) for number, fit in of_runs]
+    gyros = [RunGyros.of(runs[number], fit, shared) for number, fit in zip(numbers, gyro_fits, strict=True)]
     first = min(range(len(gyros)), key=lambda place: gyros[place].axes_error)
     if gyros[first].axes_error == ANY:
         gyros[first] = replace(gyros[first], axes_error=0.0)
@@ -130,10 +131,10 @@ def with_pooled_gyros(runs: Sequence[Run], fits: Sequence[HandFit]) -> tuple[lis
             f"the gyros of the records differ by {digits(solution.scatter, 2)} times what their errors explain: the "
             "standard errors of M hold that scatter"
         )
-    pooled = list(fits)
-    for place, (number, _) in enumerate(of_runs):
-        pooled[number] = _with_shared(fits[number], gyros[place], solution, place)
-    return pooled, warnings
+    fits_together = list(fits)
+    for place, number in enumerate(numbers):
+        fits_together[number] = _with_shared(fits[number], gyros[place], solution, place)
+    return fits_together, warnings
 
 
 def in_axes_of_run(values: NDArray, rotation: NDArray) -> tuple[NDArray, NDArray]:

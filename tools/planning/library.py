@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from .. import calibration as calibrations
 from .. import noise as noises
 from .. import planning
 from ..errors import InputError
-from ..options import Admissible, Baseline, Bounds, Convention, Mounting, NoiseResult, Progress, Trust
+from ..options import Admissible, Baseline, Bounds, Convention, Mounting, NoiseResult, Option, Progress, Trust
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -312,7 +312,7 @@ def plan_hand(
     accuracy: str = "1mg",
     turn_accuracy: str | None = None,
     targets: Sequence[str] = (),
-    noise: str | Path | None = None,
+    noise_result: Annotated[str | Path | None, Option(name="--noise")] = None,
     noise_density: float = 4e-3,
     measured: str | Path | None = None,
     trust: Trust = False,
@@ -328,7 +328,7 @@ def plan_hand(
         matter.
     targets : sequence of str
         Wanted standard error of a parameter: bias_1=0.5mg, gamma_21=5e-4, M12=1mrad. Repeat it for several.
-    noise : path, optional
+    noise_result : path, optional
         The result of `trihedron noise --json`: its noise density counts.
     noise_density : float
         Noise density of the accelerometers [m/s²/√Hz], from which the length of a rest follows; 4e-3 is 0.4 mg/√Hz.
@@ -351,8 +351,8 @@ def plan_hand(
     >>> len(th.plan_hand(accuracy="1mg").steps)
     9
     """
-    if noise is not None:
-        noise_density = planning.density_of(noises.read_noise(noise))
+    if noise_result is not None:
+        noise_density = planning.density_of(noises.read_noise(noise_result))
     return planning.plan_by_hand(
         planning.HandPlanRequest(accuracy, turn_accuracy, tuple(targets), noise_density, measured, trust)
     )

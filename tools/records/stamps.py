@@ -262,22 +262,35 @@ def lost_share(time: Floats, *readings: Floats) -> float:
     starts = np.linspace(0, max(len(time) - STRETCH_ROWS, 0), STRETCHES).astype(int)
     rows = np.unique(starts[:, None] + np.arange(min(STRETCH_ROWS, len(time))))
     change = np.diff(np.column_stack([values[rows] for values in readings]), axis=0)
-    seconds = np.diff(time[rows])[2:-2]
     if len(change) < FEW:
         return 0.0
+    excess, is_clear = _excess_of_steps(change)
+    seconds = np.diff(time[rows])[2:-2]
+    excess = excess[is_clear & (seconds < GAP * np.median(seconds))]
+    doubled, unmoved = _count_near(excess, 1.0, 0.3), _count_near(excess, -1.0, 0.3)
+    # Rough motions and uneven sampling give smaller changes, too.
+    is_peak = _count_near(excess, 0.55, 0.15) < 1.2 * doubled
+    share = doubled / max(len(excess), 1)
+    is_proven = is_peak and doubled >= max(FEWEST_LOST, 2.5 * unmoved) and share > LEAST_LOST
+    return share if is_proven else 0.0
+
+
+def _excess_of_steps(change: Floats) -> tuple[Floats, Bools]:
+    """Return by how much steps of readings (M, C) exceed those of the rows beside them, over these (M - 4,).
+
+    With it, whether the motion is fast and smooth enough to tell: two steps on each side predict the one between.
+    """
     noise = 1.5 * np.median(np.abs(change[2:-2] - 0.5 * (change[1:-3] + change[3:-1])), axis=0)
     change = change[:, noise > 0.0] / noise[noise > 0.0]
     first, before, step, after, last = (change[k : len(change) - 4 + k] for k in range(5))
     usual = (4.0 * (before + after) - (first + last)) / 6.0
     channels = change.shape[1]
     size = np.square(usual).sum(axis=1)
-    ratio = (usual * step).sum(axis=1) / np.maximum(size - 0.5 * channels, 1.0) - 1.0
-    across = np.square(step - (1.0 + ratio[:, None]) * usual).sum(axis=1)
+    excess = (usual * step).sum(axis=1) / np.maximum(size - 0.5 * channels, 1.0) - 1.0
+    across = np.square(step - (1.0 + excess[:, None]) * usual).sum(axis=1)
     is_smooth = np.square(after - before).sum(axis=1) < 4.0 * ALIKE**2 * size + 2.0 * channels
-    is_clear = (size > CLEAR) & is_smooth & (across < 0.15 * size + 3.0 * channels)
-    ratio = ratio[is_clear & (seconds < GAP * np.median(seconds))]
-    twice, none = (int((np.abs(ratio - further) < 0.3).sum()) for further in (1.0, -1.0))
-    # Rough motions and uneven sampling give smaller changes, too.
-    is_peak = int((np.abs(ratio - 0.55) < 0.15).sum()) < 1.2 * twice
-    share = twice / max(len(ratio), 1)
-    return share if is_peak and twice >= max(FEWEST_LOST, 2.5 * none) and share > LEAST_LOST else 0.0
+    return excess, (size > CLEAR) & is_smooth & (across < 0.15 * size + 3.0 * channels)
+
+
+def _count_near(values: Floats, center: float, reach: float) -> int:
+    return int((np.abs(values - center) < reach).sum())

@@ -142,7 +142,12 @@ def test_accelerometers_alone_lead_to_a_calibration_and_a_record_at_rest_to_its_
     pl.DataFrame(np.column_stack([time, rates, force]), schema=names).write_csv("static.csv")
     first = next_of(run("trihedron check static.csv", capsys))
     assert first == "trihedron inspect static.csv"
-    assert next_of(run(first, capsys)) == "trihedron noise static.csv --json noise.json"
+    following = next_of(run(first, capsys))
+    assert following == "trihedron noise static.csv --json noise.json"
+    run(following, capsys)
+    following = next_of(run("trihedron plan hand --noise noise.json", capsys))
+    assert following == "trihedron plan hand --noise noise.json --report plan.html"
+    run(following, capsys)
 
 
 class Terminal(io.StringIO):

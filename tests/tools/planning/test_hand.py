@@ -119,7 +119,7 @@ def test_the_noise_of_a_result_counts(tmp_path):
         table[f"w{axis}_radps"] = 1e-3 * rng.normal(size=20_000)
         table[f"f{axis}_mps2"] = 0.06 * rng.normal(size=20_000) + (9.81 if axis == 3 else 0.0)
     (tmp_path / "noise.json").write_text(th.noise(table).json_text(), encoding="utf-8")
-    stated, given = th.plan_hand(noise=tmp_path / "noise.json"), th.plan_hand(noise_density=0.06 * 0.1)
+    stated, given = th.plan_hand(noise_result=tmp_path / "noise.json"), th.plan_hand(noise_density=0.06 * 0.1)
     assert stated.rest_sd == pytest.approx(given.rest_sd, rel=0.02)
     assert abs(stated.steps[0].rest_s - given.steps[0].rest_s) <= 2.0
 
