@@ -32,7 +32,7 @@ from .records import PositionRecord, read_record
 from .reports import write_report
 from .reports.bench import physical_words, run_section
 from .reports.beyond import law_picture
-from .reports.calibration import gyro_sections, target_sections
+from .reports.calibration import gyro_sections, target_section
 from .reports.diagnosis import cause_section, gain_picture, sentences_of, sets_of
 from .reports.pictures import CARD
 from .reports.pictures.residuals import truth_in_intervals
@@ -175,7 +175,7 @@ class Story:
             reports += [out / f"{name}.html", out / f"{name}.json"]
         sections = [
             run_section(pl.read_parquet(self.run.files[0]), self.calibration.gravity, list(self.run.files)),
-            *target_sections(self.calibration, self.truth),
+            target_section(self.calibration, self.truth),
             *gyro_sections(self.calibration, self.truth),
             cause_section(self.diagnosis, sorted((out / "extended").iterdir())),
             Section("Records and full reports", files=[out / MEASURED, out / ANSWER, *reports]),
@@ -227,7 +227,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     bench = read_record(run.files[0], PositionRecord)
     calibration = calibrate_whole(bench, bench_place(scenario), noise_bound=NOISE_BOUND)
     case = hidden_case(seed)
-    write_hidden_record(case, out / MEASURED, out / ANSWER, progress=True)
+    write_hidden_record(case, out / MEASURED, out / ANSWER)
     record = read_record(out / MEASURED, PositionRecord)
     diagnosis = diagnose(record, noise_bound=NOISE_BOUND, progress=True)
     export_extended(diagnosis, out / "extended")

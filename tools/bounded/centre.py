@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from .possible import DETERMINED, Possible
 from .programmes import LEAST_VALUE, TOLERANCE, chebyshev_radius, first_rows, least_largest, shortened
 
@@ -99,7 +100,7 @@ class Central:
     estimator: Estimator
 
 
-def analytic_centre(bounded: Bounded, start: NDArray | None = None) -> NDArray[np.float64] | None:
+def analytic_centre(bounded: Bounded, start: NDArray | None = None) -> Floats | None:
     """Return the x (P,) that maximises Σ log(bound² − (residual − jacobian x)²) + Σ log(slacks of limits).
 
     Damped Newton steps begin at `start` (P,) if it is inside, else at the Chebyshev centre. Undetermined directions
@@ -125,7 +126,7 @@ def analytic_centre(bounded: Bounded, start: NDArray | None = None) -> NDArray[n
     return None
 
 
-def _chebyshev_start(bounded: Bounded) -> NDArray[np.float64] | None:
+def _chebyshev_start(bounded: Bounded) -> Floats | None:
     """Return a point (P,) with the least largest residual; a limit on one side counts as wide as the rows allow."""
     jacobian, residual = bounded.rows
     weights, ends = bounded.one_sided
@@ -150,7 +151,7 @@ class _Inside:
         self._rows, self._weights = rows @ self._directions, weights @ self._directions
         self._jacobian = rows
 
-    def coordinates(self, x: NDArray) -> NDArray[np.float64]:
+    def coordinates(self, x: NDArray) -> Floats:
         """Return the y of a point (P,) without its undetermined part."""
         return self._rows.T @ (self._jacobian @ x)
 
@@ -191,7 +192,7 @@ class _Inside:
             size *= 0.5
 
 
-def central_programme(bounded: Bounded, weights: NDArray, intervals: NDArray) -> NDArray[np.float64]:
+def central_programme(bounded: Bounded, weights: NDArray, intervals: NDArray) -> Floats:
     """Return the possible x (P,) whose largest distance from the middles of intervals, in half-widths, is least.
 
     Weights (K, P) define the quantities; the intervals (K, 2) are those of weights'x, finite, and the rows determine

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from ..arrays import Floats, Ints
+
 MOST_COLUMNS = 64
 """Largest number of columns: beyond it a step costs more than one of the solver."""
 MOST_STEPS = 40
@@ -44,20 +46,20 @@ class Held:
     """The rows that hold a solution x (n,): their numbers and multipliers (n + 1,), whose sizes sum to one."""
 
     radius: float
-    x: NDArray[np.float64]
-    rows: NDArray[np.int_]
-    multipliers: NDArray[np.float64]
+    x: Floats
+    rows: Ints
+    multipliers: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Farthest:
     """The vertex x (n,) that goes farthest, the rows (n,) that meet there, and their duals (n,); or several (L, n)."""
 
-    x: NDArray[np.float64]
+    x: Floats
     rows: NDArray[np.int64]
-    duals: NDArray[np.float64]
+    duals: Floats
 
-    def of(self, count: int) -> NDArray[np.float64]:
+    def of(self, count: int) -> Floats:
         """Return the duals (M,) of all rows."""
         every = np.zeros(count)
         every[self.rows] = self.duals
@@ -83,7 +85,7 @@ def exchanged(matrix: NDArray, target: NDArray) -> Held | None:
     return None if solution is None else Held(solution.radius, solution.x / size, solution.rows, solution.multipliers)
 
 
-def _begun(matrix: NDArray, target: NDArray) -> NDArray[np.int_] | None:
+def _begun(matrix: NDArray, target: NDArray) -> Ints | None:
     """Return rows (n + 1,) that determine the columns, of those that least squares misses most; None if there are
     none."""
     columns = matrix.shape[1]
@@ -143,7 +145,7 @@ def _bends(columns: int) -> NDArray:
 class Corner:
     """Rows (n,) of a matrix (M, n) that meet, and their inverse; the next walk begins where the last one ended."""
 
-    def __init__(self, rows: NDArray[np.int64], inverse: NDArray[np.float64]) -> None:
+    def __init__(self, rows: NDArray[np.int64], inverse: Floats) -> None:
         self.rows, self._inverse = rows, inverse
 
     @staticmethod

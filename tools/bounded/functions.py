@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, qr
 
+from ..arrays import Floats, Ints
 from .programmes import Polytope, chebyshev_radius, column_space
 
 IMITATED = 1e-6
@@ -40,11 +41,11 @@ class Unknown:
     bending.
     """
 
-    knots: NDArray[np.float64]
-    columns: NDArray[np.float64]
+    knots: Floats
+    columns: Floats
     period: float | None = None
     steps: bool = False
-    between: NDArray[np.float64] | None = None
+    between: Floats | None = None
     parts: tuple["Unknown", ...] = ()
 
     @staticmethod
@@ -70,7 +71,7 @@ class Unknown:
         return replace(self, steps=False, parts=tuple(part.of_slopes for part in self.parts))
 
     @property
-    def plain(self) -> list[NDArray[np.float64]]:
+    def plain(self) -> list[Floats]:
         """Return the plainest functions (K,): one wave for an angle, else a parabola, or one step in the middle."""
         if self.parts:
             functions, before = [], 0
@@ -88,7 +89,7 @@ class Unknown:
         return [knots**2]
 
     @cached_property
-    def bends(self) -> NDArray[np.float64]:
+    def bends(self) -> Floats:
         """Return rows (R, K) whose sizes add up to the bending of a function (K,)."""
         if self.parts:
             return np.asarray(block_diag(*[part.bends for part in self.parts]))
@@ -117,10 +118,10 @@ class Band:
     of the function that bends least. `bending`: largest bending in the band.
     """
 
-    knots: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    least: NDArray[np.float64]
+    knots: Floats
+    low: Floats
+    high: Floats
+    least: Floats
     bending: float
 
 
@@ -163,7 +164,7 @@ class Functions:
         self._lower = np.concatenate((errors - bound, np.zeros(out), -infinite, [0.0]))
         self._upper = np.concatenate((errors + bound, np.zeros(out + 2 * rows)))
 
-    def least(self) -> tuple[NDArray[np.float64], float]:
+    def least(self) -> tuple[Floats, float]:
         """Return the function (K,) that bends least, and its bending.
 
         Raises SolverError if no function is possible.
@@ -173,7 +174,7 @@ class Functions:
         values = x[self._first : self._first + len(self.unknown.knots)]
         return self._size * values, self._size * max(0.0, -bending)
 
-    def told(self, values: NDArray) -> NDArray[np.float64]:
+    def told(self, values: NDArray) -> Floats:
         """Return the determined part of a function (K,), without the part that parameters imitate."""
         return values - self.imitated @ (self.imitated.T @ values)
 
@@ -184,7 +185,7 @@ class Functions:
         *_, pivots = qr(self.imitated.T, mode="economic", pivoting=True)
         return tuple(int(k) for k in np.sort(np.asarray(pivots)[: self.imitated.shape[1]]))
 
-    def band(self, at: NDArray[np.int_]) -> Band:
+    def band(self, at: Ints) -> Band:
         """Return the ends of all possible functions at some knots (k,), given by their numbers."""
         least, least_bending = self.least()
         just_shows = self._just_shows(least, least_bending)
@@ -217,7 +218,7 @@ class Functions:
         return bending / radius
 
 
-def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.float64]:
+def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> Floats:
     """Return the functions (K, d) whose columns (M, K), over their bounds, lie in a space (M, P), as orthonormal ones.
 
     Only functions of little bending are returned: functions of the quantity, not of a few rows.
@@ -230,7 +231,7 @@ def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.fl
     return functions[:, np.array(smooth, dtype=bool)]
 
 
-def _null_space(matrix: NDArray) -> NDArray[np.float64]:
+def _null_space(matrix: NDArray) -> Floats:
     """Return the null space (K, d) of a matrix (M, K), as orthonormal columns."""
     # The triangle has the same values and directions, without a large factor of the rows.
     _, values, directions = np.linalg.svd(np.linalg.qr(matrix, mode="r"), full_matrices=True)

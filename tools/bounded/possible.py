@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from .programmes import EXACT, LEAST_VALUE, Growth, Interval, Polytope, SolverError, chebyshev_radius, moved_duals
 
 ROOM = 1e-9
@@ -27,7 +28,7 @@ SURELY_EMPTY = 1e-6
 """Relative enlargement of the bounds after which an empty set is surely empty."""
 Reach = Callable[..., float]
 """Reach of a set in a direction (k,); the given lower value if it goes no farther."""
-Proofs = dict[tuple[int, bytes], NDArray[np.float64]]
+Proofs = dict[tuple[int, bytes], Floats]
 """Duals (M,) that bounded a direction, or proved that a set is empty, by its branch and the direction."""
 
 
@@ -97,24 +98,24 @@ class Possible(Steps):
         ]
 
     @cached_property
-    def span(self) -> NDArray[np.float64]:
+    def span(self) -> Floats:
         """Basis (n, rank) of the space that the rows determine."""
         triangle = np.linalg.qr(self._branches[0].rows, mode="r")
         _, values, directions = np.linalg.svd(triangle, full_matrices=False)
         return directions[values > LEAST_VALUE * values.max(initial=0.0)].T
 
     @property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Floats:
         """Rows (M, rank) of the first branch."""
         return self._branches[0].rows @ self.span
 
     @property
-    def lower(self) -> NDArray[np.float64]:
+    def lower(self) -> Floats:
         """Their lower ends (M,)."""
         return self._branches[0].lower
 
     @property
-    def upper(self) -> NDArray[np.float64]:
+    def upper(self) -> Floats:
         """Their upper ends (M,)."""
         return self._branches[0].upper
 
@@ -149,7 +150,7 @@ class Possible(Steps):
         return number == 0 or self._branches[number].is_some(self._proofs, number)
 
 
-def allowed_about(left: NDArray, bound: NDArray, grown: NDArray | float) -> NDArray[np.float64]:
+def allowed_about(left: NDArray, bound: NDArray, grown: NDArray | float) -> Floats:
     """Return bounds (M,) of a set about a fit: an error beyond its bound, less its growth, is allowed its size."""
     size = np.abs(left) - grown
     return np.where(size > bound * (1.0 + ROOM), size + EDGE * bound, bound * (1.0 + ROOM))
@@ -183,7 +184,7 @@ class _Branch:
         self._polytope: Polytope | None = None
         self._is_some: bool | None = None
 
-    def maximise(self, inside: NDArray, span: NDArray) -> tuple[float, NDArray[np.float64]]:
+    def maximise(self, inside: NDArray, span: NDArray) -> tuple[float, Floats]:
         """Return the reach in a direction (r,) within a span (n, r) of its rows, and the duals (M,) that prove it."""
         if self._polytope is None:
             self._polytope = Polytope(self.rows @ span, self.size)

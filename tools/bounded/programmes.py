@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lstsq, qr, svd
 
+from ..arrays import Floats
 from .exchange import Corner, exchanged, least_of
 
 LEAST_LIMIT, MOST_ITERATIONS = 5000, 20
@@ -73,12 +74,12 @@ class Growth:
     negative between them. A growth with the size of a coefficient of either sign is one such branch for each sign.
     """
 
-    now: NDArray[np.float64]
-    rows: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    now: Floats
+    rows: Floats
+    low: Floats
+    high: Floats
 
-    def at(self, step: NDArray) -> NDArray[np.float64]:
+    def at(self, step: NDArray) -> Floats:
         """Return the growth (M,) at a step (n,)."""
         return self.now + self.rows @ step
 
@@ -233,9 +234,9 @@ class Nearness:
     `triangle` (n, n); `order` (M,); `least` (M,): the least |R x| at which each, in this order, is at an end.
     """
 
-    triangle: NDArray[np.float64]
+    triangle: Floats
     order: NDArray[np.int64]
-    least: NDArray[np.float64]
+    least: Floats
 
     @staticmethod
     def of(matrix: NDArray, room: NDArray) -> "Nearness | None":
@@ -272,7 +273,7 @@ def _pivots(matrix: NDArray) -> NDArray:
     return np.asarray(qr(matrix.T, mode="r", pivoting=True)[-1])
 
 
-def shortened(matrix: NDArray) -> NDArray[np.float64]:
+def shortened(matrix: NDArray) -> Floats:
     """Return few rows (K, n) with the singular values, and the least-squares content, of many (M, n).
 
     R of the QR decompositions of blocks of rows; the matrix itself if it has few rows.
@@ -360,7 +361,7 @@ def chebyshev_radius(
         chosen, added = np.append(chosen, violated), 2 * added
 
 
-def any_centre(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tuple[float, NDArray[np.float64]]:
+def any_centre(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tuple[float, Floats]:
     """Return the radius of `chebyshev_radius`, and some x (n,) that attains it (there may be many), in less time."""
     exchange = exchanged(jacobian / bound[:, None], residual / bound)
     return (
@@ -368,7 +369,7 @@ def any_centre(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tuple[fl
     )
 
 
-def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> NDArray[np.float64]:
+def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> Floats:
     """Return duals (K,), changed least, with which rows (K, n) add up to a direction (n,), or nearly."""
     missed = direction - duals @ rows
     if len(rows) == len(missed):
@@ -381,9 +382,7 @@ def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> NDArray[np
     return duals + solution[0]
 
 
-def proven_radius(
-    jacobian: NDArray, residual: NDArray, bound: NDArray, growth: Growth, duals: NDArray[np.float64]
-) -> float:
+def proven_radius(jacobian: NDArray, residual: NDArray, bound: NDArray, growth: Growth, duals: Floats) -> float:
     """Return a lower bound of `chebyshev_radius` from the duals (M,) of a similar programme; -inf if they prove none.
 
     The duals are moved by least squares, over the rows that have one, to duals of this programme. For any Φ with
@@ -544,7 +543,7 @@ def solved(
     raise SolverError(f"a linear programme was not solved: {highs.modelStatusToString(highs.getModelStatus())}")
 
 
-def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:
+def least_squares(matrix: NDArray, target: NDArray) -> Floats:
     """Return the x (n,) of least sum of squares of target (M,) - matrix (M, n) x; undetermined directions stay at zero.
 
     The units of the matrix's columns do not matter.
@@ -556,7 +555,7 @@ def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:
     return (directions[determined].T @ ((u[:, determined].T @ target) / values[determined])) / size
 
 
-def column_space(columns: NDArray) -> NDArray[np.float64]:
+def column_space(columns: NDArray) -> Floats:
     """Return an orthonormal basis of the space that columns span; their units do not matter."""
     size = np.linalg.norm(columns, axis=0)
     scaled = columns / np.where(size > 0.0, size, 1.0)
@@ -568,7 +567,7 @@ def column_space(columns: NDArray) -> NDArray[np.float64]:
     return u[:, values > DEPENDENT * values.max(initial=0.0)] if values.max(initial=0.0) > 0.0 else u[:, :0]
 
 
-def spaces_beyond(imitated: NDArray, blocks: Sequence[NDArray]) -> list[NDArray[np.float64]]:
+def spaces_beyond(imitated: NDArray, blocks: Sequence[NDArray]) -> list[Floats]:
     """Return the spaces that blocks of columns (M, k) add to the space of other columns (M, P), as orthonormal
     columns."""
     base = column_space(imitated)
@@ -595,7 +594,7 @@ def cosine(a: NDArray, b: NDArray) -> float:
     return min(1.0, float(np.linalg.norm(a.T @ b, 2))) if a.shape[1] and b.shape[1] else 0.0
 
 
-def spread_directions(count: int, steps: int) -> list[NDArray[np.float64]]:
+def spread_directions(count: int, steps: int) -> list[Floats]:
     """Return unit vectors (count,) spread over all directions; of opposite ones one is enough."""
     if count == 1:
         return [np.ones(1)]

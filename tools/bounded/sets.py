@@ -17,6 +17,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from .exchange import MOST_COLUMNS
 from .programmes import MANY_ROWS, SolverError, any_centre, column_space
 from .set_bounds import ACCEPTED, REFUSED, UNDECIDED, bounds_of, settle, surviving_sets
@@ -241,7 +242,7 @@ def project(problem: Problem, weights: NDArray, together: bool = True) -> Projec
     return Projection(weights, basis, residual, columns, gram, squares, columns @ residual)
 
 
-def _own_products(columns: NDArray, squares: NDArray, problem: Problem) -> NDArray[np.float64]:
+def _own_products(columns: NDArray, squares: NDArray, problem: Problem) -> Floats:
     """Return the products (C, K) of columns (C, M) with known squares (C,) with those of the same candidate."""
     starts, sizes = problem.layout
     products = np.zeros((len(columns), sizes.max(initial=0)))

@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from .possible import ROOM, Possible, Proofs, Steps
 from .programmes import EXACT, chebyshev_radius
 
@@ -34,7 +35,7 @@ AT_ONCE = 500
 
 
 def open_ranges(
-    edges: NDArray[np.int_],
+    edges: Ints,
     among: Sequence[int],
     standing: Callable[[int, int, Sequence[int]], Sequence[int]],
 ) -> Iterator[tuple[int, int, Sequence[int]]]:
@@ -73,21 +74,21 @@ class Rows:
     `ways` (R, t, k).
     """
 
-    fixed: NDArray[np.float64]
-    moving: NDArray[np.float64]
-    ways: NDArray[np.float64]
-    moving_columns: NDArray[np.int_]
-    residual: NDArray[np.float64]
-    bound: NDArray[np.float64]
+    fixed: Floats
+    moving: Floats
+    ways: Floats
+    moving_columns: Ints
+    residual: Floats
+    bound: Floats
 
-    def matrix(self, way: int) -> NDArray[np.float64]:
+    def matrix(self, way: int) -> Floats:
         """Return the columns (M, n) of one value."""
         matrix = self.fixed.copy()
         matrix[:, self.moving_columns] += self.moving @ self.ways[way]
         return matrix
 
     @cached_property
-    def scale(self) -> NDArray[np.float64]:
+    def scale(self) -> Floats:
         """Sizes (n,) of the columns; for moving ones those of the middle value."""
         sizes = np.abs(self.matrix(len(self.ways) // 2)).max(axis=0, initial=0.0)
         return np.where(sizes > 0.0, sizes, 1.0)
@@ -112,7 +113,7 @@ class Rows:
         inverse_own = inverse[self.moving_columns] / self.scale[self.moving_columns, None]
         moving, changes = self.moving[active], self.ways - self.ways[way]
 
-        def missed_by(duals: NDArray) -> NDArray[np.float64]:
+        def missed_by(duals: NDArray) -> Floats:
             """Return the difference (R, n) of the columns of each value, weighted by duals (R, u), from the
             direction."""
             missed = weights - duals @ matrix
@@ -138,7 +139,7 @@ class Rows:
         return active, moved
 
 
-def apart(rows: Rows, error: NDArray) -> NDArray[np.float64]:
+def apart(rows: Rows, error: NDArray) -> Floats:
     """Return the largest distance (M, k) of a value's columns from the nearest of `rows`, for a continuous number.
 
     `error` (M, k): their largest distance from the straight line between the two neighbours.
@@ -150,7 +151,7 @@ def apart(rows: Rows, error: NDArray) -> NDArray[np.float64]:
     return 0.5 * largest + error
 
 
-def largest_sizes(rows: Rows, limit: float, far: NDArray, largest: NDArray) -> NDArray[np.float64]:
+def largest_sizes(rows: Rows, limit: float, far: NDArray, largest: NDArray) -> Floats:
     """Return the largest sizes (k,) of the coefficients of columns that move, at any value of a continuous number.
 
     `far` (M, k) is that of `apart`; no size exceeds `largest` (k,). A set that is possible with residuals is within the
@@ -168,7 +169,7 @@ def largest_sizes(rows: Rows, limit: float, far: NDArray, largest: NDArray) -> N
     return np.minimum((1.0 + part) * most, largest)
 
 
-def _solved(matrices: NDArray, rows: NDArray) -> NDArray[np.float64]:
+def _solved(matrices: NDArray, rows: NDArray) -> Floats:
     """Return y (R, k) with y M = row for each of matrices (R, k, k) and rows (R, k); NaN for those that have none."""
     regular = np.abs(np.linalg.det(matrices)) > EXACT
     solutions = np.full(rows.shape, np.nan)
@@ -186,15 +187,15 @@ class Swept(Steps):
 
     rows: Rows
     limit: float
-    origin: NDArray[np.float64]
-    radii: dict[int, tuple[float, NDArray[np.float64]]] = field(default_factory=dict)
+    origin: Floats
+    radii: dict[int, tuple[float, Floats]] = field(default_factory=dict)
     proofs: Proofs = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.count = self.rows.fixed.shape[1]
         self.proven = np.zeros(len(self.rows.ways))
         self._sets: dict[int, Possible] = {}
-        self._known: dict[bytes, NDArray[np.float64]] = {}
+        self._known: dict[bytes, Floats] = {}
 
     def tried(self, way: int) -> float:
         """Return the radius of one value; move its proof to all others."""
@@ -210,7 +211,7 @@ class Swept(Steps):
         return self.radii[way][0]
 
     @property
-    def refused(self) -> NDArray[np.bool_]:
+    def refused(self) -> Bools:
         """Mask (R,) of the values that are proven not to stand."""
         return self.proven > self.limit * (1.0 + SURELY)
 
@@ -275,7 +276,7 @@ class Swept(Steps):
                 break
         return farthest - shift
 
-    def _most(self, weights: NDArray) -> NDArray[np.float64]:
+    def _most(self, weights: NDArray) -> Floats:
         """Return the known upper bound of the reach of each value (R,) in a direction (n,)."""
         key = weights.tobytes()
         if key not in self._known:
@@ -290,7 +291,7 @@ class Swept(Steps):
         active, moved = rows.moved(duals, way, weights, weighted=False)
         most[:] = np.fmin(most, moved @ rows.residual[active] + np.abs(moved) @ rows.bound[active])
 
-    def _reach(self, way: int, weights: NDArray) -> tuple[float, NDArray[np.float64]]:
+    def _reach(self, way: int, weights: NDArray) -> tuple[float, Floats]:
         """Return the reach of one value, and the duals (M,) that prove it."""
         rows, centre = self.rows, self.radii[way][1]
         if way not in self._sets:

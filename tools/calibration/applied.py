@@ -300,7 +300,6 @@ def apply_calibration(
     *,
     noise_bound: float = 0.0,
     channels: Sequence[str] = (),
-    stamps: str | None = None,
 ) -> Applied:
     """Correct the readings of a record by a calibration or its file; arguments and errors as of `trihedron.apply`.
 
@@ -308,7 +307,7 @@ def apply_calibration(
     """
     if not (math.isfinite(noise_bound) and 0.0 <= noise_bound <= 1e-2):
         raise InputError(f"--noise-bound {exactly(noise_bound)}: must be a fraction of g from 0 to 0.01, as 1e-5")
-    measured = read_record(record, channels=channels, stamps=stamps)
+    measured = read_record(record, channels=channels)
     if isinstance(calibration, str | Path):
         correction = read_correction(Path(calibration), measured.sha256)
     else:

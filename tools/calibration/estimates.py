@@ -16,6 +16,7 @@ from ...models.bench import (
     nominal_input,
     sign_margin,
 )
+from ..arrays import Floats
 from ..bounded.centre import Bounded, Central, Estimator, central
 from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius, shortened
 from ..calibrated import Estimator as KindOfEstimate
@@ -297,11 +298,11 @@ class Solution:
     """
 
     radius: float
-    duals: NDArray[np.float64]
+    duals: Floats
     feasible: "FeasibleSet | None"
     estimator: Estimator | None
     parameters: list[Parameter]
-    further: NDArray[np.float64]
+    further: Floats
 
     @property
     def stated(self) -> "KindOfEstimate | None":

@@ -233,7 +233,7 @@ def hidden_command(
             else:
                 effects = () if clean else effect or None
                 case = trials.draw_alone(seed, effects=effects, symmetric=baseline == "symmetric")
-            trials.write_hidden_record(case, record, secret, progress=True)
+            trials.write_hidden_record(case, record, secret)
             content = {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed}
             return answer(str(record), json, content)
         if suite is None:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, estimated, least_radius
 from ..sieve.simple import Simple
@@ -28,10 +28,10 @@ class Added:
         errors of left-out readings, without it and with it; None where none can be predicted
     """
 
-    without: NDArray[np.float64]
-    added: NDArray[np.float64]
-    remaining: NDArray[np.float64]
-    left_out: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    without: Floats
+    added: Floats
+    remaining: Floats
+    left_out: tuple[Floats, Floats] | None = None
 
 
 def added_by(evidence: Evidence, explanation: Explanation) -> Added | None:
@@ -72,7 +72,7 @@ def _by_function(evidence: Evidence, standing: Standing) -> Added:
     return Added(remaining + added, added, remaining)
 
 
-def _left_out(evidence: Evidence, fit: Fit) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _left_out(evidence: Evidence, fit: Fit) -> tuple[Floats, Floats] | None:
     """Return the errors of left-out readings over the bound, without the effects of a fit and with them."""
     if not fit.places:
         return None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ..arrays import Floats
 from ..calibration import Applied, AppliedEffect
 from ..errors import InputError, one_line
 from ..evidence.evidence import Evidence
@@ -37,7 +38,7 @@ def read_diagnosis(path: Path) -> Diagnosis | None:
     return parsed_result(in_present_schema(content), DIAGNOSES, str(path))
 
 
-def coefficients_of(cause: Cause) -> NDArray[np.float64]:
+def coefficients_of(cause: Cause) -> Floats:
     """Return the linear coefficients (K,) of a cause; an amplitude with phase gives a cosine and a sine."""
     values, coefficients = list(cause.values), []
     for number, (parameter, value) in enumerate(zip(cause.parameters, values, strict=True)):
@@ -49,7 +50,7 @@ def coefficients_of(cause: Cause) -> NDArray[np.float64]:
     return np.array(coefficients)
 
 
-def errors_of(cause: Cause) -> NDArray[np.float64]:
+def errors_of(cause: Cause) -> Floats:
     """Return the largest possible errors of the coefficients (K,) of a cause."""
     half = [max(high - value, value - low) for value, (low, high) in zip(cause.values, cause.intervals, strict=True)]
     errors = []

@@ -10,6 +10,7 @@ from typing_extensions import TypedDict
 
 from ...models.effects.definition import AXES
 from ...models.effects.lookup import MOST_KNOTS, TILTS, TURN, Table
+from ..arrays import Floats, Ints
 from ..bounded.functions import Band, Functions, Unknown
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
@@ -100,11 +101,11 @@ class Possible:
         return tuple(beside)
 
     @cached_property
-    def knots(self) -> NDArray[np.float64]:
+    def knots(self) -> Floats:
         """The values of the quantity that the record has, of too many some; of an input the zero, where it bends."""
         return self.spaced(self.places)
 
-    def spaced(self, places: int) -> NDArray[np.float64]:
+    def spaced(self, places: int) -> Floats:
         """Return the knots of one function when `places` functions act together."""
         values = np.unique(self.pair.values % TURN if self.pair.circle else self.pair.values)
         if self.pair.quantity in (*INPUTS, *RATES) and values[0] < 0.0 < values[-1]:
@@ -129,7 +130,7 @@ class Possible:
         """Return -1 for a function of a turn about an axis: the encoder reads more, so the table turns less; else 1."""
         return -1.0 if self.pair.where in AXES and self.pair.factor not in TILTS else 1.0
 
-    def hats(self, knots: NDArray) -> NDArray[np.float64]:
+    def hats(self, knots: NDArray) -> Floats:
         """Return the weights (N, K) of the knots' values in the function, at each value of the quantity."""
         around = self.pair.circle
         table = Table("alpha" if around else "hours", "around" if around else "at", tuple(knots.tolist()))
@@ -160,31 +161,31 @@ class Possible:
         return self.every.band(spread_over(len(self.knots), MOST_TOLD // self.places))
 
     @property
-    def least(self) -> NDArray[np.float64]:
+    def least(self) -> Floats:
         """The function (K,) at all knots that bends least."""
         return self.band.least[: len(self.knots)]
 
-    def values_of(self, columns: NDArray) -> NDArray[np.float64]:
+    def values_of(self, columns: NDArray) -> Floats:
         """Return the function (K,) at all knots that adds about these columns (M,), next to those of other places."""
         every = self.every.told(np.linalg.lstsq(self.every.unknown.columns, columns, rcond=None)[0])
         return every[: len(self.knots)]
 
-    def drawn(self, fit: Fit) -> NDArray[np.float64]:
+    def drawn(self, fit: Fit) -> Floats:
         """Return the effects of a fit as a function (K,) at all knots, less the part that the bare model imitates."""
         return self.values_of(fit.jacobian[:, len(fit.point) :] @ fit.stated)
 
-    def whole(self, fit: Fit) -> NDArray[np.float64]:
+    def whole(self, fit: Fit) -> Floats:
         """Return the effects of a fit as a function (K,) at all knots, with the part that the bare model imitates.
 
         A knot without a reading beside it is NaN.
         """
         columns = self.every.unknown.columns
-        values: NDArray[np.float64]
+        values: Floats
         values = np.linalg.lstsq(columns, fit.jacobian[:, len(fit.point) :] @ fit.stated, rcond=None)[0].astype(float)
         values[~columns.any(axis=0)] = np.nan
         return values[: len(self.knots)]
 
 
-def spread_over(count: int, most: int) -> NDArray[np.int_]:
+def spread_over(count: int, most: int) -> Ints:
     """Return at most `most` indices, spread evenly over `count` items."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))

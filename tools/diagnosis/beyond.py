@@ -14,6 +14,7 @@ from ...models.effects import EffectPlace
 from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import BASE, TURN, Table
 from ...models.effects.mounting import MOUNTING
+from ..arrays import Floats
 from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
@@ -248,7 +249,7 @@ class Beyond:
         return bool(apart <= NARROW * np.ptp(function))
 
     @cached_property
-    def readings(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def readings(self) -> tuple[Floats, Floats]:
         """Return values (n,) of the quantity, and the readings of the function there (n,).
 
         Each value is the first function drawn, plus the reading's miss divided by the reading's derivative by the
@@ -265,7 +266,7 @@ class Beyond:
         says = self.possible.hats(self.possible.knots) @ drawn + spread.T @ errors / np.where(tells, weight, 1.0)
         return _on_circle(pair)[tells], says[tells]
 
-    def lines_of(self, possible: Possible) -> list[tuple[str, NDArray[np.float64]]]:
+    def lines_of(self, possible: Possible) -> list[tuple[str, Floats]]:
         """Return functions (K,) of a place to draw, by name: laws; if none fits, a table or the smoothest function."""
         if self.laws:
             return [(law.words, possible.drawn(law.fit)) for law in self.laws]
@@ -273,7 +274,7 @@ class Beyond:
             return [("table of knots", possible.drawn(self.table))]
         return [("bends least", possible.least)]
 
-    def whole_lines_of(self, possible: Possible) -> list[tuple[str, NDArray[np.float64]]]:
+    def whole_lines_of(self, possible: Possible) -> list[tuple[str, Floats]]:
         """Return the laws (K,) of a place with the bias and scale that the model imitates, by name.
 
         There are none for a carried block: its errors are integrals.
@@ -404,7 +405,7 @@ class Beyond:
         return fits[0], None
 
 
-def _on_circle(pair: Pair) -> NDArray[np.float64]:
+def _on_circle(pair: Pair) -> Floats:
     """The values (n,) of a quantity, angles within one turn."""
     return pair.values % TURN if pair.circle else pair.values
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ..arrays import Floats
 from ..evidence.evidence import Evidence, Lengths, Model, Rerun, largest_size, own_with, rms_size
 from ..evidence.fit import ARCMIN, Fit, blocks_of, contains
 from ..evidence.rows import Rows
@@ -21,7 +22,7 @@ HELPS = 0.02
 SHOWN = 1.5
 """Errors of an effect that a length shows, with everything else refitted [bounds]."""
 
-Sizes = Mapping[EffectPlace, NDArray[np.float64]]
+Sizes = Mapping[EffectPlace, Floats]
 """Effects with their linear coefficients."""
 
 
@@ -186,7 +187,7 @@ def _needs(length: Length, place: EffectPlace) -> bool:
 def found_in(diagnosis: Diagnosis) -> Sizes:
     """Linear effects that explain a record, or those that help most where nothing does, with the sizes stated."""
     evidence = diagnosis.evidence
-    sizes: dict[EffectPlace, NDArray[np.float64]] = {}
+    sizes: dict[EffectPlace, Floats] = {}
     if diagnosis.findings:
         fit = diagnosis.findings[0].fit
         for place, block, way in fit.ways:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ...models.effects.formula import TARGETS, Formula
 from ...models.effects.lookup import OF_ANGLES, WAYS
+from ..arrays import Bools, Floats
 from ..bounded.programmes import (
     Growth,
     SolverError,
@@ -113,7 +114,7 @@ class Family:
     text: str
     low: float
     high: float
-    value: Callable[[NDArray, float], NDArray[np.float64]]
+    value: Callable[[NDArray, float], Floats]
     parts: tuple[tuple[float, float], ...] = ()
     """intervals within which all shapes do the same to the values that are there"""
 
@@ -126,7 +127,7 @@ class Laws:
     pair: Pair
     each: Sequence[Possible]
     work: Work
-    proofs: dict[float, deque[NDArray[np.float64]]] = field(
+    proofs: dict[float, deque[Floats]] = field(
         default_factory=lambda: {sign: deque(maxlen=MOST_PROOFS) for sign in (-1.0, 1.0)}
     )
     """duals (M,) that refused shapes, for coefficients of each sign, the last first"""
@@ -172,7 +173,7 @@ class Laws:
         return bool((smooth | (within_values & hardly_turns)).all())
 
     @staticmethod
-    def _within(base: NDArray, functions: NDArray, columns: NDArray) -> NDArray[np.bool_]:
+    def _within(base: NDArray, functions: NDArray, columns: NDArray) -> Bools:
         """Return true for each column (M, k) that is nearly a function (M, K) plus a change in parameters (M, P)."""
         space = column_space(np.hstack((base, functions)))
         remaining = columns - space @ (space.T @ columns)
@@ -253,13 +254,13 @@ class Laws:
         return chebyshev_radius(jacobian, evidence.rows.residual, self.bound)[0] <= 1.0
 
     @property
-    def bound(self) -> NDArray[np.float64]:
+    def bound(self) -> Floats:
         """Return the bounds (M,), widened by the error of the linear model and by rounding."""
         evidence = self.evidence
         return evidence.rows.bound * (1.0 + evidence.model.second_order) + evidence.model.room
 
     @cached_property
-    def sizes(self) -> NDArray[np.float64]:
+    def sizes(self) -> Floats:
         """Return the absolute change of the rows (M, n) per unit at each value of the quantity."""
         return np.abs(self.pair.spread(np.eye(len(self.pair.values))))
 

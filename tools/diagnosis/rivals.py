@@ -12,6 +12,7 @@ from ...models.effects import EffectPlace
 from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import Table
 from ...models.effects.mounting import MOUNTING
+from ..arrays import Floats
 from ..bounded.programmes import column_space
 from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
@@ -76,7 +77,7 @@ class Listed:
     """Compare effects of the catalogue with functions of pairs: which are equivalent."""
 
     evidence: Evidence
-    _spaces: dict[int, tuple[Pair, list[NDArray[np.float64]]]] = field(default_factory=dict)
+    _spaces: dict[int, tuple[Pair, list[Floats]]] = field(default_factory=dict)
 
     def is_of(self, fit: Fit, pair: Pair) -> bool:
         """Return true if the effects of a fit, or the part of them that is needed, are functions of a pair."""
@@ -127,11 +128,11 @@ class Listed:
         return dependence
 
     @cached_property
-    def base(self) -> NDArray[np.float64]:
+    def base(self) -> Floats:
         """The space (M, P) of the model."""
         return column_space(self.evidence.rows.nominal / self.evidence.rows.bound[:, None])
 
-    def _beyond_model(self, columns: NDArray) -> NDArray[np.float64]:
+    def _beyond_model(self, columns: NDArray) -> Floats:
         """Return the part of columns (M, K) that lies outside the model."""
         columns = columns / self.evidence.rows.bound[:, None]
         return columns - self.base @ (self.base.T @ columns)
@@ -143,7 +144,7 @@ class Listed:
         beyond = [np.linalg.norm(added - space @ (space.T @ added)) for space in self._spaces_of(pair)]
         return bool(min(beyond, default=np.inf) <= LIKE * size)
 
-    def _spaces_of(self, pair: Pair) -> list[NDArray[np.float64]]:
+    def _spaces_of(self, pair: Pair) -> list[Floats]:
         """Return the spaces that functions of a pair add to the model: the freest of each form, and each jump."""
         if id(pair) not in self._spaces:
             forms = []

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ..arrays import Floats
 from ..bounded.programmes import SolverError, cosine, same_space, spaces_beyond
 from ..bounded.sets import MAX_SET, CutOff, Work
 from ..evidence.evidence import Model
@@ -184,7 +185,7 @@ def compared_places(
     return tuple(by_title[title] for title in titles if title in by_title)[:MOST_COMPARED]
 
 
-def likeness(rows: Rows, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+def likeness(rows: Rows, places: Sequence[EffectPlace]) -> Floats:
     """Return cosines (K, K) of the least angles between the columns of linear effects on a record's rows.
 
     1 where one can be sized to look just like the other, 0 where nothing of it can; a row of zeros for an effect that

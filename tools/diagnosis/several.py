@@ -91,12 +91,11 @@ def diagnosed_together(
     rerun: bool = True,
     sha256: Mapping[str, str] | None = None,
     progress: bool = False,
-    most_work: float = MOST_WORK,
 ) -> Diagnosis:
     """Diagnose several records together, each already diagnosed by itself, with its evidence.
 
     `shared` and `own` are as for `join`; `left_out` has reasons why records are not judged with the others, by label.
-    `rerun`: simulate each record with the effects of the others. `most_work` is that of the search.
+    `rerun`: simulate each record with the effects of the others.
     """
 
     def joined(judged: Mapping[str, Diagnosis]) -> tuple[dict[str, str | None], Evidence | None]:
@@ -105,13 +104,13 @@ def diagnosed_together(
 
     aside = SetAside.of(alone)
     reasons, joint = joined(aside.diagnoses)
-    together = None if joint is None else _diagnosed(joint, progress, most_work)
+    together = None if joint is None else _diagnosed(joint, progress)
     if together is None or not _is_simpler_than_row(together):
         further = aside.beside(shared, own, left_out or {})
         if further is not None:
             aside = further
             reasons, joint = joined(aside.diagnoses)
-            together = None if joint is None else _diagnosed(joint, progress, most_work)
+            together = None if joint is None else _diagnosed(joint, progress)
     judged = aside.diagnoses
     records = []
     for label, diagnosis in alone.items():
@@ -139,10 +138,10 @@ def diagnosed_together(
         raise _unsolved(joint, error) from error
 
 
-def _diagnosed(joint: Evidence, progress: bool, most_work: float) -> Diagnosis:
+def _diagnosed(joint: Evidence, progress: bool) -> Diagnosis:
     """Diagnose a joint; an InputError where the solver fails."""
     try:
-        return diagnosed(joint, rerun=False, progress=progress, most_work=most_work)
+        return diagnosed(joint, rerun=False, progress=progress)
     except SolverError as error:
         raise _unsolved(joint, error) from error
 

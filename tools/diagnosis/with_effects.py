@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...models.bench import SYMMETRIC_PAIRS
 from ...models.effects import EffectPlace
+from ..arrays import Floats, Ints
 from ..bounded.programmes import Interval
 from ..bounded.sets import Work
 from ..calibrated import CalibratedEffect, Calibration, Open, Parameter, Reading, Sigma
@@ -44,9 +45,9 @@ class Known:
     `weights` (L, P + K), `middle` and `half` (L,).
     """
 
-    weights: NDArray[np.float64]
-    middle: NDArray[np.float64]
-    half: NDArray[np.float64]
+    weights: Floats
+    middle: Floats
+    half: Floats
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class WithEffects(Linearisation):
     readings: Readings
     cast: Cast
     blocks: tuple[slice, ...]
-    scale: NDArray[np.float64]
+    scale: Floats
     known: Known
 
     def model_at(self, point: NDArray) -> Model | None:
@@ -68,7 +69,7 @@ class WithEffects(Linearisation):
         count = len(self.point) - len(self.scale)
         return self.cast.model(self.readings, point[:count], point[count:] / self.scale, self.blocks)
 
-    def rows_of(self, positions: NDArray) -> NDArray[np.int_]:
+    def rows_of(self, positions: NDArray) -> Ints:
         """All rows: effects may join any of them."""
         return np.arange(len(self.bound))
 
@@ -92,7 +93,7 @@ class WithEffects(Linearisation):
         model = self.model_at(point)
         return self.jacobian if model is None else self._rows(model)
 
-    def _rows(self, model: Model) -> NDArray[np.float64]:
+    def _rows(self, model: Model) -> Floats:
         count = len(self.point) - len(self.scale)
         columns = np.hstack((model.jacobian[:, :count], model.jacobian[:, count:] / self.scale))
         return np.vstack((columns, self.known.weights))
@@ -305,7 +306,7 @@ def _system(evidence: Evidence, named: Named, way: Way, request: Asked) -> WithE
 
 def _known(
     evidence: Evidence, named: Named, places: Sequence[EffectPlace], request: Asked, scale: NDArray
-) -> tuple[Known, NDArray[np.float64]]:
+) -> tuple[Known, Floats]:
     """Return what priors say, and a diagnosis of another record of sizes; the largest sizes (K,) of coefficients."""
     here, wide = evidence.model.here, len(scale)
     weights, middle, half = [], [], []
@@ -335,7 +336,7 @@ def _known(
     return Known(rows, np.array(middle), np.array(half)), np.concatenate(largest)
 
 
-def _largest_of_fit(fit: Fit, room: float) -> NDArray[np.float64]:
+def _largest_of_fit(fit: Fit, room: float) -> Floats:
     """Return the largest sizes (K,) of coefficients that a record leaves possible with a fit's effects."""
     count, steps = len(fit.point), fit.possible(room)
     low, high = fit.limits

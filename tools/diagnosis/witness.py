@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...models.effects import EffectPlace
+from ..arrays import Floats
 from ..evidence.evidence import Evidence, Trial
 from ..evidence.fit import Fit
 from ..fields import Axis, Count, Number
@@ -206,5 +207,5 @@ def by_need(witnesses: Sequence[EffectWitness]) -> list[EffectWitness]:
     return sorted(witnesses, key=lambda witness: -witness.rms_without)
 
 
-def _rms(errors: NDArray[np.float64]) -> float:
+def _rms(errors: Floats) -> float:
     return float(np.sqrt(np.mean(errors**2)))

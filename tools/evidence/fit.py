@@ -569,10 +569,10 @@ def estimated(matrix: NDArray, residual: NDArray) -> Floats:
     return np.linalg.lstsq(matrix / scale, residual, rcond=DETERMINED)[0] / scale
 
 
-def robust_estimate(matrix: NDArray, residual: NDArray, rounds: int = ROBUST_ROUNDS) -> Floats:
+def robust_estimate(matrix: NDArray, residual: NDArray) -> Floats:
     """Least squares of rows (M, P) in units of their bounds, in which those that misfit lose their weight."""
     step = estimated(matrix, residual)
-    for _ in range(rounds):
+    for _ in range(ROBUST_ROUNDS):
         weight = 1.0 / np.sqrt(np.maximum(np.abs(residual - matrix @ step), 1.0))
         step = estimated(matrix * weight[:, None], residual * weight)
     return step

@@ -310,13 +310,11 @@ def moment(text: str, order: str, form: str = "") -> tuple[int, float] | None:
     return on.toordinal() - date(2020, 1, 1).toordinal(), seconds - shift
 
 
-def parsed_moment(text: str, order: str, form: str = "") -> float | None:
+def parsed_moment(text: str, order: str) -> float | None:
     """Return the seconds since the start of 2020 for a date, or a date and time in one cell; None for any other
     text."""
-    at = moment(text, order, form)
-    if at is None:
-        return None
-    return at[0] * 86400.0 + at[1]
+    at = moment(text, order)
+    return None if at is None else at[0] * 86400.0 + at[1]
 
 
 def date_of(text: str) -> str | None:

@@ -4,7 +4,6 @@ from .attitude import angle_between as angle_between
 from .attitude import attitude_error as attitude_error
 from .attitude import attitudes_of_angles as attitudes_of_angles
 from .attitude import heading_and_tilt as heading_and_tilt
-from .attitude import rate_at_rest as rate_at_rest
 from .attitude import run_attitude as run_attitude
 from .attitude import split_error as split_error
 from .carry import GyroModel as GyroModel

@@ -30,17 +30,11 @@ from ..records.columns import INCREMENT, QUATERNION, VELOCITY
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
 from .carry import carrying, inputs
-from .increments import Bridge, coarser, gyro_input, left_out_line, sampling_period
+from .increments import Bridge, coarser, gyro_input, left_out_line
 from .turning import rotation_of
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""
-
-REST_BLOCK = 1.0
-"""Length of the blocks in which rest is looked for [s]."""
-
-QUIET = 2.0
-"""Largest scatter of gyros in a block at rest, over that of the record's quietest block."""
 
 FEWEST_PERIODS = 4
 """A period that is looked for is at most this part of the run."""
@@ -180,32 +174,6 @@ def judged_updates(error_angle: NDArray) -> NDArray:
     return finite
 
 
-def rate_at_rest(record: StrapdownRecord) -> NDArray | None:
-    """Return the mean rate over the rest at the start of a record: the usual estimate of the gyros' bias.
-
-    It holds Earth's rotation too, in the components of that rest. Shape (3,) [rad/s]; None where the record does not
-    begin with a rest of at least one block (1 s). An InputError for a record that is not uniform.
-    """
-    period = sampling_period(record)
-    if record.rate is not None:
-        rate = record.rate
-    else:
-        rate = np.asarray(record.increment) / period
-    size = max(2, round(REST_BLOCK / period))
-    count = len(record) // size
-    if count < 2:
-        return None
-    scatter = rate[: count * size].reshape(count, size, 3).std(axis=1).max(axis=1)
-    moving = np.flatnonzero(scatter > QUIET * scatter.min())
-    if moving.size:
-        quiet = int(moving[0])
-    else:
-        quiet = count
-    if quiet:
-        return rate[: quiet * size].mean(axis=0)
-    return None
-
-
 def run_attitude(
     record: StrapdownRecord,
     *,
@@ -226,8 +194,7 @@ def run_attitude(
     ----------
     algorithm, rates, gyro_bias, rate_divisor, bridge_gaps
         as of `trihedron.attitude_of_record`: rates are "instantaneous" (integrated by the trapezoid rule) or "averaged"
-        (means over the interval before each row). `gyro_bias` [rad/s] is subtracted from them, for instance
-        `rate_at_rest(record)`
+        (means over the interval before each row). `gyro_bias` [rad/s] is subtracted from them
     run
         out, progress of `orchestrator.simulate`
 

@@ -45,12 +45,12 @@ def kalibr_densities(noise: Noise) -> list[Density]:
     return densities
 
 
-def kalibr_yaml(noise: Noise, topic: str = TOPIC) -> str:
+def kalibr_yaml(noise: Noise) -> str:
     """Return the text of kalibr's imu.yaml: the densities of `kalibr_densities`."""
     lines = [
         f"# of {', '.join(source.record for source in noise.records)}, by trihedron {noise.trihedron}",
         "# continuous-time densities; the noise of one sample is the density times the square root of update_rate",
-        f"rostopic: {topic}",
+        f"rostopic: {TOPIC}",
         f"update_rate: {noise.rate_hz:.6g}",
     ]
     for density in kalibr_densities(noise):

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +46,7 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
 
     Residuals, record, model, evidence and joint sets follow; those of the record only if it is known.
     """
-    answer = target_sections(result) + effect_sections(result) + gyro_sections(result)
+    answer = [target_section(result), *effect_sections(result), *gyro_sections(result)]
     answer.append(Section("Proof", bench.proof_lines(result)))
     if result.verdict == "insufficient":
         answer = open_sections(result) + answer
@@ -258,18 +257,16 @@ def rest_sections(record: PositionRecord) -> list[Section]:
     return sections
 
 
-def target_sections(
-    result: Calibration, truth: Mapping[str, float] | None = None, files: Sequence[Path] = ()
-) -> list[Section]:
+def target_section(result: Calibration, truth: Mapping[str, float] | None = None) -> Section:
     """Return the parameters of bench and accelerometers; for a falsified model, the text in place of estimates."""
     paragraphs = estimator_texts(result)
     if result.verdict == "falsified":
         paragraphs += beside_texts(result)
         paragraphs.append("No error is guaranteed.")
-        return [Section("Targets", paragraphs, table=beside_table(result), files=files)]
+        return Section("Targets", paragraphs, table=beside_table(result))
     if result.verdict == "noise-unknown" and not result.stands:
-        return [Section("Targets", paragraphs + beside_texts(result), table=beside_table(result), files=files)]
-    return [Section("Targets", paragraphs, table=target_table(result, truth), files=files)]
+        return Section("Targets", paragraphs + beside_texts(result), table=beside_table(result))
+    return Section("Targets", paragraphs, table=target_table(result, truth))
 
 
 def open_sections(result: Calibration) -> list[Section]:
@@ -280,11 +277,6 @@ def open_sections(result: Calibration) -> list[Section]:
         sections += bench.next_sections(result.linearised, result.next_positions, purpose)
     sections.append(Section("Open parameters", bench.missing_texts(result)))
     return sections
-
-
-def target_section(result: Calibration) -> Section:
-    """Return the parameters of bench and accelerometers on the page of a diagnosis."""
-    return target_sections(result)[0]
 
 
 def beside_section(result: Calibration) -> Section | None:

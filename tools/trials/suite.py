@@ -58,15 +58,13 @@ class HiddenRecord:
         return self.record.to_polars()
 
 
-def hidden_record(
-    seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False, progress: bool = False
-) -> HiddenRecord:
+def hidden_record(seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False) -> HiddenRecord:
     """Draw a single record of a table's positions, and measure it; arguments as for `draw_alone`."""
     case = draw_alone(seed, effects=effects, symmetric=symmetric)
-    return HiddenRecord(case.measured(progress=progress), case.answer())
+    return HiddenRecord(case.measured(), case.answer())
 
 
-def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress: bool = False) -> None:
+def write_hidden_record(case: Case, path: Path, answer: Path | None) -> None:
     """Measure a case and write its record; the secret goes to `answer`, or nowhere.
 
     The record is CSV; the answer is JSON, the secret and the instrument's true parameters.
@@ -76,7 +74,7 @@ def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress
     InputError
         if a file cannot be written; then neither is written
     """
-    record = case.measured(progress=progress)
+    record = case.measured(progress=True)
     if answer is not None:
         write_text(answer, json.dumps(case.answer(), indent=2) + "\n")
     try:

@@ -25,7 +25,6 @@ from trihedron.tools.motion import (
     attitude_error,
     compare_algorithms,
     heading_and_tilt,
-    rate_at_rest,
     rotation_of,
     run_algorithm,
     sample_motion,
@@ -271,20 +270,6 @@ def test_a_record_that_ends_where_its_truth_begins_is_refused() -> None:
         th.attitude_of_record(first_file)
 
 
-def test_rate_at_rest_is_that_of_the_beginning_only() -> None:
-    generator = np.random.default_rng(4)
-    count, bias = 2000, np.array([0.01, -0.02, 0.005])
-    rate = bias + generator.uniform(-1e-3, 1e-3, (count, 3))
-    rate[520:1500] += generator.normal(0.0, 1.0, (980, 3))
-    rate[1500:] += 0.5
-    record = StrapdownRecord(0.01 * np.arange(count), rate, None, np.zeros((count, 3)))
-    result_file = rate_at_rest(record)
-    np.testing.assert_array_equal(result_file, rate[:500].mean(axis=0))
-    assert rate_at_rest(replace(record, rate=rate[::-1].copy())) is not None
-    rate[:30] += generator.normal(0.0, 1.0, (30, 3))
-    assert rate_at_rest(replace(record, rate=rate)) is None
-
-
 def test_the_run_is_written_and_repeats_to_the_byte(tmp_path: Path) -> None:
     record = steady_record((0.1, 0.2, 0.3))
     first = th.attitude_of_record(record, out=tmp_path / "a")
@@ -325,7 +310,7 @@ def test_the_measured_record_agrees_with_another_composition(broad: Any) -> None
 
 def test_the_measured_record_drifts_by_its_gyros_bias(broad: Any) -> None:
     raw: Any = th.attitude_of_record(broad)
-    bias: Any = rate_at_rest(broad)
+    bias: Any = broad.rate[:2800].mean(axis=0)  # at rest for ten seconds
     # The gyros at rest have half a degree a second; the error cannot grow much faster.
     assert 25.0 < 60.0 * math.degrees(float(np.linalg.norm(bias))) < 45.0
     assert math.degrees(raw.rms) == pytest.approx(44.2, abs=0.5)

@@ -16,7 +16,6 @@ from generator.positions import write_hidden_record
 from generator.runs import PROGRAMME, Bench
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion import rate_at_rest
 from trihedron.tools.records import StrapdownRecord, write_record
 from trihedron.tools.records.stamps import grid_of
 
@@ -304,16 +303,6 @@ def test_one_row_has_no_period(stamps: str, tmp_path: Path, capsys: pytest.Captu
     moved_by_hand(3).to_polars()[:1].write_csv(tmp_path / "record.csv")
     assert main(["inspect", str(tmp_path / "record.csv"), "--stamps", stamps]) == 2
     assert "has 1 rows; at least 16 are needed" in capsys.readouterr().err
-
-
-@pytest.mark.first(1)
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_rate_at_rest_is_that_of_even_stamps(kind: str, tmp_path: Path) -> None:
-    record = moved_by_hand(7)
-    write_record(replace(record, time_s=stamped(record.time_s, kind, 8)), tmp_path / "record.csv")
-    again = th.read_record(tmp_path / "record.csv")
-    assert isinstance(again, StrapdownRecord)
-    assert rate_at_rest(again) == pytest.approx(rate_at_rest(record), abs=1e-4)
 
 
 # Files from the field
