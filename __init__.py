@@ -69,9 +69,9 @@ __all__ = [name for name in _NAMES if name != "open"]  # pyright: ignore[reportU
 def __getattr__(name: str) -> Any:
     """Import an attribute when it is first used."""
     if name == "__version__":
-        from importlib.metadata import version
+        from .fmus.versions import VERSION
 
-        return version("trihedron")
+        return VERSION
     if name in _NAMES:
         from importlib import import_module
 

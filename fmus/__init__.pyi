@@ -1,4 +1,3 @@
-from .archive import version as version
 from .catalogue import build as build
 from .catalogue import component_names as component_names
 from .catalogue import components as components
@@ -8,3 +7,4 @@ from .native.compile import BuildError as BuildError
 from .native.compile import host_compiler as host_compiler
 from .native.compile import host_name as host_name
 from .native.compile import zig_version as zig_version
+from .versions import version as version

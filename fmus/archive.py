@@ -13,7 +13,6 @@ import re
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cache
 from html import escape
 from importlib import metadata
 from pathlib import Path
@@ -22,6 +21,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from .component import Component, Variable
 from .units import base_unit, has_base, number_text, unit_named
+from .versions import version
 
 LOG_CATEGORIES = {
     "logStatusWarning": "what may be wrong",
@@ -53,15 +53,6 @@ FMI2_CAPABILITIES = {
     "providesDirectionalDerivatives": "providesDirectionalDerivative",
 }
 """What FMI 2.0 spells otherwise than FMI 3.0."""
-
-
-@cache
-def version(package: str = "trihedron") -> str:
-    """Version of a distribution that is installed, "none" where it is not: each is looked for once."""
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "none"
 
 
 def start_text(variable: Variable, value: float) -> str:

@@ -8,6 +8,9 @@ import math
 
 from .restricted import Vector
 
+MAX_INCREMENT = math.pi
+"""Largest increment over one sample [rad] for any algorithm: beyond half a turn its direction is ambiguous."""
+
 
 def set_quaternion(w: float, x: float, y: float, z: float, result: Vector) -> None:
     """Write four numbers into a quaternion (4,)."""

@@ -18,5 +18,5 @@ def postpone(name: str) -> None:
     setattr(np, name, part)
 
 
-postpone("f2py")
-postpone("testing")
+for _part in ("f2py", "ma", "polynomial", "testing"):
+    postpone(_part)

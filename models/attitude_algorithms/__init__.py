@@ -8,9 +8,10 @@ x×ω + 2 x(x·ω) - (x·x)ω, and tests in multiple precision hold the orders.
 Source: Chelnokov, Perelyaev, Chelnokova 2016.
 """
 
+from ..rotation import MAX_INCREMENT
 from . import adaptive, iteration, products
 from .computer import INPUT_KINDS, order_with
-from .definition import MAX_INCREMENT, RANGE_ERROR, Algorithm
+from .definition import RANGE_ERROR, Algorithm
 
 __all__ = ["ALGORITHMS", "INPUT_KINDS", "MAX_INCREMENT", "PRODUCTS", "RANGE_ERROR", "Algorithm", "order_with"]
 

@@ -21,9 +21,9 @@ from fractions import Fraction
 from functools import cache
 
 from ..restricted import Vector
-from ..rotation import multiply, normalise
+from ..rotation import MAX_INCREMENT, multiply, normalise
 from .adaptive import adaptive_degree
-from .definition import MAX_INCREMENT, MOST_SAMPLES, Algorithm
+from .definition import MOST_SAMPLES, Algorithm
 from .iteration import (
     LARGEST_TABLE,
     MOST_INCREMENTS,

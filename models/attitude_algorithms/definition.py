@@ -1,13 +1,9 @@
 """An attitude algorithm as data, and its range of use."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
-
-MAX_INCREMENT = math.pi
-"""Largest increment over one sample [rad] for any algorithm: beyond half a turn its direction is ambiguous."""
 
 RANGE_ERROR = 1e-3
 """Error of one update at a constant rate [rad] that sets the range of an algorithm whose series is cut off."""

@@ -9,8 +9,13 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
+# A start makes many objects and hardly any garbage.
+_collects = gc.isenabled()
+gc.disable()
+
 from cyclopts import App, Group, Parameter
 
+from ...fmus.versions import VERSION
 from ..options import PLACES
 from . import commands, studies
 from .answer import Answer, exit_status, no_working_folder, refuse, say, too_little_memory
@@ -78,7 +83,7 @@ app = App(
     help=HELP,
     help_epilogue=EPILOGUE,
     help_formatter=HelpPage(),
-    version=commands.installed_version,
+    version=VERSION,
     version_flags=("--version", "-v"),
     default_parameter=Parameter(negative=(), negative_iterable=(), show_default=shown_default),
     help_format="plaintext",
@@ -193,6 +198,8 @@ def advice(command: str, paths: Sequence[str], options: Mapping[str, Any], resul
 
 
 studies.ADVICE.append(advice)
+if _collects:
+    gc.enable()
 
 
 def place_missing(words: list[str]) -> str:
@@ -215,8 +222,9 @@ def gone_option(words: list[str]) -> str:
 
 def program() -> int:
     """Run the command line as a process of its own, which ends at once when the work is done."""
-    # A start makes many objects and hardly any garbage.
-    gc.set_threshold(50_000, 10, 10)
+    # What is loaded stays, and is no garbage to look for.
+    gc.freeze()
+    gc.set_threshold(150_000, 10, 10)
     statuses: list[int] = []
     # Registered first it is done last. To take numpy and polars apart takes as long as to load them.
     atexit.register(_leave, statuses)

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import asdict, replace
-from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -48,11 +47,6 @@ READING = ("channels", "stamps", "without")
 """How the channels, time stamps and rows of a record are read."""
 PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
 """Options of a bench with its encoders and gyros."""
-
-
-def installed_version() -> str:
-    """The version of the distribution, looked up when it is asked for."""
-    return version("trihedron")
 
 
 @with_options_of(library.simulate)

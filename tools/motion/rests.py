@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ...models.attitude_algorithms import MAX_INCREMENT
+from ...models.rotation import MAX_INCREMENT
 from ..arrays import Bools, Floats, Ints
 from ..errors import InputError, nearest
 from ..memory import each, once

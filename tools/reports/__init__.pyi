@@ -22,8 +22,12 @@ from .pictures.records import allan_points as allan_points
 from .pictures.records import attitude_picture as attitude_picture
 from .pictures.records import bench_tour as bench_tour
 from .pictures.records import plan_picture as plan_picture
+from .pictures.records import refused_rests as refused_rests
 from .pictures.residuals import held_out as held_out
+from .pictures.residuals import joint_set as joint_set
 from .pictures.residuals import likeness_picture as likeness_picture
+from .pictures.residuals import next_directions as next_directions
+from .pictures.residuals import residuals as residuals
 from .pictures.suites import confusion_picture as confusion_picture
 from .pictures.suites import distributions_picture as distributions_picture
 from .pictures.suites import rates_picture as rates_picture

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import reports
 from ..calibrated import Calibration
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
@@ -15,8 +16,6 @@ from ..document.blocks import Download, Section, Table
 from ..document.notation import Cell, effect_formula, equation, listed, minus, signed, typographic
 from ..records import PositionRecord
 from ..rounding import digits, downwards, exactly, residual, to_bound, upwards
-from .pictures.records import bench_tour
-from .pictures.residuals import next_directions
 from .sources import cited, matrix_text, versions
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
     return Section(
         "Measurements",
         paragraphs,
-        next_directions(record.alpha, record.beta, np.zeros(0), np.zeros(0)),
+        reports.next_directions(record.alpha, record.beta, np.zeros(0), np.zeros(0)),
         "Direction of the vertical in the inner frame at each measured position.",
     )
 
@@ -77,7 +76,7 @@ def run_section(table: "DataFrame", gravity: float, files: list[Path]) -> Sectio
         "The bench, simulated",
         "Four FMUs, coupled by the orchestrator: the table carries accelerometers and gyros through positions and "
         f"whole turns for {digits(time[-1])} s, and the attitude computer follows the gyros.",
-        bench_tour(time, (alpha, beta), readings),
+        reports.bench_tour(time, (alpha, beta), readings),
         "Angles of the two axes and readings of the three accelerometers.",
         files=files,
     )
@@ -214,7 +213,7 @@ def next_sections(
         Section(
             "Where and when to measure next" if in_time else "Where to measure next",
             [purpose],
-            next_directions(linearised.positions.alpha, linearised.positions.beta, alpha, beta, labels),
+            reports.next_directions(linearised.positions.alpha, linearised.positions.beta, alpha, beta, labels),
             "Direction of the vertical in the inner frame at each position (equal-area map).",
             Table(header, rows),
             download=Download(file, next_positions_csv(positions), f"{file}, to take to the table"),

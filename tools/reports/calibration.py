@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import reports
 from ..calibrated import Calibration, Gyros, Parameter
 from ..calibration.applied import Applied
 from ..calibration.calibration import HOW_TO_FIND, OF_RESIDUALS
@@ -28,8 +29,6 @@ from ..errors import InputError
 from ..records import PositionRecord
 from ..rounding import digits, exactly, residual, to_bound, upwards
 from . import bench
-from .pictures.records import refused_rests
-from .pictures.residuals import joint_set, residuals
 
 TONES: dict[str, Tone] = {"consistent": "good"}
 WOULD_TELL = "Measure these positions again to find the noise bound."
@@ -158,7 +157,7 @@ def residual_section(result: Calibration, numbers: NDArray) -> Section:
         "Residuals before and after",
         f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
         f"{best}. The picture shows the latter, in units of σ.",
-        residuals(
+        reports.residuals(
             linearised.positions, errors / bench.bounds_of_readings(linearised), None, bench.proved(result, numbers)
         ),
         "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
@@ -182,7 +181,7 @@ def joint_set_sections(result: Calibration) -> list[Section]:
         Section(
             f"Joint uncertainty: {group}",
             [TOGETHER] if k == 0 else [],
-            joint_set(pairs, estimates, result.noise_bound),
+            reports.joint_set(pairs, estimates, result.noise_bound),
             f"Pairs of targets around their estimates, in units of σ: {group}.",
         )
         for k, (group, pairs) in enumerate(joint_sets(result.feasible).items())
@@ -243,7 +242,7 @@ def rest_sections(record: PositionRecord) -> list[Section]:
         for rest in refused
     ]  # fmt: skip
     usable = len(record.rests) - len(refused)
-    pictures = refused_rests(raw, record.rests)
+    pictures = reports.refused_rests(raw, record.rests)
     first = Section(
         "Rests that were left out",
         [f"{len(record.rests)} rests were found, {usable} are used, {len(refused)} are not."],
