@@ -17,9 +17,9 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from ..arrays import Floats, Ints
+from .factors import pivoted, triangle
 
 MOST_COLUMNS = 64
 """Largest number of columns: beyond it a step costs more than one of the solver."""
@@ -91,16 +91,15 @@ def _begun(matrix: NDArray, target: NDArray) -> Ints | None:
     columns = matrix.shape[1]
     every = slice(None, None, max(1, len(matrix) // MANY))
     some = np.column_stack((matrix[every], target[every]))
-    triangle = np.asarray(qr(some, mode="r")[0])[: columns + 1]
-    diagonal = np.abs(np.diag(triangle)[:columns])
+    factor = triangle(some)[: columns + 1]
+    diagonal = np.abs(np.diag(factor)[:columns])
     if not diagonal.min() > DEPENDENT * diagonal.max():
         return None
-    error = target - matrix @ np.linalg.solve(triangle[:columns, :columns], triangle[:columns, columns])
+    error = target - matrix @ np.linalg.solve(factor[:columns, :columns], factor[:columns, columns])
     worst = np.argsort(-np.abs(error), kind="stable")
     for most in sorted({min(len(worst), most) for most in (BEGUN * columns, MANY, len(worst))}):
         among = worst[:most]
-        decomposition = qr(matrix[among].T, mode="r", pivoting=True)
-        diagonal, order = np.abs(np.diag(np.asarray(decomposition[0]))), np.asarray(decomposition[-1])
+        diagonal, order = pivoted(matrix[among].T)
         if len(diagonal) == columns and diagonal.min() > DEPENDENT * diagonal.max() and len(among) > columns:
             rest = among[order[columns:]]
             return np.append(among[order[:columns]], rest[np.abs(error[rest]).argmax()])
@@ -154,11 +153,8 @@ class Corner:
         columns = matrix.shape[1]
         if not 0 < columns <= min(len(matrix), MOST_COLUMNS) or not np.isfinite(matrix).all():
             return None
-        decomposition = qr(matrix.T, mode="r", pivoting=True)
-        diagonal, rows = (
-            np.abs(np.diag(np.asarray(decomposition[0]))),
-            np.asarray(decomposition[-1])[:columns].astype(np.int64),
-        )
+        diagonal, order = pivoted(matrix.T)
+        rows = order[:columns]
         if not diagonal.min() > DEPENDENT * diagonal.max():
             return None
         return Corner(rows, np.linalg.inv(matrix[rows]))

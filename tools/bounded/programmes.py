@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import highspy
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import lstsq, qr, svd
 
 from ..arrays import Floats
 from .exchange import Corner, exchanged, least_of
+from .factors import pivoted
 
 LEAST_LIMIT, MOST_ITERATIONS = 5000, 20
 """Steps of the simplex after which it counts as cycling: a constant, and more for each row and column."""
@@ -264,13 +265,8 @@ def first_rows(matrix: NDArray) -> NDArray:
     if len(matrix) >= MANY_BLOCKS * BLOCK:
         # Those of each block that determine the columns best, and of these again.
         starts = range(0, len(matrix), BLOCK)
-        rows = np.concatenate([k + _pivots(matrix[k : k + BLOCK])[:count] for k in starts])
-    return np.sort(rows[_pivots(matrix[rows])[:count]])
-
-
-def _pivots(matrix: NDArray) -> NDArray:
-    """Return rows (indices) in the order in which they determine the columns best."""
-    return np.asarray(qr(matrix.T, mode="r", pivoting=True)[-1])
+        rows = np.concatenate([k + pivoted(matrix[k : k + BLOCK].T)[1][:count] for k in starts])
+    return np.sort(rows[pivoted(matrix[rows].T)[1][:count]])
 
 
 def shortened(matrix: NDArray) -> Floats:
@@ -377,7 +373,7 @@ def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> Floats:
             return duals + np.linalg.solve(rows.T, missed)
         except np.linalg.LinAlgError:
             pass
-    solution = lstsq(rows.T, missed, lapack_driver="gelsy", check_finite=False)
+    solution = scipy.linalg.lstsq(rows.T, missed, lapack_driver="gelsy", check_finite=False)
     assert solution is not None
     return duals + solution[0]
 
@@ -563,7 +559,7 @@ def column_space(columns: NDArray) -> Floats:
         u, values, _ = np.linalg.svd(scaled, full_matrices=False)
     except np.linalg.LinAlgError:
         # The faster algorithm fails on some finite matrices.
-        u, values, _ = svd(scaled, full_matrices=False, lapack_driver="gesvd")
+        u, values, _ = scipy.linalg.svd(scaled, full_matrices=False, lapack_driver="gesvd")
     return u[:, values > DEPENDENT * values.max(initial=0.0)] if values.max(initial=0.0) > 0.0 else u[:, :0]
 
 

@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from ...models.bench import (
     admissible,
@@ -18,6 +17,7 @@ from ...models.bench import (
 )
 from ..arrays import Floats
 from ..bounded.centre import Bounded, Central, Estimator, central
+from ..bounded.factors import pivoted
 from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius, shortened
 from ..calibrated import Estimator as KindOfEstimate
 from ..calibrated import Open, Parameter, ReadingError
@@ -560,8 +560,7 @@ def simplest_directions(beyond: NDArray) -> NDArray:
     """Return unit vectors (K, P) that span as columns (P, K) do; each has a parameter that is in no other."""
     if not beyond.size:
         return np.zeros((0, len(beyond)))
-    factors: tuple[NDArray, NDArray] = qr(beyond.T, mode="r", pivoting=True)  # pyright: ignore[reportAssignmentType]
-    of_one = factors[1][: beyond.shape[1]]
+    of_one = pivoted(beyond.T)[1][: beyond.shape[1]]
     directions = beyond @ np.linalg.inv(beyond[of_one])
     return (directions / np.linalg.norm(directions, axis=0)).T
 

@@ -15,10 +15,10 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias, TypeVar, overload, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar, Union, overload, runtime_checkable
 
+import lazy_loader
 import numpy as np
-import polars as pl
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
@@ -58,6 +58,13 @@ from .even import times_unused, with_stamps
 from .kinds import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord
 from .rests import position_record_of
 from .steps import reading_step
+
+if TYPE_CHECKING:
+    import polars as pl
+    from polars import DataFrame, Series
+else:
+    # A record of a few rows is read without it.
+    pl = lazy_loader.load("polars")
 
 LARGE = 30_000_000
 """Bytes of a file from which on reading shows its progress."""
@@ -105,7 +112,7 @@ class Tabular(Protocol):
     def __getitem__(self, name: Any, /) -> Any: ...
 
 
-Source: TypeAlias = str | Path | pl.DataFrame | Mapping[str, ArrayLike] | NDArray[np.void] | Tabular | Record | Recorded
+Source: TypeAlias = Union[str, Path, "DataFrame", Mapping[str, ArrayLike], NDArray[np.void], Tabular, Record, Recorded]
 """What holds a record: a file, a table in memory of any library, a record, a simulation."""
 
 
@@ -211,7 +218,7 @@ def read_written(path: Path) -> Record:
     return _parsed(path, KINDS, trusted=True)
 
 
-def table_in_memory(source: object) -> pl.DataFrame:
+def table_in_memory(source: object) -> "DataFrame":
     """Return a table in memory of any library; an InputError for any other object.
 
     The index of pandas is a column if it has a name or holds times; the coordinates of xarray are columns.
@@ -471,7 +478,7 @@ def _end_of_head(content: bytes) -> int:
     return end
 
 
-def _plain_numbers(content: bytes, start: int) -> pl.DataFrame | None:
+def _plain_numbers(content: bytes, start: int) -> "DataFrame | None":
     """Return the numbers of all lines from a byte on; None if any line is not a row of finite numbers alone.
 
     Each row has the number of fields of the header. The values are those of `float`.
@@ -681,7 +688,7 @@ def _read_parquet(path: Path, content: bytes, kinds: Sequence[RecordKind], *, tr
     return FileColumns(path, layout, numbers, texts, np.arange(1, frame.height + 1), resolution)
 
 
-def _parquet_numbers(path: Path, series: pl.Series) -> NDArray:
+def _parquet_numbers(path: Path, series: "Series") -> NDArray:
     if not series.dtype.is_numeric():
         raise RecordError(path, None, series.name, f"holds {series.dtype}; numbers are needed")
     empty = series.is_null().to_numpy()
@@ -697,7 +704,7 @@ def _parquet_numbers(path: Path, series: pl.Series) -> NDArray:
     return values
 
 
-def _parquet_names(path: Path, series: pl.Series) -> tuple[str, ...]:
+def _parquet_names(path: Path, series: "Series") -> tuple[str, ...]:
     if series.dtype not in (pl.String, pl.Categorical, pl.Enum, pl.Null):
         raise RecordError(path, None, series.name, f"holds {series.dtype}; names are needed")
     names = [(name or "").strip() for name in series.cast(pl.String).to_list()]
