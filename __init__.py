@@ -9,7 +9,9 @@ from functools import cache
 from typing import Any
 
 from . import tools
+from .version import VERSION
 
+__version__ = VERSION
 _TYPES = {
     "Check": "check",
     "Exported": "exporting",
@@ -68,10 +70,6 @@ __all__ = [name for name in _NAMES if name != "open"]  # pyright: ignore[reportU
 
 def __getattr__(name: str) -> Any:
     """Import an attribute when it is first used."""
-    if name == "__version__":
-        from .fmus.versions import VERSION
-
-        return VERSION
     if name in _NAMES:
         from importlib import import_module
 

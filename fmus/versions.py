@@ -1,10 +1,9 @@
-"""The version of the program, and those of installed distributions."""
+"""Versions of the program and of installed distributions."""
 
 from functools import cache
 from importlib import import_module
 
-VERSION = "0.2.0"
-"""Version of the program, as in pyproject.toml."""
+from ..version import VERSION
 
 
 @cache

@@ -16,7 +16,7 @@ gc.disable()
 import lazy_loader
 from cyclopts import App, Group, Parameter
 
-from ...fmus.versions import VERSION
+from ...version import VERSION
 from ..options import PLACES
 from . import commands, studies
 from .answer import Answer, exit_status, no_working_folder, refuse, say, too_little_memory

@@ -1,0 +1,4 @@
+"""The version of the program."""
+
+VERSION = "0.2.0"
+"""As in pyproject.toml."""
