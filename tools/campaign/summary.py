@@ -17,9 +17,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import polars as pl
+import scipy
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy import stats
 
 from ..errors import InputError, one_line
 from ..quantity import Quantity
@@ -237,7 +237,7 @@ def rate(hits: NDArray) -> dict[str, Any]:
     count, cases = int(hits.sum()), len(hits)
     if not cases:
         return {"cases": 0, "count": 0, "rate": None, "interval": None}
-    interval = stats.binomtest(count, cases).proportion_ci(CONFIDENCE, method="wilson")
+    interval = scipy.stats.binomtest(count, cases).proportion_ci(CONFIDENCE, method="wilson")
     return {"cases": cases, "count": count, "rate": count / cases, "interval": [interval.low, interval.high]}
 
 
@@ -271,7 +271,7 @@ def correlations(parameters: Mapping[str, NDArray], values: NDArray) -> dict[str
         x, y = column[finite], values[finite]
         by_parameter[name] = {"correlation": None, "p": None}
         if len(x) >= 3 and np.ptp(x) != 0.0 and np.ptp(y) != 0.0:
-            ranked: Any = stats.spearmanr(x, y)
+            ranked: Any = scipy.stats.spearmanr(x, y)
             by_parameter[name] = {"correlation": float(ranked.statistic), "p": float(ranked.pvalue)}
     return {"method": "rank-correlation", "parameters": by_parameter}
 
@@ -310,7 +310,7 @@ def sobol_indices(campaign: Campaign, values: NDArray) -> dict[str, Any]:
 def _indices(rows: NDArray) -> tuple[NDArray, NDArray]:
     """Return first-order and total indices from the values of the rows of A, B and each A with a column from B."""
     blocks: Any = {"f_A": rows[None, 0], "f_B": rows[None, 1], "f_AB": rows[2:, None]}
-    indices = stats.sobol_indices(func=blocks, n=rows.shape[1])
+    indices = scipy.stats.sobol_indices(func=blocks, n=rows.shape[1])
     return np.ravel(indices.first_order), np.ravel(indices.total_order)
 
 
@@ -438,11 +438,11 @@ def _happens(name: str, what: str, before: NDArray, now: NDArray, pairs: bool, b
     part_before, part = _number(before, np.mean), _number(now, np.mean)
     if pairs:
         up, down = int(((now == 1.0) & (before == 0.0)).sum()), int(((now == 0.0) & (before == 1.0)).sum())
-        p = float(stats.binomtest(up, up + down).pvalue) if up + down else 1.0
+        p = float(scipy.stats.binomtest(up, up + down).pvalue) if up + down else 1.0
         direction = int(np.sign(up - down))
     else:
         table = [[now.sum(), len(now) - now.sum()], [before.sum(), len(before) - before.sum()]]
-        p = float(np.asarray(stats.fisher_exact(np.array(table, dtype=int))[1]))
+        p = float(np.asarray(scipy.stats.fisher_exact(np.array(table, dtype=int))[1]))
         direction = 0
         if part is not None and part_before is not None:
             direction = int(np.sign(part - part_before))
@@ -471,10 +471,10 @@ def _numbers(name: str, before: NDArray, now: NDArray, pairs: bool, better: str 
         if len(change) >= FEWEST:
             p = 1.0
         if len(moved) >= FEWEST:
-            ranked: Any = stats.wilcoxon(moved)
+            ranked: Any = scipy.stats.wilcoxon(moved)
             p = float(ranked.pvalue)
     elif min(len(before), len(now)) >= FEWEST:
-        ranked = stats.mannwhitneyu(now, before, method="asymptotic")
+        ranked = scipy.stats.mannwhitneyu(now, before, method="asymptotic")
         p = 1.0 if np.ptp(np.concatenate((now, before))) == 0.0 else float(ranked.pvalue)
         direction = int(np.sign(ranked.statistic - 0.5 * len(now) * len(before)))
     return ScalarChange(

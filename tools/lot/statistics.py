@@ -14,7 +14,7 @@ from datetime import datetime
 from typing import Literal
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from ...models.effects import CATALOGUE
 from ..arrays import Bools, Floats
@@ -189,14 +189,16 @@ def odd_values(columns: Sequence[LotColumn]) -> list[Odd]:
         count = len(column.members)
         if count < LEAST_INSTRUMENTS or column.spread == 0.0:
             continue
-        reach = column.spread * float(stats.t.isf(chance, EFFICIENCY * count))
+        reach = column.spread * float(scipy.stats.t.isf(chance, EFFICIENCY * count))
         for k, member in enumerate(column.members):
             above = column.lows[k] - column.median
             below = column.median - column.highs[k]
             if max(above, below) <= reach:
                 continue
             others = np.delete(column.estimates, k)
-            exact = others.std(ddof=1) * float(stats.t.isf(chance, count - 2)) * math.sqrt(1.0 + 1.0 / (count - 1))
+            exact = (
+                others.std(ddof=1) * float(scipy.stats.t.isf(chance, count - 2)) * math.sqrt(1.0 + 1.0 / (count - 1))
+            )
             if count < SMALL and abs(column.estimates[k] - others.mean()) <= exact:
                 continue
             times = abs(column.estimates[k] - column.median) / column.spread
@@ -250,7 +252,7 @@ def shared_causes(instruments: Sequence[Member]) -> list[SharedCause]:
     for key, serials in carriers.items():
         has = np.array([member.serial in serials for member in judged])
         rate = causes_in_all / (possible * len(judged))
-        chance = min(1.0, possible * float(stats.binom.sf(len(serials) - 1, len(judged), min(rate, 1.0))))
+        chance = min(1.0, possible * float(scipy.stats.binom.sf(len(serials) - 1, len(judged), min(rate, 1.0))))
         if len(serials) < 2 or chance > CHANCE:
             continue
         begin, end = _part_of(has)
@@ -306,7 +308,7 @@ def _stretch_of(has: Bools) -> tuple[int, int]:
     count, total = len(has), int(has.sum())
     at = np.flatnonzero(has)
     first, last = np.triu_indices(total)
-    chances = stats.hypergeom.sf(last - first, count, total, at[last] - at[first] + 1)
+    chances = scipy.stats.hypergeom.sf(last - first, count, total, at[last] - at[first] + 1)
     best = int(np.argmin(chances))
     if chances[best] * 0.5 * count**2 > CHANCE:
         return 0, count
@@ -322,7 +324,7 @@ def _split_of(has: Bools) -> int | None:
         larger, size = int(before[at - 1]), at
         if larger * count < total * at:
             larger, size = total - larger, count - at
-        chance = float(stats.hypergeom.sf(larger - 1, count, total, size))
+        chance = float(scipy.stats.hypergeom.sf(larger - 1, count, total, size))
         if best is None or chance < best[0]:
             best = chance, at
     if best is None or best[0] * 2.0 * count > CHANCE:
@@ -378,7 +380,7 @@ def _step_of(column: LotColumn) -> LotTrend | None:
     count = len(column.members)
     if count < 2 * LEAST_GROUP:
         return None
-    ranks = stats.rankdata(column.estimates)
+    ranks = scipy.stats.rankdata(column.estimates)
     sizes = np.arange(1, count)
     sums = np.cumsum(ranks)[:-1]
     deviations = np.sqrt(sizes * (count - sizes) * (count + 1) / 12.0)
@@ -408,7 +410,7 @@ def _step_of(column: LotColumn) -> LotTrend | None:
         low=low,
         high=high,
         since=serial,
-        chance=min(1.0, 2.0 * count * float(stats.norm.sf(scores[surest - 1]))),
+        chance=min(1.0, 2.0 * count * float(scipy.stats.norm.sf(scores[surest - 1]))),
         sentence=f"since serial {serial}: {column.symbol} {_change(size, low, high, column.unit)}",
     )
 
@@ -422,8 +424,8 @@ def _trend_of(column: LotColumn, against: Against) -> LotTrend | None:
     if estimates.max() == estimates.min():
         return None
     # Kendall's ranks have exact chances in small lots.
-    _, chance = np.array(stats.kendalltau(abscissa, estimates), dtype=float).tolist()
-    slope, _, low, high = np.array(stats.theilslopes(estimates, abscissa), dtype=float).tolist()
+    _, chance = np.array(scipy.stats.kendalltau(abscissa, estimates), dtype=float).tolist()
+    slope, _, low, high = np.array(scipy.stats.theilslopes(estimates, abscissa), dtype=float).tolist()
     per = "a year" if against == "date" else "a kelvin"
     return LotTrend(
         symbol=column.symbol,
