@@ -29,8 +29,9 @@ acceptance: $(READY)
 	TRIHEDRON_SUITE_SHARE=$${TRIHEDRON_SUITE_SHARE:-$(SHARE)} $(PYTEST) tests -n $(WORKERS) --dist worksteal \
 		-m acceptance $(if $(filter all,$(CASES)),,--cases $(CASES)) --durations 40
 
+# Writes the tables of cost in docs/figures.md.
 bench: $(READY)
-	$(PYTEST) tests/benchmarks -m benchmark_ratio -s
+	$(PYTEST) tests/benchmarks -m benchmark_ratio -s --costs docs
 
 lint: $(READY) build/typing/trihedron
 	$(BIN)/ruff check .

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from costs import between_marks
 from trihedron.fmus.instruments import VELOCITY_COMPUTER
 from trihedron.fmus.source import instantiate, references
 from trihedron.models.attitude_algorithms import Algorithm, adaptive
@@ -103,16 +104,6 @@ def make_page(docs: Path) -> Path:
     page = docs / PAGE
     write_text(page, between_marks(page.read_text(encoding="utf-8"), "drifts", drift_table()))
     return page
-
-
-def between_marks(text: str, name: str, table: str) -> str:
-    """Replace the text between `<!-- name -->` and `<!-- end of name -->`.
-
-    Raises ValueError if the marks are missing.
-    """
-    first, last = f"<!-- {name} -->", f"<!-- end of {name} -->"
-    begin, end = text.index(first) + len(first), text.index(last)
-    return f"{text[:begin]}\n{table}\n{text[end:]}"
 
 
 if __name__ == "__main__":

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from sculling import PAGE, between_marks, drift_table, measured, nearest_phase, theory
+from costs import between_marks
+from sculling import PAGE, drift_table, measured, nearest_phase, theory
 from trihedron.models.attitude_algorithms import ALGORITHMS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
