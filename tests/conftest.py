@@ -30,7 +30,9 @@ settings.load_profile("no deadlines")
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options that limit the cases of each long test, and that keep measured costs."""
     parser.addoption("--cases", type=int, help="run at most so many long cases of each test, spread over all its cases")
-    parser.addoption("--costs", type=Path, metavar="DOCS", help="write measured costs into the tables of DOCS/figures.md")
+    parser.addoption(
+        "--costs", type=Path, metavar="DOCS", help="write measured costs into the tables of DOCS/figures.md"
+    )
 
 
 @pytest.hookimpl(tryfirst=True)

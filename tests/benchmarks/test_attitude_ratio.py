@@ -233,7 +233,7 @@ def test_ratio_to_scipy_ahrs_and_c(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.benchmark_ratio
-def test_ratio_of_a_sample_through_a_native_fmu_to_c(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ratio_of_a_sample_through_a_native_fmu_to_c(tmp_path: Path, capsys, cost_row) -> None:
     """Compare (22), renormalised: in C, compiled by numba, and in a native FMU that a host in C drives sample by
     sample."""
     c, serial = (plain_c(tmp_path, renormalise=True, serial=alone) for alone in (False, True))
@@ -255,6 +255,7 @@ def test_ratio_of_a_sample_through_a_native_fmu_to_c(tmp_path: Path, capsys: pyt
         print(f"\n{SHORT} gyro samples, renormalised, best of 125\n{'':<34} {'ns a sample':>12} {'of C':>6}")
         for name, cost in costs.items():
             print(f"{name:<34} {cost:>12.1f} {cost / costs[c_name]:>6.2f}")
+            cost_row("samples", name, f"{cost:.1f}", f"{cost / costs[c_name]:.1f}")
     for name in ("two-sample-rodrigues", "adaptive-degree"):
         samples = algorithm_named(name).samples
         same = attitudes[f"{name}, native FMU"][samples - 1 :: samples]

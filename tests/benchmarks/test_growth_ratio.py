@@ -58,7 +58,12 @@ def processor_seconds_of(*arguments: str) -> float:
     return after.children_user - before.children_user + after.children_system - before.children_system
 
 
-def test_a_diagnosis_of_ten_times_as_many_positions(capsys):
+def growth(before: float, after: float) -> tuple[str, str]:
+    """Return the cells of a record and of one with a tenth of its rows, by their times [s of processor]."""
+    return f"{after:.1f}", f"{after / before:.1f}"
+
+
+def test_a_diagnosis_of_ten_times_as_many_positions(capsys, cost_row):
     seconds = {}
     for count in (100, 1000):
         record = drawn_record(7, ONE_EFFECT, count)
@@ -70,10 +75,11 @@ def test_a_diagnosis_of_ten_times_as_many_positions(capsys):
         assert [cause.effect for cause in result.causes] == ["cubic"]
     with capsys.disabled():
         print(f"\ndiagnosis of positions: {seconds} s of processor, {seconds[1000] / seconds[100]:.1f} times")
+    cost_row("growth", "`diagnose`, 1,000 positions, one effect", *growth(seconds[100], seconds[1000]))
     assert seconds[1000] < MOST_GROWTH * seconds[100]
 
 
-def test_a_command_and_a_batch_against_the_calibration_itself(tmp_path: Path, capsys):
+def test_a_command_and_a_batch_against_the_calibration_itself(tmp_path: Path, capsys, cost_row):
     count = 500
     table = write_lot(tmp_path / "records", count, 1, positions=12)
     record = tmp_path / "records" / "record-3.csv"
@@ -97,11 +103,15 @@ def test_a_command_and_a_batch_against_the_calibration_itself(tmp_path: Path, ca
             f"({single / min(own):.0f} times), the libraries {libraries:.2f} s ({min(singles) / libraries:.1f} times); "
             f"{count} in a batch {many:.1f} s ({single * count / many:.1f} times)"
         )
+    cost_row("many", "calibration of 12 positions, in Python", f"{1e3 * min(own):.0f}", "")
+    cost_row("many", "a command", f"{1e3 * single:.0f}", f"libraries alone {1e3 * libraries:.0f}")
+    ratio = f"1/{single * count / many:.1f} of a command"
+    cost_row("many", "one of a batch of 500", f"{1e3 * many / count:.0f}", ratio)
     assert single * count > LEAST_OF_A_BATCH * many
     assert min(singles) < MOST_START * libraries
 
 
-def test_attitudes_of_one_campaign_against_a_campaign_for_each(tmp_path: Path, capsys):
+def test_attitudes_of_one_campaign_against_a_campaign_for_each(tmp_path: Path, capsys, cost_row):
     seconds = {}
     for runs in (1, 201):
         path = tmp_path / f"{runs}.toml"
@@ -116,10 +126,12 @@ def test_attitudes_of_one_campaign_against_a_campaign_for_each(tmp_path: Path, c
             f"\nattitude, 60 s at 1 kHz: {1e3 * more:.1f} ms a run in one campaign, "
             f"{seconds[1]:.1f} s in one of its own"
         )
+    ratio = f"1/{seconds[1] / more:.0f} of one alone"
+    cost_row("many", "attitude, 60 s at 1 kHz, in a campaign", f"{1e3 * more:.1f}", ratio)
     assert seconds[1] > LEAST_OF_ATTITUDES * seconds[201] / 201
 
 
-def test_positions_of_no_effect_grow_no_faster(capsys):
+def test_positions_of_no_effect_grow_no_faster(capsys, cost_row):
     """A consistent record: a calibration, and the excluded size of each effect."""
     seconds = []
     for count in (100, 1000):
@@ -129,4 +141,5 @@ def test_positions_of_no_effect_grow_no_faster(capsys):
         seconds.append(time.process_time() - begun)
     with capsys.disabled():
         print(f"\nconsistent positions: {np.round(seconds, 2)} s of processor")
+    cost_row("growth", "`diagnose`, 1,000 positions, no effect", *growth(seconds[0], seconds[1]))
     assert seconds[1] < MOST_GROWTH * seconds[0]

@@ -154,7 +154,7 @@ def seconds_of_steps(
 
 @pytest.mark.benchmark_ratio
 def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, cost_row
 ) -> None:
     # As FMUs of others.
     monkeypatch.setattr("trihedron.fmus.is_built_here", lambda _: False)
@@ -189,6 +189,11 @@ def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(
             f"disk/memory {min(disk) / min(ours):.2f}, guests/plain {min(guests) / min(plain):.1f}, "
             f"a guest {(min(guests) - min(ours)) / len(NAMES):.0f} us a step"
         )
+    cost_row("masters", "bare C", f"{min(bare):.1f}")
+    cost_row("masters", "`trihedron`, in our process", f"{min(ours):.1f}")
+    cost_row("masters", "FMPy's loop over a list", f"{min(plain):.0f}")
+    cost_row("masters", "all in one process of their own, over 1,000,000 steps", f"{min(child):.1f}")
+    cost_row("masters", "each FMU in a process of its own", f"{min(guests):.0f}")
     assert min(ours) / min(bare) < 1.5
 
 
