@@ -14,7 +14,8 @@ from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from .arrays import Floats
 
 LONGEST = 300
 """Largest number of letters of an expression."""
@@ -41,7 +42,7 @@ class Function:
     """
 
     source: tuple[str, ...]
-    value: Callable[..., NDArray[np.float64]]
+    value: Callable[..., Floats]
     slopes: Callable[..., tuple[Any, ...]]
 
     @property
@@ -232,14 +233,12 @@ def _linear(node: ast.expr, letters: set[str]) -> dict[str | None, ast.expr]:
     )
 
 
-def evaluated(tree: ast.expr, values: Mapping[str, Any]) -> NDArray[np.float64]:
+def evaluated(tree: ast.expr, values: Mapping[str, Any]) -> Floats:
     """Return the expression at arrays of its names' values; not finite if it has no value."""
     return followed(tree, values, {})[0]
 
 
-def followed(
-    tree: ast.expr, values: Mapping[str, Any], slopes: Mapping[str, Any]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def followed(tree: ast.expr, values: Mapping[str, Any], slopes: Mapping[str, Any]) -> tuple[Floats, Floats]:
     """Return the expression and its exact derivative, given those of some of its names; the others are constant."""
     with np.errstate(all="ignore"):
         return _followed(tree, values, slopes)

@@ -9,8 +9,8 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import AfterValidator, Field
 
+from ..models.arrays import Floats
 from ..models.bench import checked_rotation
-from .arrays import Floats
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Size = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]

@@ -29,7 +29,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from .. import tools
-from .arrays import Floats
+from ..models.arrays import Floats
 from .errors import InputError, nearest
 from .fields import check_ends
 from .files import advice_on, json_text

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Floats
 from .rests import small_turn
 from .table import EARTH_RATE
 
@@ -43,7 +44,7 @@ _BENT = (_KAPPA, _ALPHA, _EPSILON, 12, 13, 14)
 """Targets on which the gyros' readings depend."""
 
 
-def earth_in_base(latitude: float, azimuth: float) -> NDArray[np.float64]:
+def earth_in_base(latitude: float, azimuth: float) -> Floats:
     """Return Earth's rotation (3,) [rad/s] in axes of the base: 1 along the outer axis, 3 up.
 
     `latitude` [rad] and `azimuth` [rad] of the outer axis, from north towards east.
@@ -52,7 +53,7 @@ def earth_in_base(latitude: float, azimuth: float) -> NDArray[np.float64]:
     return np.array([level * math.cos(azimuth), level * math.sin(azimuth), up])
 
 
-def moments_of(time: NDArray, alpha: NDArray, beta: NDArray) -> NDArray[np.float64]:
+def moments_of(time: NDArray, alpha: NDArray, beta: NDArray) -> Floats:
     """Return the moments (N, 13) from the first row up to each, from angles (N,) [rad] without jumps, at times (N,)
     [s].
 
@@ -68,7 +69,7 @@ def moments_of(time: NDArray, alpha: NDArray, beta: NDArray) -> NDArray[np.float
     return sums
 
 
-def growth_of(angles: NDArray, rates: NDArray, accelerations: NDArray) -> NDArray[np.float64]:
+def growth_of(angles: NDArray, rates: NDArray, accelerations: NDArray) -> Floats:
     """Return first and second derivatives of the moments by time (2, N, 13), from angles (2, N) and theirs."""
     (turn, swing), (faster, quicker), (alpha, beta) = rates, accelerations, angles
     cos, sin, none = np.cos(beta), np.sin(beta), np.zeros_like(beta)
@@ -94,13 +95,13 @@ def _harmonics(angle: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     return np.ones_like(angle), np.cos(angle), np.sin(angle)
 
 
-def turning_of(beta: NDArray, swing: NDArray, turn: NDArray, lean: float) -> NDArray[np.float64]:
+def turning_of(beta: NDArray, swing: NDArray, turn: NDArray, lean: float) -> Floats:
     """Return turns (N, 3) of the inner frame, in its axes, by turns (N,) about the outer and the inner axis; lean ε."""
     along = np.cos(lean) * swing
     return np.stack([along * np.cos(beta), -along * np.sin(beta), np.sin(lean) * swing + turn], axis=1)
 
 
-def rates_of_turning(beta: NDArray, rates: NDArray, accelerations: NDArray, lean: float) -> NDArray[np.float64]:
+def rates_of_turning(beta: NDArray, rates: NDArray, accelerations: NDArray, lean: float) -> Floats:
     """Return rates and their changes (2, N, 3) of the inner frame, in its axes, by those (N, 2) of both axes."""
     rate, change = (turning_of(beta, values[:, 0], values[:, 1], lean) for values in (rates, accelerations))
     across = np.cos(lean) * rates[:, 0] * rates[:, 1]
@@ -109,7 +110,7 @@ def rates_of_turning(beta: NDArray, rates: NDArray, accelerations: NDArray, lean
     return np.stack([rate, change])
 
 
-def axes_of_turns(alpha: NDArray, beta: NDArray, lean: float) -> NDArray[np.float64]:
+def axes_of_turns(alpha: NDArray, beta: NDArray, lean: float) -> Floats:
     """Return the axes (4, N, 3) of small turns in those of the inner frame, at angles (N,) from the vertical; lean ε.
 
     About κ's axis, which α, ε and β turn; about the outer axis, about that of ε, about the inner one.
@@ -189,9 +190,7 @@ def _carried(x: NDArray, moments: NDArray, vector: NDArray) -> NDArray:
     return np.stack([along[:, 1] + across[:, 2], across[:, 1] - along[:, 2], inner[:, 0]], axis=-1)
 
 
-def integrated_jacobian(
-    arguments: Sequence[ArrayLike], rest: tuple[NDArray, NDArray, NDArray, NDArray]
-) -> NDArray[np.float64]:
+def integrated_jacobian(arguments: Sequence[ArrayLike], rest: tuple[NDArray, NDArray, NDArray, NDArray]) -> Floats:
     """Return derivatives (S, 3, 40) of `integrated_readings` by the 18 targets and the gyros' parameters.
 
     `arguments` are targets and gyros, `rest` the following arguments. Nonlinear parts use complex steps.

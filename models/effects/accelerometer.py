@@ -27,8 +27,8 @@ import math
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..restricted import ANGULAR_ACCELERATION, BLOCK_RESPONSE, GRAVITY, HOURS, RATE, SENSE_INPUT, TEMPERATURE, Vector
 from .columns import Rows
 from .definition import (
@@ -182,7 +182,7 @@ SCALE_DRIFT = accelerometer_effect(
 )
 
 
-def open_temperature(place: EffectPlace, values: NDArray[np.float64], rows: Rows) -> NDArray[np.float64]:
+def open_temperature(place: EffectPlace, values: Floats, rows: Rows) -> Floats:
     """Return the effect of half a last digit of the temperature on values (N,) per kelvin, in the readings (N, 3)."""
     return accelerometer_column(place, values * rows.temperature_resolution)[..., 0]
 
@@ -221,7 +221,7 @@ def hysteresis(context: Vector, n: Vector, p: int, width: float, added: Vector) 
     added[p] = added[p] - 0.5 * width * context[SENSE_INPUT + p]
 
 
-def hysteresis_untold(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+def hysteresis_untold(place: EffectPlace, rows: Rows) -> Floats:
     """Return half of the width (N, 3), per unit of it, where the sense of the last change of the input is unknown."""
     return accelerometer_column(place, np.where(rows.sense_told[:, place.index], 0.0, 0.5))[..., 0]
 

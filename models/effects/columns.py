@@ -12,8 +12,8 @@ from types import FunctionType, SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats
 from ..restricted import (
     ALPHA,
     ANGULAR_ACCELERATION,
@@ -48,7 +48,7 @@ ROOM_TEMPERATURE = 20.0
 class RowsDiffer(ValueError):
     """Raised if a kernel branches and `some` (N,) of the rows go another way than the others."""
 
-    def __init__(self, some: NDArray[np.bool_]) -> None:
+    def __init__(self, some: Bools) -> None:
         super().__init__("the rows differ")
         self.some = some
 
@@ -72,7 +72,7 @@ class Column(np.ndarray):
         raise RowsDiffer(same)
 
 
-def column(values: NDArray[np.float64] | float, count: int) -> Column:
+def column(values: Floats | float, count: int) -> Column:
     """Return values (N,), or N times one value, as a column."""
     return np.broadcast_to(np.asarray(values, dtype=float), (count,)).view(Column)
 
@@ -81,7 +81,7 @@ Seen = tuple[list[Column], list[Column]]
 """The context and the values of a stage, as a kernel sees them of all rows."""
 
 
-def _not_given() -> NDArray[np.float64]:
+def _not_given() -> Floats:
     return np.zeros(0)
 
 
@@ -127,27 +127,27 @@ class Rows:
         angle of the outer axis between the encoder's zero and the vertical, X2 [rad]
     """
 
-    hours: NDArray[np.float64]
-    alpha: NDArray[np.float64]
-    beta: NDArray[np.float64]
-    n: NDArray[np.float64]
-    by_alpha: NDArray[np.float64]
-    by_beta: NDArray[np.float64]
-    by_kappa: NDArray[np.float64] = field(default_factory=_not_given)
-    by_epsilon: NDArray[np.float64] = field(default_factory=_not_given)
-    by_slip: NDArray[np.float64] = field(default_factory=_not_given)
-    temperature: NDArray[np.float64] | None = None
-    sense_alpha: NDArray[np.float64] = field(default_factory=_not_given)
-    sense_beta: NDArray[np.float64] = field(default_factory=_not_given)
-    input_sense: NDArray[np.float64] = field(default_factory=_not_given)
-    sense_told: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    own: NDArray[np.float64] = field(default_factory=_not_given)
-    prediction: NDArray[np.float64] = field(default_factory=_not_given)
+    hours: Floats
+    alpha: Floats
+    beta: Floats
+    n: Floats
+    by_alpha: Floats
+    by_beta: Floats
+    by_kappa: Floats = field(default_factory=_not_given)
+    by_epsilon: Floats = field(default_factory=_not_given)
+    by_slip: Floats = field(default_factory=_not_given)
+    temperature: Floats | None = None
+    sense_alpha: Floats = field(default_factory=_not_given)
+    sense_beta: Floats = field(default_factory=_not_given)
+    input_sense: Floats = field(default_factory=_not_given)
+    sense_told: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    own: Floats = field(default_factory=_not_given)
+    prediction: Floats = field(default_factory=_not_given)
     resolution: float = 0.0
     temperature_resolution: float = 0.0
-    kept: NDArray[np.float64] = field(default_factory=_not_given)
+    kept: Floats = field(default_factory=_not_given)
     from_vertical: float = 0.0
-    axis_rates: NDArray[np.float64] = field(default_factory=_not_given)
+    axis_rates: Floats = field(default_factory=_not_given)
 
     def __post_init__(self) -> None:
         instead = {
@@ -163,12 +163,12 @@ class Rows:
                 object.__setattr__(self, name, values)
 
     @property
-    def by_turns(self) -> NDArray[np.float64]:
+    def by_turns(self) -> Floats:
         """Derivatives (N, 3, 7) of the readings by the small turns: of κ, outer, of ε, inner, of the block [g/rad]."""
         of_axes = np.stack((self.by_kappa, self.by_alpha, self.by_epsilon, self.by_beta), axis=2)
         return np.concatenate((of_axes, self.by_slip), axis=2)
 
-    def by_ports(self, stage: str | None) -> NDArray[np.float64]:
+    def by_ports(self, stage: str | None) -> Floats:
         """Return derivatives (N, 3, ports) of the readings by the additions at a stage of table or accelerometers."""
         if stage == "encoder_effects":
             # The true angle is the reading less the encoder's error.
@@ -231,16 +231,16 @@ class MotionRows:
         that of the accelerometers to the specific force
     """
 
-    rate: NDArray[np.float64]
-    rate_before: NDArray[np.float64]
-    specific_force: NDArray[np.float64]
-    hours: NDArray[np.float64]
-    step: NDArray[np.float64]
-    temperature: NDArray[np.float64] | None = None
+    rate: Floats
+    rate_before: Floats
+    specific_force: Floats
+    hours: Floats
+    step: Floats
+    temperature: Floats | None = None
     period: float = 0.0
     gravity: float = 9.80665
-    response: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
-    block_response: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    response: Floats = field(default_factory=lambda: np.eye(3))
+    block_response: Floats = field(default_factory=lambda: np.eye(3))
 
     def seen_by(self, component: str | None) -> Seen:
         """Return context and values of a kernel of gyros, accelerometers or attitude computer."""
@@ -280,12 +280,12 @@ class MotionRows:
         return context
 
     @property
-    def acceleration(self) -> NDArray[np.float64]:
+    def acceleration(self) -> Floats:
         """Angular accelerations (N, 3) from the steps before to these [rad/s²]."""
         return (self.rate - self.rate_before) / self.step[:, None]
 
 
-def _columns(values: NDArray[np.float64]) -> list[Column]:
+def _columns(values: Floats) -> list[Column]:
     """Return the columns of values (N, k)."""
     return [column(axis, len(values)) for axis in values.T]
 
@@ -347,9 +347,7 @@ def units_of(effect: "Effect", number: float | None = None) -> list[tuple[list[f
     return units
 
 
-def ports(
-    effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows, number: float | None = None
-) -> NDArray[np.float64]:
+def ports(effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows, number: float | None = None) -> Floats:
     """Return the change (N, ports, K) by a unit of each linear coefficient at the stage of an effect.
 
     A searched number has the value `number`; by default the effect acts from the first row on, or does not fade.
@@ -361,9 +359,7 @@ def ports(
     return np.stack(added, axis=2)
 
 
-def response(
-    effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows, parameters: Sequence[float]
-) -> NDArray[np.float64]:
+def response(effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows, parameters: Sequence[float]) -> Floats:
     """Return the change (N, ports) by the kernel of an effect at its stage with some values of its parameters."""
     if "temperature" in effect.needs and rows.temperature is None:
         raise ValueError("effects of temperature need the temperature of the rows")
@@ -374,9 +370,9 @@ def response(
 
 def added_by(
     kernel: Callable[..., None], context: list[Column], values: list[Column], arguments: tuple[float, ...], size: int
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the change (N, size) by a kernel at its ports; if it branches, rows of one branch run together."""
-    added: list[NDArray[np.float64] | float] = [0.0] * size
+    added: list[Floats | float] = [0.0] * size
     table = np.zeros((len(context[0]), size))
     try:
         kernel(context, values, *arguments, added)
@@ -389,12 +385,12 @@ def added_by(
     return table
 
 
-def chosen(columns: list[Column], rows: NDArray[np.bool_]) -> list[Column]:
+def chosen(columns: list[Column], rows: Bools) -> list[Column]:
     """Return some rows of columns."""
     return [column[rows].view(Column) for column in columns]
 
 
-def values_read(text: str, values: str, component: str, rows: Rows | MotionRows) -> NDArray[np.float64]:
+def values_read(text: str, values: str, component: str, rows: Rows | MotionRows) -> Floats:
     """Return the values (N,) of an expression of the context and of the stage's values, for a kernel of a component."""
     kernel = written_kernel(
         f"def reading(context: Vector, {values}: Vector, added: Vector) -> None:\n    added[0] = {text}\n"
@@ -402,7 +398,7 @@ def values_read(text: str, values: str, component: str, rows: Rows | MotionRows)
     return added_by(on_columns(kernel), *rows.seen_by(component), (), 1)[:, 0]
 
 
-def small_turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[np.float64]:
+def small_turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> Floats:
     """Return the small turns (N, 7, K) [rad] at given encoder readings: of κ, outer, of ε, inner, of the block.
 
     The true angle is the reading less the encoder's error. The turns are exact functions of the true angles. For an
@@ -424,7 +420,7 @@ def is_inner_axis(rows: Rows, k: int) -> bool:
     return bool(apart <= ALIKE * np.linalg.norm(by_inner))
 
 
-def signature(effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows) -> NDArray[np.float64]:
+def signature(effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows) -> Floats:
     """Return the change of readings [g], or for a gyro of rates [rad/s], by each coefficient (N, 3, K); not for the
     table."""
     added = ports(effect, place, rows)

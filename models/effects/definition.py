@@ -10,8 +10,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from . import columns
 from .columns import MotionRows, Rows
 from .variants import Variant
@@ -216,12 +216,12 @@ class Effect:
     stage: str | None = None
     kernel: Callable[..., None] | None = None
     within: str | None = None
-    columns: Callable[[EffectPlace, Any], NDArray[np.float64]] | None = None
-    variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], Sequence[Variant]] | None = None
+    columns: Callable[[EffectPlace, Any], Floats] | None = None
+    variants: Callable[[EffectPlace, Any, Floats, float], Sequence[Variant]] | None = None
     degree: int = 0
-    untold: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
+    untold: Callable[[EffectPlace, Rows], Floats] | None = None
     formula: str = ""
-    open_argument: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
+    open_argument: Callable[[EffectPlace, Rows], Floats] | None = None
     memory: Callable[..., None] | None = None
     contains: tuple[str, ...] = ()
     rounds: bool = False
@@ -265,7 +265,7 @@ class Effect:
         """True if it is linear and acts on the table, by small turns behind the encoders or by errors of these."""
         return self.component == "TurntableMotion" and self.linear
 
-    def signature(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
+    def signature(self, place: EffectPlace, rows: Rows | MotionRows) -> Floats:
         """Return the change of readings (N, 3, K) [g, rad/s] by each coefficient.
 
         For an effect on the table `columns.ports` has its additions, and an observation their consequence for readings
@@ -275,7 +275,7 @@ class Effect:
             raise TypeError(f"{place.title} is not linear: it has variants, no signature")
         return columns.signature(self, place, rows)
 
-    def from_coefficients(self, coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+    def from_coefficients(self, coefficients: Floats) -> tuple[float, ...]:
         """Return values of the linear parameters, amplitude and phase of each harmonic.
 
         Raises TypeError if the effect is not linear.
@@ -308,12 +308,12 @@ CATALOGUE: dict[str, Effect] = {}
 """Every effect, by its name; the package fills it from its files."""
 
 
-def accelerometer_column(place: EffectPlace, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def accelerometer_column(place: EffectPlace, values: Floats) -> Floats:
     """Return values (N, K), or (N,), as additions to the readings of one accelerometer (N, 3, K)."""
     return at_port(3, place.index, values.reshape(len(values), -1))
 
 
-def at_port(size: int, port: int, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def at_port(size: int, port: int, values: Floats) -> Floats:
     """Return values (N, K) as additions to one of several ports (N, size, K)."""
     added = np.zeros((len(values), size, values.shape[1]))
     added[:, port] = values
@@ -364,7 +364,7 @@ def accelerometer_effect(
 def last_stage_effect(
     kernel: Callable[..., None],
     parameters: Parameters,
-    variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], Sequence[Variant]],
+    variants: Callable[[EffectPlace, Any, Floats, float], Sequence[Variant]],
     sentence: str | Sentence,
     **fields: Any,
 ) -> Effect:

@@ -14,8 +14,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..expression import (
     Statements,
     derivatives,
@@ -254,7 +254,7 @@ class Formula:
             values[name] = values_read(self.texts[name], self.target.values, self.target.component, rows)
         return values
 
-    def factors(self, rows: Rows | MotionRows) -> NDArray[np.float64]:
+    def factors(self, rows: Rows | MotionRows) -> Floats:
         """Return the factor of each coefficient (N, K).
 
         Raises ValueError if it is not a number.
@@ -270,7 +270,7 @@ class Formula:
             raise ValueError(f"{self.law}: is no finite number at row {row + 1}, where {at}")
         return factors
 
-    def open_factors(self, rows: Rows) -> NDArray[np.float64]:
+    def open_factors(self, rows: Rows) -> Floats:
         """Return the possible difference of the factors (N,), as a length, by quantities that the record leaves open.
 
         To first order: exact slopes times half a last digit, and the offset of the inner encoder's zero.
@@ -322,10 +322,10 @@ class Formula:
             open_argument=open_argument,
         )
 
-    def _columns(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
+    def _columns(self, place: EffectPlace, rows: Rows | MotionRows) -> Floats:
         return at_port(PORTS[self.target.stage], self.target.index, self.factors(rows))
 
-    def _open_argument(self, place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    def _open_argument(self, place: EffectPlace, rows: Rows) -> Floats:
         return at_port(3, self.target.index, self.open_factors(rows)[:, None])[..., 0]
 
     def _sentence(self, place: EffectPlace, values: Mapping[str, float]) -> str:

@@ -21,8 +21,8 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..restricted import HOURS, INPUT, INTERVAL, PREVIOUS_RATE, PREVIOUS_STEPS, RESPONSE, STEP_LENGTH, Vector
 from .columns import MotionRows
 from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect, matrix_formula
@@ -305,7 +305,7 @@ def jitter(context: Vector, rate: Vector, share: float, added: Vector) -> None:
         added[p] = added[p] + share * rate[p] * (steps - whole)
 
 
-def jitter_columns(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
+def jitter_columns(place: EffectPlace, rows: MotionRows) -> Floats:
     """Return columns (N, 3, 1): the rates times the part of each interval that is not whole nominal periods.
 
     Over the interval this is an angle of the rate times interval less whole periods, like the kernel's over a step.

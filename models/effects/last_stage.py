@@ -16,8 +16,8 @@ import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from ..restricted import HOURS, INPUT, Vector
 from .columns import MotionRows, Rows
 from .definition import (
@@ -40,7 +40,7 @@ def dead_zone(context: Vector, own: Vector, p: int, width: float, reading: Vecto
         reading[p] = reading[p] - own[p]
 
 
-def dead_zone_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
+def dead_zone_variants(place: EffectPlace, rows: Rows, reading: Floats, sigma: float) -> list[Variant]:
     """Return the variants: only the set of readings below the width matters, the smallest input, the two smallest,
     ..."""
     p = place.index
@@ -56,15 +56,15 @@ def dead_zone_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float
     return ways
 
 
-def _dead_zone_variant(p: int, rows: Rows, chosen: NDArray[np.int_], limits: tuple[float, float]) -> Variant:
+def _dead_zone_variant(p: int, rows: Rows, chosen: Ints, limits: tuple[float, float]) -> Variant:
     lost = at_readings(rows.n.shape, chosen, p)
 
-    def stands(rows_at_fit: Rows, coefficients: NDArray[np.float64]) -> bool:
+    def stands(rows_at_fit: Rows, coefficients: Floats) -> bool:
         size = np.abs(rows_at_fit.n[:, p])
         inside = bool(size[chosen].max() < LARGEST_WIDTH)
         return inside and bool(size[chosen].max() < np.delete(size, chosen).min(initial=np.inf))
 
-    def undecided(further: Rows, sigma: float) -> NDArray[np.bool_]:
+    def undecided(further: Rows, sigma: float) -> Bools:
         size = np.abs(further.n[:, p])
         return at_readings(further.n.shape, np.flatnonzero((size > limits[0] - sigma) & (size < limits[1] + sigma)), p)
 
@@ -94,7 +94,7 @@ def saturation(context: Vector, own: Vector, p: int, level: float, reading: Vect
             reading[p] = -level
 
 
-def saturation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
+def saturation_variants(place: EffectPlace, rows: Rows, reading: Floats, sigma: float) -> list[Variant]:
     """Return the variants: readings at the level agree within the noise and have the k largest predictions.
 
     A clipped reading is ±level for any bench, so its change is linear in the level.
@@ -117,14 +117,14 @@ def saturation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.floa
 def _saturation_variant(
     p: int,
     rows: Rows,
-    chosen: NDArray[np.int_],
-    reading: NDArray[np.float64],
+    chosen: Ints,
+    reading: Floats,
     limits: tuple[float, float],
     sigma: float,
 ) -> Variant:
     fixed = at_readings(rows.n.shape, chosen, p)
 
-    def stands(rows_at_fit: Rows, coefficients: NDArray[np.float64]) -> bool:
+    def stands(rows_at_fit: Rows, coefficients: Floats) -> bool:
         size = np.abs(rows_at_fit.prediction[:, p])
         largest_other = np.delete(size, chosen).max(initial=0.0)
         return bool(size[chosen].min() >= coefficients[0] - sigma and largest_other <= coefficients[0] + sigma)
@@ -174,7 +174,7 @@ def quantisation(context: Vector, own: Vector, p: int, step: float, reading: Vec
         reading[p] = step * math.floor(reading[p] / step + 0.5)
 
 
-def quantisation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
+def quantisation_variants(place: EffectPlace, rows: Rows, reading: Floats, sigma: float) -> list[Variant]:
     """Return the variants of the largest steps whose multiples the readings are, exactly and to σ.
 
     Readings lie within half a step of the inputs. Noise after the rounding, at its very bound or in steps, makes
@@ -201,7 +201,7 @@ def _quantisation_variant(p: int, rows: Rows, limits: tuple[float, float]) -> Va
     step = 0.5 * (limits[0] + limits[1])
     rounded = at_readings(rows.n.shape, np.arange(len(rows.n)), p)
 
-    def undecided(further: Rows, sigma: float) -> NDArray[np.bool_]:
+    def undecided(further: Rows, sigma: float) -> Bools:
         steps = further.prediction[:, p] / step
         from_edge = step * np.abs(steps - np.floor(steps) - 0.5)
         # The bench was fitted to readings that rounding had moved, by some part of a step.
@@ -210,7 +210,7 @@ def _quantisation_variant(p: int, rows: Rows, limits: tuple[float, float]) -> Va
     return variant(rows.n.shape, (limits,), widening=np.where(rounded, 0.5 * step, 0.0), undecided=undecided)
 
 
-def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> float | None:
+def common_step(values: Floats, tolerance: float, least: float) -> float | None:
     """Return the largest step, up to 1e-2, with at least seven in ten values (N,) as whole multiples.
 
     Each of some values is tried as m steps, for all m. If most of some others are multiples too, the step remains; the
@@ -254,7 +254,7 @@ def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> 
     return best
 
 
-def likely_steps(base: float, probes: NDArray[np.float64], tolerance: float, least: float) -> Iterator[float]:
+def likely_steps(base: float, probes: Floats, tolerance: float, least: float) -> Iterator[float]:
     """Yield the steps, the largest first, for which a value and most of some others (K,) are whole multiples."""
     last = math.floor(base / least)
     for first in range(math.ceil(base / LARGEST_STEP), last + 1, AT_ONCE):
@@ -265,7 +265,7 @@ def likely_steps(base: float, probes: NDArray[np.float64], tolerance: float, lea
         yield from steps.tolist()
 
 
-def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float] | None:
+def noisy_step(values: Floats, sigma: float) -> tuple[float, float] | None:
     """Return least and largest step [g] for which all values (N,) are multiples to an error of σ after the rounding.
 
     Few different values, or steps that are not many times σ, prove nothing: a tenth of all values lie that near a
@@ -285,12 +285,12 @@ def noisy_step(values: NDArray[np.float64], sigma: float) -> tuple[float, float]
     return (low, high) if low <= high and high <= LARGEST_STEP else None
 
 
-def share(values: NDArray[np.float64], step: float, tolerance: float) -> float:
+def share(values: Floats, step: float, tolerance: float) -> float:
     """Return the part of the values that are multiples of a step."""
     return float(np.mean(misses(values, np.full(len(values), step)) <= 2.0 * tolerance))
 
 
-def refine(values: NDArray[np.float64], step: float) -> float:
+def refine(values: Floats, step: float) -> float:
     """Return the step that fits the multiples best, in the least-squares sense, if most values are multiples."""
     for _ in range(3):
         counts = np.round(values / step)
@@ -302,7 +302,7 @@ def refine(values: NDArray[np.float64], step: float) -> float:
     return step
 
 
-def misses(values: NDArray[np.float64] | float, steps: NDArray[np.float64]) -> NDArray[np.float64]:
+def misses(values: Floats | float, steps: Floats) -> Floats:
     """Return distances of values from the nearest multiples of steps."""
     return np.abs(values - np.round(values / steps) * steps)
 
@@ -330,9 +330,7 @@ def gyro_quantisation(context: Vector, own: Vector, step: float, reading: Vector
             reading[p] = step * math.floor(reading[p] / step + 0.5)
 
 
-def gyro_quantisation_variants(
-    place: EffectPlace, rows: MotionRows, reading: NDArray[np.float64], sigma: float
-) -> list[Variant]:
+def gyro_quantisation_variants(place: EffectPlace, rows: MotionRows, reading: Floats, sigma: float) -> list[Variant]:
     """Return the variant of the largest step whose multiples the readings (N, 3) [rad/s] are.
 
     Readings lie within half a step of the truth. `sigma` [rad/s] is the noise of a reading; a step far below it widens
@@ -378,7 +376,7 @@ def exchanged_readings(context: Vector, own: Vector, p: int, i: int, start: floa
             reading[i] = kept
 
 
-def exchanged_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
+def exchanged_variants(place: EffectPlace, rows: Rows, reading: Floats, sigma: float) -> list[Variant]:
     """Return a variant for each time that separates surely unexchanged readings from surely exchanged ones.
 
     Any aligned bench reads each input to a few hundredths of g: that decides most rows.
@@ -399,7 +397,7 @@ def exchanged_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float
     return ways
 
 
-def _exchange(place: EffectPlace) -> NDArray[np.float64]:
+def _exchange(place: EffectPlace) -> Floats:
     """Return the matrix (3, 3) that exchanges channels of the three readings."""
     p, i = place.index, place.axes[0] - 1
     matrix = np.eye(3)
@@ -438,7 +436,7 @@ def place_of(position: int, accelerometer: int) -> EffectPlace:
     return EffectPlace("outlier", f"position-{position}", axes=(accelerometer,))
 
 
-def outlier_columns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+def outlier_columns(place: EffectPlace, rows: Rows) -> Floats:
     """Return a column with one at one reading; the row is counted from 1 within `rows`."""
     columns = np.zeros((len(rows.alpha), 3, 1))
     columns[int(place.where.removeprefix("position-")) - 1, place.axes[0] - 1, 0] = 1.0

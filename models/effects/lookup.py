@@ -13,8 +13,8 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..written import written_kernel
 from .accelerometer import NOMINAL_TEMPERATURE
 from .columns import PORTS, values_read
@@ -159,7 +159,7 @@ class Table:
             law += f" {word}"
         return law
 
-    def columns(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def columns(self, values: Floats) -> Floats:
         """Return the factor of each entry at values (N,) of the quantity: (N, K), without the table's factor."""
         if self.kind == "jumps at":
             return (values > self.knots[0]).astype(float)[:, None]
@@ -171,7 +171,7 @@ class Table:
         return np.stack([np.interp(values, knots, unit[:, k]) for k in self.entries], axis=1)
 
     @property
-    def bends(self) -> NDArray[np.float64]:
+    def bends(self) -> Floats:
         """Changes of slope (B, K) at the inner knots by the values of the entries, times the mean distance of knots."""
         knots, unit = np.array(self.knots), np.eye(len(self.knots))
         if self.kind == "around":
@@ -261,7 +261,7 @@ class Home:
         port = 1 if table.factor == OUTER_TILT else 2 * axis
         return Home("TurntableMotion", "geometry_effects", port, "angles", "turns", OF_TABLE)
 
-    def read(self, name: str, rows: Any) -> NDArray[np.float64]:
+    def read(self, name: str, rows: Any) -> Floats:
         """Return a quantity or a factor (N,) of rows.
 
         Raises ValueError if they have none.
@@ -293,7 +293,7 @@ def lookup_at(place: EffectPlace) -> Effect:
         description = "size of the jump" if table.kind == "jumps at" else f"value at {table.knots[k]!r}"
         parameters.append(EffectParameter(f"value_{k + 1}", unit, description, LARGEST))
 
-    def columns(place: EffectPlace, rows: Any) -> NDArray[np.float64]:
+    def columns(place: EffectPlace, rows: Any) -> Floats:
         """Return the change by each entry, with the factor."""
         entries = table.columns(home.read(table.quantity, rows))
         if table.factor and table.factor not in WAYS:

@@ -9,8 +9,8 @@ mounting_drift, mounting_temperature
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..restricted import HOURS, INPUT, TEMPERATURE, Vector
 from .accelerometer import NOMINAL_TEMPERATURE
 from .columns import Rows
@@ -64,7 +64,7 @@ def mounting_temperature(
     turns[6] = turns[6] + slope_3 * warmer
 
 
-def open_temperature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+def open_temperature(place: EffectPlace, rows: Rows) -> Floats:
     """Return the effect of half a last digit of the temperature on a slope in the readings (N, 3)."""
     return np.linalg.norm(rows.by_slip, axis=2) * rows.temperature_resolution
 

@@ -19,8 +19,8 @@ import math
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..restricted import HOURS, RATE, SENSE_ALPHA, Vector
 from .columns import Rows
 from .definition import AXES, Effect, EffectParameter, EffectPlace, said, table_effect
@@ -156,7 +156,7 @@ def sag(context: Vector, angles: Vector, axis: int, amplitude: float, phase: flo
         turns[3] = turns[3] + amplitude * math.sin(angles[0]) * math.cos(angles[1] + phase)
 
 
-def open_sine(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+def open_sine(place: EffectPlace, rows: Rows) -> Floats:
     """Return the effect of the sine's origin, the encoder's zero or the vertical, which is of second order."""
     return np.abs(rows.by_beta) * (abs(rows.from_vertical) if place.index == 1 else 0.0)
 

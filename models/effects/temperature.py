@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..restricted import TEMPERATURE, Vector
 from .accelerometer import NOMINAL_TEMPERATURE, open_temperature
 from .columns import Rows
@@ -48,7 +48,7 @@ def of_orders(unit: str, order: int, largest: float) -> tuple[EffectParameter, .
     return tuple(parameters)
 
 
-def open_polynomial(place: EffectPlace, size: NDArray[np.float64], rows: Rows, order: int) -> NDArray[np.float64]:
+def open_polynomial(place: EffectPlace, size: Floats, rows: Rows, order: int) -> Floats:
     """Return the effect of half a last digit of the temperature on a polynomial, in the readings (N, 3).
 
     `size` (N,) is the value that the polynomial multiplies.

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from .columns import Rows
 
 
@@ -43,29 +43,29 @@ class Variant:
         other rows, σ [g] -> (N, 3) of bool: readings whose change the limits of the parameters leave open
     """
 
-    offset: NDArray[np.float64]
-    columns: NDArray[np.float64]
-    widening: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    values: Callable[[NDArray[np.float64]], tuple[float, ...]]
+    offset: Floats
+    columns: Floats
+    widening: Floats
+    low: Floats
+    high: Floats
+    values: Callable[[Floats], tuple[float, ...]]
     limits: tuple[tuple[float, float], ...]
-    lost: NDArray[np.bool_]
-    fixed: NDArray[np.bool_]
-    mixed: NDArray[np.float64] | None = None
-    stands: Callable[[Rows, NDArray[np.float64]], bool] = lambda rows, coefficients: True
-    undecided: Callable[[Rows, float], NDArray[np.bool_]] = lambda rows, sigma: np.zeros(rows.n.shape, dtype=bool)
+    lost: Bools
+    fixed: Bools
+    mixed: Floats | None = None
+    stands: Callable[[Rows, Floats], bool] = lambda rows, coefficients: True
+    undecided: Callable[[Rows, float], Bools] = lambda rows, sigma: np.zeros(rows.n.shape, dtype=bool)
 
     one_sign: ClassVar[bool] = False
     """True if its coefficients all have one sign."""
 
     @property
-    def directions(self) -> NDArray[np.float64]:
+    def directions(self) -> Floats:
         """The coefficients, which are the first of the parameters."""
         return np.eye(self.columns.shape[2])
 
     @property
-    def touched(self) -> NDArray[np.bool_]:
+    def touched(self) -> Bools:
         """Readings (N, 3) that the effect changes, beside a widening of their bounds."""
         changed = self.lost | self.fixed | (self.offset != 0.0) | np.any(self.columns != 0.0, axis=2)
         return changed if self.mixed is None else changed | np.any(self.mixed != np.eye(3), axis=2)
@@ -91,7 +91,7 @@ def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **f
     return Variant(limits=limits, **(usual | fields))
 
 
-def at_readings(shape: tuple[int, ...], rows: NDArray[np.int_], accelerometer: int) -> NDArray[np.bool_]:
+def at_readings(shape: tuple[int, ...], rows: Ints, accelerometer: int) -> Bools:
     """Return True (N, 3) at some rows (n,) of an accelerometer, 0 to 2."""
     chosen = np.zeros(shape, dtype=bool)
     chosen[rows, accelerometer] = True

@@ -18,7 +18,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from .factors import pivoted, triangle
 
 MOST_COLUMNS = 64

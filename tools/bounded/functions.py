@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, qr
 
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from .programmes import Polytope, chebyshev_radius, column_space
 
 IMITATED = 1e-6

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from .programmes import EXACT, LEAST_VALUE, Growth, Interval, Polytope, SolverError, chebyshev_radius, moved_duals
 
 ROOM = 1e-9

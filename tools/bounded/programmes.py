@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from .exchange import Corner, exchanged, least_of
 from .factors import pivoted
 

@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from .exchange import MOST_COLUMNS
 from .programmes import MANY_ROWS, SolverError, any_centre, column_space
 from .set_bounds import ACCEPTED, REFUSED, UNDECIDED, bounds_of, settle, surviving_sets

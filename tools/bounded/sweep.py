@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ...models.arrays import Bools, Floats, Ints
 from .possible import ROOM, Possible, Proofs, Steps
 from .programmes import EXACT, chebyshev_radius
 

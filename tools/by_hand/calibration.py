@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats, Ints
 from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX
-from ..arrays import Floats, Ints
 from ..calibrated import (
     UNITS,
     ByHand,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from ..motion.determinacy import COLUMNS, OPEN, PRIOR_SD, ROWS, Determinacy
 from ..motion.norm import inputs_of, norm_block, norm_equations
 from .small_turns import across, cross_matrices, nearest_rotation, rotations

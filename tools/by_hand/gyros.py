@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc, stdtr
 
+from ...models.arrays import Floats, Ints
 from ...models.bench import BIAS, EARTH_RATE, LAG, MATRIX, SENSITIVITY
-from ..arrays import Floats, Ints
 from ..calibrated import TakenSensitivity
 from ..motion.determinacy import TURN_PRIOR_SD, worst_turn
 from ..motion.norm import inputs_of

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ...models.arrays import Bools, Floats, Ints
 from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
-from ..arrays import Bools, Floats, Ints
 from ..memory import each, once
 from ..records.stamps import grid_of
 from .forces import Forces, directions_of

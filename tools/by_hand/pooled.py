@@ -12,7 +12,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from ..arrays import Ints
+from ...models.arrays import Ints
 from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, PooledTest, Verdict
 from ..errors import InputError
 from ..records.noise import noise_bound_of

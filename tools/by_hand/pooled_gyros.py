@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from ...models.arrays import Floats, Ints
 from ...models.bench import MATRIX, SENSITIVITY
-from ..arrays import Floats, Ints
 from ..rounding import digits
 from .calibration import CHANCE, HandFit
 from .gyros import OF_TRUTH, PRIOR, GyroFit

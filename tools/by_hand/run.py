@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...fmus.parameters import GRAVITIES
-from ..arrays import Bools, Floats, Ints
+from ...models.arrays import Bools, Floats, Ints
 from ..errors import InputError
 from ..memory import once
 from ..motion.determinacy import LEAST_SD

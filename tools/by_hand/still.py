@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from ..memory import each, once
 from ..motion.rests import LEAST_ROWS, QUIET, still_stretches, still_windows, window_scatter, window_sums
 from ..records.columns import LARGEST_FORCE

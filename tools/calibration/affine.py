@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..rounding import digits, exactly
 from .correction import Correction
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..errors import InputError
 from ..records import BenchRecord, PoseRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
 from ..records.columns import CORRECTED_BY

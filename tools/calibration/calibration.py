@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...fmus.parameters import GRAVITIES
 from ...fmus.units import STANDARD_GRAVITY
+from ...models.arrays import Floats
 from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input, up
-from ..arrays import Floats
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError, least_squares
 from ..calibrated import (
     Calibration,

@@ -25,8 +25,8 @@ from ...fmus.parameters import (
     of_one_record,
     shown_effects,
 )
+from ...models.arrays import Floats
 from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX, SENSITIVITY
-from ..arrays import Floats
 from ..calibrated import CalibratedEffect, Calibration, Open, Provenance, Sigma
 from ..errors import InputError, one_line
 from ..fields import checked_covariance

@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.bench import (
     admissible,
     nominal_input,
     sign_margin,
 )
-from ..arrays import Floats
 from ..bounded.centre import Bounded, Central, Estimator, central
 from ..bounded.factors import pivoted
 from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius, shortened

@@ -14,9 +14,9 @@ import scipy
 from numpy.typing import NDArray
 
 from ...fmus.units import ARCMIN
+from ...models.arrays import Floats
 from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base
 from .. import motion
-from ..arrays import Floats
 from ..bounded.programmes import SolverError
 from ..calibrated import Calibration, GainOfTurns, Gyros, Parameter, Turn
 from ..errors import InputError

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Bools, Floats, Ints
 from ...models.bench import GYRO_PARAMETERS, LAG, SYMMETRIC_PAIRS, TARGETS, rates_of_turning
 from ...models.effects import CATALOGUE, MotionRows
-from ..arrays import Bools, Floats, Ints
 from ..calibrated import LATENCIES
 from ..motion.rest_noise import factor_for
 from ..motion.rests import sampling_of

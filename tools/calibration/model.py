@@ -18,6 +18,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...models.arrays import Ints
 from ...models.bench import (
     SYMMETRIC_PAIRS,
     TARGETS,
@@ -28,7 +29,6 @@ from ...models.bench import (
     target_jacobian,
     target_reading,
 )
-from ..arrays import Ints
 from ..bounded.programmes import shortened
 from ..errors import InputError, nearest
 from ..files import LARGEST_TEXT, advice_on, bytes_of

@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats, Ints
 from ...models.bench import (
     GYRO_PARAMETERS,
     LAG,
@@ -24,7 +25,6 @@ from ...models.bench import (
     small_turn,
 )
 from ...models.bench import moments_of as integrated_angles
-from ..arrays import Floats, Ints
 from ..errors import InputError
 from ..motion.increments import mean_rates
 from ..motion.rest_noise import factor_for, rest_noise

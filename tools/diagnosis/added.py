@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, estimated, least_radius
 from ..sieve.simple import Simple

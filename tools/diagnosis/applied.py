@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace
-from ..arrays import Floats
 from ..calibration import Applied, AppliedEffect
 from ..errors import InputError, one_line
 from ..evidence.evidence import Evidence

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import TypedDict
 
+from ...models.arrays import Floats, Ints
 from ...models.effects.definition import AXES
 from ...models.effects.lookup import MOST_KNOTS, TILTS, TURN, Table
-from ..arrays import Floats, Ints
 from ..bounded.functions import Band, Functions, Unknown
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit

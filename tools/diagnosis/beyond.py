@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 from typing_extensions import TypedDict
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace
 from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import BASE, TURN, Table
 from ...models.effects.mounting import MOUNTING
-from ..arrays import Floats
 from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
 from ..evidence.evidence import Evidence

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace
-from ..arrays import Floats
 from ..evidence.evidence import Evidence, Lengths, Model, Rerun, largest_size, own_with, rms_size
 from ..evidence.fit import ARCMIN, Fit, blocks_of, contains
 from ..evidence.rows import Rows

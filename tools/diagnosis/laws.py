@@ -15,10 +15,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Bools, Floats
 from ...models.effects import EffectPlace
 from ...models.effects.formula import TARGETS, Formula
 from ...models.effects.lookup import OF_ANGLES, WAYS
-from ..arrays import Bools, Floats
 from ..bounded.programmes import (
     Growth,
     SolverError,

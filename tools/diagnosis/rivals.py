@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace
 from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import Table
 from ...models.effects.mounting import MOUNTING
-from ..arrays import Floats
 from ..bounded.programmes import column_space
 from ..bounded.sets import Work
 from ..evidence.evidence import Evidence

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace
-from ..arrays import Floats
 from ..bounded.programmes import SolverError, cosine, same_space, spaces_beyond
 from ..bounded.sets import MAX_SET, CutOff, Work
 from ..evidence.evidence import Model

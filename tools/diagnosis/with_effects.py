@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats, Ints
 from ...models.bench import SYMMETRIC_PAIRS
 from ...models.effects import EffectPlace
-from ..arrays import Floats, Ints
 from ..bounded.programmes import Interval
 from ..bounded.sets import Work
 from ..calibrated import CalibratedEffect, Calibration, Open, Parameter, Reading, Sigma

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace
-from ..arrays import Floats
 from ..evidence.evidence import Evidence, Trial
 from ..evidence.fit import Fit
 from ..fields import Axis, Count, Number

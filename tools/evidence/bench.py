@@ -9,10 +9,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats, Ints
 from ...models.effects import POSITION_EFFECTS, EffectPlace
 from ...models.effects import Rows as Contexts
 from ...models.effects.last_stage import place_of
-from ..arrays import Floats, Ints
 from ..bounded.programmes import MANY_ROWS, Interval, any_centre
 from ..bounded.sets import MAX_SET, Work
 from ..calibrated import OpenTarget, noise_option

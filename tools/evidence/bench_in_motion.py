@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.parameters import elements_of
+from ...models.arrays import Floats, Ints
 from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX
 from ...models.effects import EffectPlace
-from ..arrays import Floats, Ints
 from ..bounded.programmes import MANY_ROWS, Growth, Interval, SolverError, any_centre, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibrated import Calibration

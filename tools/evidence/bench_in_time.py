@@ -15,6 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
+from ...models.arrays import Bools, Floats
 from ...models.bench import (
     BIAS,
     GYRO_PARAMETERS,
@@ -28,7 +29,6 @@ from ...models.bench import (
 from ...models.effects import EffectPlace, MotionRows
 from ...models.effects.columns import TIME_CONSTANT, small_turns
 from ...models.effects.steps import MOUNTING_SLIP
-from ..arrays import Bools, Floats
 from ..bounded.sets import Work
 from ..calibration.in_motion import CERTAIN, FURTHER, InMotion, WithMotion, responses, slopes_by_angles
 from ..calibration.model import Positions, linearise, predicted_input, slip_jacobian

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Bools, Floats, Ints
 from ...models.effects import EffectPlace
-from ..arrays import Bools, Floats, Ints
 from .bench_model import MAX_LEVERAGE, determined, predicted_errors
 from .bench_visits import readings_at
 from .evidence import Errors, Trial, Worst

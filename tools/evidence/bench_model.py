@@ -8,10 +8,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.variants import Variant
-from ..arrays import Floats
 from ..bounded.programmes import Growth, any_centre, chebyshev_radius, least_squares
 from ..bounded.sets import Work
 from ..calibration.model import (

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from ...fmus.parameters import component_parameters
+from ...models.arrays import Ints
 from ...models.bench import TARGETS, admissible
 from ...models.effects import EffectPlace, Rows
-from ..arrays import Ints
 from ..bounded.possible import Possible
 from ..bounded.programmes import column_space, cosine, least_largest, spaces_beyond
 from ..calibration.model import (

@@ -12,10 +12,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.bench import admissible, nominal_input
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
-from ..arrays import Floats
 from ..bounded.programmes import SolverError, least_squares
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.estimates import widening

@@ -7,12 +7,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...models.arrays import Bools, Floats
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.accelerometer import NOMINAL_TEMPERATURE
 from ...models.effects.columns import ports, small_turns
 from ...models.restricted import CONTEXT_SIZE, HOURS, INPUT, KEPT, TEMPERATURE
-from ..arrays import Bools, Floats
 from ..calibration.model import (
     Linearisation,
     Parametrisation,

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.sparse import bmat, csc_matrix, identity
 
+from ...models.arrays import Floats, Ints
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.definition import ACCELEROMETERS
-from ..arrays import Floats, Ints
 from ..bounded.programmes import SolverError, any_centre, linear_programme, solved, solver
 from ..bounded.sets import Work
 from .bench_visits import signature_columns

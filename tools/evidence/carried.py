@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.parameters import Parameters, elements_of
+from ...models.arrays import Floats
 from ...models.effects import CATALOGUE, EffectPlace
-from ..arrays import Floats
 from ..bounded.programmes import Growth, chebyshev_radius
 from ..calibrated import UNITS, Calibration, Parameter, Sigma
 from ..calibration.parameter_sets import Sized, Start

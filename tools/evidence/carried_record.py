@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
+from ...models.arrays import Floats
 from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
-from ..arrays import Floats
 from ..bounded.sets import Work
 from ..errors import InputError
 from ..motion.carry import GyroModel, Motion, TurnsTooFar, carried_attitude, mean_motion

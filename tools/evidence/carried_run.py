@@ -9,8 +9,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Bools, Floats
 from ...models.effects import EffectPlace
-from ..arrays import Bools, Floats
 from ..bounded.sets import Work
 from ..motion.carry import GyroModel, Motion, carried_attitude, reads
 from ..motion.inspect import Inspection

@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Bools, Floats, Ints
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.columns import ONSET, on_columns, ports, response
 from ...models.effects.last_stage import LAST_HOUR
-from ..arrays import Bools, Floats, Ints
 
 FEWEST_ROWS = 2
 """Least number of rows on each side of a step; a step of one row is an outlier."""

@@ -18,10 +18,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Bools, Floats, Ints
 from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from ...models.effects.columns import TIME_CONSTANT
 from ...models.effects.last_stage import LAST_HOUR
-from ..arrays import Bools, Floats, Ints
 from ..bounded.programmes import SolverError
 from ..bounded.sets import Work, sharpened
 from .cells import most_bent

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import MotionRows, Rows
 from ...models.effects.columns import is_inner_axis
 from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
 from ...models.effects.lookup import FROM, TURNS
 from ...models.effects.mounting import MOUNTING
-from ..arrays import Floats
 from ..bounded.programmes import column_space
 from ..motion.norm import inputs_of
 from .observation import Group, Observation, OnKnots, Travel

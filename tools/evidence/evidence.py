@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Protocol, Self, final
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats, Ints
 from ...models.effects import EffectPlace
-from ..arrays import Floats, Ints
 from ..bounded.programmes import Interval, column_space, spaces_beyond
 from ..bounded.sets import Problem, Work, sets_of_size
 from ..calibrated import Calibration, Parameter, Sigma

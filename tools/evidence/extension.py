@@ -17,9 +17,9 @@ from ...fmus import build
 from ...fmus.catalogue import COMPONENTS
 from ...fmus.component import started
 from ...fmus.parameters import Parameters, component_parameters, elements_of
+from ...models.arrays import Bools, Floats
 from ...models.bench import TARGETS
 from ...models.effects import EffectPlace
-from ..arrays import Bools, Floats
 from ..calibration.parameter_sets import Sized, Start
 from ..orchestrator.scenario import Scenario, write_scenario
 from .bench_model import Readings

@@ -15,9 +15,9 @@ from ...fmus import build
 from ...fmus.catalogue import COMPONENTS
 from ...fmus.component import can_extend
 from ...fmus.units import ARCMIN as ARCMIN
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace, place_from_mapping
 from ...models.effects.variants import Variant
-from ..arrays import Floats
 from ..bounded.centre import Bounded, analytic_centre, central_programme
 from ..bounded.possible import AnyOf, Possible, Proofs, Reach, Steps, allowed_about, grown_rows, polar_intervals
 from ..bounded.programmes import (

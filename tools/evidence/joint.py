@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Bools, Floats, Ints
 from ...models.effects import EffectPlace
-from ..arrays import Bools, Floats, Ints
 from ..bounded.programmes import Interval, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, Parameter, Provenance

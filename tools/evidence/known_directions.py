@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ...models.arrays import Floats
 from ...models.effects import POSITION_EFFECTS, EffectPlace
 from ...models.effects import Rows as Contexts
 from ...models.effects.definition import ACCELEROMETERS
-from ..arrays import Floats
 from ..calibrated import Calibration, Sigma
 from ..errors import InputError
 from .bench_left_out import FOLDS, by_position, trials_of_each

@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Bools, Floats, Ints
 from ...models.bench import axes_of_turns, turning_of
 from ...models.effects import CATALOGUE, STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
 from ...models.effects.columns import small_turns
-from ..arrays import Bools, Floats, Ints
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
 from ..records import BenchRecord, PositionRecord, RawRecord

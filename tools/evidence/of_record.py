@@ -7,10 +7,10 @@ from fnmatch import fnmatchcase
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.bench import SYMMETRIC_PAIRS
 from ...models.effects import EffectPlace
 from ...models.effects.definition import Effect, EffectParameter
-from ..arrays import Floats
 from ..calibration.targets import NAMES
 from .bench_model import LARGEST_OF_BENCH
 from .evidence import Evidence, Linear, Model, Reader

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace
 from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import OF_ANGLES, TILTS, TURNS, WAYS
-from ..arrays import Floats
 
 TURN = 2.0 * math.pi
 Spread = Callable[[Floats], Floats]

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import Rows
 from ...models.effects.definition import AXES
 from ...models.effects.mounting import MOUNTING
-from ..arrays import Floats
 from ..bounded.functions import Unknown, imitated
 from ..bounded.possible import DETERMINED, Possible
 from ..bounded.programmes import column_space

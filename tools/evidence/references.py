@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ...models.arrays import Floats, Ints
 from ...models.bench import EARTH_RATE
 from ...models.effects import EffectPlace, Rows
-from ..arrays import Floats, Ints
 from ..motion.carry import GyroModel, Motion, matrices_of
 from ..motion.inspect import Inspection
 from ..motion.norm import COLUMNS, NAMES, ROWS, inputs_of, norm_block, norm_equations

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats, Ints
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import place_of
 from ...models.effects.lookup import Table
-from ..arrays import Floats, Ints
 from .fit import blocks_of, estimated
 
 FOLDS = 8

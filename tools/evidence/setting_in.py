@@ -20,8 +20,8 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats, Ints
 from ...models.effects import EffectPlace
-from ..arrays import Floats, Ints
 from ..bounded.sets import Problem, Work, sets_of_size
 from ..bounded.sweep import Rows, Swept, apart, largest_sizes, open_ranges
 from .cells import Cell

@@ -6,7 +6,7 @@ from decimal import Decimal, InvalidOperation
 
 import numpy as np
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..errors import InputError
 from ..records.columns import (
     quoted,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from ..records.columns import (
     QUATERNION,
     TEXTS,

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import correlate, correlation_lags
 
-from ..arrays import Bools, Floats
+from ...models.arrays import Bools, Floats
 from ..errors import InputError, nearest
 from ..records.columns import FORCE, RATE, STRAPDOWN_RATES, TEMPERATURE, RecordKind
 from ..records.read import table_in_memory

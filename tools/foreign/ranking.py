@@ -13,8 +13,8 @@ from itertools import islice
 import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
+from ...models.arrays import Floats
 from ...models.bench.rests import up
-from ..arrays import Floats
 from ..records.columns import ANGLES, POSITION
 from ..records.columns import FORCE as FORCES
 from ..records.columns import VELOCITY as VELOCITIES

@@ -16,8 +16,8 @@ from typing import Literal
 import numpy as np
 import scipy
 
+from ...models.arrays import Bools, Floats
 from ...models.effects import CATALOGUE
-from ..arrays import Bools, Floats
 from ..diagnosis.cause import NamedEffect
 from ..instrument import moment
 from ..rounding import digits

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..errors import InputError, reason
 from ..files import note_read
 from ..records.columns import (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from ..arrays import Bools, Floats
+from ...models.arrays import Bools, Floats
 from ..records import StrapdownRecord
 from ..records.channels import PERMUTATIONS, Channels
 from ..records.turned import Stretches, thinned

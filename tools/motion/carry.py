@@ -13,9 +13,9 @@ import polars as pl
 from numpy.typing import NDArray
 
 from ...fmus.instruments import HALF_A_TURN, OUT_OF_RANGE
+from ...models.arrays import Floats
 from ...models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT
 from ...models.effects import EffectPlace, MotionRows, parameter_name, place_from_mapping
-from ..arrays import Floats
 from ..errors import InputError
 from ..orchestrator import run_scenario
 from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus

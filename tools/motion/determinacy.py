@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
+from ...models.arrays import Bools, Floats
 
 ROWS, COLUMNS = np.tril_indices(3)
 """Indices of the six elements of Γ."""

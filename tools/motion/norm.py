@@ -8,7 +8,7 @@ the norm: the first axis is the first accelerometer's and the second lies in the
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..calibrated import Calibration
 from .determinacy import COLUMNS, LEAST_SD, ROWS
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from ..bounded.programmes import Polytope, SolverError, chebyshev_radius
 from .determinacy import COLUMNS, PRIOR_SD, ROWS
 from .norm import LARGEST, norm_block, norm_equations

@@ -12,8 +12,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.bench import EARTH_RATE
-from ..arrays import Floats
 from ..records import StrapdownRecord
 from ..records.noise import SCATTER_FACTOR, allan_deviation
 from ..rounding import digits

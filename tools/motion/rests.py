@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ...models.arrays import Bools, Floats, Ints
 from ...models.rotation import MAX_INCREMENT
-from ..arrays import Bools, Floats, Ints
 from ..errors import InputError, nearest
 from ..memory import each, once
 from ..records import StrapdownRecord

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
-from ..arrays import Bools, Floats
+from ...models.arrays import Bools, Floats
 from ..errors import InputError
 from ..memory import once
 from ..records import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord

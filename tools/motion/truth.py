@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ...models.arrays import Bools, Floats, Ints
 from ..records import StrapdownRecord
 from ..records.channels import Channels
 from ..records.stamps import grid_of

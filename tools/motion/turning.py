@@ -12,7 +12,7 @@ import scipy
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..records.channels import PERMUTATIONS, RADIANS, USUAL, Channels, advice, far_better, reading_of
 from ..result import Array, Result
 from ..rounding import digits

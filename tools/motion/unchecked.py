@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..memory import once
 from ..records import StrapdownRecord
 from ..records.channels import PERMUTATIONS, RADIANS, Channels, advice, reading_of

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from ...fmus.units import STANDARD_GRAVITY
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..errors import InputError, InvalidInput
 from ..orchestrator.scenario import Scenario
 from ..progress import tracked

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar, nnls, root_scalar
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from .processes import Letter, template
 from .spectrum import LONGEST_WARM_UP, SHORTEST_WARM_UP, Bins
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from ..by_hand.still import TimedReadings, still_rests
 from ..errors import InputError
 from ..motion.rests import quiet_rests, rates_of, sampling_of

@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 
 from ...fmus.units import STANDARD_GRAVITY
-from ..arrays import Floats
+from ...models.arrays import Floats
 
 Letter = Literal["N", "Q", "B", "K", "M", "R", "W"]
 Sensor = Literal["gyro", "accelerometer"]

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from ...fmus import version
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..errors import InputError, InvalidInput
 from ..quantity import Quantity
 from ..result import Result

@@ -15,7 +15,7 @@ from scipy.fft import dct
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtri
 
-from ..arrays import Bools, Floats, Ints
+from ...models.arrays import Bools, Floats, Ints
 
 SINGLE = 64
 """Lowest coefficients that are bins of their own."""

@@ -25,6 +25,7 @@ from ...fmus.component import extend
 from ...fmus.native.translate import RestrictionError, translate
 from ...fmus.source import flat_parts, kernel_functions
 from ...fmus.units import UNITS, unit_named
+from ...models.arrays import Floats
 from ...models.effects import (
     CATALOGUE,
     POSITION_EFFECTS,
@@ -38,7 +39,6 @@ from ...models.effects import (
 )
 from ...models.effects.columns import ONSET, PORTS, WHOLE, ports
 from ...models.effects.definition import ACCELEROMETERS, AXES, GYRO_BLOCK, whole_numbers
-from ..arrays import Floats
 from ..errors import InputError, nearest, one_line
 from ..files import advice_on, bytes_of
 

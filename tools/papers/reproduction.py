@@ -15,7 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..calibration.model import parametrise
 from ..calibration.targets import expression_weights
 from ..motion.attitude import algorithm_named, angle_between

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..errors import InputError, nearest
 from ..motion.determinacy import LEAST_SD, MOST_POSES, TURN_PRIOR_SD, Determinacy, candidate_poses, worst_turn
 from ..motion.inspect import inspect_record

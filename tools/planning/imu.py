@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
+from ...models.arrays import Floats, Ints
 from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base, integrated_readings, moments_of, nominal_input
 from ...models.table_commands import TICK_TOLERANCE, move_duration
-from ..arrays import Floats, Ints
 from ..bounded.programmes import Polytope
 from ..calibration import BenchOnEarth
 from ..calibration.calibration import Asked, checked_noise_bound, fit_record, wanted_targets

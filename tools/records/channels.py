@@ -14,7 +14,7 @@ from typing import TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from ..errors import InputError
 
 Axes: TypeAlias = tuple[int, int, int]

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from ..arrays import Bools, Floats, Ints
+from ...models.arrays import Bools, Floats, Ints
 from ..memory import each, once
 from .limits import rows_at_limit
 

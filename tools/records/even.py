@@ -12,8 +12,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats, Ints
 from .. import postponed as postponed
-from ..arrays import Floats, Ints
 from ..errors import InputError
 from ..rounding import digits, exactly
 from .kinds import BenchRecord, ForceRecord, PoseRecord, PositionRecord, RawRecord, StrapdownRecord

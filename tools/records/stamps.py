@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ...models.arrays import Bools, Floats, Ints
 
 GAP = 1.5
 """Stamps that leave their line for good by half a period less than this many periods hide a gap."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 
 SETTINGS_DEG = 0.5
 """Angles on a grid as wide as this are settings."""

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Ints
+from ...models.arrays import Ints
 from ..diagnosis.added import Added, added_by
 from ..diagnosis.result import Diagnosis, Explanation
 from ..document.blocks import Page, Section

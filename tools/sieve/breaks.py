@@ -8,12 +8,12 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats, Ints
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.columns import is_inner_axis
 from ...models.effects.definition import ACCELEROMETERS, AXES
 from ...models.effects.lookup import ALL_ACCELEROMETERS, SCALE
 from ...models.effects.mounting import MOUNTING
-from ..arrays import Floats, Ints
 from ..bounded.programmes import Interval, SolverError, column_space
 from ..bounded.sets import EffectSet, Problem, Work, linear_radius, sets_of_size
 from ..evidence.bench import Bench

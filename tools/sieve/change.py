@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from ..bounded.programmes import chebyshev_radius, least_squares
 from ..rounding import digits
 from .exchange import NEAR, WrongRows

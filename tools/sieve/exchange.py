@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ...models.arrays import Floats, Ints
 from ..calibration.model import Positions, predicted_reading, reading_jacobian
 from .removal import held_by
 from .table import SECOND_ORDER, TableRows

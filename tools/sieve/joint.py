@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import place_of
-from ..arrays import Floats
 from ..bounded.sets import CutOff, EffectSet, Problem, Work, linear_radius, sets_of_size
 from ..evidence.bench import Bench
 from ..evidence.bench_visits import is_linear, signature_columns

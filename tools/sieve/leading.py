@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace
-from ..arrays import Floats
 from ..bounded.programmes import column_space, spaces_beyond
 from ..evidence.evidence import Evidence
 from ..evidence.fit import coefficient_count

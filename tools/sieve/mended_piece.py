@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..evidence.bench import BenchReader
 from ..evidence.bench_in_motion import BenchInMotion
 from ..evidence.carried_run import Carried

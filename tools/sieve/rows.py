@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Ints
 from ...models.effects.last_stage import place_of
-from ..arrays import Ints
 from ..bounded.sets import Work
 from ..errors import InputError
 from ..evidence.evidence import Evidence

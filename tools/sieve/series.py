@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
+from ...models.arrays import Bools, Floats
 from ..bounded.programmes import SolverError
 from ..errors import InputError
 from ..evidence.bench_in_motion import BenchInMotion

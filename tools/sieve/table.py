@@ -7,8 +7,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Bools, Floats, Ints
 from ...models.bench import admissible, nominal_input
-from ..arrays import Bools, Floats, Ints
 from ..bounded.programmes import chebyshev_radius, least_squares
 from ..calibration.estimates import widening
 from ..calibration.model import Linearisation, linearise, predicted_reading, reading_jacobian

@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
+from ...models.arrays import Floats
 from ...models.harmonic_motion import HARMONICS
-from ..arrays import Floats
 from ..evidence.fit import composed
 from ..motion.compare import sample_motion
 from ..orchestrator import run_scenario

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
+from ...models.arrays import Floats
 from ...models.bench import elementary_reading
 from ...models.effects import EffectPlace
 from ...models.effects.definition import ACCELEROMETERS
 from ...models.effects.mounting import MOUNTING
-from ..arrays import Floats
 from ..bounded.programmes import chebyshev_radius
 from ..calibration.model import PRESETS
 from ..diagnosis.result import Explanation

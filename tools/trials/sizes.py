@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.columns import TIME_CONSTANT
 from ...models.effects.last_stage import place_of
-from ..arrays import Floats
 from ..bounded.programmes import chebyshev_radius, column_space, spread_directions
 from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation

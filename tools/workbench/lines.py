@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ...models.arrays import Floats
 from ..records import RawRecord, StrapdownRecord
 from ..records.columns import ANGLES
 

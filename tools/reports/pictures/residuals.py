@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ....fmus.units import ARCMIN
-from ...arrays import Floats
+from ....models.arrays import Floats
 from ...calibrated import Calibration, ParameterChange
 from ...calibration.estimates import PairSet
 from ...calibration.model import Positions
