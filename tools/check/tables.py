@@ -3,10 +3,11 @@
 import csv
 from collections.abc import Sequence
 from io import BytesIO
+from typing import Any
 
+import lazy_loader
 import numpy as np
 from numpy.typing import NDArray
-from polars import read_parquet_schema
 
 from ...fmus.units import STANDARD_GRAVITY
 from .. import by_hand, calibration, motion, orchestrator, planning
@@ -21,6 +22,7 @@ from ..records.rests import position_record_of
 from ..rounding import exactly
 from .findings import Findings
 
+polars: Any = lazy_loader.load("polars")
 ALIGNED = np.eye(3)
 """Default mounting of a block."""
 LONGEST_HEAD = 100_000
@@ -63,7 +65,7 @@ def check_table(
         return
     findings.warnings += warnings(columns)
     if content.startswith(MAGIC):
-        names = list(read_parquet_schema(BytesIO(content)))
+        names = list(polars.read_parquet_schema(BytesIO(content)))
     present = [name for name in columns.layout.present if name in names]
     findings.summary = (f"{len(columns.row)} rows, columns {', '.join(present)}",)
     record = read_record(findings.path, channels=channels, stamps=stamps)

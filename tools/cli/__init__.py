@@ -13,7 +13,6 @@ from typing import Any
 _collects = gc.isenabled()
 gc.disable()
 
-import lazy_loader
 from cyclopts import App, Group, Parameter
 
 from ...version import VERSION
@@ -31,7 +30,6 @@ for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")
 # They would be looked for among all that is installed.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-lazy_loader.load("importlib.metadata", suppress_warning=True)
 
 __all__ = ["app", "main", "program"]
 GONE_COMMANDS = {

@@ -68,7 +68,8 @@ def test_a_short_calibration_starts_without_compiler_and_simulation(command: lis
     write_record(record, tmp_path / "record.csv")
     present = imported_by(command[0], str(tmp_path / "record.csv"), *command[1:])
     assert "trihedron.tools.records.read" in present
-    slow = {"numba", "llvmlite", "scipy.optimize", "scipy.spatial", "scipy.interpolate", "fmpy", "matplotlib"}
+    slow = {"numba", "llvmlite", "scipy.optimize", "scipy.spatial", "scipy.interpolate", "fmpy", "matplotlib",
+            "scipy.linalg", "polars.dataframe"}  # fmt: skip
     simulation = {"trihedron.tools.orchestrator.run", "trihedron.tools.evidence.evidence", "trihedron.tools.sieve"}
     assert present & (slow | simulation) == set()
 
