@@ -23,14 +23,14 @@ from .calibrated import LATENCIES
 from .calibration import BenchOnEarth, Calibration, calibrate_whole
 from .diagnosis import Diagnosis, diagnose, export_extended
 from .document.blocks import Page, Section, Table
-from .document.notation import Cell, sentence, unit_text
+from .document.notation import sentence, unit_text
 from .document.page import html, table_lines
 from .files import make_folders, write_text
 from .orchestrator.run import Simulation, simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, read_record
 from .reports import write_report
-from .reports.bench import physical_words, run_section
+from .reports.bench import physical_words, run_section, sizes_of
 from .reports.beyond import law_picture
 from .reports.calibration import gyro_sections, target_section
 from .reports.diagnosis import cause_section, gain_picture, sentences_of, sets_of
@@ -146,11 +146,8 @@ class Story:
         rows = []
         for finding in sets_of(self.diagnosis)[:1]:
             for cause in finding.causes:
-                for parameter, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                    _, low, high = interval(value, *ends)
-                    row: list[Cell] = [parameter.name, exactly(hidden.get(parameter.name))]
-                    row += [low, high, unit_text(parameter.unit)]
-                    rows.append(row)
+                for name, _, low, high, unit in sizes_of(cause):
+                    rows.append([name, exactly(hidden.get(name)), low, high, unit])
         return Table(["size", "hidden", "low", "high", "unit"], rows)
 
     def cards(self) -> list[Section]:

@@ -105,7 +105,7 @@ class Way:
 
     def true_turns(self, gyros: NDArray) -> Floats:
         """Return the turns (T, 3) of the block over the intervals [rad], for gyros of parameters (22,)."""
-        inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
+        inverse = _to_true(gyros)
         turn = self.turn - self.step[:, None] * gyros[BIAS]
         if gyros[SENSITIVITY].any():
             turn -= self.force @ gyros[SENSITIVITY].reshape(3, 3).T
@@ -139,7 +139,7 @@ class Way:
 
     def _expanded(self, gyros: NDArray) -> tuple[Floats, Floats]:
         """Return the rotations and their changes, carried along all intervals."""
-        inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
+        inverse = _to_true(gyros)
         true, count, first = self.true_turns(gyros), len(self.ends), self.begins
         attitude = rotations(true)
         by_size = np.argsort(-self.sizes, kind="stable")
@@ -322,7 +322,7 @@ class Turns:
 
     def rows(self, gyros: NDArray) -> tuple[Floats, Floats]:
         """Return the errors (T,) of the turns over that of an angle, and their slopes (T, 22)."""
-        inverse = np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
+        inverse = _to_true(gyros)
         way = self.way
         true, seconds, force = way.sums(way.true_turns(gyros)), way.sums(way.step), way.sums(way.force)
         angle = np.linalg.norm(true, axis=1)
@@ -348,6 +348,11 @@ def moves_of(series: TimedReadings, rests: StillRests, broken: Bools) -> Moves:
     pieces = [[of_rests[number] for number in kept.tolist()] for of_rests in (before, after)]
     of_gravity = (np.reshape(each(mean_of_rows, series.force, at), (-1, 3)) for at in pieces)
     return Moves(Way(series, ends[kept]), kept[:, None] + np.arange(2), *of_gravity)
+
+
+def _to_true(gyros: NDArray) -> NDArray:
+    """Return (I + M)⁻¹ (3, 3) of gyros of parameters (22,)."""
+    return np.linalg.inv(np.eye(3) + gyros[MATRIX].reshape(3, 3))
 
 
 def _gaps_before(series: TimedReadings, broken: bytes) -> Ints:

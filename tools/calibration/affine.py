@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...models.arrays import Floats
 from ..rounding import digits, exactly
@@ -24,6 +25,11 @@ class AffineTriad:
     bias: Floats
     matrix_sd: Floats
     bias_sd: Floats
+
+    @property
+    def inverse(self) -> NDArray:
+        """The inverse (3, 3) of the matrix."""
+        return np.linalg.inv(self.matrix)
 
 
 @dataclass(frozen=True)

@@ -215,7 +215,7 @@ def ros(model: AffineModel, request: ExportRequest) -> Written:
     """A parameter file of ROS 2, with the names of imu_calib: the bias is subtracted after the matrix."""
     text = _comments(model.about)
     text += "/**:\n  ros__parameters:\n"
-    inverse = np.linalg.inv(model.accelerometers.matrix)
+    inverse = model.accelerometers.inverse
     numbers: dict[str, NDArray] = {
         "SM": inverse,
         "bias": inverse @ model.accelerometers.bias,
@@ -224,7 +224,7 @@ def ros(model: AffineModel, request: ExportRequest) -> Written:
     }
     equation = ["accelerometers: f = SM r - bias, SM row by row, the bias after the matrix [m/s2]"]
     if model.gyros is not None:
-        back = np.linalg.inv(model.gyros.matrix)
+        back = model.gyros.inverse
         numbers |= {
             "gyro_SM": back,
             "gyro_bias": back @ model.gyros.bias,
@@ -290,7 +290,7 @@ def c_header(model: AffineModel, request: ExportRequest) -> Written:
     equation = [f"{request.name}_force(reading, force): f = A^-1 (r - b) [m/s2]"]
     if model.gyros is not None:
         numbers |= {
-            "gyro_inverse": ("[3][3]", np.linalg.inv(model.gyros.matrix), "G^-1"),
+            "gyro_inverse": ("[3][3]", model.gyros.inverse, "G^-1"),
             "gyro_acceleration": ("[3][3]", model.sensitivity, "D [rad/s per m/s2]"),
             "gyro_bias": ("[3]", model.gyros.bias, "c [rad/s]"),
             "gyro_matrix_standard_error": ("[3][3]", model.gyros.matrix_sd, "1 sigma of G"),
@@ -308,7 +308,7 @@ def c_header(model: AffineModel, request: ExportRequest) -> Written:
 
 def _arrays(model: AffineModel) -> dict[str, tuple[NDArray, str]]:
     """Return all numbers of a model by name, with their units."""
-    inverse = np.linalg.inv(model.accelerometers.matrix)
+    inverse = model.accelerometers.inverse
     arrays = {
         "gravity": (np.array([model.gravity]), "m/s2"),
         "A": (model.accelerometers.matrix, "1"),
@@ -322,7 +322,7 @@ def _arrays(model: AffineModel) -> dict[str, tuple[NDArray, str]]:
     if model.gyros is not None:
         arrays |= {
             "G": (model.gyros.matrix, "1"),
-            "G_inverse": (np.linalg.inv(model.gyros.matrix), "1"),
+            "G_inverse": (model.gyros.inverse, "1"),
             "G_standard_error": (model.gyros.matrix_sd, "1"),
             "D": (model.sensitivity, "rad/s per m/s2"),
             "D_standard_error": (model.sensitivity_sd, "rad/s per m/s2"),
@@ -432,7 +432,7 @@ def _undated(content: bytes) -> bytes:
 
 def imu_tk(model: AffineModel, request: ExportRequest) -> Written:
     """Files of imu_tk's CalibratedTriad: T, K and B; both triads in axes in which T is upper triangular."""
-    turned, upper = np.linalg.qr(np.linalg.inv(model.accelerometers.matrix))
+    turned, upper = np.linalg.qr(model.accelerometers.inverse)
     signs = np.sign(np.diag(upper))
     turned, upper = turned * signs, upper * signs[:, None]
     about = dict(model.about) | {
@@ -446,7 +446,7 @@ def imu_tk(model: AffineModel, request: ExportRequest) -> Written:
         f"the axes are turned by {digits(1e3 * angle, 3)} mrad, as T is upper triangular; the file has the rotation"
     )
     if model.gyros is not None:
-        back = turned.T @ np.linalg.inv(model.gyros.matrix)
+        back = turned.T @ model.gyros.inverse
         contents["gyros"] = _imu_tk_triad(back, model.gyros.bias, about)
         largest = float(np.linalg.norm(model.sensitivity, 2)) * model.gravity
         if largest:
@@ -479,7 +479,7 @@ def px4(model: AffineModel, request: ExportRequest) -> Written:
     if model.gyros is not None:
         for p, axis in enumerate("XYZ"):
             values[f"CAL_GYRO0_{axis}OFF"] = model.gyros.bias[p]
-        part = float(np.abs(np.linalg.inv(model.gyros.matrix) - np.eye(3)).max())
+        part = float(np.abs(model.gyros.inverse - np.eye(3)).max())
         lost.append(f"scale factors and misalignments of the gyros: up to {digits(100.0 * part, 2)} % of the rate")
         largest = float(np.linalg.norm(model.sensitivity, 2)) * model.gravity
         if largest:

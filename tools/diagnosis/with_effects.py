@@ -64,10 +64,14 @@ class WithEffects(Linearisation):
     scale: Floats
     known: Known
 
+    @property
+    def count(self) -> int:
+        """The number of parameters before the coefficients of the effects."""
+        return len(self.point) - len(self.scale)
+
     def model_at(self, point: NDArray) -> Model | None:
         """The bench with the effects at another point; None where an effect does not act there in its way."""
-        count = len(self.point) - len(self.scale)
-        return self.cast.model(self.readings, point[:count], point[count:] / self.scale, self.blocks)
+        return self.cast.model(self.readings, point[: self.count], point[self.count :] / self.scale, self.blocks)
 
     def rows_of(self, positions: NDArray) -> Ints:
         """All rows: effects may join any of them."""
@@ -94,8 +98,7 @@ class WithEffects(Linearisation):
         return self.jacobian if model is None else self._rows(model)
 
     def _rows(self, model: Model) -> Floats:
-        count = len(self.point) - len(self.scale)
-        columns = np.hstack((model.jacobian[:, :count], model.jacobian[:, count:] / self.scale))
+        columns = np.hstack((model.jacobian[:, : self.count], model.jacobian[:, self.count :] / self.scale))
         return np.vstack((columns, self.known.weights))
 
     def at(self, point: NDArray, largest: NDArray) -> "WithEffects":
@@ -103,8 +106,7 @@ class WithEffects(Linearisation):
         model = self.model_at(point)
         if model is None:
             return self
-        count = len(self.point) - len(self.scale)
-        bound = np.append(model.bound + model.rate[:, count:] @ largest, self.known.half)
+        bound = np.append(model.bound + model.rate[:, self.count :] @ largest, self.known.half)
         jacobian = self._rows(model)
         residual = np.append(self.reading.ravel() - model.reading, self.known.middle - self.known.weights @ point)
         span = determined(jacobian, float(model.bound.min()))
@@ -349,7 +351,7 @@ def _largest_of_fit(fit: Fit, room: float) -> Floats:
 
 def _coefficient_targets(system: WithEffects) -> list[Target]:
     """Return each coefficient of breaks and effects as a target."""
-    count, targets = len(system.point) - len(system.scale), []
+    count, targets = system.count, []
     for k, scale in enumerate(system.scale):
         weights = np.zeros(len(system.point))
         weights[count + k] = 1.0 / scale

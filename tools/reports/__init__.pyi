@@ -1,3 +1,4 @@
+from .bench import sizes_of as sizes_of
 from .calibration import applied_page as applied_page
 from .calibration import calibration_page as calibration_page
 from .calibration import gyro_sections as gyro_sections

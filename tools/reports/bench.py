@@ -1,7 +1,7 @@
 """Parts of pages on a bench: the record, the readings that falsify a model, the next positions, the provenance."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +13,9 @@ from ..calibrated import Calibration
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
 from ..document.blocks import Download, Section, Table
-from ..document.notation import Cell, effect_formula, equation, listed, minus, signed, typographic
+from ..document.notation import Cell, effect_formula, equation, listed, minus, signed, typographic, unit_text
 from ..records import PositionRecord
-from ..rounding import digits, downwards, exactly, residual, to_bound, upwards
+from ..rounding import Number, digits, downwards, exactly, interval, residual, to_bound, upwards
 from .sources import cited, matrix_text, versions
 
 if TYPE_CHECKING:
@@ -321,6 +321,12 @@ def missing_texts(result: Calibration) -> list[str]:
         return []
     names = [f"{physical_words(gap.name)} ({gap.symbol})" for gap in result.missing]
     return [f"The readings do not determine: {', '.join(names)}."]
+
+
+def sizes_of(cause: "Cause") -> Iterator[tuple[str, Number, Number, Number, str | None]]:
+    """Return for each parameter of a cause its name, its estimate with its interval, rounded, and its unit."""
+    for parameter, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+        yield parameter.name, *interval(value, *ends), unit_text(parameter.unit)
 
 
 def cause_lines(causes: "Sequence[Cause]") -> list[str]:

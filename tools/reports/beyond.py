@@ -12,9 +12,10 @@ from ..diagnosis.cause import Cause
 from ..diagnosis.laws import words_of
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Picture, Section, Table
-from ..document.notation import raised, sentence, unit_text
+from ..document.notation import raised, sentence
 from ..evidence.pairs import GYROS, in_words
-from ..rounding import digits, interval, residual, upwards
+from ..rounding import digits, residual, upwards
+from .bench import sizes_of
 from .pictures.residuals import BandDrawn, band_picture
 
 ARCSECONDS = math.degrees(1.0) * 3600.0
@@ -182,10 +183,7 @@ def _table(result: Diagnosis) -> Table | None:
         left_out = "" if law.left_out_rms is None else digits(law.left_out_rms)
         for cause in law.causes:
             name = _law_name(law, cause)
-            for p, value, (least, most) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                estimate, low, high = interval(value, least, most)
-                radius = residual(law.radius)
-                rows.append([name, p.name, estimate, low, high, unit_text(p.unit), radius, left_out])
+            rows += [[name, *sizes, residual(law.radius), left_out] for sizes in sizes_of(cause)]
     header = ["law", "parameter", "estimate", "low", "high", "unit", "largest residual", "held-out rms"]
     return Table(header, rows)
 

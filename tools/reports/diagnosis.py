@@ -16,7 +16,7 @@ from ..motion.norm import norm_values
 from ..records import PositionRecord
 from ..rounding import digits, exactly, interval, residual, upwards
 from . import bench, beyond, calibration, evidence, witnesses
-from .bench import cause_lines, next_sections
+from .bench import cause_lines, next_sections, sizes_of
 from .inspection import record_sections
 from .noise import against_sections
 from .pictures import WIDTH
@@ -71,9 +71,7 @@ def _page_of_file(result: Diagnosis) -> Page:
             texts.append(explanation.sentence)
         for cause in explanation.causes:
             texts.append(sentence(cause.sentence))
-            for p, value, (least, most) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                estimate, low, high = interval(value, least, most)
-                rows.append([number, cause.place.title, p.name, estimate, low, high, unit_text(p.unit)])
+            rows += [[number, cause.place.title, *sizes] for sizes in sizes_of(cause)]
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit"]
     table = Table(header, rows)
     answer = [Section("Explanations", texts, table=table)]
@@ -166,12 +164,8 @@ def cause_section(result: Diagnosis, files: Sequence[Path] = ()) -> Section | No
     rows = []
     for number, finding in enumerate(sets, start=1):
         for cause in finding.causes:
-            for p, value, (least, most) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                estimate, low, high = interval(value, least, most)
-                row: list[Cell] = [None if is_named else number, cause.place.title, p.name, estimate, low, high]
-                row.append(unit_text(p.unit))
-                row.append(residual(finding.fit.radius))
-                rows.append(row)
+            for sizes in sizes_of(cause):
+                rows.append([None if is_named else number, cause.place.title, *sizes, residual(finding.fit.radius)])
     verdict = diagnosis_sentence(result)
     paragraphs = []
     for number, finding in enumerate(first_sets, start=1):

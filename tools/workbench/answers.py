@@ -560,10 +560,8 @@ def _sizes(explanation: Any) -> list[tuple[str, str]]:
     """Return the names and the sizes, with their ends, of what an explanation adds."""
     sizes = []
     for cause in explanation.causes:
-        for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-            estimate, least, most = interval(value, low, high)
-            unit = unit_text(parameter.unit)
-            sizes.append((f"{cause.place.title}, {parameter.name}", f"{estimate} ({least} to {most}) {unit}".strip()))
+        for name, estimate, least, most, unit in reports.sizes_of(cause):
+            sizes.append((f"{cause.place.title}, {name}", f"{estimate} ({least} to {most}) {unit}".strip()))
     for name, value in (explanation.change or {}).items():
         sizes.append((name, str(value if isinstance(value, str) else digits(value))))
     return sizes
