@@ -10,15 +10,19 @@ import numpy as np
 import pytest
 
 import trihedron as th
+from generator.carried import POSES, strapdown_record, true_motion
 from generator.lots import SIGMA, write_lot
 from generator.positions import drawn_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
+from trihedron.tools.records import StrapdownRecord
 
 pytestmark = pytest.mark.benchmark_ratio
 ONE_EFFECT = ((EffectPlace("cubic", "accelerometer-1"), (6e-4,)),)
 MOST_GROWTH = 8.0
 """Most time of a diagnosis of 1,000 positions over that of 100: with a cubic effect 6.0 was measured, once."""
+MOST_GROWTH_OF_ROWS = 7.0
+"""Most time of a strapdown record of 500,000 rows over that of 50,000, with ten times as many moves."""
 LIBRARIES = "import numpy, scipy.linalg, polars, pydantic, cyclopts"
 MOST_START = 2.5
 """Most time of a command that calibrates 12 positions over that of loading the libraries that it needs: 1.3 to 1.8 were
@@ -143,3 +147,35 @@ def test_positions_of_no_effect_grow_no_faster(capsys, cost_row):
         print(f"\nconsistent positions: {np.round(seconds, 2)} s of processor")
     cost_row("growth", "`diagnose`, 1,000 positions, no effect", *growth(seconds[0], seconds[1]))
     assert seconds[1] < MOST_GROWTH * seconds[0]
+
+
+def carried_record(rows: int, sensitivity: float) -> StrapdownRecord:
+    """Return moves between drawn poses; one gyro may feel the force along another axis [rad/s/g]."""
+    rng = np.random.default_rng(0)
+    poses = [POSES[0]]
+    while len(poses) < rows / 450 + 1:
+        apart = [pose for pose in POSES if abs(pose @ poses[-1]) < 0.95]
+        poses.append(apart[rng.integers(len(apart))])
+    matrix = np.zeros((3, 3))
+    matrix[1, 0] = sensitivity
+    return strapdown_record(true_motion(np.array(poses)), sensitivity=matrix)
+
+
+@pytest.mark.parametrize("sensitivity", [0.0, 3e-3], ids=["consistent", "one effect"])
+def test_a_strapdown_record_of_ten_times_as_many_rows(sensitivity: float, capsys, cost_row):
+    diagnose(carried_record(10_000, sensitivity))
+    for what in (diagnose, th.calibrate):
+        seconds, verdicts = [], []
+        for rows in (50_000, 500_000):
+            record = carried_record(rows, sensitivity)
+            begun = time.process_time()
+            verdicts.append(what(record).verdict)
+            seconds.append(time.process_time() - begun)
+        with capsys.disabled():
+            print(
+                f"\n{what.__name__}, 50,000 and 500,000 rows: {np.round(seconds, 1)} s of processor "
+                f"({seconds[1] / seconds[0]:.1f} times), {' and '.join(verdicts)}"
+            )
+        effects = "one effect" if sensitivity else "no effect"
+        cost_row("growth", f"`{what.__name__}`, 500,000 strapdown rows, {effects}", *growth(*seconds))
+        assert seconds[1] <= MOST_GROWTH_OF_ROWS * seconds[0]

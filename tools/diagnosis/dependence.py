@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from ...models.arrays import Floats
 from ...models.effects.lookup import TURNS
-from ..bounded.elimination import eliminated
+from ..bounded.elimination import eliminated, settled_beside
 from ..bounded.programmes import chebyshev_radius, column_space, spaces_beyond
-from ..bounded.set_bounds import ACCEPTED, REFUSED, settle
+from ..bounded.set_bounds import ACCEPTED, REFUSED, UNDECIDED, settle
 from ..bounded.sets import Problem, Work, sharp_weights
 from ..evidence.evidence import Evidence, Reader
 from ..evidence.fit import FAINT
@@ -294,7 +295,7 @@ class Trial:
 
     pair: Pair
     form: Form
-    space: NDArray[np.float64] | None
+    space: Floats | None
     least: int = 0
 
     @property
@@ -320,7 +321,7 @@ class Search:
         )
 
     @cached_property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Floats:
         """Weights (M,) that refuse most."""
         count = len(self.problem.residual)
         return sharp_weights(self.problem, np.full(count, 1.0 / count), SHARPENED)
@@ -369,15 +370,18 @@ class Search:
     def stands_freely(self, columns: NDArray) -> bool:
         """Return true if the model fits with an unknown for each value, of columns (M, K)."""
         system = np.column_stack((self.problem.nominal, self.problem.residual))
-        remaining = eliminated(system, columns / self.evidence.rows.bound[:, None])
+        over_bounds = columns / self.evidence.rows.bound[:, None]
+        remaining = eliminated(system, over_bounds)
         if remaining is None:
-            return self.stands(self.space_of(columns))
+            self.work.add(50.0 + 0.1 * system.size)
+            verdict = settled_beside(system, over_bounds, self.weights, self.limit)
+            return self.stands(self.space_of(columns)) if verdict == UNDECIDED else verdict == ACCEPTED
         if not len(remaining):
             return True
         self.work.programme(*remaining.shape)
         return chebyshev_radius(remaining[:, :-1], remaining[:, -1], np.ones(len(remaining)))[0] <= self.limit
 
-    def space_of(self, columns: NDArray) -> NDArray[np.float64]:
+    def space_of(self, columns: NDArray) -> Floats:
         """Return the space that columns (M, K) add to the model."""
         self.work.add(20.0 + 2e-3 * columns.size * columns.shape[1])
         return spaces_beyond(self.problem.nominal, [columns / self.evidence.rows.bound[:, None]])[0]
@@ -417,7 +421,7 @@ class Search:
             pair = next(one for one in reader.pairs if one.is_named_as(pair))
         return radius
 
-    def fit_with(self, reader: Reader, columns: NDArray) -> tuple[float, NDArray[np.float64]]:
+    def fit_with(self, reader: Reader, columns: NDArray) -> tuple[float, Floats]:
         """The radius that columns (M, K) leave, and the step (P,) of the model's parameters to it.
 
         Columns that the model imitates are left out; those that add most are used. They keep their own values, because
@@ -529,7 +533,7 @@ class Search:
         residual = root * self.problem.residual
         return root, basis, residual - basis @ (basis.T @ residual)
 
-    def bounds(self, blocks: Sequence[NDArray]) -> NDArray[np.float64]:
+    def bounds(self, blocks: Sequence[NDArray]) -> Floats:
         """Return lower bounds (n,) of the radii for n blocks of a few columns (M, k), each alone."""
         root, basis, residual = self.weighted
         columns, explained = np.vstack([block.T for block in blocks]), np.zeros(len(blocks))

@@ -168,7 +168,7 @@ class Carried(SettingIn):
             raise ValueError("beside a true attitude nothing is told of accelerometers")
         forces = force_columns(place, inputs_of(x, reference.reading), reference.rests)
         by_reading = reference.of_readings(x, self.attitude)
-        columns = [np.tensordot(by_reading[part.label], forces, axes=2) for part in self.rows.parts]
+        columns = [by_reading[part.label].of(forces) for part in self.rows.parts]
         return columns, np.zeros((3, forces.shape[2]))
 
     def _beside(self, place: EffectPlace, columns: Sequence[NDArray], mean: NDArray) -> Self:

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -38,6 +39,8 @@ TIMES_AT_ONCE = 80
 SPACING, DEGREE, AROUND = 40, 7, 3
 """Time constants between two nodes, degree of the polynomials through the nodes that give all others, and the number of
 nodes beyond each end."""
+NODES_AT_ONCE = 8
+"""Most time constants whose columns are calculated together: each needs a number a row."""
 MOST_EIGHTH = 222.8
 """The largest eighth derivative of e^(−x) by the logarithm of x."""
 MISSED = MOST_EIGHTH * (0.5 * 1.5 * 2.5 * 3.5) ** 2 * (SPACING * math.log(RATIO)) ** 8 / math.factorial(8)
@@ -258,14 +261,21 @@ class TimeConstants(SteppingAdditions):
 
     def columns(self, number: float) -> tuple[Columns, Floats]:
         """Return the columns of a fading effect."""
-        part = np.exp(-self.hours[1:] / self.value(number))
-        sums = _up_to(self.turning * part[:, None, None], self.boundaries)
-        mean = np.einsum("nik,n->ik", self.counted[1:], part)
-        return errors_between(self.groups, self.boundaries, sums, mean), mean
+        return self._columns_of([number])[0]
+
+    def _columns_of(self, numbers: Sequence[float]) -> list[tuple[Columns, Floats]]:
+        """Return the columns of an effect that fades with each of some time constants."""
+        times = np.array([[self.value(number)] for number in numbers])
+        parts = np.exp(-self.hours[1:] / times)
+        sums, means = _up_to(self.turning, parts, self.boundaries), _sum_of(self.counted[1:], parts)
+        return [
+            (errors_between(self.groups, self.boundaries, of_one, mean), mean)
+            for of_one, mean in zip(sums, means, strict=True)
+        ]
 
     def range(self, begin: int, end: int, largest: NDArray) -> Range:
         """Return few columns that represent those of a few time constants, with the error of their polynomials."""
-        missed = self._at_most(np.full(len(self.turning), MISSED))
+        missed = self._missed
         size = WEIGHED * np.linalg.norm(largest)
         few, left_away = held(np.hstack(self._samples(self._nodes(begin, end))), LEFT_AWAY / float(size))
         return few, float((missed @ largest + left_away * size).max())
@@ -302,15 +312,27 @@ class TimeConstants(SteppingAdditions):
 
     def _samples(self, numbers: Ints) -> list[Floats]:
         """Rows (M, K) with some time constants, kept for the ranges that share them."""
-        for number in numbers.tolist():
-            if number not in self.samples:
-                self.samples[number] = self.over_bounds(self.columns(number)[0])
+        unknown = [number for number in numbers.tolist() if number not in self.samples]
+        for begin in range(0, len(unknown), NODES_AT_ONCE):
+            some = unknown[begin : begin + NODES_AT_ONCE]
+            for number, (columns, _) in zip(some, self._columns_of(some), strict=True):
+                self.samples[number] = self.over_bounds(columns)
         return [self.samples[number] for number in numbers.tolist()]
+
+    @cached_property
+    def _missed(self) -> Floats:
+        """The largest errors (M, K) by polynomials in place of exponentials."""
+        return self._at_most(np.full(len(self.turning), MISSED))
+
+    @cached_property
+    def _sizes(self) -> tuple[Floats, Floats]:
+        """Sizes (N - 1, 3, K) of the turns and of the parts of the mean at rest, without signs."""
+        return np.abs(self.turning), np.abs(self.counted[1:])
 
     def _at_most(self, part: NDArray) -> Floats:
         """Return the largest errors (M, K) from a part (N - 1,), of either sign, of the effect at each row."""
-        sums = _up_to(np.abs(self.turning) * part[:, None, None], self.boundaries)
-        mean = np.einsum("nik,n->ik", np.abs(self.counted[1:]), part)
+        turning, counted = self._sizes
+        (sums,), (mean,) = _up_to(turning, part[None], self.boundaries), _sum_of(counted, part[None])
         largest = [group.largest for group in self.groups]
         return self.over_bounds(errors_between(largest, self.boundaries, sums, mean))
 
@@ -339,12 +361,17 @@ def cells_of(
     return Onsets(hours, groups, resting, integral, counted, over_bounds)
 
 
-def _up_to(additions: NDArray, rows: NDArray) -> Floats:
-    """Return the sums (R, 3, K) of additions (N - 1, 3, K) before some rows (R,), in order."""
-    starts = np.append(0, rows[:-1])
-    some, sums = rows > starts, np.zeros((len(rows), *additions.shape[1:]))
-    sums[some] = np.add.reduceat(additions[: rows[-1]], starts[some], axis=0)
-    return np.cumsum(sums, axis=0)
+def _sum_of(additions: NDArray, parts: NDArray) -> Floats:
+    """Return the sums (J, 3, K) of J parts (J, n) of some additions (n, 3, K)."""
+    count, axes, columns = additions.shape
+    return (parts @ additions.reshape(count, axes * columns)).reshape(len(parts), axes, columns)
+
+
+def _up_to(additions: NDArray, parts: NDArray, rows: NDArray) -> Floats:
+    """Return the sums (J, R, 3, K) of J parts (J, N - 1) of additions (N - 1, 3, K) before some rows (R,), in order."""
+    ends = (0, *rows.tolist())
+    sums = [_sum_of(additions[start:end], parts[:, start:end]) for start, end in pairwise(ends)]
+    return np.cumsum(np.stack(sums, axis=1), axis=1)
 
 
 def lagrange(at: NDArray, nodes: NDArray) -> Floats:

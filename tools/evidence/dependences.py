@@ -56,11 +56,6 @@ def through(slope: Floats) -> Spread:
     return lambda functions: (slope[:, :, None] * functions[:, None, :]).reshape(slope.size, -1)
 
 
-def through_matrix(matrix: Floats) -> Spread:
-    """Return the changes of rows (M, K) by functions (N, K), through a matrix (M, N)."""
-    return lambda functions: matrix @ functions
-
-
 # Rests on a table
 
 
@@ -376,15 +371,20 @@ def pairs_of_accelerometers(parts: Sequence[Part], reference: Gravity, x: NDArra
     slow = {"hours": hours} | slow_quantities(hours, rests.temperature)
     inputs, products = inputs_and_products(n)
     of_readings = reference.of_readings(x, attitude)
+
+    def of_accelerometer(p: int, factor: NDArray | float = 1.0) -> Spread:
+        """Return the changes of rows by functions (K, k) of one accelerometer's readings, times a factor (K,)."""
+
+        def spread(functions: NDArray) -> Floats:
+            added = np.reshape(factor, (-1, 1)) * functions
+            return np.concatenate(
+                [rows_over(of_readings[part.label].of_accelerometer(p, added), part.bound) for part in parts]
+            )
+
+        return spread
+
     for p, place in enumerate(ACCELEROMETERS):
-        blocks = []
-        for part in parts:
-            if part.label in of_readings:
-                blocks.append(rows_over(of_readings[part.label][..., p], part.bound))
-            else:
-                blocks.append(np.zeros((part.bound.size, len(n))))
-        matrix = np.concatenate(blocks)
         for name, values in (inputs | slow | products).items():
-            yield Pair(place, name, values, through_matrix(matrix), place)
+            yield Pair(place, name, values, of_accelerometer(p), place)
         for name, values in slow.items():
-            yield Pair(place, name, values, through_matrix(matrix * n[:, p]), place, f"n{p + 1}")
+            yield Pair(place, name, values, of_accelerometer(p, n[:, p]), place, f"n{p + 1}")

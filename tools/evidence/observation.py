@@ -172,8 +172,9 @@ class OnKnots:
 
 def integrated(weights: Weights, count: int, adds: NDArray, boundaries: NDArray) -> Floats:
     """Return the sums (B, 3, count), up to each boundary, of additions (R, 3) times weights, by column."""
-    until = np.searchsorted(boundaries, np.arange(1, len(adds) + 1))
     ends = len(boundaries) + 1
+    # The number of boundaries before each row.
+    until = np.repeat(np.arange(ends), np.diff(boundaries, prepend=0, append=len(adds)))
     total = np.zeros((3, ends * count))
     for column, weight in weights:
         cells = until * count + column

@@ -7,6 +7,7 @@ large turns the carried attitude too far.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,13 +107,19 @@ def integrals(
         end = min(begin + CHUNK, len(motion))
         steps = motion.rows(begin, end, inverse, model.bias)
         columns = np.concatenate([p.definition.signature(p, steps) for p in places], axis=2)
-        grown = np.cumsum(turning(motion, model, attitude, begin, end) @ columns, axis=0)
+        turns, grown = turning(motion, model, attitude, begin, end) @ columns, np.zeros(columns.shape[1:])
         if total is None:
-            total = np.zeros(grown.shape[1:])
+            total = grown
             sums += [total] * int(np.searchsorted(rows, 1))
-        within = rows[np.searchsorted(rows, begin) : np.searchsorted(rows, end)] - begin
-        sums += list(total + grown[within])
-        total = total + grown[-1]
+        within = rows[np.searchsorted(rows, begin) : np.searchsorted(rows, end)] + 1 - begin
+        for first, last in pairwise((0, *within.tolist(), len(turns))):
+            if last > first:
+                # Added to the next row: sums are those of all rows one after the other, to the last bit.
+                turns[first] += grown
+                grown = turns[first:last].sum(axis=0)
+            sums.append(total + grown)
+        # The last one is no row of those.
+        total = sums.pop()
     return np.array(sums)
 
 
@@ -194,6 +201,27 @@ class Reference:
 
 
 @dataclass(frozen=True, eq=False)
+class ByReadings:
+    """Change of a part's pieces per unit error of the accelerometers' readings at the rests that they depend on.
+
+    `rests` (S, E) are the numbers of these rests of each piece, `blocks` (S, d, E, 3) the changes.
+    """
+
+    rests: Ints
+    blocks: Floats
+
+    def of(self, added: NDArray) -> Floats:
+        """Return the changes (S, d, k) by additions (K, 3, k) to the readings at all rests."""
+        pieces, rows, rests, axes = self.blocks.shape
+        at_rests = added[self.rests].reshape(pieces, rests * axes, added.shape[-1])
+        return self.blocks.reshape(pieces, rows, rests * axes) @ at_rests
+
+    def of_accelerometer(self, p: int, added: NDArray) -> Floats:
+        """Return the changes (S, d, k) by additions (K, k) to the readings of one accelerometer."""
+        return self.blocks[..., p] @ added[self.rests]
+
+
+@dataclass(frozen=True, eq=False)
 class Gravity(Reference):
     """Gravity is the reference: its direction at the rests, its size, and no turn of the block at rest.
 
@@ -253,7 +281,7 @@ class Gravity(Reference):
         factor = factor_for(count + 3 * len(still) + 2 * sum(len(moves) for moves in self.scored))
 
         def part(pieces: Pieces, error: NDArray, bound: NDArray, by_rates: NDArray) -> Part:
-            by_forces = np.tensordot(by_reading[pieces.label], forces, axes=2)
+            by_forces = by_reading[pieces.label].of(forces)
             nominal = np.concatenate([by_forces[..., : len(NAMES)], by_rates[..., :own]], axis=-1)
             columns = np.concatenate([by_rates[..., own:], by_forces[..., len(NAMES) :]], axis=-1)
             return Part(pieces, error, bound, nominal, columns, scored=pieces.kind == "moves")
@@ -274,34 +302,34 @@ class Gravity(Reference):
             sideways = self.across(number, up)
             # An error e of the attitude moves the direction by e × u: along t by e · (u × t).
             by_rates = np.cross(up[start][:, None, :], sideways) @ run.columns(moves)
-            at, own_moves = by_reading[moves.label], np.arange(len(moves))
-            square = _square(at[own_moves, :, end], self.deviation[end])
+            at = by_reading[moves.label].blocks
+            square = _square(at[:, :, 1], self.deviation[end])
             square = square + self.spread(moves)[:, None]
-            square = square + _square(at[own_moves, :, start], self.deviation[start])
+            square = square + _square(at[:, :, 0], self.deviation[start])
             limit = factor * np.sqrt(square) + EARTH_AT_REST * EARTH_RATE * moves.durations(self.time_s)[:, None]
             parts.append(part(moves, self.errors(number, rotation, up, up), limit, by_rates))
         return parts
 
-    def of_readings(self, x: NDArray, attitude: NDArray) -> dict[str, Floats]:
-        """Return the change (S, d, K, 3) of each part, by its label, per unit error of the readings at the rests.
+    def of_readings(self, x: NDArray, attitude: NDArray) -> dict[str, ByReadings]:
+        """Return the change of each part, by its label, per unit error of the readings at the rests.
 
         The attitude (N, 4) was carried; `x` are the nine parameters of the accelerometers.
         """
         n, up, inverse = inputs_of(x, self.reading), self.directions(x), np.linalg.inv(norm_block(x)[0])
-        count, every = len(n), np.arange(len(n))
         # Directions change with the inputs across them, over their size.
         size = np.linalg.norm(n, axis=1)[:, None, None]
         across_up = (np.eye(3) - up[:, :, None] * up[:, None, :]) / size @ inverse
-        norms = np.zeros((count, 1, count, 3))
-        norms[every, 0, every] = up @ inverse
-        of_parts = {"norms": norms, self.still.label: np.zeros((len(self.still), 3, count, 3))}
+        still = len(self.still)
+        of_parts = {
+            "norms": ByReadings(np.arange(len(n))[:, None], (up @ inverse)[:, None, None]),
+            self.still.label: ByReadings(np.zeros((still, 0), dtype=np.int_), np.zeros((still, 3, 0, 3))),
+        }
         for number, (moves, ends) in enumerate(zip(self.scored, self.ends, strict=True)):
             start, end = ends.T
-            sideways, own = self.across(number, up), np.arange(len(moves))
-            by_reading = np.zeros((len(moves), 2, count, 3))
-            by_reading[own, :, end] = sideways @ turned(moves, attitude) @ across_up[end]
-            by_reading[own, :, start] = -sideways @ across_up[start]
-            of_parts[moves.label] = by_reading
+            sideways = self.across(number, up)
+            at_end = sideways @ turned(moves, attitude) @ across_up[end]
+            blocks = np.stack([-sideways @ across_up[start], at_end], axis=2)
+            of_parts[moves.label] = ByReadings(ends, blocks)
         return of_parts
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...models.arrays import Floats
 from ...models.bench import EARTH_RATE
 from ..records import StrapdownRecord
-from ..records.noise import SCATTER_FACTOR, allan_deviation
+from ..records.noise import SCATTER_FACTOR, allan_deviation_of_sums, sums_of
 from ..rounding import digits
 from .rests import Rests, rates_of
 
@@ -176,7 +176,8 @@ def rest_noise(readings: NDArray, time_s: NDArray, rests: Rests, period: float) 
         if size * period >= SHORTEST:
             longer.append(size)
     sizes = np.array(sizes[:2] + longer)
-    of_sizes = np.array([allan_square(pieces, size) for size in sizes.tolist()])
+    sums = [sums_of(piece) for piece in pieces]
+    of_sizes = np.array([allan_square(sums, size) for size in sizes.tolist()])
     squares, counts = of_sizes[:, 0], of_sizes[:, 1]
     channels, at = np.arange(3), np.argmin(squares[:-1], axis=0)
     half, quarter = squares[at, channels], squares[at + 1, channels]
@@ -187,23 +188,22 @@ def rest_noise(readings: NDArray, time_s: NDArray, rests: Rests, period: float) 
     return RestNoise(white, flicker, half, counts[at, channels], unknown, span)
 
 
-def allan_square(pieces: Sequence[NDArray], size: int) -> tuple[Floats, Floats]:
+def allan_square(sums: Sequence[NDArray], size: int) -> tuple[Floats, Floats]:
     """Square (3,) of the Allan deviation of averages over `size` rows, and its degrees of freedom (3,).
 
-    Rests (n, 3) that scatter as no noise of the others does are left out: something happened there.
+    `sums` are those of `sums_of` each rest of n rows. Rests that scatter as no noise of the others does are left out:
+    something happened there.
     """
-    long = []
-    for piece in pieces:
-        if len(piece) >= 2 * size:
-            long.append(piece)
-    squares = []
-    for piece in long:
-        if (deviation := allan_deviation([piece], size)) is not None:
+    lengths, squares = [], []
+    for of_rest in sums:
+        if (deviation := allan_deviation_of_sums([of_rest], size)) is not None:
+            lengths.append(len(of_rest) - 1)
             squares.append(deviation**2)
+    long = np.array(lengths, dtype=float)
     square = np.array(squares)
-    count = np.array([len(piece) - 2 * size + 1 for piece in long], dtype=float)
+    count = long - 2 * size + 1
     # For overlapping averages of white noise (D. A. Howe, D. W. Allan, J. A. Barnes, 1981), nearly.
-    free = np.maximum(1.5 * np.array([len(piece) for piece in long]) / size - 2.0, 1.0)
+    free = np.maximum(1.5 * long / size - 2.0, 1.0)
     usual = np.median(square / (2.0 * scipy.special.gammaincinv(0.5 * free, 0.5) / free)[:, None], axis=0)
     usual_pieces = square <= usual * (scipy.special.chdtri(free, UNSTEADY) / free)[:, None]
     weight = usual_pieces * count[:, None]

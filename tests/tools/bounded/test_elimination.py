@@ -7,8 +7,9 @@ import trihedron as th
 from generator import SIGMA
 from generator.positions import drawn_record
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.bounded.elimination import eliminated
+from trihedron.tools.bounded.elimination import eliminated, settled_beside
 from trihedron.tools.bounded.programmes import chebyshev_radius
+from trihedron.tools.bounded.set_bounds import ACCEPTED, REFUSED
 
 POSITIONS, PARAMETERS = 30, 7
 
@@ -34,6 +35,24 @@ def test_an_unknown_of_many_rows_and_rows_of_two_unknowns_stay_dense():
     system = np.random.default_rng(1).normal(size=(12, 3))
     assert eliminated(system, np.ones((12, 1))) is None
     assert eliminated(system, np.ones((12, 2))) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rests_in_a_chain_are_refused_and_accepted_as_by_the_dense_programme(seed: int):
+    """Each rest has a row of its own, and one with each of the three rests after it."""
+    rng = np.random.default_rng(seed)
+    rests = [(k, k + apart) for apart in range(4) for k in range(40 - apart)]
+    free = np.zeros((len(rests), 40))
+    for row, (before, after) in enumerate(rests):
+        free[row, before] += rng.normal()
+        free[row, after] += rng.normal()
+    system = np.column_stack((np.ones(len(rests)), rng.normal(size=(len(rests), PARAMETERS))))
+    # The unknowns of the rests imitate one parameter.
+    system[:, 1] = free @ rng.normal(size=40)
+    weights = np.full(len(rests), 1.0 / len(rests))
+    radius = chebyshev_radius(np.hstack((system[:, :-1], free)), system[:, -1], np.ones(len(rests)))[0]
+    assert settled_beside(system, free, weights, 0.9 * radius) == REFUSED
+    assert settled_beside(system, free, weights, 1.1 * radius) == ACCEPTED
 
 
 @pytest.mark.acceptance

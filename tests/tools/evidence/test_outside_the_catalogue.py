@@ -15,6 +15,7 @@ from trihedron.tools.evidence import carried_evidence
 from trihedron.tools.motion import RestNoise, inspect_record
 from trihedron.tools.motion.rest_noise import allan_square
 from trihedron.tools.records import StrapdownRecord
+from trihedron.tools.records.noise import sums_of
 from trihedron.tools.reports import page_of
 
 ARCMIN = np.pi / 180.0 / 60.0
@@ -219,7 +220,7 @@ def test_means_of_flicker_noise_differ_over_a_record_as_the_allan_deviation_with
     for seed in range(12):
         noise = slow_noise(np.random.default_rng(seed), rows, 1.0)
         pieces = list(noise.reshape(-1, 2 * size, 3))
-        square, count = allan_square(pieces, size)
+        square, count = allan_square([sums_of(piece) for piece in pieces], size)
         model = RestNoise(np.zeros(3), square, square, count, unknown, float(rows))
         means = noise.reshape(-1, size, 3).mean(axis=1)
         measured.append(means.var(axis=0))
