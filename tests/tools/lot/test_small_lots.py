@@ -3,6 +3,8 @@
 A cause of a stretch of serial numbers is named with both its ends.
 """
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 
@@ -13,12 +15,22 @@ from trihedron.tools.lot import InstrumentValue, Lot, Member, lot_of
 PARAMETERS = 18
 
 
-def drawn_lot(rng: np.random.Generator, count: int, moved: float = 0.0, step_at: int | None = None) -> Lot:
+def drawn_lot(
+    rng: np.random.Generator,
+    count: int,
+    moved: float = 0.0,
+    step_at: int | None = None,
+    per_kelvin: float = 0.0,
+    per_year: float = 0.0,
+) -> Lot:
     """Return a lot of normal parameters; one of the fourth instrument is moved by a number of standard deviations.
 
-    From the instrument `step_at` on the seventh parameter is larger by 8 standard deviations.
+    From the instrument `step_at` on the seventh parameter is larger by 8 standard deviations. The ninth one changes by
+    `per_kelvin` and `per_year`. With a change by year the instruments have their dates in order.
     """
     estimates = rng.normal(size=(count, PARAMETERS))
+    temperatures = rng.uniform(15.0, 30.0, count)
+    estimates[:, 8] += per_kelvin * temperatures + per_year * np.arange(count) / count
     estimates[3, 5] += moved
     estimates[step_at or count :, 6] += 8.0
     members = []
@@ -26,9 +38,15 @@ def drawn_lot(rng: np.random.Generator, count: int, moved: float = 0.0, step_at:
         values = {}
         for k, value in enumerate(row.tolist()):
             values[f"X{k + 1}"] = InstrumentValue(unit="g", estimate=value, low=value - 1e-3, high=value + 1e-3)
-        date = f"2026-{1 + number % 12:02d}-{1 + number % 28:02d}"
-        temperature = float(rng.uniform(15.0, 30.0))
-        member = {"record": f"{number}.csv", "serial": f"U-{number}", "date": date, "temperature_degC": temperature}
+        date = datetime(2026, 1, 1) + timedelta(days=365.25 * number / count)
+        if per_year == 0.0:
+            date = datetime(2026, 1 + number % 12, 1 + number % 28)
+        member = {
+            "record": f"{number}.csv",
+            "serial": f"U-{number}",
+            "date": f"{date:%Y-%m-%d}",
+            "temperature_degC": float(temperatures[number]),
+        }
         members.append(Member(**member, verdict="consistent", values=values))
     return lot_of(members, "calibrate")
 
@@ -80,3 +98,21 @@ def test_a_step_is_named_at_its_first_instrument():
     for seed in range(10, 20):
         lot = drawn_lot(np.random.default_rng(seed), 100, step_at=80)
         assert [(one.symbol, one.since) for one in lot.dependences if one.against == "serial"] == [("X7", "U-80")]
+
+
+@pytest.mark.parametrize(("against", "name", "reach"), [("temperature", "per_kelvin", 15.0), ("date", "per_year", 1.0)])
+@pytest.mark.parametrize(("count", "change"), [(16, 15.0), (60, 6.0)])
+def test_a_trend_is_named_and_its_interval_holds_the_truth(against: str, name: str, reach: float, count: int, change):
+    """A drift of the production is no step, though the dates go with the serial numbers.
+
+    Fewer instruments need a larger change for the same proof: a chance of 1 % shared by 54 trials.
+    """
+    inside = 0
+    slope = change / reach
+    for seed in range(20):
+        (trend,) = drawn_lot(np.random.default_rng(seed), count, **{name: slope}).dependences
+        assert (trend.symbol, trend.against) == ("X9", against)
+        assert trend.size == pytest.approx(slope, rel=0.5)
+        inside += trend.low <= slope <= trend.high
+    # Of 20 intervals of 95 % four miss with a chance of 2 %.
+    assert inside >= 16
