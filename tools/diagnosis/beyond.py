@@ -26,6 +26,7 @@ from .band import BandOfFunctions, Possible
 from .cause import Cause, SizedParameter
 from .dependence import LARGEST_PART, NEAR
 from .laws import MOST_WORK, Law, Laws, words_of
+from .witness import rms
 
 MOST_LAWS = 8
 """Number of laws that are stated."""
@@ -343,7 +344,7 @@ class Beyond:
         errors = np.array(list(self._folds(fit).values()))
         if not len(errors):
             return {"radius": fit.radius, "left_out_rms": None, "left_out_max": None}
-        return {"radius": fit.radius, "left_out_rms": _rms(errors), "left_out_max": float(errors.max())}
+        return {"radius": fit.radius, "left_out_rms": rms(errors), "left_out_max": float(errors.max())}
 
     def _errors_alike(self, fits: Sequence[Fit]) -> list[float]:
         """Return rms errors, over their bounds, of the left-out readings that all the fits predict."""
@@ -355,7 +356,7 @@ class Beyond:
         in_order, alike = sorted(rows or ()), []
         for errors in folds:
             if errors and in_order:
-                alike.append(_rms(np.array([errors[row] for row in in_order])))
+                alike.append(rms(np.array([errors[row] for row in in_order])))
             else:
                 alike.append(np.inf)
         return alike
@@ -408,10 +409,6 @@ class Beyond:
 def _on_circle(pair: Pair) -> Floats:
     """The values (n,) of a quantity, angles within one turn."""
     return pair.values % TURN if pair.circle else pair.values
-
-
-def _rms(errors: NDArray) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 def _keys_of(first: Cause, further: Sequence[Cause]) -> dict[str, Any]:

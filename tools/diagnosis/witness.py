@@ -32,8 +32,8 @@ class Score(Result):
         """Root mean squares and maxima of errors (R,)."""
         return Score(
             scored=len(before),
-            rms_before=_rms(before),
-            rms_after=_rms(after),
+            rms_before=rms(before),
+            rms_after=rms(after),
             max_before=float(np.abs(before).max()),
             max_after=float(np.abs(after).max()),
         )
@@ -56,7 +56,7 @@ class Shuffles(Result):
         count = as_good = 0
         for errors in trial.shuffled:
             count += 1
-            as_good += _rms(errors) <= reached
+            as_good += rms(errors) <= reached
         return Shuffles(tried=count, as_good=as_good)
 
     @property
@@ -94,7 +94,7 @@ class EffectWitness(Result):
         """The witness of a trial of one effect."""
         (place,), errors = trial.places, trial.folds
         assert errors is not None
-        without, reached = _rms(errors[0]), _rms(errors[1])
+        without, reached = rms(errors[0]), rms(errors[1])
         return EffectWitness(
             effect=place.effect,
             where=place.where,
@@ -207,5 +207,6 @@ def by_need(witnesses: Sequence[EffectWitness]) -> list[EffectWitness]:
     return sorted(witnesses, key=lambda witness: -witness.rms_without)
 
 
-def _rms(errors: Floats) -> float:
+def rms(errors: Floats) -> float:
+    """Return the root mean square of errors."""
     return float(np.sqrt(np.mean(errors**2)))

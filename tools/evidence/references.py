@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from ...models.arrays import Floats, Ints
 from ...models.bench import EARTH_RATE
 from ...models.effects import EffectPlace, Rows
+from ..by_hand.small_turns import across
 from ..motion.carry import GyroModel, Motion, matrices_of
 from ..motion.inspect import Inspection
 from ..motion.norm import COLUMNS, NAMES, ROWS, inputs_of, norm_block, norm_equations
@@ -164,14 +165,6 @@ def force_columns(place: EffectPlace, n: NDArray, rests: Rests) -> Floats:
     hours, angle = (rests.time_s - rests.time_s[:1]) / 3600.0, np.zeros(len(n))
     rows = Rows(hours, angle, angle, n, by_alpha=nothing, by_beta=nothing, temperature=rests.temperature)
     return place.definition.signature(place, rows)
-
-
-def across(up: NDArray) -> Floats:
-    """Two unit vectors across each direction (S, 3): (S, 2, 3)."""
-    least = np.eye(3)[np.argmin(np.abs(up), axis=1)]
-    first = np.cross(up, least)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    return np.stack([first, np.cross(up, first)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,69 +52,44 @@ class CoefficientUnit:
 class Process:
     """A process: its names and the units of its coefficient, for gyros and for accelerometers."""
 
-    letter: Letter
     names: dict[Sensor, str]
     units: dict[Sensor, CoefficientUnit]
 
 
-def _process(
-    letter: Letter, gyro: str, accelerometer: str, of_gyro: CoefficientUnit, of_accelerometer: CoefficientUnit
-) -> Process:
-    return Process(
-        letter, {"gyro": gyro, "accelerometer": accelerometer}, {"gyro": of_gyro, "accelerometer": of_accelerometer}
-    )
+def _process(gyro: str, accelerometer: str, of_gyro: CoefficientUnit, of_accelerometer: CoefficientUnit) -> Process:
+    return Process({"gyro": gyro, "accelerometer": accelerometer}, {"gyro": of_gyro, "accelerometer": of_accelerometer})
 
 
+OF_BIAS = (CoefficientUnit("rad/s", "deg/h", DEGREES * HOUR), CoefficientUnit("m/s²", "µg", MICRO_G))
+"""Units of a gyro's and an accelerometer's bias."""
 PROCESSES: dict[Letter, Process] = {
     "N": _process(
-        "N",
         "angle random walk",
         "velocity random walk",
         CoefficientUnit("rad/s/√Hz", "deg/√h", DEGREES * ROOT_HOUR),
         CoefficientUnit("m/s²/√Hz", "µg/√Hz", MICRO_G),
     ),
     "Q": _process(
-        "Q",
         "angle quantisation",
         "velocity quantisation",
         CoefficientUnit("rad", "arcsec", DEGREES * 3600.0),
         CoefficientUnit("m/s", "mm/s", 1e3),
     ),
-    "B": _process(
-        "B",
-        "bias instability",
-        "bias instability",
-        CoefficientUnit("rad/s", "deg/h", DEGREES * HOUR),
-        CoefficientUnit("m/s²", "µg", MICRO_G),
-    ),
+    "B": _process("bias instability", "bias instability", *OF_BIAS),
     "K": _process(
-        "K",
         "rate random walk",
         "acceleration random walk",
         CoefficientUnit("rad/s²/√Hz", "deg/h/√h", DEGREES * HOUR * ROOT_HOUR),
         CoefficientUnit("m/s³/√Hz", "µg/√h", MICRO_G * ROOT_HOUR),
     ),
-    "M": _process(
-        "M",
-        "correlated noise",
-        "correlated noise",
-        CoefficientUnit("rad/s", "deg/h", DEGREES * HOUR),
-        CoefficientUnit("m/s²", "µg", MICRO_G),
-    ),
+    "M": _process("correlated noise", "correlated noise", *OF_BIAS),
     "R": _process(
-        "R",
         "rate ramp",
         "acceleration ramp",
         CoefficientUnit("rad/s²", "deg/h/h", DEGREES * HOUR * HOUR),
         CoefficientUnit("m/s³", "µg/h", MICRO_G * HOUR),
     ),
-    "W": _process(
-        "W",
-        "warm-up",
-        "warm-up",
-        CoefficientUnit("rad/s", "deg/h", DEGREES * HOUR),
-        CoefficientUnit("m/s²", "µg", MICRO_G),
-    ),
+    "W": _process("warm-up", "warm-up", *OF_BIAS),
 }
 """Processes in the order in which they are named."""
 
