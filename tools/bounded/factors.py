@@ -12,6 +12,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...models.arrays import Floats
+
 _NAME = "_flapack"
 
 
@@ -33,12 +35,12 @@ def _factored(routine: Any, matrix: NDArray) -> Any:
     return routine(matrix, lwork=int(routine(matrix, lwork=-1)[-2][0]))
 
 
-def triangle(matrix: NDArray) -> NDArray[np.float64]:
+def triangle(matrix: NDArray) -> Floats:
     """Return R (M, n) of the QR decomposition of a matrix (M, n)."""
     return np.triu(_factored(_lapack().dgeqrf, matrix)[0])
 
 
-def pivoted(matrix: NDArray) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def pivoted(matrix: NDArray) -> tuple[Floats, NDArray[np.int64]]:
     """Return the diagonal of R, as sizes, and the order of the columns in a QR decomposition with pivoting."""
     decomposition = _factored(_lapack().dgeqp3, matrix)
     return np.abs(np.diag(decomposition[0])), decomposition[1].astype(np.int64) - 1

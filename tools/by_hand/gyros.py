@@ -62,8 +62,6 @@ class GyroFit:
     sensitivity : TakenSensitivity or None
     missed : (M, d) array
         errors of the moves or windows [rad]
-    piece_error : float
-        standard deviation of a piece's own error [rad]
     change : BiasChange or None
         where the mean rates at rest prove it
     by_turns : (22,) array
@@ -75,7 +73,6 @@ class GyroFit:
     fitted: Ints
     sensitivity: TakenSensitivity | None
     missed: Floats
-    piece_error: float
     change: BiasChange | None = None
     by_turns: Floats = field(default_factory=lambda: np.zeros(GYROS))
 
@@ -206,7 +203,7 @@ class GyroRows:
             by_turns[self.fitted] = (inverse @ blocks[2][1].sum(axis=0))[9:] * TURN_BIAS / self.turns.error
         covariance += np.outer(by_turns, by_turns)
         missed = self.pieces.rows(forces, values).error
-        return GyroFit(values, covariance, self.fitted, None, missed, piece_error, by_turns=by_turns)
+        return GyroFit(values, covariance, self.fitted, None, missed, by_turns=by_turns)
 
     def _piece_error(self, pieces: PieceRows, variance: NDArray) -> float:
         """Return the standard deviation of a piece's own error by the residuals [rad]."""
