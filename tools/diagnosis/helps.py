@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.arrays import Floats
 from ...models.effects import EffectPlace
-from ..evidence.evidence import Evidence, Lengths, Model, Rerun, largest_size, own_with, rms_size
+from ..evidence.evidence import Evidence, Lengths, Model, Rerun, Sizes, largest_size, own_with, rms_size
 from ..evidence.fit import ARCMIN, Fit, blocks_of, contains
 from ..evidence.rows import Rows
 from ..rounding import digits
@@ -21,9 +21,6 @@ HELPS = 0.02
 """Least part of the errors on left-out data that an effect of the order removes."""
 SHOWN = 1.5
 """Errors of an effect that a length shows, with everything else refitted [bounds]."""
-
-Sizes = Mapping[EffectPlace, Floats]
-"""Effects with their linear coefficients."""
 
 
 # In one record

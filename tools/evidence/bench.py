@@ -56,7 +56,7 @@ from .bench_search import (
 )
 from .bench_visits import Circumstances, circumstances_of, left_open, signature_columns, untold_readings
 from .dependences import pairs_of_bench
-from .evidence import Effort, Evidence, Reader, Source, Trial, own_with, parameters_with, stacked_sizes
+from .evidence import Effort, Evidence, Reader, Sizes, Source, Trial, own_with, parameters_with, stacked_sizes
 from .extension import Extension, extension_of_bench
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
@@ -447,7 +447,7 @@ class BenchRerun:
         ends = fit.ends(self.model.room)
         return extension_of_bench(self.model.readings, fit, ends, effects, self.model.calibration.gravity)
 
-    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> Floats | None:
+    def errors(self, effects: Sizes) -> Floats | None:
         """Errors of the readings (N - 1, 3) behind the first position, at which a run begins, fractions of g."""
         model, readings = self.model, self.model.readings
         if not can_be_run(readings.circumstances):
@@ -459,19 +459,19 @@ class BenchRerun:
         rows = np.arange(1, len(readings))
         return readings.reading[rows] - simulate_rows(readings, fit, rows, model.calibration.gravity)
 
-    def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
+    def without(self, effects: Sizes) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
         """Return the readings without the effects of the accelerometers, at the record's own fit beside all effects."""
         places, columns = self._columns(effects)
         added = (columns @ stacked_sizes(effects, places)).reshape(-1, 3)
         return places, {"specific_force": self.model.calibration.gravity * (self.model.readings.reading - added)}
 
-    def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
+    def reach(self, effects: Sizes, errors: Sizes) -> NDArray | None:
         """Return the largest remainder over the readings."""
         places, columns = self._columns(effects)
         added = (np.abs(columns) @ stacked_sizes(errors, places)).reshape(-1, 3)
         return self.model.calibration.gravity * added.max(axis=0)
 
-    def _columns(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[list[EffectPlace], NDArray]:
+    def _columns(self, effects: Sizes) -> tuple[list[EffectPlace], NDArray]:
         """Return the effects of the accelerometers among the given ones, and their coefficients' columns (M, K)."""
         model, linear = self.model, self.model.rows.linear_places
         *_, point = own_with(model, effects)

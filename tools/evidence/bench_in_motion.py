@@ -49,7 +49,7 @@ from .bench_visits import Circumstances, is_linear
 from .carried import SHOWN_BY
 from .cells_in_motion import SEARCHED
 from .dependences import pairs_of_whole
-from .evidence import Effort, Evidence, Source, Trial, linear_fit
+from .evidence import Effort, Evidence, Sizes, Source, Trial, linear_fit
 from .extension import Extension, extension_of_bench
 from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, not_in_all, robust_estimate, width_of
 from .observation import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
@@ -517,15 +517,15 @@ class WholeRerun:
         """The name and unit of the errors, as for the rests."""
         return self.rests.quoted
 
-    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> Floats | None:
+    def errors(self, effects: Sizes) -> Floats | None:
         """Return the errors of the simulated rests."""
         return self.rests.errors(effects)
 
-    def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
+    def without(self, effects: Sizes) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
         """Return the rests without the effects."""
         return self.rests.without(effects)
 
-    def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
+    def reach(self, effects: Sizes, errors: Sizes) -> NDArray | None:
         """Return the largest remainder for the rests."""
         return self.rests.reach(effects, errors)
 

@@ -32,6 +32,7 @@ from .evidence import (
     Lengths,
     Reader,
     ReadOff,
+    Sizes,
     Trial,
     limits_of,
     own_with,
@@ -442,7 +443,7 @@ class CarriedRerun:
                     error[at] = simulated_errors
         return errors
 
-    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> Floats:
+    def errors(self, effects: Sizes) -> Floats:
         """Errors (S, d) of the quoted moves or windows [rad]."""
         model, rows = self.model, self.model.rows
         places, sizes, point = own_with(model, effects)
@@ -452,7 +453,7 @@ class CarriedRerun:
             simulated = model.simulated(fmus, places, np.concatenate([point - rows.point, sizes]), numbers)
         return simulated[rows.scored.index(model.quoted)]
 
-    def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
+    def without(self, effects: Sizes) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
         """Return the increments without the effects of the gyros, by the inverse of a block with them."""
         model, rows = self.model, self.model.rows
         places = []
@@ -464,7 +465,7 @@ class CarriedRerun:
         values = model.values_of(places, np.concatenate([np.zeros(len(rows.names)), sizes]))
         return places, {"rate": None, "increment": compensated_increments(model.motion, values, model.found.gravity)}
 
-    def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
+    def reach(self, effects: Sizes, errors: Sizes) -> NDArray | None:
         """Return None: only gyros are corrected."""
         return None
 

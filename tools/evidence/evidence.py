@@ -32,6 +32,8 @@ SEEN = 1e-3
 SHUFFLES = 40
 LIMIT = 1.0 + 1e-7
 """Radius up to which a model stands: one, and the rounding of the programmes."""
+Sizes = Mapping[EffectPlace, NDArray]
+"""Effects with their linear coefficients."""
 Errors = tuple[Floats, Floats]
 
 
@@ -331,7 +333,7 @@ class Rerun(Protocol):
         """Return the gain of the extended components on data that no fit used; None where none can be computed."""
         ...
 
-    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> Floats | None:
+    def errors(self, effects: Sizes) -> Floats | None:
         """The quoted errors (S, d) with effects of given coefficients; None: cannot be run."""
         ...
 
@@ -342,11 +344,11 @@ class Rerun(Protocol):
         """
         ...
 
-    def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
+    def without(self, effects: Sizes) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
         """Return the effects, of given coefficients, that can be subtracted, and the record's fields without them."""
         ...
 
-    def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
+    def reach(self, effects: Sizes, errors: Sizes) -> NDArray | None:
         """Return the largest remainder (3,) [m/s²] of `without` in each accelerometer, by errors of the coefficients.
 
         None where it changes no accelerometer.
@@ -521,7 +523,7 @@ def trials_in_time(rows: Rows, fit: Fit) -> Iterator[Trial]:
         yield Trial((place,), (rows.left_out(others, folds), reached), None, shuffled, rows=np.arange(len(reached)))
 
 
-def own_with(model: Any, effects: Mapping[EffectPlace, NDArray]) -> tuple[list[EffectPlace], Floats, Floats]:
+def own_with(model: Any, effects: Sizes) -> tuple[list[EffectPlace], Floats, Floats]:
     """Return the effects that a record can show, their given coefficients (K,), and its own parameters (P,).
 
     The parameters are those of least squares beside the effects.
@@ -537,7 +539,7 @@ def own_with(model: Any, effects: Mapping[EffectPlace, NDArray]) -> tuple[list[E
     return places, sizes, point
 
 
-def stacked_sizes(effects: Mapping[EffectPlace, NDArray], places: Sequence[EffectPlace]) -> Floats:
+def stacked_sizes(effects: Sizes, places: Sequence[EffectPlace]) -> Floats:
     """The coefficients (K,) of some effects, one after the other."""
     sizes = [np.zeros(0)]
     for place in places:
