@@ -37,10 +37,15 @@ def _factored(routine: Any, matrix: NDArray) -> Any:
 
 def triangle(matrix: NDArray) -> Floats:
     """Return R (M, n) of the QR decomposition of a matrix (M, n)."""
+    if not matrix.size:
+        return np.zeros(matrix.shape)
     return np.triu(_factored(_lapack().dgeqrf, matrix)[0])
 
 
 def pivoted(matrix: NDArray) -> tuple[Floats, NDArray[np.int64]]:
     """Return the diagonal of R, as sizes, and the order of the columns in a QR decomposition with pivoting."""
+    if not matrix.size:
+        # LAPACK takes no empty matrix.
+        return np.zeros(0), np.arange(matrix.shape[1])
     decomposition = _factored(_lapack().dgeqp3, matrix)
     return np.abs(np.diag(decomposition[0])), decomposition[1].astype(np.int64) - 1
