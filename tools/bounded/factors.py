@@ -1,4 +1,7 @@
-"""Triangles of QR decompositions, by LAPACK's own file: all of `scipy.linalg` loads longer than a calibration takes."""
+"""Triangles of QR decompositions, by scipy's compiled LAPACK.
+
+All of `scipy.linalg` takes longer to load than a small calibration to compute, so its file alone is loaded.
+"""
 
 import sys
 from functools import cache
