@@ -37,14 +37,14 @@ def diagnosed(hidden):
 
 
 def test_importing_it_imports_nothing():
-    """Only the module that shows results is imported at once: everything else is imported on use."""
+    """Only the version and the module that shows results are imported at once: everything else is imported on use."""
     output = subprocess.run(
         [sys.executable, "-c", "import sys; before = set(sys.modules); import trihedron; "
          "print(*(set(sys.modules) - before))"],
         capture_output=True, text=True, check=True, timeout=300,
     ).stdout.split()  # fmt: skip
     assert [name for name in output if name.partition(".")[0] not in {"trihedron", *sys.stdlib_module_names}] == []
-    assert {name for name in output if name.startswith("trihedron.")} == {"trihedron.tools"}
+    assert {name for name in output if name.startswith("trihedron.")} == {"trihedron.tools", "trihedron.version"}
 
 
 def test_python_and_the_command_line_say_the_same_words_of_a_shared_option(capsys):
