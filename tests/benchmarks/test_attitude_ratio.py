@@ -255,7 +255,8 @@ def test_ratio_of_a_sample_through_a_native_fmu_to_c(tmp_path: Path, capsys, cos
         print(f"\n{SHORT} gyro samples, renormalised, best of 125\n{'':<34} {'ns a sample':>12} {'of C':>6}")
         for name, cost in costs.items():
             print(f"{name:<34} {cost:>12.1f} {cost / costs[c_name]:>6.2f}")
-            cost_row("samples", name, f"{cost:.1f}", f"{cost / costs[c_name]:.1f}")
+            if not name.startswith("adaptive"):
+                cost_row("samples", name, f"{cost:.1f}", f"{cost / costs[c_name]:.1f}")
     for name in ("two-sample-rodrigues", "adaptive-degree"):
         samples = algorithm_named(name).samples
         same = attitudes[f"{name}, native FMU"][samples - 1 :: samples]

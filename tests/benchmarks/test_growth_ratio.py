@@ -116,15 +116,17 @@ def test_a_command_and_a_batch_against_the_calibration_itself(tmp_path: Path, ca
 
 
 def test_attitudes_of_one_campaign_against_a_campaign_for_each(tmp_path: Path, capsys, cost_row):
-    seconds = {}
-    for runs in (1, 201):
+    seconds, most = {}, 2001
+    for runs in (1, most):
         path = tmp_path / f"{runs}.toml"
         path.write_text(CAMPAIGN.format(runs=runs), encoding="utf-8")
-        # The first campaign compiles: a run alone, and many together.
-        for number in range(2):
+        # The first campaign compiles: a run alone, and many together. The start varies by as much as 200 runs take.
+        times = []
+        for number in range(3):
             out = str(tmp_path / f"{runs}-{number}")
-            seconds[runs] = processor_seconds("campaign", str(path), "--jobs", "1", "--out", out)
-    more = (seconds[201] - seconds[1]) / 200
+            times.append(processor_seconds("campaign", str(path), "--jobs", "1", "--out", out))
+        seconds[runs] = min(times)
+    more = (seconds[most] - seconds[1]) / (most - 1)
     with capsys.disabled():
         print(
             f"\nattitude, 60 s at 1 kHz: {1e3 * more:.1f} ms a run in one campaign, "
@@ -132,7 +134,7 @@ def test_attitudes_of_one_campaign_against_a_campaign_for_each(tmp_path: Path, c
         )
     ratio = f"1/{seconds[1] / more:.0f} of one alone"
     cost_row("many", "attitude, 60 s at 1 kHz, in a campaign", f"{1e3 * more:.1f}", ratio)
-    assert seconds[1] > LEAST_OF_ATTITUDES * seconds[201] / 201
+    assert seconds[1] > LEAST_OF_ATTITUDES * seconds[most] / most
 
 
 def test_positions_of_no_effect_grow_no_faster(capsys, cost_row):
