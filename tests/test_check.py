@@ -120,6 +120,7 @@ def test_a_check_runs_nothing_and_writes_nothing(tmp_path: Path, monkeypatch: py
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.acceptance
 def test_a_check_agrees_with_the_run(tmp_path: Path):
     """A checked file runs; every refusal of a run is also found by the check."""
     for right, wrong in (
@@ -230,6 +231,7 @@ def test_a_channel_at_its_limit_is_a_warning_of_series_of_every_kind(tmp_path: P
         assert checked.warnings == warned
 
 
+@pytest.mark.acceptance
 def test_results_are_as_their_schemas_say(record: Path, tmp_path: Path):
     """The check passes the program's own files; changes by hand are found, with the line."""
     results = {
@@ -302,6 +304,7 @@ def test_rubbish_is_a_problem_never_a_fault(content: bytes, ending: str, tmp_pat
     assert message.out.partition("\n\nNext: ")[0].count("\n") == 1
 
 
+@pytest.mark.acceptance
 def test_fmus_and_ssp_archives(fmu_folder: Path, tmp_path: Path):
     checked = th.check(fmu_folder / "AccelerometerBlock.fmu")
     assert (checked.good, checked.kind) == (True, "FMU")

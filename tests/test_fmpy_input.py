@@ -52,6 +52,7 @@ def test_fmpy_gives_the_attitude_of_the_orchestrator(strapdown: Path, tmp_path: 
     assert (attitude == run.attitude).all()
 
 
+@pytest.mark.acceptance
 def test_increments_of_velocity_are_inputs_of_the_velocity_computer(tmp_path: Path, fmu_folder: Path) -> None:
     """Test a Parquet file; `check` names its columns."""
     rng = np.random.default_rng(8)

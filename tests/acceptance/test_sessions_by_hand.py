@@ -150,6 +150,7 @@ def test_six_faces_and_three_turns_have_right_standard_errors(sessions: int) -> 
     assert max(np.abs(forces).max(), np.abs(gyros).max()) < 5.0
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("sessions", [pytest.param(SESSIONS, marks=pytest.mark.acceptance), 6])
 def test_three_runs_of_few_poses_have_right_standard_errors(sessions: int) -> None:
     ratios: list[float] = []

@@ -17,6 +17,8 @@ from reference import reference_page
 
 PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md"])
 RUNNABLE = [page for page in PAGES if any(block.language != "text" for block in blocks_of(page))]
+LONG = ("notebook",)
+"""Pages whose blocks take long."""
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +49,14 @@ def read(tmp_path, records, programs) -> Callable[..., None]:
     return read_page
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
-    "page", [p for p in RUNNABLE if any(not b.acceptance for b in blocks_of(p))], ids=lambda p: p.stem
+    "page",
+    [
+        pytest.param(page, marks=[pytest.mark.acceptance] if page.stem in LONG else [], id=page.stem)
+        for page in RUNNABLE
+        if any(not block.acceptance for block in blocks_of(page))
+    ],
 )
 def test_blocks_of_code_do_what_the_page_says(page, read):
     read(page, long=False)
@@ -92,11 +100,13 @@ def site(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.acceptance
 def test_the_site_builds_strictly_with_every_page(site):
     missing = [page.stem for page in PAGES if page.parent != ROOT and not (site / f"{page.stem}.html").is_file()]
     assert missing == []
 
 
+@pytest.mark.acceptance
 def test_every_page_is_in_the_navigation(site):
     home = (site / "index.html").read_text(encoding="utf-8")
     nav = home[home.index("md-nav--primary") :]
@@ -104,6 +114,7 @@ def test_every_page_is_in_the_navigation(site):
     assert missing == []
 
 
+@pytest.mark.acceptance
 def test_the_site_asks_nothing_of_the_network(site):
     options = []
     for page in site.rglob("*.html"):
@@ -130,6 +141,7 @@ def test_pages_of_the_site_open_in_a_browser_from_the_disk(site, window: Window)
     assert window.complaints == []
 
 
+@pytest.mark.acceptance
 def test_the_site_is_searched_from_the_disk_and_read_from_page_to_page(site, window: Window):
     window.open(site / "index.html", 1280)
     window.page.click("[data-md-component=search-query]")

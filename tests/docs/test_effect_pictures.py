@@ -28,6 +28,7 @@ def test_effects_of_the_input_are_drawn_as_the_contract_defines_them():
     assert change_along(saturation, shown_place(saturation), sweep)[:, 0] == pytest.approx(clipped, abs=1e-14)
 
 
+@pytest.mark.acceptance
 def test_the_sheet_is_the_same_bytes_each_time():
     some = [CATALOGUE["quadratic"], CATALOGUE["hysteresis"]]
     sheet = effect_sheet(some)

@@ -5,6 +5,7 @@ import pytest
 from plain_english import LONGEST, complaints, sentences_of
 
 
+@pytest.mark.acceptance
 def test_docs_readme_and_help_are_plain():
     assert plain_english.main() == 0
 

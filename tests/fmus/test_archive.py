@@ -114,6 +114,7 @@ def test_arrays_are_real_ones_and_the_types_are_declared(tmp_path):
     assert {d.name for d in reading.dependencies or ()} == {"specific_force", "temperature", "angle"}
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_names_of_types_are_unique_and_no_variable_has_one(fmi, tmp_path, monkeypatch):
     # No code is run.
@@ -230,6 +231,7 @@ def test_fmpy_reproduces_the_reference_results(name, fmi, tmp_path):
         np.testing.assert_allclose(outputs, reference[column], rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.first(1)
 @needs_compiler
 @pytest.mark.parametrize("name", sorted(components()))
 def test_outputs_during_the_initialisation_are_those_after_it(name, tmp_path, slaves):

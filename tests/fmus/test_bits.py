@@ -113,6 +113,7 @@ def same_bits(first: list[list[float]], second: list[list[float]]) -> bool:
     return np.array(first).tobytes() == np.array(second).tobytes()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
 def test_the_python_flavour_gives_the_bits_of_plain_python(component, tmp_path, slaves):
     plain = run_instance(instantiate(component), component, STEPS)
@@ -139,6 +140,7 @@ def test_the_same_bits_from_all_five_over_ten_thousand_steps(component, tmp_path
     assert same_bits(run_python_fmu(component, tmp_path, MANY_STEPS, slaves), plain)
 
 
+@pytest.mark.acceptance
 @needs_compiler
 def test_value_references_are_those_of_the_model_description(tmp_path, monkeypatch):
     import fmpy

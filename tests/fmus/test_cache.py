@@ -108,6 +108,7 @@ def _triple(x):
     return 3.0 * x
 
 
+@pytest.mark.acceptance
 @pytest.mark.skipif(not COMPILES, reason="needs numba")
 def test_damaged_machine_code_is_compiled_again(cache: Path, tmp_path: Path) -> None:
     """Code of numba is only in the checked cache; no content of it ends a call."""

@@ -35,6 +35,7 @@ def test_it_has_the_parameters_of_the_calibrated_block():
     assert ours == {v.name: v for v in BLOCK.interface if v.name in CALIBRATED}
 
 
+@pytest.mark.acceptance
 @given(st.lists(SMALL, min_size=15, max_size=15), st.tuples(FORCE, FORCE, FORCE))
 def test_the_inverse_of_the_block_for_every_force(values, force):
     _, recovered = there_and_back(dict(zip(names(), values, strict=True)), force)

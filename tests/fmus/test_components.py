@@ -186,6 +186,7 @@ def test_an_enumeration_takes_its_items_only():
             model.put(algorithm=wrong)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", ["TurntableMotion", "AccelerometerBlock", "AttitudeComputer"])
 def test_a_step_that_is_none_is_discarded_and_the_next_one_works(name, fmu_folder, slaves):
     component, slave = components()[name], slaves(fmu_folder / f"{name}.fmu")

@@ -24,6 +24,7 @@ def at_accelerometer_1(name: str) -> EffectPlace:
     return EffectPlace(name, "accelerometer-1")
 
 
+@pytest.mark.acceptance
 def test_the_order_of_effects_on_the_table_does_not_matter():
     """Each effect is evaluated on the angles without the others: the same bits except for the order of the sum."""
     harmonic, backlash = EffectPlace("encoder-harmonic", "outer-axis", 2), EffectPlace("backlash", "inner-axis")

@@ -66,6 +66,7 @@ def test_quanta_are_whole_and_their_sum_stays_within_half_of_one():
     assert np.abs(plain).max() > 10.0 * quantum
 
 
+@pytest.mark.acceptance
 def test_errors_stay_within_their_bound_fill_it_and_repeat_with_the_seed():
     still = {"rate": np.zeros((3000, 3))}
     settings = {"input_kind": 2, "noise_bound": 1e-3}

@@ -72,6 +72,7 @@ def test_the_rate_is_the_derivative_of_the_attitude() -> None:
         np.testing.assert_allclose(model["rate"], expected, rtol=0, atol=1e-4)
 
 
+@pytest.mark.acceptance
 @settings(max_examples=20)
 @given(st.floats(0.0, 60.0), st.floats(1e-4, 0.1))
 def test_the_increment_is_the_integral_of_the_rate(begin: float, step: float) -> None:

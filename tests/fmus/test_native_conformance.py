@@ -20,6 +20,7 @@ from trihedron.fmus.component import Component
 pytestmark = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("component", all_kinds(), ids=title)
 def test_every_call_is_done_or_refused_as_the_standard_says(component, fmi, tmp_path):
@@ -112,6 +113,7 @@ def test_only_the_functions_of_fmi_are_visible(tmp_path):
         assert all(name.startswith(f"fmi{fmi}") for name in names)
 
 
+@pytest.mark.acceptance
 def test_the_program_that_memory_checkers_watch_counts_failures(tmp_path):
     """A foreign library fails the checks, so the checks can fail."""
     component = all_kinds()[0]

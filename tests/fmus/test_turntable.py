@@ -28,6 +28,7 @@ small = st.floats(-0.02, 0.02)
 angle = st.floats(-6.3, 6.3)
 
 
+@pytest.mark.acceptance
 @settings(max_examples=60)
 @given(
     angle,
@@ -85,6 +86,7 @@ SETTINGS = {
 EFFECTS = [{}, WOBBLES, *({place: values} for place, values in WOBBLES.items())]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("effects", EFFECTS, ids=lambda effects: " and ".join(p.title for p in effects) or "none")
 def test_increments_integrate_to_the_attitude_against_inertial_space(effects):
     """An independent integrator, fed with the increments, must arrive at the table's own attitude."""
@@ -127,6 +129,7 @@ def test_increments_do_not_depend_on_the_step(effects, rounding):
 SLIP = EffectPlace("mounting-slip", "mounting")
 
 
+@pytest.mark.acceptance
 def test_a_slip_at_the_end_of_a_step_is_in_one_increment_and_in_the_attitude_there():
     """The result does not depend on the rounding of hours, or of times that a master counts or adds up."""
     size = np.array([2e-3, -3e-3, 1e-3])

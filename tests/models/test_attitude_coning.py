@@ -115,6 +115,7 @@ def analytic_drift(algorithm: Algorithm, x: mpf) -> mpf:
 FIXED = [a for a in ALGORITHMS if a.name != "adaptive-degree"]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("algorithm", FIXED, ids=lambda a: a.name)
 def test_drift_is_the_analytic_one(algorithm: Algorithm) -> None:
     for phase in PHASES:

@@ -52,6 +52,7 @@ def _rows(samples: int, mixed: bool) -> list:
     return [mpf(x.numerator) / x.denominator for row in weights_of(samples, mixed) for x in row]
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", INPUT_KINDS[1:])
 @pytest.mark.parametrize("algorithm", FALLEN)
 def test_order_with_rates_and_mixed_inputs_is_what_is_stated(algorithm: Algorithm, kind: str) -> None:

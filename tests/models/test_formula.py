@@ -37,6 +37,7 @@ AT_REST = (
 )
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("text", AT_REST)
 def test_its_signature_is_the_derivative_of_what_the_components_read(text):
     """Kernel and signature come from the same tree by different means."""
@@ -221,6 +222,7 @@ def formulas() -> st.SearchStrategy[str]:
     )
 
 
+@pytest.mark.acceptance
 @settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(formulas())
 def test_whatever_is_typed_gives_a_formula_or_one_line(text):

@@ -147,6 +147,7 @@ def test_a_constant_rate_and_force_are_exact_where_a_rate_is(algorithm: Algorith
     assert error < 2e-13 if algorithm.constant_rate else error < 2e-2
 
 
+@pytest.mark.acceptance
 def test_strong_sculling_has_the_velocity_of_its_bessel_function() -> None:
     """θ = A sin Ωt, f = B sin Ωt across the axis: the mean velocity across both grows by B J1(A)."""
     a, count = 0.5, 64

@@ -85,6 +85,7 @@ def test_what_cannot_be_compared(first, second, within, message):
         th.compare(first, second, within=within)
 
 
+@pytest.mark.acceptance
 def test_the_gate_of_the_command_and_its_page(tmp_path: Path, capsys, window: Window):
     for name, table in (("before", run()), ("after", moved(77, -1e-3))):
         (tmp_path / name).mkdir()
@@ -102,6 +103,7 @@ def test_the_gate_of_the_command_and_its_page(tmp_path: Path, capsys, window: Wi
     assert window.complaints == []
 
 
+@pytest.mark.acceptance
 def test_a_stretch_of_time_that_is_drawn_over_a_picture_is_shown_in_all(tmp_path: Path, window: Window):
     window.open(th.plot(run(), tmp_path / "page.html"), 1280)
     ticks = "[...document.querySelectorAll('svg text')].map(text => text.textContent.trim())"
@@ -123,6 +125,7 @@ def test_a_stretch_of_time_that_is_drawn_over_a_picture_is_shown_in_all(tmp_path
     assert window.complaints == []
 
 
+@pytest.mark.acceptance
 def test_no_other_script_runs_in_a_page_of_lines(tmp_path: Path, window: Window):
     page = th.plot(run(), tmp_path / "page.html")
     page.write_text(page.read_text(encoding="utf-8") + "<script>document.title = 'run'</script>", encoding="utf-8")
@@ -171,6 +174,7 @@ def test_a_quaternion_and_its_negative_are_one_attitude(names: tuple[str, ...], 
     assert max(column.largest for column in turned.columns) == pytest.approx(0.01, rel=0.01)
 
 
+@pytest.mark.acceptance
 def test_four_columns_that_are_no_quaternion_keep_their_signs():
     first = pl.DataFrame({"time_s": TIME, **{f"v{k}": np.full(TIME.size, 2.0) for k in range(4)}})
     second = pl.DataFrame({"time_s": TIME, **{f"v{k}": np.full(TIME.size, -2.0) for k in range(4)}})

@@ -140,6 +140,7 @@ OF_DIAGNOSIS = [
 ]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("where", "value", "says"), OF_DIAGNOSIS)
 def test_each_reader_of_a_diagnosis_refuses_it(where, value, says, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -24,6 +24,7 @@ def demo(request, tmp_path_factory):
     return out, page.read_text(encoding="utf-8"), screen.getvalue().splitlines()
 
 
+@pytest.mark.acceptance
 def test_the_terminal_tells_one_story_on_one_screen(demo):
     out, _, lines = demo
     assert len(lines) <= 40
@@ -44,6 +45,7 @@ def test_the_terminal_tells_one_story_on_one_screen(demo):
         assert word not in text
 
 
+@pytest.mark.acceptance
 def test_the_effect_is_named_within_its_interval_and_the_error_falls_five_times(demo):
     out, page, lines = demo
     # It is the shipped scenario, with every change that makes it shorter.
@@ -66,6 +68,7 @@ def test_the_effect_is_named_within_its_interval_and_the_error_falls_five_times(
     assert ratio[0] in page
 
 
+@pytest.mark.acceptance
 def test_the_page_has_three_cards_with_a_picture_each_and_its_links_are_whole(demo):
     out, page, _ = demo
     cards = page[page.index('<div class="cards">') : page.index("<nav")]

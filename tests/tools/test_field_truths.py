@@ -38,6 +38,7 @@ def misses_corrected(path: Path, rows: int) -> tuple[np.ndarray, np.ndarray]:
     return misses_at_rest(before, rows), misses_at_rest(after, rows)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("name", "rows"), [("acc_only.csv", 100), ("real_acc_only.csv", 25)])
 def test_field_accelerometers_alone_read_gravity_once_corrected(name: str, rows: int, tmp_path: Path) -> None:
     th.import_record(field_file(name, tmp_path), out=tmp_path / "record.csv")
@@ -47,6 +48,7 @@ def test_field_accelerometers_alone_read_gravity_once_corrected(name: str, rows:
     assert main(["inspect", str(tmp_path / "record.csv")]) == 2
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "names", ["time_s,ax (m/s2),ay (m/s2),az (m/s2)", "Time [s];Acc x [m/s^2];Acc y [m/s^2];Acc z [m/s^2]"]
 )
@@ -79,6 +81,7 @@ def turned_angles(record: Any, period: float) -> list[float]:
     return angles
 
 
+@pytest.mark.acceptance
 def test_field_six_poses_and_three_turns_have_numbers(tmp_path: Path) -> None:
     """The turns are whole ones: corrected gyros say so."""
     path = field_file("ferraris_lab.csv", tmp_path)
@@ -104,6 +107,7 @@ def test_field_six_poses_and_three_turns_have_numbers(tmp_path: Path) -> None:
     assert "sampling rate" in str(refusal.value)
 
 
+@pytest.mark.acceptance
 def test_field_gyros_that_all_err_by_one_function_prove_nothing(tmp_path: Path) -> None:
     """All gyros err by f1² - f2²: no function of the force along each gyro is proven."""
     diagnosis = th.diagnose(field_file("g05gg.csv", tmp_path))
@@ -148,6 +152,7 @@ def test_field_scale_factors_lie_in_the_intervals_of_corrected_records(tmp_path:
     assert "OUT" not in process.stdout
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("parent", "child"),
     [
@@ -253,6 +258,7 @@ def test_field_logs_keep_their_numbers_and_none_is_guessed(name: str, tmp_path: 
     assert_read(field_file(name, tmp_path), name, tmp_path)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", LOGS)
 def test_logs_with_the_names_of_tools_keep_their_numbers(name: str, tmp_path: Path) -> None:
     """The same names over numbers of our own."""

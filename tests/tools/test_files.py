@@ -135,6 +135,7 @@ def test_the_limit_is_the_largest_that_is_read(tmp_path: Path) -> None:
     assert LARGEST_TEXT < LARGEST
 
 
+@pytest.mark.acceptance
 def test_a_small_file_of_too_many_rows_is_refused_before_they_are_unpacked(tmp_path: Path, capsys) -> None:
     """Parquet packs similar rows into next to nothing."""
     path = tmp_path / "packed.parquet"
@@ -146,6 +147,7 @@ def test_a_small_file_of_too_many_rows_is_refused_before_they_are_unpacked(tmp_p
     assert output in capsys.readouterr().err
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_more_positions_than_a_bench_measures_are_refused_before_they_are_read(
     ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -164,6 +166,7 @@ def test_more_positions_than_a_bench_measures_are_refused_before_they_are_read(
     assert "at most" not in capsys.readouterr().err
 
 
+@pytest.mark.acceptance
 def test_a_sound_parquet_file_has_no_fault(tmp_path: Path) -> None:
     path = tmp_path / "sound.parquet"
     pl.DataFrame({"a": np.arange(10.0)}).write_parquet(path)
@@ -317,6 +320,7 @@ def bench(tmp_path: Path) -> Path:
     return scenario
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("way", ["folder", "linked folder", "linked programme", "second name", "json", "plot"])
 def test_a_run_never_replaces_the_programme_that_its_scenario_reads(way: str, bench: Path, capsys) -> None:
     folder, out = bench.parent, bench.parent

@@ -36,6 +36,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.first(1)
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are known by name on Linux alone")
 @pytest.mark.parametrize(
     ("first", "method", "message"),

@@ -185,6 +185,7 @@ def test_a_notebook_of_a_record_runs_from_its_first_cell_to_its_last(record, tmp
         th.export_notebook("monday.csv", out="monday.py")
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "strapdown", [pytest.param(False, marks=pytest.mark.acceptance), True], ids=["positions", "strapdown"]
 )
@@ -204,6 +205,7 @@ def test_a_generated_notebook_runs_in_a_kernel_and_shows_rounded_tables_and_pict
     assert strapdown or any("image/png" in data for data in shown)
 
 
+@pytest.mark.acceptance
 def test_a_script_as_a_user_writes_it_runs(tmp_path):
     assert 0.0 < user_script.bench(tmp_path) < 1e-4
     assert user_script.wrong() == "missing.csv: no such file"
@@ -248,6 +250,7 @@ def test_a_calibration_is_asked_by_symbol_and_name(calibration):
     assert {symbol: calibration[symbol].unit for symbol in calibration}["X16"] == "g"
 
 
+@pytest.mark.acceptance
 def test_causes_are_named_where_the_record_is_explained_and_nowhere_else(record):
     clean = th.diagnose(record, noise_bound=SIGMA)
     assert (clean.causes, list(clean), "quadratic" in clean, clean.get("quadratic")) == ((), [], False, None)
@@ -311,6 +314,7 @@ def test_refusals_are_errors_of_pythons_own_kinds(record, calibration, tmp_path)
         assert not isinstance(refusal.value, OSError)
 
 
+@pytest.mark.acceptance
 def test_python_dash_m_runs_the_command_line():
     words = [sys.executable, "-m", "trihedron"]
     run = subprocess.run([*words, "--version"], capture_output=True, text=True, check=False)
@@ -358,6 +362,7 @@ def test_a_result_lists_its_own_names_and_not_those_of_its_library(calibration):
     assert all(hasattr(calibration, name) for name in names)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "call",
     [

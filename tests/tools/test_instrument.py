@@ -96,6 +96,7 @@ def test_a_scale_factor_that_changed_is_no_constant_since_that_date_and_nothing_
     assert {change.since for name, change in by_name.items() if name not in ("X4", "X5")} == {None}
 
 
+@pytest.mark.acceptance
 def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_share_stands_once(root, tmp_path):
     """Biases belong to each record, at its own date; the scale factors of the first two days are at the second's."""
     shared, files = tmp_path / "shared.json", [root / "0.csv", root / "1.csv"]
@@ -126,6 +127,7 @@ def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_
     assert nearest_of_instrument(tmp_path / "unit", date="2026-06-01").result == json.loads(shared.read_text("utf-8"))
 
 
+@pytest.mark.acceptance
 def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_date(tmp_path):
     """Use two days without a secret; then a changed scale factor in the second: that day alone shows it."""
     files = [tmp_path / f"{k}.csv" for k in range(2)]
@@ -158,6 +160,7 @@ def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_
             add_to_instrument(tmp_path / name, tmp_path / f"{name}.json", records=files)
 
 
+@pytest.mark.acceptance
 def test_several_records_of_other_instruments_are_no_entry(root, tmp_path):
     files = [tmp_path / "0.csv", root / "1.csv"]
     files[0].write_text((root / "0.csv").read_text("utf-8").replace("U-17", "U-16"), encoding="utf-8")
@@ -183,6 +186,7 @@ def test_the_first_date_is_that_at_which_no_number_lies_in_all_intervals_so_far(
         assert high < least or most < low
 
 
+@pytest.mark.acceptance
 def test_the_commands_list_show_and_page_it(root, capsys):
     unit, page, nearest = str(root / "unit"), root / "trend.html", root / "nearest.json"
     assert main(["instrument", "list", unit]) == 0

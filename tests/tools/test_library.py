@@ -112,6 +112,7 @@ def test_a_hidden_effect_is_named_and_stays_a_secret_when_printed(hidden, diagno
     assert row["low"] <= hidden.secret["hidden"]["parameters"]["coefficient"] <= row["high"]
 
 
+@pytest.mark.acceptance
 def test_results_show_themselves(run, hidden, tmp_path):
     calibration = th.calibrate(run, noise_bound=1e-5)
     (tmp_path / "c.json").write_text(calibration.json_text(), encoding="utf-8")
@@ -139,6 +140,7 @@ def test_results_show_themselves(run, hidden, tmp_path):
         assert table.columns
 
 
+@pytest.mark.acceptance
 def test_a_part_of_a_result_shows_its_fields(diagnosed):
     cause = diagnosed.causes[0]
     (parameter,) = cause.parameters

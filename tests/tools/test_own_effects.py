@@ -56,6 +56,7 @@ def test_it_is_tried_within_the_block_and_not_behind_it(tmp_path):
         assert none is None
 
 
+@pytest.mark.acceptance
 def test_it_is_among_what_a_record_is_tried_with(tmp_path):
     """It mends a record in which it is hidden, at its place and at no other."""
     path = written(tmp_path)
@@ -85,6 +86,7 @@ columns = {f3_mps2 = "block.reading[3]"}
 """
 
 
+@pytest.mark.acceptance
 def test_a_scenario_may_name_it_and_runs_nothing_by_itself(tmp_path, monkeypatch, capsys):
     """The file is run only where the user names it; another text is another component."""
     monkeypatch.chdir(tmp_path)
@@ -202,6 +204,7 @@ def test_an_unknown_way_of_acting_is_checked(tmp_path):
         check_effect("x.py", replace(dead, variants=lambda *given: 1 / 0))  # type: ignore[arg-type]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("way", ["--answer", "--json", "second name", "record"])
 def test_no_output_replaces_the_file_of_effects(way, tmp_path, capsys):
     path = written(tmp_path)

@@ -128,6 +128,7 @@ def applied(calibration: Any, table: pl.DataFrame, path: Path) -> np.ndarray:
     return apply_calibration(calibration, path).record.specific_force
 
 
+@pytest.mark.acceptance
 def test_a_correction_is_of_each_row_alone(clean, calibration, tmp_path):
     """Test any order of rows and columns, any turn of the table, any number of files, of any kind."""
     complete = applied(calibration, clean, tmp_path / "r.csv")
@@ -144,6 +145,7 @@ def test_a_correction_is_of_each_row_alone(clean, calibration, tmp_path):
     assert np.array_equal(mixed[np.argsort(mixed[:, 0])], complete[np.argsort(complete[:, 0])])
 
 
+@pytest.mark.acceptance
 def test_csv_and_parquet_are_the_same_record(clean, tmp_path):
     """Written digits may be off by half the last one, which the bounds include."""
     clean.write_csv(tmp_path / "r.csv")
@@ -185,6 +187,7 @@ def inspected(table: pl.DataFrame, **options: Any) -> dict:
     return {name: value for name, value in result.items() if name not in FILE}
 
 
+@pytest.mark.acceptance
 def test_an_inspection_knows_no_zero_of_time_and_no_order_of_columns(moved):
     first = inspected(moved)
     later = inspected(moved.with_columns(pl.col("time_s") + 4096.0))
@@ -203,6 +206,7 @@ def test_rates_in_degrees_that_are_said_are_the_same_rates(moved):
     assert np.array(second["turning"]["matrix"]) == pytest.approx(matrix, abs=1e-3)
 
 
+@pytest.mark.acceptance
 def test_an_inspection_of_csv_and_of_parquet_are_the_same(moved, tmp_path):
     moved.write_csv(tmp_path / "r.csv")
     moved.write_parquet(tmp_path / "r.parquet")
@@ -231,6 +235,7 @@ def attitude(table: pl.DataFrame | Path, **options: Any) -> np.ndarray:
     return measured.attitude_of_record(table, **options).attitude
 
 
+@pytest.mark.acceptance
 def test_attitude_is_the_same_of_another_table_of_the_same_motion(moved, tmp_path):
     """Test columns in another order, another kind of file, channels renamed and rates in degrees, with their
     options."""
@@ -320,6 +325,7 @@ def test_settings_in_other_columns_are_the_same_settings(tmp_path):
         assert np.array_equal(entry.angle, second.angle)
 
 
+@pytest.mark.acceptance
 def test_an_imported_record_is_of_its_rows(clean, tmp_path):
     """Columns' order, separator, file and number do not matter; a later clock is later in the record."""
     names = {f"f{k}_mps2": f"f{k} [mg]" for k in (1, 2, 3)}

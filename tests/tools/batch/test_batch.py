@@ -59,6 +59,7 @@ def test_results_equal_single_commands(lot):
         assert result["verdict"] == alone_json["verdict"] == member["verdict"]
 
 
+@pytest.mark.acceptance
 def test_bad_records_are_rows_with_reasons(lot):
     table = pl.read_parquet(lot / "out" / "records.parquet")
     assert table.height == COUNT + 2
@@ -98,6 +99,7 @@ def test_folder_is_one_of_instruments(lot):
     assert entries[0].kind == "calibration"
 
 
+@pytest.mark.acceptance
 def test_resume_works_on_missing_records_alone(lot, tmp_path, monkeypatch):
     files = [lot / f"record-{k}.csv" for k in range(4)]
     whole = th.batch(*files, do="calibrate", noise_bound=SIGMA, out=tmp_path / "whole", jobs=1)
@@ -109,6 +111,7 @@ def test_resume_works_on_missing_records_alone(lot, tmp_path, monkeypatch):
     assert {path: path.stat().st_mtime_ns for path in present} == present
 
 
+@pytest.mark.acceptance
 def test_resume_works_again_on_what_its_files_no_longer_tell(lot, tmp_path):
     """A calibration, a mounting or decisions that changed since change the result."""
     record = tmp_path / "record.csv"
@@ -146,6 +149,7 @@ def test_next_command_opens_a_record_of_the_table(lot, tmp_path, capsys):
     assert shown.endswith(f"Next: trihedron open {lot}/record-2.csv")
 
 
+@pytest.mark.acceptance
 def test_apply_takes_each_instruments_own_calibration(lot, tmp_path):
     applied = th.batch(lot / "lot.csv", do="apply", calibration=lot / "out", out=tmp_path / "applied", jobs=1)
     for member in applied.members[:2]:

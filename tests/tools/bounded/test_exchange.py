@@ -61,6 +61,7 @@ def test_of_many_rows_few_are_given_to_the_solver(paid, monkeypatch):
         assert duals @ residual / (np.abs(duals) @ bound) == pytest.approx(radius, rel=1e-9)
 
 
+@pytest.mark.acceptance
 @settings(max_examples=40)
 @given(st.integers(0, 10**6), st.sampled_from(["normal", "whole numbers", "apart"]))
 def test_the_vertex_that_goes_farthest_is_that_of_the_solver_and_is_proven(seed, kind):

@@ -35,6 +35,7 @@ def standing_at(rows: Rows) -> dict[int, tuple[Possible, NDArray]]:
     return standing
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("spread", [0.1, 1.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_the_union_reaches_as_far_as_the_farthest_of_its_values(seed: int, spread: float) -> None:

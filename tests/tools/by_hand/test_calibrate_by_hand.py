@@ -71,6 +71,7 @@ def test_three_spare_readings_tell_that_the_model_does_not_explain_them() -> Non
     assert th.calibrate(nine, gravity=GRAVITY, noise_bound=1e-3).warnings == []
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("noise", [3e-4, 2e-3])
 @pytest.mark.parametrize("count", [9, 10, 12, 18])
 def test_standard_errors_hold_a_noise_that_only_the_norms_tell(noise: float, count: int) -> None:
@@ -90,6 +91,7 @@ def test_standard_errors_hold_a_noise_that_only_the_norms_tell(noise: float, cou
     assert count < 12 or np.median(worst) < 5.0 * noise
 
 
+@pytest.mark.acceptance
 def test_a_move_in_which_rows_are_lost_is_named() -> None:
     """Half a second of one move is not in the record, and its stamps do not show it."""
     _, table = hand_moved(15)
@@ -99,6 +101,7 @@ def test_a_move_in_which_rows_are_lost_is_named() -> None:
     assert not any("rows lost" in line for line in th.calibrate(table, gravity=GRAVITY).warnings)
 
 
+@pytest.mark.acceptance
 def test_nine_rests_whose_errors_nothing_tests_are_insufficient() -> None:
     """Readings err by 2 mg from rest to rest, seven times as much as is assumed; one more rest shows it."""
     for seed in (2, 5):
@@ -114,6 +117,7 @@ def test_nine_rests_whose_errors_nothing_tests_are_insufficient() -> None:
             assert abs(present(p.estimate) - truth(instrument)[symbol]) < 4.0 * present(p.standard_error), symbol
 
 
+@pytest.mark.acceptance
 def test_a_bias_of_a_gyro_that_drifts_is_named() -> None:
     instrument, table = hand_moved(4, 18)
     drift = 0.004 * pl.col("time_s") / float(table["time_s"][-1])
@@ -124,6 +128,7 @@ def test_a_bias_of_a_gyro_that_drifts_is_named() -> None:
     assert abs(present(result["B2"].estimate) - truth(instrument)["B2"] - 0.002) < error < 0.003
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("seed", "step"), [(1, 0.002), (2, 0.01)])
 def test_a_bias_of_a_gyro_that_changes_is_named_and_its_error_holds_that(seed: int, step: float) -> None:
     instrument, table = hand_moved(seed, 18)
@@ -141,6 +146,7 @@ def test_a_bias_of_a_gyro_that_changes_is_named_and_its_error_holds_that(seed: i
     assert not any("rates at rest" in line for line in th.calibrate(table, gravity=GRAVITY).warnings)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("step", [np.radians(1.0), 1e-3])
 def test_steps_of_gyros_wider_than_their_noise_are_in_the_errors_of_biases(step: float) -> None:
     """At rest they read one number, which may be wrong by half a step."""
@@ -152,6 +158,7 @@ def test_steps_of_gyros_wider_than_their_noise_are_in_the_errors_of_biases(step:
         assert abs(present(p.estimate) - truth(instrument)[symbol]) < 3.0 * present(p.standard_error), symbol
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [15, 16])
 def test_gyros_come_from_the_other_moves_where_rows_of_two_are_lost(seed: int) -> None:
     """Half a second of two moves is not in the record; in that of seed 16 one of them seems to be a cut."""
@@ -210,6 +217,7 @@ def test_six_faces_leave_the_misalignments_open_and_three_edges_close_them() -> 
         assert result[symbol].estimate == pytest.approx(truth(instrument)[symbol], abs=1e-3)
 
 
+@pytest.mark.acceptance
 def test_gyros_and_accelerometers_of_a_block_moved_by_hand() -> None:
     instrument, table = hand_moved(2)
     result = th.calibrate(table, gravity=GRAVITY)
@@ -223,6 +231,7 @@ def test_gyros_and_accelerometers_of_a_block_moved_by_hand() -> None:
     assert "S11" not in result
 
 
+@pytest.mark.acceptance
 def test_sensitivity_to_gravity_is_taken_where_it_is_proven() -> None:
     instrument, table = hand_moved(4, 20, sensitivity=True)
     result = th.calibrate(table, gravity=GRAVITY)
@@ -310,6 +319,7 @@ def ends_of_norms(x: np.ndarray, reading: np.ndarray, bound: float) -> np.ndarra
     return np.array(ends)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "count"), [(6, 20), (4, 40), (13, 40), (2, 80), (26, 80)])
 def test_estimates_with_a_bound_keep_every_reading_within_it_together(seed: int, count: int) -> None:
     """Every error is at its bound: least squares then leave more than it, and no parameter beyond its interval."""

@@ -111,6 +111,7 @@ def ends_of_windows(x: np.ndarray, turn: np.ndarray, rise: np.ndarray, seconds: 
     return attitude
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "name", ["simulated", *(pytest.param(f"broad-{n}", marks=pytest.mark.acceptance) for n in ("03", "06", "08", "21"))]
 )

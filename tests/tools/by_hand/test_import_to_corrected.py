@@ -16,6 +16,7 @@ def run(*arguments: str) -> int:
     return main(list(arguments))
 
 
+@pytest.mark.acceptance
 def test_a_log_of_accelerometers_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     rng, instrument = np.random.default_rng(1), Instrument(1)
@@ -32,6 +33,7 @@ def test_a_log_of_accelerometers_alone(tmp_path: Path, monkeypatch: pytest.Monke
     assert np.linalg.norm(rests, axis=1) == pytest.approx(np.full(14, GRAVITY), abs=5e-3)
 
 
+@pytest.mark.acceptance
 def test_a_log_of_phyphox_with_the_size_beside_the_axes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     rng, instrument = np.random.default_rng(3), Instrument(3)
@@ -76,6 +78,7 @@ def test_columns_that_may_be_gyros_are_asked_for(tmp_path: Path, monkeypatch: py
     assert not Path("record.csv").exists()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("head", ["Lage", "Position", "Orientierung"])
 def test_a_workbook_whose_positions_are_faces(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, head: str

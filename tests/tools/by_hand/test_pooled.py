@@ -23,6 +23,7 @@ def at_the_bound(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray
     return rng.choice([-BOUND, BOUND], shape)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 100), marks=pytest.mark.acceptance)])
 def test_runs_of_few_poses_with_errors_at_their_bound_are_one_instrument(seeds: range) -> None:
     ratios = []
@@ -59,6 +60,7 @@ def test_the_norms_of_all_runs_tell_the_errors_that_nobody_gave(sd: float, seeds
     assert np.median(pose_errors) < 4.0 * sd
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 40), marks=pytest.mark.acceptance)])
 def test_a_run_of_another_instrument_breaks_the_bound_of_all(seeds: range) -> None:
     for seed in seeds:
@@ -137,6 +139,7 @@ def test_biases_are_shared_where_that_is_asked_for() -> None:
         th.calibrate_together(*tables, noise_sd=SD, shared=["gamma-*"])
 
 
+@pytest.mark.acceptance
 def test_a_table_and_a_record_by_hand_are_pooled_by_the_norm_of_gravity() -> None:
     """The record by hand alone has too few rests for the gyros' axes."""
     instrument, hand = hand_moved(21, 7, error=SD)
@@ -156,6 +159,7 @@ def test_a_table_and_a_record_by_hand_are_pooled_by_the_norm_of_gravity() -> Non
     assert present(result["M11"].standard_error) <= 1.05 * present(alone["M11"].standard_error)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("count", [7, 20])
 def test_gyros_of_one_run_are_there_beside_a_table_of_poses(count: int) -> None:
     """Which run knows its accelerometers worse does not matter."""

@@ -52,6 +52,7 @@ def test_a_turn_in_the_wrong_sense_is_refused_in_one_line() -> None:
         th.calibrate(table.drop("part").with_columns(turn=pl.lit("once round")), gravity=GRAVITY)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("angle", "words"),
     [
@@ -79,6 +80,7 @@ def test_turns_that_are_all_given_wrong_are_left_out_or_doubted(angle: int, word
             th.calibrate(table.with_columns(part=pl.col("part").str.replace("360", refused)), gravity=GRAVITY)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [15, pytest.param(16, marks=pytest.mark.acceptance)])
 def test_rows_that_are_lost_under_even_stamps_are_seen_in_the_moves(seed: int) -> None:
     """All turns are read 3 % too small, and no scale factor error of usual size contradicts that."""
@@ -97,6 +99,7 @@ def test_rows_that_are_lost_under_even_stamps_are_seen_in_the_moves(seed: int) -
         assert not any("lost" in line for line in th.calibrate(right, gravity=GRAVITY).warnings)
 
 
+@pytest.mark.acceptance
 def test_a_clock_that_is_fast_is_named_beside_the_scale_factors_it_shows_as() -> None:
     _, table = hand_moved(15, 18)
     fast = th.calibrate(table.with_columns(pl.col("time_s") * 1.05), gravity=GRAVITY)
@@ -104,6 +107,7 @@ def test_a_clock_that_is_fast_is_named_beside_the_scale_factors_it_shows_as() ->
     assert not any("clock" in line for line in th.calibrate(table, gravity=GRAVITY).warnings)
 
 
+@pytest.mark.acceptance
 def test_known_turns_are_found_among_the_moves_where_words_tell_them() -> None:
     rng = np.random.default_rng(6)
     instrument = Instrument(6)
@@ -145,6 +149,7 @@ def test_turns_and_moves_over_the_end_of_a_gyros_range_are_left_out() -> None:
         th.calibrate(clipped.drop("part"), gravity=GRAVITY, turns="3:360,2:360")
 
 
+@pytest.mark.acceptance
 def test_a_turn_that_the_moves_contradict_is_not_used() -> None:
     """The block turned by 330° about axis 3, and moves know its gyro."""
     instrument, table = hand_moved(13)
@@ -164,6 +169,7 @@ def test_a_turn_that_the_moves_contradict_is_not_used() -> None:
     assert not any("turn 1" in line for line in th.calibrate(right, gravity=GRAVITY).warnings)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("wrong", "used"), [({"+1": "-2"}, 5), ({"+1": "-2", "+2": "-3", "+3": "-1"}, 0)])
 def test_faces_that_the_readings_contradict_are_not_used(wrong: dict[str, str], used: int) -> None:
     instrument, table = ferraris(14)
@@ -177,6 +183,7 @@ def test_faces_that_the_readings_contradict_are_not_used(wrong: dict[str, str], 
         assert abs(present(result[symbol].estimate) - truth(instrument)[symbol]) < 3.0 * error, symbol
 
 
+@pytest.mark.acceptance
 def test_sections_that_are_cut_together_are_separate_rests(tmp_path: Path) -> None:
     instrument, table = ferraris(7)
     cut = table.drop("part")[: 6 * 450]
@@ -190,6 +197,7 @@ def test_sections_that_are_cut_together_are_separate_rests(tmp_path: Path) -> No
     assert not th.inspect(cut, gravity=GRAVITY).trust.faults
 
 
+@pytest.mark.acceptance
 def test_rests_of_a_file_and_a_wider_limit(tmp_path: Path) -> None:
     instrument, table = hand_moved(9)
     begins = [5.0 * number + 0.3 for number in range(14)]
@@ -219,6 +227,7 @@ def filmed(seed: int, run: int, frame: Rotation, resting_s: float = 2.0) -> pl.D
     return table.with_columns([pl.Series(f"q{number}", true[:, number]) for number in range(4)])
 
 
+@pytest.mark.acceptance
 def test_a_true_attitude_of_other_axes_leaves_the_gyros_in_those_of_the_accelerometers() -> None:
     """Cameras see axes that are turned by 16 degrees; two runs, each with its own, are pooled."""
     frames = [Rotation.from_rotvec(turn) for turn in ([0.1, -0.2, 0.15], [-0.2, 0.1, 0.05])]
@@ -239,6 +248,7 @@ def of_true_axes(instrument: Instrument, frame: Rotation) -> dict[str, float]:
     return dict(zip(MATRIX, (instrument.gyro_matrix @ frame.as_matrix() - np.eye(3)).ravel(), strict=True))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [18, pytest.param(19, marks=pytest.mark.acceptance)])
 def test_runs_of_a_true_attitude_without_rests_are_pooled(seed: int) -> None:
     """Each run has axes of its own: M is in those of the first, or in the accelerometers' where a run shows them."""
@@ -267,6 +277,7 @@ def test_runs_of_a_true_attitude_without_rests_are_pooled(seed: int) -> None:
     assert all(p.possible(truth(instrument)[p.symbol]) for p in bounded.parameters if p.bounded)
 
 
+@pytest.mark.acceptance
 def test_a_true_attitude_tells_gyros_and_their_lag() -> None:
     rng = np.random.default_rng(11)
     instrument = Instrument(11)

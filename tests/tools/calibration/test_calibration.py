@@ -20,6 +20,7 @@ IDENTITY = np.eye(3)
 READING = elementary_reading(random_bench(np.random.default_rng(1)), ALPHA, BETA, IDENTITY)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "noise_bound", [SIGMA, 1e-10, 1e-2, *(pytest.param(bound, marks=pytest.mark.acceptance) for bound in (1e-7, 1e-3))]
 )
@@ -36,6 +37,7 @@ def test_truth_is_in_every_interval(noise_bound):
         assert noise_bound > SIGMA or misses(result, truth) == [], seed
 
 
+@pytest.mark.acceptance
 def test_without_noise_estimates_are_exact_and_intervals_as_wide_as_guaranteed():
     for seed in range(5):
         bench = random_bench(np.random.default_rng(seed))
@@ -191,6 +193,7 @@ INSUFFICIENT = {
 }
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("plan", INSUFFICIENT)
 def test_too_little_is_insufficient_what_is_known_is_right_and_the_positions_mend_it(plan):
     alpha, beta = (np.asarray(angles) for angles in INSUFFICIENT[plan])
@@ -259,6 +262,7 @@ def positions_with_inputs_at_zero(bench, rng) -> tuple[np.ndarray, np.ndarray]:
     return alpha, beta
 
 
+@pytest.mark.acceptance
 def test_readings_with_open_signs_are_kept_and_do_not_deceive():
     opened = 0
     for seed in range(6):
@@ -378,6 +382,7 @@ def test_a_hundred_thousand_rests_with_bounded_memory(capsys):
     assert peak < 1500
 
 
+@pytest.mark.acceptance
 def test_pairs_are_projections_of_the_feasible_set():
     bench, some = many_positions(40)
     result = calibrate(some, noise_bound=SIGMA)

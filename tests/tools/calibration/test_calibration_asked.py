@@ -250,6 +250,7 @@ def test_an_accelerometer_that_stands_still_is_said_to_be_dead_whatever_the_nois
         calibrate(record(reading, ALPHA, BETA), noise_bound=1e-5, baseline=baseline)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [28, 45, 81])
 def test_a_step_so_long_that_its_misfit_is_infinite_is_halved_without_a_warning(seed):
     """With random readings the fit reaches a point at which a square overflows."""

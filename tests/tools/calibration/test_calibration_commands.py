@@ -39,6 +39,7 @@ def run(capsys, *arguments: str) -> tuple[int, str, str]:
     return status, captured.out, captured.err
 
 
+@pytest.mark.acceptance
 def test_a_calibration_is_written_applied_and_leaves_a_block_without_errors(folder, capsys):
     command = ["calibrate", "p.csv", "--noise-bound", "1e-5", "--json", "c.json", "--ssv", "c.ssv"]
     status, out, _ = run(capsys, *command)

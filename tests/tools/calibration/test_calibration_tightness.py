@@ -39,6 +39,7 @@ def fitted(seed: int, noise: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.n
     return truth, reading, fit_record(record(reading), noise_bound=SIGMA)
 
 
+@pytest.mark.acceptance
 def test_a_worst_case_noise_attains_the_guaranteed_error():
     """The readings belong to another bench as well: no estimator can separate the two."""
     truth, reading, linearised = fitted(2)

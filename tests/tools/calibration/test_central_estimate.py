@@ -117,6 +117,7 @@ def test_readings_corrected_by_it_are_better_than_by_the_a_priori_estimates(coun
     assert a_priori > gain * tilt
 
 
+@pytest.mark.acceptance
 def test_least_squares_and_its_standard_error_are_what_practitioners_know():
     """In Gaussian noise errors agree with the standard errors; the fit is that of ordinary least squares."""
     ratios = []

@@ -61,6 +61,7 @@ def test_an_array_of_another_shape_is_refused(readings):
         correction(np.zeros((4, 3)), np.zeros((4, 3)))
 
 
+@pytest.mark.acceptance
 def test_standard_errors_are_the_scatter_of_corrections_by_drawn_parameters():
     instrument = Instrument(5)
     force, _ = motion(5, 6)
@@ -136,6 +137,7 @@ def test_parameters_of_components_are_those_of_the_instrument():
     np.testing.assert_allclose(np.reshape(gyros[0]["scale_misalignment"], (3, 3)), instrument.gyro_matrix - np.eye(3))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("sensitivity", [False, True])
 def test_fmus_of_a_calibration_correct_its_readings(tmp_path, sensitivity):
     """The exported compensations start with the calibrated values, and their output equals the correction."""
@@ -177,6 +179,7 @@ def test_fmus_of_a_calibration_correct_its_readings(tmp_path, sensitivity):
     np.testing.assert_allclose(correction(instrument.readings(force)), force, rtol=0, atol=1e-12)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("lag", [0.004, 0.1, 0.13])
 def test_the_gyros_of_a_calibration_lag_in_the_exported_block(tmp_path, lag):
     """The block reads its input of `lag` ago, here of rates that grow steadily, which no step changes."""

@@ -25,6 +25,7 @@ def test_gaussian_errors_of_many_positions_falsify_no_model(count):
     assert false_alarms(range(3), count, "Gaussian") + false_alarms(range(3), count, "Gaussian", 6) == 0
 
 
+@pytest.mark.acceptance
 def test_heavy_tails_stand_mostly_by_many_repeats():
     assert false_alarms(range(10), 24, "t(5)", 6) <= 2
 
@@ -45,6 +46,7 @@ def test_clean_records_with_repeats_from_the_field_stand(name, tmp_path):
     assert "visits to 6 repeated positions" in result.sigma.basis
 
 
+@pytest.mark.acceptance
 def test_a_standard_deviation_says_which_sigma_it_makes(tmp_path, capsys):
     path = tmp_path / "record.csv"
     write_record(clean_record(2, 48, "Gaussian"), path)
@@ -58,6 +60,7 @@ def test_a_standard_deviation_says_which_sigma_it_makes(tmp_path, capsys):
     assert th.diagnose(path, noise_sd=5e-6).calibration.sigma == th.calibrate(path, noise_sd=5e-6).sigma
 
 
+@pytest.mark.acceptance
 def test_several_records_have_the_sigma_of_all_their_positions():
     record = clean_record(3, 48, "Gaussian")
     records = [record.selected(np.arange(24)), record.selected(np.arange(24, 48))]

@@ -49,6 +49,7 @@ def test_every_signed_permutation_is_said_with_the_order_that_mends_it(hidden):
         np.testing.assert_array_equal(plain[0].of_accelerometers, matrix)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("part", [0.0, 0.1, 0.25, 0.5, 0.9])
 def test_channels_that_change_during_a_run_are_advised_nothing(part):
     """Channels exchanged from a row on, with at least two telling rows on each side, are an effect, not a way of
@@ -82,6 +83,7 @@ WAYS = {
 }
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", WAYS)
 def test_all_that_is_listed_mends_the_record_and_nothing_is_applied_silently(clean, name):
     spoil, first = WAYS[name]
@@ -156,6 +158,7 @@ def test_channels_that_were_said_wrongly_are_said_anew_for_the_file(clean):
     assert "no --channels" in message
 
 
+@pytest.mark.acceptance
 def test_a_raw_record_is_read_so_before_its_rests_are_averaged(tmp_path):
     raw, _ = Bench(white=5e-6).run(PROGRAMME)
     mirrored = replace(raw, alpha=-raw.alpha, specific_force=raw.specific_force[:, [0, 2, 1]])

@@ -95,6 +95,7 @@ def test_kalibr_reads_the_densities_and_its_equation_gives_the_readings(case):
     np.testing.assert_allclose(rates, case.rates, rtol=0, atol=1e-12)
 
 
+@pytest.mark.acceptance
 def test_kalibr_takes_the_noise_of_a_result(case):
     yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
     rng = np.random.default_rng(4)

@@ -52,6 +52,7 @@ def warmed(tmp_path_factory) -> tuple[Path, dict[str, Any]]:
     return folder, json.loads((folder / "answer.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.acceptance
 def test_fmus_start_with_an_effect_that_was_calibrated_too(warmed):
     folder, answer = warmed
     place, size = answer["hidden"]["where"], answer["hidden"]["parameters"]["coefficient"]
@@ -72,6 +73,7 @@ def test_fmus_start_with_an_effect_that_was_calibrated_too(warmed):
     np.testing.assert_allclose(cold / 9.80665, expected, atol=2e-3)
 
 
+@pytest.mark.acceptance
 def test_what_no_equation_takes_out_is_said_by_every_export(warmed, capsys):
     folder, answer = warmed
     title = f"temperature-bias {answer['hidden']['where']}"
@@ -94,6 +96,7 @@ parameters_from = "c.json"
 """
 
 
+@pytest.mark.acceptance
 def test_parameters_of_a_scenario_need_the_effects_beside_which_they_were_calibrated(warmed, capsys):
     folder, answer = warmed
     scenario = folder / "scenario.toml"
@@ -103,6 +106,7 @@ def test_parameters_of_a_scenario_need_the_effects_beside_which_they_were_calibr
     assert f"was solved beside temperature-bias {answer['hidden']['where']}" in line
 
 
+@pytest.mark.acceptance
 def test_effects_of_gyros_alone_are_in_fmus_and_in_no_equation(tmp_path, capsys):
     record, diagnosis, calibration = (str(tmp_path / name) for name in ("r.csv", "d.json", "c.json"))
     answer = tmp_path / "answer.json"
@@ -129,6 +133,7 @@ def test_effects_of_gyros_alone_are_in_fmus_and_in_no_equation(tmp_path, capsys)
     assert "calibrate without --with, or use FMUs" in line
 
 
+@pytest.mark.acceptance
 def test_lags_and_places_of_a_bench_in_motion_are_in_fmus_and_said_elsewhere(warmed, tmp_path):
     """Parameters whose intervals exclude zero; an effect at the same place adds to the lag of all accelerometers."""
     content = json.loads((warmed[0] / "c.json").read_text(encoding="utf-8"))

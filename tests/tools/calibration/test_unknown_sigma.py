@@ -56,6 +56,7 @@ def test_scatter_within_rests_is_no_bound(white, tmp_path):
     assert promises(pages_of(result, tmp_path)) == []
 
 
+@pytest.mark.acceptance
 def test_scatter_that_the_model_exceeds_is_no_bound_either(tmp_path):
     """Errors are constant over a rest, a hundred times its scatter: least squares are given, with positions to
     repeat."""
@@ -98,6 +99,7 @@ def test_a_bound_that_is_given_is_one():
     assert "(guaranteed; `trihedron apply` corrects)" in str(result)
 
 
+@pytest.mark.acceptance
 def test_a_series_from_the_field_without_a_bound_is_not_guaranteed(tmp_path):
     packed = FIELD / "raw_no_sigma.csv.gz"
     if not packed.exists():

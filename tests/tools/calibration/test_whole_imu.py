@@ -103,11 +103,13 @@ def result(record) -> Calibration:
     return calibration_of(record)
 
 
+@pytest.mark.acceptance
 def test_a_diagnosis_of_the_rests_says_that_the_gyros_are_left_out(record):
     warnings = bench_evidence(position_record_of(record), noise_bound=1e-5).reader.head()["warnings"]
     assert sum("the gyros of this bench record are left out" in text for text in warnings) == 1
 
 
+@pytest.mark.acceptance
 def test_the_model_gives_what_an_exact_bench_integrates(truth):
     """Without errors of readings, only the sampling of moves of both axes at once remains."""
     exact = bench_record(truth, replace(PROGRAMME, step=0.01), Errors(force=0.0, rate=0.0))
@@ -148,6 +150,7 @@ def test_the_lag_of_a_gyro_block_is_in_its_interval(seed, lag):
         assert parameter.low <= truth[parameter.symbol] <= parameter.high, parameter.symbol
 
 
+@pytest.mark.acceptance
 def test_derivatives_are_those_of_the_model(record, truth):
     pieces = turns(record)
     x, g = np.array(truth.targets), np.array(truth.gyros)
@@ -166,6 +169,7 @@ def test_every_interval_holds_the_truth(result, truth):
     assert all(p.determined for p in result.of_gyros)
 
 
+@pytest.mark.acceptance
 def test_latencies_are_told_beside_places_that_nobody_knows(result, truth):
     """Accelerometers centimetres from the crossing of the axes and milliseconds late are known to microseconds."""
     for e, x in zip(result.of_gyros[-2:], truth.lags, strict=True):
@@ -179,6 +183,7 @@ def test_latencies_are_told_beside_places_that_nobody_knows(result, truth):
     assert np.abs(truth.lags).max() > 1e-3
 
 
+@pytest.mark.acceptance
 def test_accelerometers_of_different_lags_have_no_latency_and_all_else_stands(record, result):
     force = record.specific_force.copy()
     force[1:, 1] = force[:-1, 1]
@@ -200,6 +205,7 @@ def test_what_both_determine_is_never_known_worse_and_the_leaning_of_the_axes_be
     assert lean.with_gyros < 0.75 * lean.accelerometers_alone
 
 
+@pytest.mark.acceptance
 def test_a_truth_as_far_as_the_guaranteed_error_gives_records_within_the_bounds(record):
     """Each a-priori error is attained by two benches that far apart, whose readings differ by the bounds at most."""
     rests = position_record_of(record)
@@ -291,6 +297,7 @@ def test_exchanged_gyros_are_refused_with_the_option(record):
         calibration_of(replace(record, increment=record.increment[:, [1, 0, 2]]))
 
 
+@pytest.mark.acceptance
 def test_an_inspection_judges_the_accelerometers_by_the_table(record):
     """Their scale factors depend on the sign, for which the table's angles are needed: the norm of gravity is not
     enough."""
@@ -304,6 +311,7 @@ def test_an_inspection_judges_the_accelerometers_by_the_table(record):
     assert "at_table" not in strapdown.to_json()
 
 
+@pytest.mark.acceptance
 def test_a_bench_record_is_known_by_its_columns(record, tmp_path):
     first = slice(0, 3000)
     part = BenchRecord(
@@ -364,6 +372,7 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     assert abs(np.linalg.norm(rate[1]) - 7.292e-5) < 4e-5
 
 
+@pytest.mark.acceptance
 def test_where_a_record_was_measured_its_comment_lines_say(record, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     comments = {"latitude_deg": str(PLACE.latitude_deg), "azimuth_deg": str(PLACE.azimuth_deg - 360.0)}
@@ -381,6 +390,7 @@ def test_where_a_record_was_measured_its_comment_lines_say(record, tmp_path, cap
         bench_at(position_record_of(replace(record, about=comments | {"azimuth_deg": "north"})))
 
 
+@pytest.mark.acceptance
 def test_the_true_attitude_by_the_table_is_that_of_the_bench(record, result, truth, tmp_path):
     """The turn between any two rows agrees with the exact bench's, within the given bounds."""
     strapdown = strapdown_by_table(result, position_record_of(record), PLACE)
@@ -416,6 +426,7 @@ def test_against_inertial_space_the_earth_is_no_error_of_the_gyros(truth):
     assert within[1] < 0.2 * within[0]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("first", "stop"), [(168, 372), (100, 300), (60, 500)])
 def test_accelerometers_stuck_over_moves_leave_too_few_rests_and_no_error(first, stop, tmp_path, capsys):
     """Rests that are lost leave mountings all but open: the programme's centre is then anywhere."""

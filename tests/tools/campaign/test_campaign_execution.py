@@ -89,6 +89,7 @@ def test_an_interrupted_campaign_is_whole_and_goes_on(tmp_path, unbroken, stoppe
     assert content(tmp_path / "out") == unbroken
 
 
+@pytest.mark.acceptance
 def test_what_is_not_whole_is_computed_again(tmp_path, unbroken):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     run_campaign(path, out, jobs=1)
@@ -130,6 +131,7 @@ def test_workers_of_other_code_are_refused(tmp_path, monkeypatch):
         run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", jobs=1)
 
 
+@pytest.mark.acceptance
 def test_two_processes_do_not_work_in_one_folder(tmp_path, monkeypatch):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     run, locks = CalibrationRuns.run, []

@@ -62,6 +62,7 @@ sensitivity = ["largest_error_rad"]
 """
 
 
+@pytest.mark.acceptance
 def test_sobol_indices_of_a_function_of_which_they_are_known(tmp_path):
     """Use Ishigami's function, a = 7, b = 0.1: its indices are published (Saltelli et al. 2008, section 4.3)."""
 
@@ -154,6 +155,7 @@ def test_wilsons_interval():
     assert rate(np.zeros(0, dtype=bool))["rate"] is None
 
 
+@pytest.mark.acceptance
 def test_the_page_has_a_picture_of_each_and_repeats(tmp_path, capsys):
     store = made(tmp_path, SWEPT, swept, lambda run: run == 5)
     assert cli.main(["campaign-report", str(tmp_path)]) == 0
@@ -181,6 +183,7 @@ def test_the_same_campaign_twice_is_no_change(tmp_path):
     assert len(result.changes) == 5
 
 
+@pytest.mark.acceptance
 def test_a_regression_is_named_and_stops_at_the_gate(tmp_path, capsys):
     made(tmp_path / "old", SWEPT, swept)
     made(tmp_path / "new", SWEPT, worse)
@@ -210,6 +213,7 @@ def test_more_failures_and_worse_verdicts_are_regressions(tmp_path):
     assert verdicts["inside"] == "same"
 
 
+@pytest.mark.acceptance
 def test_other_draws_are_two_samples_and_chance_alone_is_not_called_a_change(tmp_path):
     """Compare campaigns that differ by their seeds alone, ten times; each may report a change in 1 %."""
     called = 0

@@ -55,6 +55,7 @@ def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, c
     assert "responds to the square" in Path("d.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.acceptance
 def test_dwell_scatter_alone_falsifies_nothing(tmp_path, monkeypatch, capsys):
     """In a clean run without --noise-bound, errors held over a rest do not show in the scatter, so nothing is
     proved."""
@@ -99,6 +100,7 @@ def test_a_fault_of_the_program_is_one_line_and_status_one(capsys, monkeypatch):
     assert "a fault of the program: ZeroDivisionError" in err
 
 
+@pytest.mark.acceptance
 def test_the_program_is_found_under_its_name():
     """Run it as installed, from another folder, with nothing of the checkout on the path."""
     program = Path(sys.executable).with_name("trihedron")

@@ -76,7 +76,7 @@ LONG = (
 INTERRUPTIBLE = [c for c in QUICK if c.arguments[0] not in ("completion", "doctor")]
 
 
-@pytest.mark.first(6)
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     "command",
     [pytest.param(c, marks=[pytest.mark.acceptance] if c.title in LONG else []) for c in INTERRUPTIBLE],

@@ -76,6 +76,7 @@ def test_the_commands_lead_from_a_fault_to_a_calibration(kind: str, seed: int, c
     assert json.loads(Path("calibration.json").read_text())["verdict"] == "consistent"
 
 
+@pytest.mark.acceptance
 def test_rows_left_out_before_stay_left_out(capsys):
     wrong = with_wrong_rows(7, "angle", 36, 3)
     write_record(wrong.record, Path("record.csv"))

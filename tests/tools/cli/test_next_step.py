@@ -61,6 +61,7 @@ def run(line: str, capsys: pytest.CaptureFixture[str]) -> str:
     return capsys.readouterr().out
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("no_pictures", "here")
 @pytest.mark.parametrize("command", VERDICTS)
 def test_every_verdict_ends_with_a_command_that_runs(command: Command, capsys):
@@ -73,6 +74,7 @@ def test_every_verdict_ends_with_a_command_that_runs(command: Command, capsys):
         run(next_of(text), capsys)
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("no_pictures", "here")
 @pytest.mark.parametrize("beginning", BEGINNINGS)
 def test_a_reader_who_follows_the_commands_comes_to_an_end(beginning: str, capsys):
@@ -118,6 +120,7 @@ def test_json_on_standard_output_has_no_next_command(capsys):
     assert json.loads(capsys.readouterr().out)["rows"] > 0
 
 
+@pytest.mark.acceptance
 def test_accelerometers_alone_lead_to_a_calibration_and_a_record_at_rest_to_its_noise(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(1)

@@ -63,6 +63,7 @@ def test_a_full_disk_behind_standard_output_is_one_line(arguments, record):
     assert process.stderr == "trihedron: standard output: cannot be written (No space left on device)\n"
 
 
+@pytest.mark.acceptance
 def test_an_output_without_greek_letters_gets_the_result_all_the_same(record):
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     process = subprocess.run(

@@ -29,6 +29,7 @@ def imported_by(*arguments: str) -> set[str]:
     return set(output.stdout.splitlines()[-1].split())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -52,6 +53,7 @@ def test_the_list_of_heavy_modules_is_one_of_modules_that_are_used():
     assert {"numpy", "polars", "fmpy", "pydantic", "trihedron.models", "trihedron.fmus"} <= present
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", ["x.fmu", "x.ssp"])
 def test_an_archive_is_refused_before_what_reads_records_is_imported(name: str, tmp_path: Path):
     (tmp_path / name).write_bytes(b"PK")
@@ -60,6 +62,7 @@ def test_an_archive_is_refused_before_what_reads_records_is_imported(name: str, 
     assert present & {"scipy", "numba", "highspy", "matplotlib", "trihedron.tools.records.read"} == set()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("command", [["check"], ["calibrate", "--noise-bound", "1e-5"]], ids=" ".join)
 def test_a_short_calibration_starts_without_compiler_and_simulation(command: list[str], tmp_path: Path):
     rng = np.random.default_rng(24)
@@ -74,6 +77,7 @@ def test_a_short_calibration_starts_without_compiler_and_simulation(command: lis
     assert present & (slow | simulation) == set()
 
 
+@pytest.mark.acceptance
 def test_a_plan_imports_nothing_that_reads_records_or_makes_components():
     present = imported_by("plan", "target", "X4", "--quiet")
     assert "highspy" in present
@@ -104,6 +108,7 @@ def test_plain_text_where_there_is_no_terminal():
             assert "\x1b" not in process.stdout + process.stderr
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_knows_every_command_and_its_options(shell: str, capsys):
     assert cli.main(["completion", shell]) == 0

@@ -91,6 +91,7 @@ def test_what_the_machine_is_short_of(error: Exception, printed: str, capsys: py
     assert printed in one_printable_line(capsys)
 
 
+@pytest.mark.acceptance
 @posix
 @pytest.mark.parametrize(
     ("limit", "least", "words", "printed"),

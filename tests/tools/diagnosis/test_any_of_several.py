@@ -111,6 +111,7 @@ def test_an_unexplained_record_is_calibrated_with_the_sets_that_stand_with_a_giv
     assert size.low <= 6e-4 <= size.high
 
 
+@pytest.mark.acceptance
 def test_a_falsified_calibration_states_the_option_with_which_it_stands():
     for seed in range(6):
         _, record = faint(seed, QUADRATIC, (3e-4,))

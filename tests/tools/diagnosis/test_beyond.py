@@ -76,6 +76,7 @@ def truth_and_ends(beyond: Beyond, truth) -> tuple[np.ndarray, np.ndarray, np.nd
     return truths[np.searchsorted(possible.knots, at)], ends[:, 0], ends[:, 1]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("power", [3, 5])
 def test_the_truth_is_in_the_band_and_among_the_laws(power: int):
     beyond = of_power(power)
@@ -179,6 +180,7 @@ def test_a_function_times_a_sine_of_an_angle_is_told_by_its_formula_and_extends_
     )
 
 
+@pytest.mark.acceptance
 def test_without_a_proof_there_is_no_band():
     _, reading, alpha, beta = bench_of(11)
     clean = diagnose(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND, rerun=False)
@@ -205,6 +207,7 @@ def test_what_is_in_no_catalogue_extends_the_model_and_is_no_cause():
     assert extension.gain.improves
 
 
+@pytest.mark.acceptance
 def test_at_its_knots_a_table_is_what_its_parameters_say_and_its_intervals_hold_the_truth():
     _, result = of_bump()
     extension = result.extension
@@ -242,6 +245,7 @@ def test_a_person_may_have_the_model_extended_though_the_catalogue_has_a_cause()
     assert result.extension.kind in ("formula", "lookup")
 
 
+@pytest.mark.acceptance
 def test_where_a_ramp_begins_is_within_its_interval():
     _, reading, alpha, beta = bench_of(5)
     record = position_record(reading, alpha, beta)
@@ -253,6 +257,7 @@ def test_where_a_ramp_begins_is_within_its_interval():
     assert any(low <= start <= high for low, high in ramps)
 
 
+@pytest.mark.acceptance
 def test_a_jump_in_temperature_is_told_where_it_is():
     rng, reading, alpha, beta = bench_of(6)
     record = position_record(reading, alpha, beta)

@@ -128,6 +128,7 @@ def test_the_power_is_what_can_hide():
             assert chebyshev_radius(nominal, columns @ values, np.ones(len(nominal)))[0] > 2.0
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("index", [0, 3])
 def test_a_table_predicts_where_few_readings_determine_its_knots(tmp_path, index):
     """A bump of the rate, and a wave of specific force between rests: plain least squares made predictions worse."""

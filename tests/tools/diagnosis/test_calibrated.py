@@ -38,6 +38,7 @@ def ends(calibration: Calibration) -> dict[tuple[str, str | None], tuple[float, 
     }
 
 
+@pytest.mark.acceptance
 def test_together_each_interval_lies_in_that_of_every_record():
     """All of them hold the truth, so none may be outside; the instrument's are narrower than any record's own."""
     records = of_one_instrument(21, positions=20)
@@ -53,6 +54,7 @@ def test_together_each_interval_lies_in_that_of_every_record():
             assert estimate.low - 1e-9 <= low < high <= estimate.high + 1e-9
 
 
+@pytest.mark.acceptance
 def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_together(tmp_path, capsys):
     for name, record in zip("abc", of_one_instrument(17, positions=6), strict=True):
         write_record(record, tmp_path / f"{name}.csv")
@@ -80,6 +82,7 @@ def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_togethe
         assert why in capsys.readouterr().err
 
 
+@pytest.mark.acceptance
 def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, capsys):
     """A record among them has its own biases, another one those of the last; its promise is tighter."""
     *records, another = of_one_instrument(21, 3, positions=20)
@@ -129,6 +132,7 @@ def test_what_the_records_leave_open_has_no_estimate():
     assert sum("." in row for row in rows) == len(parameters) - len(still_open)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("own_symbols", [(), ("X4", "X5")])
 def test_a_scale_factor_that_changed_falsifies_that_it_is_shared_and_not_that_it_is_each_records_own(own_symbols):
     rng = np.random.default_rng(4)
@@ -158,6 +162,7 @@ def of_joint_schema(together: Calibration) -> dict[str, Any]:
     return former | {"of_records": of_records, "parameters": parameters}
 
 
+@pytest.mark.acceptance
 def test_a_file_of_the_former_schema_of_several_records_is_still_read(tmp_path):
     together = calibrate_together(*of_one_instrument(21, positions=20), noise_bound=SIGMA)
     path = tmp_path / "former.json"

@@ -182,6 +182,7 @@ def test_a_file_is_calibrated_without_the_rows_that_the_diagnosis_of_that_file_n
         assert result[symbol].low <= value <= result[symbol].high
 
 
+@pytest.mark.acceptance
 def test_a_diagnosis_that_was_edited_is_refused():
     session, angles, reading = noisy(7, 1.7)
     record = session.recorded(angles, reading)
@@ -195,6 +196,7 @@ def test_a_diagnosis_that_was_edited_is_refused():
         th.calibrate(record, explained_by=diagnosis.model_copy(update={"explanations": (rows,)}))
 
 
+@pytest.mark.acceptance
 def test_rows_of_one_record_are_not_left_out_of_another():
     session, angles, reading = noisy(8)
     right = session.recorded(angles.copy(), reading)
@@ -205,6 +207,7 @@ def test_rows_of_one_record_are_not_left_out_of_another():
         th.calibrate(right, explained_by=diagnosis)
 
 
+@pytest.mark.acceptance
 def test_what_names_nothing_says_the_way_on():
     session, angles, reading = noisy(9)
     record = session.recorded(angles, reading)

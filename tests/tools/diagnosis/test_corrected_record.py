@@ -43,6 +43,7 @@ def test_the_true_scale_factors_lie_in_the_intervals_of_a_corrected_record(seed,
     assert any("which may be wrong by" in warning for warning in result.warnings)
 
 
+@pytest.mark.acceptance
 def test_a_corrected_record_says_by_what_and_is_not_corrected_twice(tmp_path):
     _, diagnosis, applied = corrected(1, "quadratic")
     assert diagnosis.causes[0].place.title in applied.record.about[CORRECTED_BY]
@@ -54,6 +55,7 @@ def test_a_corrected_record_says_by_what_and_is_not_corrected_twice(tmp_path):
         th.apply(diagnosis, path)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("line", ["1e-4", "1 2", "a b c", "-1 0 0", "nan 0 0"])
 def test_a_correction_that_says_no_three_numbers_is_refused(line, tmp_path):
     hidden = th.hide(1, "quadratic")

@@ -43,6 +43,7 @@ def rising_and_falling(part: np.ndarray) -> np.ndarray:
     return 20.0 + 5.0 * np.sin(4.0 * part)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "index", [*SMOOTH, *(pytest.param(k + len(SHAPES), marks=pytest.mark.acceptance) for k in SMOOTH)]
 )
@@ -56,6 +57,7 @@ def test_what_is_proven_of_a_fault_outside_the_catalogue_is_true(index, tmp_path
     assert result.proven is None or (result.proven.pair.where, result.proven.pair.quantity) in true
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("index", [61, 166])
 def test_a_quantity_is_found_though_every_error_is_at_its_bound(index, tmp_path):
     """Then no function that is only near the true one fits: it takes many coefficients."""
@@ -77,6 +79,7 @@ def test_that_functions_were_compared_roughly_or_not_at_all_is_said(size, says):
     assert says is None or unlisted.rivals == ()
 
 
+@pytest.mark.acceptance
 def test_many_forms_at_once_are_bounded_as_each_by_itself(tmp_path):
     """Each bound is the weighted least-squares remainder with the form beside the model; no programme leaves less."""
     case = outside_case(tmp_path, 3, SMOOTH[0])
@@ -144,6 +147,7 @@ def test_what_is_a_function_of_two_quantities_is_proven_by_both(seed, faults, co
     assert set(result.quantities) == set(quantities)
 
 
+@pytest.mark.acceptance
 def test_a_wander_of_the_catalogue_is_a_function_of_time_by_its_law():
     def wandering(visits):
         return 1.2e-4 * np.exp(-2.0 * ((visits.temperature - 21.1) / 3.0) ** 2)
@@ -200,6 +204,7 @@ def test_one_effect_of_the_catalogue_is_explained_and_has_no_rival():
     assert (result.proven.place, result.proven.quantity) == ("accelerometer-1", "n1 n2")
 
 
+@pytest.mark.acceptance
 def test_a_jump_in_a_temperature_that_jumps_once_is_not_told_from_a_step_in_time():
     noise = np.random.default_rng(11).uniform(-0.5, 0.5, 24)
     record = record_with(
@@ -238,6 +243,7 @@ def test_complexity_counts_what_is_searched_for():
     assert complexity_of([quadratic, wave]) == 6
 
 
+@pytest.mark.acceptance
 def test_a_rival_is_a_table_of_knots_with_which_the_exact_model_stands():
     """Further positions can then be found that separate it from the listed effects."""
     evidence = evidence_of(record_with([12, 0], {"f1": lambda v: 2e-4 * np.tanh(3.0 * v.n[:, 1])}, 20))
@@ -269,6 +275,7 @@ def test_an_odd_quadratic_is_said_alone_only_where_an_input_that_saturates_is_ex
         assert (tuple(result.caution), shapes) == ((), [])
 
 
+@pytest.mark.acceptance
 def test_laws_that_were_not_all_tried_leave_none_alone(monkeypatch):
     evidence = evidence_of(record_with([16, 0], {"f2": lambda v: 4e-4 * v.n[:, 1] ** 5}))
     result: Any = dependence(evidence)

@@ -89,6 +89,7 @@ def test_the_gyro_and_what_its_error_depends_on_are_found(p, function, quantity,
     assert function.proven is None or function.proven.pair.quantity == quantity
 
 
+@pytest.mark.acceptance
 def test_a_function_of_the_angular_acceleration_has_laws_and_a_table():
     def square(time, rate):
         growing = np.gradient(rate[:, 1], time)
@@ -108,6 +109,7 @@ def test_a_function_of_the_angular_acceleration_has_laws_and_a_table():
     assert of_kernel == pytest.approx(on_nodes, abs=0.01 * np.abs(of_kernel).max())
 
 
+@pytest.mark.acceptance
 def test_functions_that_bend_between_nodes_differ_from_straight_ones_by_what_is_said():
     """Compare rows of the exact table, with knots that are not nodes: they are within the bound of the straight
     ones."""
@@ -162,6 +164,7 @@ def test_an_accelerometer_that_bends_is_not_put_down_to_a_gyro():
     assert (result.proven.place, result.proven.quantity) == ("accelerometer-3", "n3")
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("record_of", [filmed, between_rests])
 def test_the_linear_functions_of_a_pair_are_the_columns_of_the_catalogue(record_of):
     """A linear function of a rate is a scale factor or a misalignment, one of time a drift: exactly, in two ways."""
@@ -274,6 +277,7 @@ def test_what_is_proven_is_no_rival_of_itself():
     assert "c n1³" in [law.words for law in result.laws or ()]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("effect", "elsewhere"), [("gyro-rate-squared", False), ("gyro-g-sensitivity", True)])
 def test_what_is_proven_is_beside_a_set_that_acts_otherwise_and_beside_no_other(effect: str, elsewhere: bool):
     evidence = carried_evidence(filmed(at_gyro(2, lambda time, rate: rate[:, 1] ** 2)))

@@ -177,6 +177,7 @@ def test_a_formula_is_solved_with_the_parameters():
     assert size.low <= 3e-4 <= size.high
 
 
+@pytest.mark.acceptance
 def test_what_cannot_be_solved_together_is_refused(tmp_path):
     case = drawn(0)
     calibration = tmp_path / "calibration.json"

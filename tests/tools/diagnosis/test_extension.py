@@ -128,6 +128,7 @@ def test_both_flavours_and_fmpy_give_the_same_bits(tmp_path):
     assert (reading[1:] == runs["native"].select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:]).all()
 
 
+@pytest.mark.acceptance
 def test_start_values_and_parameter_sets_hold_values_and_intervals(tmp_path):
     """The FMU's start values are those of the JSON; the .ssv, valid to SSP's schemas, has the intervals too."""
     result, place = with_harmonic(), HARMONIC
@@ -185,6 +186,7 @@ def test_a_strapdown_record_is_carried_again(tmp_path):
         assert ends[name] == (parameter.low, parameter.high)
 
 
+@pytest.mark.acceptance
 def test_nothing_is_written_where_nothing_is_explained_and_a_value_beyond_a_component_is_said(tmp_path):
     result = with_harmonic()
     assert export_extended(result.model_copy(update={"verdict": "ambiguous"}), tmp_path / "none") == []

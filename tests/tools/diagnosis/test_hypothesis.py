@@ -65,6 +65,7 @@ def test_a_formula_of_a_gyro_is_judged_on_a_block_that_is_carried(tmp_path):
     assert within(parameter, 4e-3)
 
 
+@pytest.mark.acceptance
 def test_what_is_in_the_model_or_is_not_needed_is_said_so():
     record = record_with(1, {})
     assert answer_of(record, "f1 += c*n2").answer in ("cannot be told", "not needed")
@@ -100,6 +101,7 @@ def test_it_is_answered_shown_and_exported(tmp_path, monkeypatch):
     assert worst_miss(tmp_path / "out", read_record(tmp_path / "r.positions.csv")) <= SIGMA
 
 
+@pytest.mark.acceptance
 def test_an_angle_reaches_the_block_of_what_is_exported(tmp_path):
     text = "f2 += c*sin(3*alpha)"
     record = record_of(text)

@@ -18,6 +18,7 @@ from trihedron.tools.records import PositionRecord
 HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "options",
     [
@@ -191,6 +192,7 @@ def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():
     assert sixth not in {cause.place for cause in settled.causes}
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("place", "sizes", "symmetric"),
     [

@@ -15,6 +15,7 @@ QUICK = (2, 7, 11)
 CASES = [k if k in QUICK else pytest.param(k, marks=pytest.mark.acceptance) for k in range(len(SHAPES))]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("index", CASES)
 def test_a_fault_of_so_many_times_detection_is_as_far_from_the_model(index: int, tmp_path: Path):
     """Without errors the least radius is twice the multiple; errors within σ move it by one at most."""

@@ -115,6 +115,7 @@ def test_bench_and_strapdown_records_are_not_refused_for_a_programme_that_fails(
     assert any("not tried, since the solver failed" in text for text in result.warnings)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [11, 12, 13])
 def test_a_true_set_stands_though_every_error_is_at_its_bound(seed):
     product = EffectPlace("cross-product", "accelerometer-3", None, (1, 2))
@@ -125,6 +126,7 @@ def test_a_true_set_stands_though_every_error_is_at_its_bound(seed):
     assert fits[0].radius <= model.limit
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [21, *(pytest.param(seed, marks=pytest.mark.acceptance) for seed in (22, 23))])
 def test_only_positions_that_decide_are_proposed(seed):
     """For cubic or odd quadratic, few readings leave both; the proposal separates two of the candidates."""
@@ -151,6 +153,7 @@ QUANTITY = (None, None, None, None, None, "beta", "alpha")
 """Of each law the quantity; None: the accelerometer's own input."""
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [*range(4), *(pytest.param(k, marks=pytest.mark.acceptance) for k in range(4, 20))])
 def test_what_is_proven_of_drawn_records_outside_the_catalogue_is_true(seed):
     """16 to 48 positions, errors of 15 to 120 σ: the place is right, the quantity is or is left open."""

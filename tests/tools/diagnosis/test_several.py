@@ -53,6 +53,7 @@ def test_what_is_shared_is_the_instruments_and_what_one_record_has_is_that_runs(
         assert 0.0 < size.low < 4e-4 < size.high
 
 
+@pytest.mark.acceptance
 def test_together_they_tell_a_shared_effect_better_than_each_alone(three_records):
     """The joint interval is inside that of every record: all of them hold the truth."""
     (size,) = three_records.causes[0].parameters
@@ -70,6 +71,7 @@ def test_together_they_tell_a_shared_effect_better_than_each_alone(three_records
         assert record.low <= size.low <= size.high <= record.high
 
 
+@pytest.mark.acceptance
 def test_repeatability_of_the_days_parameters_is_surely_a_change(three_records):
     """Biases differ from day to day by design, scale factors do not."""
     repeatability = {change.symbol: change for change in three_records.repeatability.changes}
@@ -77,6 +79,7 @@ def test_repeatability_of_the_days_parameters_is_surely_a_change(three_records):
     assert {repeatability[symbol].at_least for symbol in ("X4", "X5", "X9", "X10", "X14", "X15")} == {0.0}
 
 
+@pytest.mark.acceptance
 def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs_own_does_not(three_records):
     """A record's errors with its own effect are noise; with another day's own effect they are not."""
     rms = {gain.record: {entry.found_in: entry.rms for entry in gain.applied} for gain in three_records.cross_gain}
@@ -162,6 +165,7 @@ def test_records_without_a_secret_need_nothing():
     assert clean.cross_gain == ()
 
 
+@pytest.mark.acceptance
 def test_three_that_are_each_insufficient_end_together_in_a_verdict():
     """Six positions do not determine eighteen parameters; three days of six determine the shared nine and their own."""
     clean = together(*of_one_instrument(18, positions=6), noise_bound=SIGMA)
@@ -221,6 +225,7 @@ def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect()
     assert repeatability["X4"].at_least == pytest.approx(3e-4, abs=1e-4)
 
 
+@pytest.mark.acceptance
 def test_a_bias_that_is_shared_by_request_and_changed_is_said_to_differ(monkeypatch):
     """Its signature is constant: only other accelerometers show its place."""
     monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
@@ -283,6 +288,7 @@ def test_files_are_called_by_their_names():
     assert labels_of([Path("a/run.csv"), Path("b/run.csv"), Path("c.csv")]) == ["run-1", "run-2", "c"]
 
 
+@pytest.mark.acceptance
 def test_the_command_takes_several_files_and_its_json_comes_back(tmp_path, capsys):
     names = ("monday", "tuesday")
     for name, record in zip(names, of_one_instrument(21, 2, positions=20), strict=True):
@@ -340,6 +346,7 @@ def test_records_of_a_table_and_by_hand_are_judged_together():
     assert {gain.unit for gain in result.cross_gain} == {"g", "arcmin"}
 
 
+@pytest.mark.acceptance
 def test_options_of_one_kind_are_for_records_of_that_kind_and_refused_where_there_are_none():
     table, hand = of_one_instrument(21, 1, positions=20)[0], draw_clean_block(77, 0, "gravity").instrument
     by_label = {"table": table, "hand": replace(hand, temperature=None).measured(7, 0)}

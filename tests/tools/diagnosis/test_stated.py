@@ -69,6 +69,7 @@ def test_a_size_that_rounding_put_beyond_its_end_is_stated_at_the_end():
         assert cause.values == (end,)
 
 
+@pytest.mark.acceptance
 def test_a_strapdown_baseline_is_possible_as_it_is_stated():
     result: Any = diagnose(strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3])))
     assert result.verdict == "consistent"

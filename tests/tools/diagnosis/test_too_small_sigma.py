@@ -41,6 +41,7 @@ def test_a_clean_record_asks_for_a_larger_bound(seed, count, too_small, errors):
     assert th.calibrate(record, noise_bound=bound).verdict == "consistent"
 
 
+@pytest.mark.acceptance
 def test_a_record_of_the_field_with_half_its_bound(tmp_path, capsys):
     path = field_file("o12_clean_bound_half.csv", tmp_path)
     assert main(["diagnose", str(path), "--noise-bound", "5e-6"]) == 0
@@ -89,6 +90,7 @@ def test_errors_are_those_that_were_asked_for():
     assert np.std(drawn) == pytest.approx(1.0, abs=0.03)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("effect", "where", "size"),
     [

@@ -53,6 +53,7 @@ def test_a_turn_of_the_block_is_named_alone(name, seed):
     assert_named(result, {place: sizes})
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("by_input", [1, pytest.param(2, marks=pytest.mark.acceptance)])
 def test_a_turn_about_the_inner_axis_is_told_with_what_the_table_could_do(by_input):
     (cause,) = diagnosed(drawn_record(3, [(flexure(3, by_input), (1e-4,))], 36)).causes
@@ -60,6 +61,7 @@ def test_a_turn_about_the_inner_axis_is_told_with_what_the_table_could_do(by_inp
     assert cause.alike == (flexure(3, by_input),)
 
 
+@pytest.mark.acceptance
 def test_a_sag_with_another_phase_is_no_bending_fixture():
     (cause,) = diagnosed(drawn_record(3, [(SAG, (1.5e-4, 0.7))], 36)).causes
     assert (cause.place, cause.alike) == (SAG, ())

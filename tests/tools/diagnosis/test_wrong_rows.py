@@ -60,6 +60,7 @@ def test_drawn_faults_end_with_the_right_rows(seed):
     assert diagnosis.explanations[0].rows == wrong.rows
 
 
+@pytest.mark.acceptance
 def test_the_angle_that_makes_a_row_fit_is_stated(tmp_path):
     record = drawn_record(11, count=30)
     alpha = record.alpha.copy()
@@ -103,6 +104,7 @@ def test_the_same_exchanges_are_said_of_one_row_and_of_a_stretch(rows, change, w
     assert words in diagnosis.explanations[0].sentence.replace("fits with", "fit with")
 
 
+@pytest.mark.acceptance
 def test_a_single_effect_has_no_rival_in_rows():
     place = EffectPlace("quadratic", "accelerometer-2")
     diagnosis = diagnose(drawn_record(3, [(place, (3e-4,))], 30), noise_bound=SIGMA, rerun=False)
@@ -110,6 +112,7 @@ def test_a_single_effect_has_no_rival_in_rows():
     assert {explanation.kind for explanation in diagnosis.explanations} == {"effect"}
 
 
+@pytest.mark.acceptance
 def test_two_readings_of_one_accelerometer_are_not_named_alone():
     record = drawn_record(5, count=30)
     force = record.specific_force.copy()
@@ -120,6 +123,7 @@ def test_two_readings_of_one_accelerometer_are_not_named_alone():
     assert "Accelerometer 2 errs near its inputs in rows 5 and 20" in diagnosis.explanations[1].sentence
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("first", "count"), [(0, 24), (5, 3), (10, 8)])
 def test_rows_that_were_pasted_twice_are_said(first, count, tmp_path):
     path = tmp_path / "r.csv"

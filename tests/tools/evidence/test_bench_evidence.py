@@ -77,6 +77,7 @@ def test_an_effect_that_is_not_there_is_objected_to():
     assert any("shuffles" in objection for objection in witness.objections)
 
 
+@pytest.mark.acceptance
 def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to():
     quadratic, cubic = EffectPlace("quadratic", "accelerometer-1"), EffectPlace("cubic", "accelerometer-2")
     record = hidden_record(511, quadratic, (2e-4,))
@@ -90,6 +91,7 @@ def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to()
     assert witness.objections == none.objections
 
 
+@pytest.mark.acceptance
 def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_wrong():
     """Noise at its very bound is not an objection; a reading that is off by six bounds is one, even if it fits by
     chance."""
@@ -128,6 +130,7 @@ def test_the_extended_model_runs_at_one_possible_point(tmp_path: Path, kind: str
     assert np.abs(misses / fit.allowed.reshape(-1, 3)[rows]).max() < 1.01
 
 
+@pytest.mark.acceptance
 def test_a_search_that_would_fill_the_memory_is_refused_before_it_begins(monkeypatch: pytest.MonkeyPatch):
     record = drawn_record(5, [(EffectPlace("cubic", "accelerometer-1"), (6e-4,))], 40)
     monkeypatch.setattr(bench_search, "MOST_BYTES", 100_000)
@@ -168,6 +171,7 @@ def test_a_second_mounting_tells_an_encoder_harmonic_from_a_cubic_term():
     assert mounting["correlation_after"] < 0.1
 
 
+@pytest.mark.acceptance
 def test_no_mounting_tells_apart_what_belongs_to_one_accelerometer_or_one_axis():
     """Cubic and odd quadratic terms need inputs beyond 1 g; sag and the encoder's first harmonic another instrument."""
     assert second_mounting(IDENTITY, [CUBIC], [ODD], ("", "")) is None
@@ -175,6 +179,7 @@ def test_no_mounting_tells_apart_what_belongs_to_one_accelerometer_or_one_axis()
     assert second_mounting(parametrise(PRESETS), [CUBIC], [ENCODER], ("", "")) is None
 
 
+@pytest.mark.acceptance
 def test_a_mounting_is_proposed_for_sets_that_remain_or_not_at_all():
     record = hidden_record(4, ENCODER, (1.2e-4, 0.7)).selected(np.arange(0, 40, 3))
     result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
@@ -192,6 +197,7 @@ def coarse():
     return bench_evidence(rounded, noise_bound=NOISE_BOUND, bounds=(3e-3, 0.0))
 
 
+@pytest.mark.acceptance
 def test_an_excluded_size_is_nearly_possible_and_none_beyond_it_is(coarse):
     """Test 96 directions of amplitude and phase, by another solver, with the bounds' growth by rounding."""
     fit, room = coarse.model.baseline, 1.5e-6 + 2e-15
@@ -224,6 +230,7 @@ def test_what_the_readings_do_not_tell_of_gravity_widens_an_interval_by_no_more(
     assert high == pytest.approx(3e-4 / (1.0 - error) ** 3, rel=1e-12)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(("seed", "axis"), [(32, 2), (35, 2), (41, 2), (38, 2), (39, 0)])
 def test_a_limit_that_many_readings_reach_is_no_scale_factor(seed, axis):
     """Clipped at 0.6 g, more than half of one accelerometer's readings are off, by up to 0.4 g, in one sense."""
@@ -237,6 +244,7 @@ def test_a_limit_that_many_readings_reach_is_no_scale_factor(seed, axis):
     assert np.abs(evidence.model.search.centre.point).max() < 0.02
 
 
+@pytest.mark.acceptance
 def test_positions_that_separate_put_candidates_further_apart_than_both_bounds():
     """A reading may be within σ of two predictions that are less than 2 σ apart, rounded as it is written."""
     quadratic = EffectPlace("quadratic", "accelerometer-1")

@@ -140,6 +140,7 @@ def test_a_sense_is_that_of_the_last_move_in_motion_too(faultless, effect):
     assert evidence.model.moving.read.contexts.sense_told.mean() > 0.7
 
 
+@pytest.mark.acceptance
 def test_a_reading_in_motion_says_nothing_where_its_input_may_change_its_sign(faultless):
     """As the table turns about an accelerometer its input stays near zero: effects of its sign are unknown."""
     places, sizes = CATALOGUE["bias-asymmetry"].places, np.full(3, 1e-3)
@@ -311,6 +312,7 @@ def test_a_formula_is_of_what_the_record_has():
     assert len(places_of(["w1 += c*w1**3", "alpha += c*sin(3*alpha)"], at_table=True, with_gyros=True)) == 2
 
 
+@pytest.mark.acceptance
 def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
     """Compare functions at nodes with effects at every row, for the table on readings and on turns."""
     evidence = whole_evidence(measured(), bench().place, noise_bound=SIGMA)

@@ -57,6 +57,7 @@ def test_a_slip_is_not_lost_where_the_time_next_to_the_best_parts_a_reading():
     assert holds(fit, (*values[:-1], values[-1] - began_of(evidence) / 3600.0))
 
 
+@pytest.mark.acceptance
 @settings(max_examples=3, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**20), part=st.floats(0.0, 0.999))
 def test_a_range_of_numbers_holds_what_each_within_it_does(seed, part):

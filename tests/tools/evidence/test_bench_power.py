@@ -80,6 +80,7 @@ def most_hidden(model: NDArray, columns: NDArray, imitated: NDArray) -> tuple[fl
     return size, x[model.shape[1] :], every @ x
 
 
+@pytest.mark.acceptance
 def test_the_power_is_that_of_a_programme_that_shares_nothing(tmp_path: Path):
     truth, record = drawn(tmp_path / "r.csv", 5, 24)
     power = {
@@ -111,6 +112,7 @@ def test_a_fault_just_below_can_hide_and_one_just_above_never_does(pair: str, tm
     assert {verdict(1.04, noise) for noise in noises} == {"falsified"}
 
 
+@pytest.mark.acceptance
 def test_no_size_is_sure_where_nothing_was_measured(tmp_path: Path):
     """Accelerometer 1 never senses more than half of g: its behaviour beyond is unknown."""
     truth, _ = drawn(tmp_path / "r.csv", 8, 60)

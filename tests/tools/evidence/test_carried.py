@@ -48,6 +48,7 @@ def sensitive():
     return MATRIX, shown("block, explained")[0]
 
 
+@pytest.mark.acceptance
 def test_a_clean_block_is_consistent_and_its_parameters_are_within_their_intervals():
     gamma = np.array([[0.004, 0.0, 0.0], [0.002, -0.003, 0.0], [0.001, 0.005, 0.002]])
     result = diagnose(strapdown_record(gamma=gamma, bias_g=np.array([0.01, -0.02, 0.03])), rerun=False)
@@ -162,6 +163,7 @@ def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path, monkeypat
     assert np.array_equal(inside, carried_attitude(evidence.motion, model, result.gravity, fmus))
 
 
+@pytest.mark.acceptance
 def test_a_set_that_helps_shuffled_data_as_much_has_no_witness():
     """For a clean record an effect explains no more than its shuffles do, or does not help at all."""
     evidence = simulated()
@@ -169,6 +171,7 @@ def test_a_set_that_helps_shuffled_data_as_much_has_no_witness():
     assert any(EffectWitness.of(trial).objections for trial in trials_in_time(evidence.rows, fit))
 
 
+@pytest.mark.acceptance
 def test_classes_are_effects_whose_signatures_are_parallel():
     evidence = simulated()
     drift, asymmetry = (EffectPlace(f"gyro-{name}", "gyro-block") for name in ("bias-drift", "scale-asymmetry"))
@@ -209,6 +212,7 @@ def test_a_wrong_clock_looks_like_scale_factors_that_are_alike_and_is_said_to(fa
     assert any(doubt in text for text in result.warnings) if doubt else result.warnings == ()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("index", [0, pytest.param(8, marks=pytest.mark.acceptance)])
 def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
     """Accelerometers that lag by 200 rows belong to no block: the fit of one exceeds its parameters' limits."""

@@ -55,11 +55,13 @@ def test_gyros_that_cannot_be_right_are_refused_in_one_line(name, kind, request)
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.acceptance
 def test_a_truth_that_is_not_body_to_reference_is_refused(filmed):
     with pytest.raises(InputError, match=r"true attitude"):
         th.diagnose(replace(filmed, attitude=filmed.attitude * [1.0, -1.0, -1.0, -1.0]))
 
 
+@pytest.mark.acceptance
 def test_a_record_without_poses_or_rests_says_which_to_add():
     rng = np.random.default_rng(0)
     time, noise = 0.01 * np.arange(6000), rng.standard_normal((6000, 3))
@@ -92,6 +94,7 @@ def test_missing_rows_name_nothing(kind, request):
     assert result.causes == ()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("kind", ["clean", "filmed"])
 def test_a_clipped_move_names_nothing(kind, request):
     record = request.getfixturevalue(kind)
@@ -102,6 +105,7 @@ def test_a_clipped_move_names_nothing(kind, request):
     assert any("saturated" in text for text in result.warnings)
 
 
+@pytest.mark.acceptance
 def test_accelerometers_in_coarse_steps_name_nothing(clean):
     """Steps count in the bounds, and are reported."""
     g = 9.80665

@@ -61,6 +61,7 @@ def stacked(columns: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate([part.reshape(-1, part.shape[2]) for part in columns])
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("filmed", [False, True])
 def test_a_stretch_holds_what_each_time_within_it_does(filmed):
     """Columns of an effect that sets in within a stretch lie in those of the stretch, if these are known."""
@@ -83,6 +84,7 @@ def test_a_stretch_holds_what_each_time_within_it_does(filmed):
                 assert np.abs(remaining).max() < 1e-7 * np.abs(target).max()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("filmed", [False, True])
 def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_is_said(filmed):
     """Compare straight lines between neighbours, and the few columns of a stretch, with the exponential itself."""
@@ -113,6 +115,7 @@ def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_
     assert worst > 0.5
 
 
+@pytest.mark.acceptance
 def test_a_large_effect_with_a_time_constant_between_those_that_are_tried_is_found():
     """The bounds are so small that no time constant a thousandth away would fit."""
     clean, number = drawn_evidence(filmed=True), 3200.5
@@ -130,6 +133,7 @@ def test_a_large_effect_with_a_time_constant_between_those_that_are_tried_is_fou
     assert high / low < 1.002
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("filmed", [False, True])
 def test_an_effect_that_sets_in_at_the_beginning_is_the_one_that_always_acts(filmed):
     evidence = drawn_evidence(filmed=filmed)
@@ -142,6 +146,7 @@ def test_an_effect_that_sets_in_at_the_beginning_is_the_one_that_always_acts(fil
     assert np.abs(last.rows.columns_of([step])).max() < 1e-2 * np.abs(first.rows.columns_of([step])).max()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("at", [0.23, *(pytest.param(at, marks=pytest.mark.acceptance) for at in (0.5, 0.71))])
 def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
     evidence = drawn_evidence(filmed=True, step=2e-3, at=at)
@@ -157,6 +162,7 @@ def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
     assert not evidence.model.mended([EffectPlace("latency-step", "gyro-block")], Work())
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("filmed", "part", "size"),
     [
@@ -261,6 +267,7 @@ def test_a_truth_at_any_row_or_time_constant_is_within_the_intervals(filmed, pla
     assert ((ends[:, 0] <= rows.point + steps) & (rows.point + steps <= ends[:, 1])).all()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("at", [0.23, pytest.param(0.5, marks=pytest.mark.acceptance)])
 def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_stand(at):
     evidence = drawn_evidence(filmed=True, step=2e-3, at=at)

@@ -103,6 +103,7 @@ def with_all() -> BenchRecord:
     return record_of(drawn(), HERE, "cyclic")
 
 
+@pytest.mark.acceptance
 def test_a_good_bench_with_all_that_can_be_declared_stands_in_both(with_all):
     by_calibrate, by_diagnose = radii(with_all, **DECLARED)
     assert by_calibrate < 1.0
@@ -119,6 +120,7 @@ def test_the_model_of_a_diagnosis_holds_lag_and_places(with_all):
     assert [name for name, _ in model.names[-10:]][:2] == ["A", "r11"]
 
 
+@pytest.mark.acceptance
 def test_a_noise_of_gyros_that_is_declared_too_small_falsifies_both(with_all):
     quiet = replace(PLACE, gyro_noise=1e-7)
     assert min(radii(with_all, **DECLARED | {"bench": quiet})) > 1.0

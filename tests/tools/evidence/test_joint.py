@@ -46,6 +46,7 @@ def halves(full_record):
     }
 
 
+@pytest.mark.acceptance
 def test_halves_that_share_everything_are_the_whole_record(full_record, halves):
     """Compare fits, radius and intervals in the exact model, without an effect and with one beyond its first order."""
     alone, joint = bench_evidence(full_record, noise_bound=SIGMA), join(halves, shared=["*"])
@@ -57,6 +58,7 @@ def test_halves_that_share_everything_are_the_whole_record(full_record, halves):
     np.testing.assert_allclose(joint_fit.ends(), whole_fit.ends(), rtol=1e-6, atol=1e-10)
 
 
+@pytest.mark.acceptance
 def test_halves_that_share_nothing_are_two_records(halves):
     """The radius of both is the larger of the two, and an interval is that of its own record."""
     apart = join(halves, own=["*"])
@@ -71,6 +73,7 @@ def test_halves_that_share_nothing_are_two_records(halves):
             np.testing.assert_allclose(ends[f"{symbol} in {label}"], pair, rtol=1e-6, atol=1e-10)
 
 
+@pytest.mark.acceptance
 def test_a_record_about_what_mends_it_by_itself_stands_as_with_that_effect_of_its_own(halves):
     """A set that is not sought in several records is then tried beside the others as in its own record."""
     alone = {label: mended(half, half.model.refit([ENCODER]), [ENCODER]) for label, half in halves.items()}
@@ -94,6 +97,7 @@ def test_what_is_the_instruments_by_default_and_by_what_is_asked():
     assert not is_of_instrument("X6+X8", own=["misalignment-*"])
 
 
+@pytest.mark.acceptance
 def test_a_shared_parameter_that_differs_in_one_record_is_found_by_how_much_it_differs():
     rng = np.random.default_rng(8)
     bench = random_bench(rng)
@@ -158,6 +162,7 @@ def test_strapdown_records_share_an_effect_within_the_interval_of_each(carried):
     np.testing.assert_allclose(np.array(fit.intervals()[0])[:, 1] > np.array(TRUE_G), True)
 
 
+@pytest.mark.acceptance
 def test_what_was_found_in_one_strapdown_record_helps_on_the_other_by_the_fmus(carried):
     first, second = carried.values()
     estimate = {G_SENSITIVITY: first.rows.estimate([G_SENSITIVITY])[len(first.rows.names) :]}

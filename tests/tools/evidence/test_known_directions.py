@@ -56,6 +56,7 @@ def test_a_clean_block_is_consistent_and_its_parameters_are_inside(seed):
             assert parameter.low <= scale[column, row] <= parameter.high
 
 
+@pytest.mark.acceptance
 def test_what_no_catalogue_lists_is_proven_by_place_and_quantity():
     record = rests(5)
     reading = record.reading.copy()

@@ -49,6 +49,7 @@ def test_an_accelerometer_that_saturates_in_rests_is_named_with_its_level(axis, 
     assert EffectPlace("saturation", f"accelerometer-{axis + 1}") not in [e.place for e in result.cannot_be_seen]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("turned", [1.0, -1.0])
 def test_a_limit_that_is_reached_on_one_side_alone_is_saturation_where_the_other_side_is_nearer(turned):
     """One rest is clipped; no reading is beyond the limit on the other side."""
@@ -58,6 +59,7 @@ def test_a_limit_that_is_reached_on_one_side_alone_is_saturation_where_the_other
     assert places_named(result) == [EffectPlace("saturation", "accelerometer-2")]
 
 
+@pytest.mark.acceptance
 def test_a_limit_on_one_side_of_two_is_not_named_and_said():
     """The catalogue's saturation has two sides; the reading is beyond the limit on the other."""
     result: Any = diagnose(clipped(drawn(6), 1, -0.8, 9.0), rerun=False)
@@ -73,6 +75,7 @@ def test_two_accelerometers_at_their_limits_are_both_named():
     assert places_named(result) == [EffectPlace("saturation", f"accelerometer-{p}") for p in (1, 3)]
 
 
+@pytest.mark.acceptance
 def test_a_limit_that_the_model_can_do_without_is_a_warning():
     """In moves alone, or within the noise of a rest, nothing is falsified, so nothing is named."""
     record = drawn(9)
@@ -87,6 +90,7 @@ def test_a_limit_that_the_model_can_do_without_is_a_warning():
         assert any("rows are saturated" in text for text in result.warnings)
 
 
+@pytest.mark.acceptance
 def test_no_sound_record_shows_a_limit():
     for seed in range(4):
         assert carried_evidence(drawn(20 + seed)).reader.read_off == ()

@@ -153,6 +153,7 @@ def test_biases_that_change_once_are_named_with_the_time_and_said_not_to_be_cons
     assert gyros.verdict == "wandering"
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("filmed", [False, True])
 def test_gyros_with_flicker_noise_alone_are_constant_and_consistent(filmed, seed):
@@ -203,6 +204,7 @@ def test_without_a_rest_nothing_tells_the_noise_and_nothing_is_judged():
     assert "a rest" in str(result.missing)
 
 
+@pytest.mark.acceptance
 def test_fast_turns_are_not_taken_for_a_true_attitude_of_another_kind():
     """Sums of rates are not rotation vectors if the block turns by several radians in a window."""
     rng = np.random.default_rng(2)

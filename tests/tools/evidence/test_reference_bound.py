@@ -134,6 +134,7 @@ def test_what_is_needed_is_enough_and_less_is_not(record, without, part):
     assert "as stated explain" in again
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("effect", ["", "gyro-scale-misalignment"])
 def test_the_bound_with_which_the_model_would_stand_is_the_least(record, without, effect):
     (offered,) = [
@@ -166,6 +167,7 @@ def test_it_enters_at_both_ends_of_each_window_and_takes_nothing_from_what_the_r
     assert (five > zero).all()
 
 
+@pytest.mark.acceptance
 def test_what_it_scatters_by_at_rest_is_of_one_row():
     """Each of two rows errs by at least half of their difference."""
     exact = filmed(in_motion=0.0, cameras=0.0, moves=8)

@@ -32,6 +32,7 @@ def assert_read(record: Any, rate: np.ndarray = RATE) -> None:
     assert record.rate == pytest.approx(rate, abs=1e-9)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("unit", "rates"),
     [
@@ -51,6 +52,7 @@ def test_the_unit_that_turns_gravity_is_the_first_answer(unit: str, rates: np.nd
     assert_read(th.import_record(path, answers={"units.rate": unit}).record, rates * factor)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("force", "rate"), [("x1000 g", "x100 deg/s"), ("g/1000", "dps*100"), ("10^-3 g", "1e-2 °/s"), ("g x 1000", "cdps")]
 )
@@ -70,6 +72,7 @@ def test_the_first_answer_to_a_unit_beside_a_factor_is_right(force: str, rate: s
     assert record.rate == pytest.approx(np.radians(turns / 100.0), rel=1e-14, abs=1e-14)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("rates", "remark"),
     [
@@ -89,6 +92,7 @@ def test_what_a_record_of_three_seconds_shows_of_its_gyros_is_noted(rates: np.nd
     assert [note.startswith(remark) for note in notes if "gyros" in note] == [True]
 
 
+@pytest.mark.acceptance
 def test_columns_that_turn_gravity_are_the_first_answer_for_the_gyros(tmp_path: Path):
     text = "\n".join(" ".join(map(str, row)) for row in np.hstack([FIELD, FORCE, FIELD, RATE]).tolist())
     path = written(tmp_path, text, "log.txt")
@@ -98,6 +102,7 @@ def test_columns_that_turn_gravity_are_the_first_answer_for_the_gyros(tmp_path: 
         assert f"--set {answer} " in message
 
 
+@pytest.mark.acceptance
 def test_a_mapping_that_is_filled_in_with_three_columns_is_read(tmp_path: Path):
     text = "\n".join(" ".join(map(str, row)) for row in np.hstack([FIELD, FORCE, FIELD, RATE]).tolist())
     path, out = written(tmp_path, text, "log.txt"), tmp_path / "record.csv"
@@ -110,6 +115,7 @@ def test_a_mapping_that_is_filled_in_with_three_columns_is_read(tmp_path: Path):
     assert_read(th.import_record(path, out=out, mapping=mapping).record)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("names", [("Accelerometer.csv",), ("Accelerometer.csv", "Gyroscope.csv")])
 @pytest.mark.parametrize("readings", [SHAKEN, FORCE], ids=["without gravity", "with gravity"])
 def test_a_file_without_gravity_by_its_name_is_refused(names: tuple[str, ...], readings: np.ndarray, tmp_path: Path):
@@ -133,6 +139,7 @@ def test_shaking_of_the_size_of_gravity_is_asked_about(tmp_path: Path):
     assert questions_of(written(tmp_path, text, "phone.csv"))[0] == {"columns.force"}
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("readings", "is_refused"), [(FORCE, False), (SHAKEN, True)])
 def test_a_name_without_gravity_is_asked_about_where_gravity_is_in_it(
     readings: np.ndarray, is_refused: bool, tmp_path: Path
@@ -157,6 +164,7 @@ PHONE = np.round(FORCE / 9.80665 - UP, 9)
 ESTIMATE = np.round(UP, 9)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("form", ["no names", "names in g", "names in m/s2", "numbers"])
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_acceleration_without_gravity_and_gravity_are_added(form: str, sign: int, tmp_path: Path):
@@ -200,6 +208,7 @@ def test_the_rate_above_a_table_is_the_first_answer(tmp_path: Path):
     assert "--set 'units.time=30 Hz'" in questions_of(written(tmp_path, text))[1]
 
 
+@pytest.mark.acceptance
 def test_equal_columns_of_times_are_one(tmp_path: Path):
     names = [name for axis in "XYZ" for name in ("X [s]", f"IM sensor 1: ACC 1.{axis} [m/s2]")]
     names += [name for axis in "XYZ" for name in ("X [s]", f"IM sensor 1: GYRO 1.{axis} [rad/s]")]
@@ -207,6 +216,7 @@ def test_equal_columns_of_times_are_one(tmp_path: Path):
     assert_read(imported(tmp_path, table(names, columns)).record)
 
 
+@pytest.mark.acceptance
 def test_calibrated_columns_are_asked_about_before_raw_ones(tmp_path: Path):
     counts = np.round(2000.0 + 80.0 * FORCE).astype(int)
     names = [
@@ -238,10 +248,12 @@ def ronin(folder: Path, *, synced: bool) -> Path:
     return path
 
 
+@pytest.mark.acceptance
 def test_a_file_of_ronin_needs_no_answer(tmp_path: Path):
     assert_read(th.import_record(ronin(tmp_path, synced=True)).record)
 
 
+@pytest.mark.acceptance
 def test_two_tables_of_a_file_are_joined(tmp_path: Path):
     path = ronin(tmp_path, synced=False)
     keys, message = questions_of(path)

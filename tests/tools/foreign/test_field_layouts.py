@@ -119,6 +119,7 @@ def test_a_file_is_read_or_asks_for_what_is_missing(tool: str, tmp_path: Path):
     assert_read(th.import_record(path, answers=answers).record)
 
 
+@pytest.mark.acceptance
 def test_two_complete_times_are_not_joined(tmp_path: Path):
     text = table(["time_s", "time_ms", *INERTIAL], [TIME, STEP, FORCE, RATE])
     assert_read(th.import_record(written(tmp_path, text, "log.csv")).record)
@@ -134,6 +135,7 @@ def test_acceleration_without_gravity_is_no_accelerometer(names: list[str], tmp_
         th.import_record(written(tmp_path, text, "log.csv"))
 
 
+@pytest.mark.acceptance
 def test_linear_acceleration_is_asked_for_where_its_size_is_not_gravity(tmp_path: Path):
     names = [*named("Linear Acceleration {} (m/s^2)", "xyz"), *named("Gyroscope {} (rad/s)", "xyz")]
     path = written(tmp_path, table(["Time (s)", *names], [TIME, 120.0 * SMALL, RATE]), "shaken.csv")
@@ -143,6 +145,7 @@ def test_linear_acceleration_is_asked_for_where_its_size_is_not_gravity(tmp_path
     assert_read(th.import_record(written(tmp_path, table(["Time (s)", *names], [TIME, FORCE, RATE]), "ros.csv")).record)
 
 
+@pytest.mark.acceptance
 def test_seconds_beside_milliseconds_in_a_workbook_and_in_parquet(tmp_path: Path):
     frame = pd.DataFrame(
         np.column_stack([SECONDS, PARTS, FORCE, RATE]), columns=["timestamp", "timestamp_ms", *INERTIAL]
@@ -160,6 +163,7 @@ def test_messages_of_a_fit_file_are_refused(tmp_path: Path):
         th.import_record(written(tmp_path, text, "fit.csv"))
 
 
+@pytest.mark.acceptance
 def test_tables_of_pandas_with_two_levels_of_names(tmp_path: Path):
     columns = pd.MultiIndex.from_product([["acc", "gyr"], ["x", "y", "z"]])
     frame = pd.DataFrame(np.hstack([FORCE, RATE]), columns=columns, index=pd.Index(TIME, name="time"))
@@ -182,6 +186,7 @@ def test_names_that_are_numbers_in_pandas():
     assert_read(th.import_record(frame, answers=answers | units("m/s2", "rad/s", "s")).record)
 
 
+@pytest.mark.acceptance
 def test_hdf5_of_opals_has_its_units_and_its_sensors_apart(tmp_path: Path):
     h5py = pytest.importorskip("h5py")
     path = tmp_path / "opal.h5"
@@ -200,6 +205,7 @@ def test_hdf5_of_opals_has_its_units_and_its_sensors_apart(tmp_path: Path):
     assert record.time_s == pytest.approx(TIME, abs=1e-11)
 
 
+@pytest.mark.acceptance
 def test_structures_of_matlab_keep_their_names_and_the_whole_file_can_be_taken(tmp_path: Path):
     scipy = pytest.importorskip("scipy.io")
     parts = {}

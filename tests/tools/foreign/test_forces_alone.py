@@ -48,6 +48,7 @@ def test_a_log_of_a_phone_with_accelerometers_alone_needs_no_answer(tmp_path: Pa
     assert any("x,y,z are taken as accelerometers" in note for note in result.notes)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("name", "readings"), [("Gravity.csv", FORCE), ("Gyroscope.csv", RATE), ("Magnetometer.csv", FIELD)]
 )
@@ -57,6 +58,7 @@ def test_other_logs_of_a_phone_are_not_taken_for_accelerometers(name: str, readi
     assert keys == {"columns.force"}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("head", "columns", "keys"),
     [
@@ -78,6 +80,7 @@ def test_nothing_is_asked_of_gyros_or_angles_that_no_column_can_be(
     assert open_keys == keys, message
 
 
+@pytest.mark.acceptance
 def test_accelerometers_without_a_time_are_one_round_of_questions(tmp_path: Path):
     keys, message = questions_of(written(tmp_path, table_of("x,y,z", FORCE)))
     assert keys == {"kind", "columns.force", "units.time", "units.force"}
@@ -92,6 +95,7 @@ def test_gyros_alone_are_refused_with_what_is_missing(head: str, tmp_path: Path)
     assert "holds gyros alone; a record needs three accelerometers" in message
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("bits", "counts_per_g"), [(10, 67), (10, 128), (12, 1024), (16, 16384), (24, 1677721)])
 def test_a_zero_in_the_middle_of_the_range_is_asked_first(bits: int, counts_per_g: int, tmp_path: Path):
     faces = np.repeat(np.vstack([np.eye(3), -np.eye(3)]), 50, axis=0)
@@ -111,6 +115,7 @@ def test_a_zero_in_the_middle_of_the_range_is_asked_first(bits: int, counts_per_
     )
 
 
+@pytest.mark.acceptance
 def test_the_zero_of_counts_is_theirs_alone(tmp_path: Path):
     counts = np.round(32768.0 + 16384.0 * np.tile([0.0, 0.0, 1.0], (ROWS, 1)) + rng.normal(0.0, 3.0, (ROWS, 3)))
     head = "time [s],ax,ay,az,wx [rad/s],wy [rad/s],wz [rad/s]"
@@ -122,6 +127,7 @@ def test_the_zero_of_counts_is_theirs_alone(tmp_path: Path):
     assert any("|f| is about 4.1" in note for note in unsigned.notes)
 
 
+@pytest.mark.acceptance
 def test_counts_outside_the_bits_of_their_zero_are_refused(tmp_path: Path):
     counts = np.round(32768.0 + 16384.0 * np.tile([0.0, 0.0, 1.0], (ROWS, 1)))
     message = refused(

@@ -81,6 +81,7 @@ def test_a_wrong_cell_anywhere(folder: Path, row: int, column: int, cell: str, s
     imported(folder, b"\n".join(lines).replace(b";", sep))
 
 
+@pytest.mark.acceptance
 @SETTINGS
 @given(rows=st.lists(st.lists(cells, max_size=9), max_size=12), sep=st.sampled_from(";\t, |"))
 def test_tables_of_anything(folder: Path, rows: list[list[str]], sep: str):
@@ -89,6 +90,7 @@ def test_tables_of_anything(folder: Path, rows: list[list[str]], sep: str):
     imported(folder, b"\n".join([NAMES, text.encode("utf-8", "surrogatepass"), *ROWS]))
 
 
+@pytest.mark.acceptance
 @SETTINGS
 @given(answers=st.dictionaries(keys, values, max_size=3))
 def test_answers_of_any_kind(folder: Path, answers: dict[str, str]):
@@ -102,6 +104,7 @@ def test_lines_that_are_none_are_refused(folder: Path, key: str):
     assert f"--set {key}=-5" in refusal(path, answers={key: "-5"})
 
 
+@pytest.mark.acceptance
 @SETTINGS
 @given(
     lines=st.lists(
@@ -115,6 +118,7 @@ def test_mappings_of_anything(folder: Path, lines: list[str]):
     assert not refusal(path, mapping=mapping).startswith("several lines")
 
 
+@pytest.mark.acceptance
 @settings(SETTINGS, max_examples=20)
 @given(content=st.binary(min_size=1, max_size=40), at=st.floats(0.0, 1.0), old=st.booleans())
 def test_workbooks_with_wrong_bytes(folder: Path, content: bytes, at: float, old: bool):

@@ -91,6 +91,7 @@ TEXTS: dict[str, tuple[str, dict[str, str]]] = {
 }
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", TEXTS)
 def test_labels_become_columns_with_one_round_of_questions(name: str, tmp_path: Path):
     text, answers = TEXTS[name]

@@ -63,6 +63,7 @@ def test_a_damaged_log_is_refused_in_one_line(name: str, damage: str, tmp_path: 
     assert conversion.record.specific_force == pytest.approx(FORCE[: len(conversion.record)], rel=SINGLE, abs=1e-6)
 
 
+@pytest.mark.acceptance
 def test_a_file_of_several_tables_is_listed_and_asked(tmp_path: Path, capsys):
     path = ros2(tmp_path, StoragePlugin.SQLITE3, ("/imu/data", "/imu/data_raw"))
     assert main(["import", str(path), "--list"]) == 0
@@ -136,6 +137,7 @@ def test_warnings_of_a_library_are_notes_and_not_printed(tmp_path: Path, capsys)
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.acceptance
 def test_objects_are_not_unpickled(tmp_path: Path):
     """An array of objects would run code; it is refused."""
     np.save(tmp_path / "log.npy", np.array([{"a": 1}] * 5, dtype=object), allow_pickle=True)
@@ -255,6 +257,7 @@ def test_two_files_that_begin_at_0_say_that_one_clock_is_not_certain(tmp_path: P
         assert "both files begin at 0 s: that they have one clock is not certain" in notes
 
 
+@pytest.mark.acceptance
 def test_two_files_without_a_common_time_are_refused(tmp_path: Path):
     time = np.arange(0.0, 5.0, 0.01)
     force, rate = motion(time)
@@ -264,6 +267,7 @@ def test_two_files_without_a_common_time_are_refused(tmp_path: Path):
         th.import_record(first, second)
 
 
+@pytest.mark.acceptance
 def test_two_files_with_plain_names_are_told_by_their_order(tmp_path: Path):
     """Sensor Logger writes z, y, x."""
     time = np.arange(0.0, 5.0, 0.01)
@@ -299,6 +303,7 @@ LABELLED: dict[str, Any] = {
 }
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", LABELLED)
 def test_tables_of_xarray_are_read_with_their_units_and_labels(name: str):
     xarray = pytest.importorskip("xarray")

@@ -116,6 +116,7 @@ def test_signs_units_and_offsets_of_a_mapping_are_obeyed(bench: Bench, tmp_path:
     assert record.specific_force[:, 0] == pytest.approx(bench.force[:, 0], abs=1e-9)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("numbered", [True, False])
 def test_several_readings_of_a_rest_are_averaged_and_their_scatter_kept(numbered: bool, bench: Bench, tmp_path: Path):
     """The kept standard error is that of the added noise, and bounds the noise if nothing else does."""

@@ -246,6 +246,7 @@ def test_two_accelerometers_are_one_question_with_both(tmp_path: Path):
     assert imported(tmp_path, content, answers).record.specific_force == pytest.approx(second, abs=1e-12)
 
 
+@pytest.mark.acceptance
 def test_a_table_without_names_is_one_round_of_questions_on_few_lines(tmp_path: Path, capsys):
     """The columns, the kind, the units and two's complement; each line has its answers, the last has the first ones."""
     turn = np.linspace(0.0, 1.2, 600)
@@ -269,6 +270,7 @@ def test_a_table_without_names_is_one_round_of_questions_on_few_lines(tmp_path: 
     assert record.time_s == pytest.approx(STEP * np.arange(600))
 
 
+@pytest.mark.acceptance
 def test_counts_without_names_are_told_by_the_steadiness_of_their_size(tmp_path: Path):
     """A large bias of gyros is steady, too, but less than gravity."""
     rng = np.random.default_rng(8)
@@ -371,6 +373,7 @@ def assert_answered(path: Path, answers: dict[str, str], truth: np.ndarray) -> N
     assert record.specific_force == pytest.approx(truth, rel=1e-12, abs=1e-15)
 
 
+@pytest.mark.acceptance
 def test_counts_of_the_field_are_answered_in_one_round(tmp_path: Path):
     """Zero is in the middle of 16 bits, or the counts are two's complement."""
     path = field_file("counts.csv", tmp_path)
@@ -389,6 +392,7 @@ def test_counts_of_the_field_are_answered_in_one_round(tmp_path: Path):
     assert rate == pytest.approx(np.radians(signed[:, 4:7] / 131.0), rel=1e-12)
 
 
+@pytest.mark.acceptance
 def test_workbooks_of_the_field_are_answered_in_one_round(tmp_path: Path):
     path = field_file("kurz.xlsx", tmp_path)
     rows = CalamineWorkbook.from_path(str(path)).get_sheet_by_index(0).to_python()
@@ -413,6 +417,7 @@ def test_names_that_contradict_gravity_are_asked_with_the_columns_crossed(tmp_pa
     assert record.rate == pytest.approx(RATE, abs=1e-15)
 
 
+@pytest.mark.acceptance
 def test_times_of_19_digits_are_exact(tmp_path: Path):
     path = field_file("ros.csv", tmp_path)
     rows = list(csv.DictReader(path.read_text().splitlines()))
@@ -427,6 +432,7 @@ def test_packed_files_of_a_known_layout(tmp_path: Path):
     assert len(th.import_record(path).record) == COUNT
 
 
+@pytest.mark.acceptance
 def test_rows_of_two_sensors_are_not_mixed(tmp_path: Path):
     """ArduPilot writes its IMUs one after the other, with nearly the same times."""
     lines = LAYOUTS["ardupilot"].splitlines()

@@ -250,6 +250,7 @@ def field_file(name: str, folder: Path) -> Path:
     return path
 
 
+@pytest.mark.acceptance
 def test_field_files_with_senses_counts_and_seconds(tmp_path, capsys):
     turned = field_file("import-cw-ccw.csv.gz", tmp_path)
     status, message, _ = imported(turned, capsys)
@@ -283,6 +284,7 @@ def test_field_files_with_senses_counts_and_seconds(tmp_path, capsys):
     assert np.median(length) > 5.0
 
 
+@pytest.mark.acceptance
 def test_field_files_with_marked_heads_and_of_workbooks(tmp_path, capsys):
     units = ("units.time=s", "units.rate=rad/s", "units.force=m/s2")
     status, message, table = imported(copied("pct.txt", tmp_path), capsys, *units)
@@ -326,6 +328,7 @@ def test_the_field_folder_that_was_overwritten_keeps_its_programme(tmp_path, cap
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bench.toml", "positions.csv"]
 
 
+@pytest.mark.acceptance
 def test_drawn_files_keep_every_sign_count_and_hour(tmp_path, capsys):
     """Draw twelve files of each kind: the answers give the written values."""
     for seed in range(12):
@@ -346,6 +349,7 @@ LONG = 20_000
 LONG_TEXTS = {"name": "x" * LONG, "digits": "7" * LONG, "spaces": f"c{' ' * LONG}d", "pairs": "a 1 b: " * (LONG // 7)}
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("kind", LONG_TEXTS)
 def test_a_very_long_cell_is_read_within_seconds_and_without_a_warning(kind: str, tmp_path: Path) -> None:
     lines = [f"t,a,b,{LONG_TEXTS[kind]}", *(f"{row},1,2,{LONG_TEXTS[kind]}" for row in range(5))]

@@ -22,6 +22,7 @@ COUNTS, TURNS = np.round(FORCE / G * 256).astype(int), np.round(np.degrees(RATE)
 NAMES = ["ax", "ay", "az", "gx", "gy", "gz"]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("above", "force", "rate"),
     [
@@ -47,6 +48,7 @@ def test_of_two_sensitivities_of_a_quantity_none_is_first(tmp_path: Path):
     assert "20.5" not in message
 
 
+@pytest.mark.acceptance
 def test_an_estimate_of_gravity_is_no_gyro_by_its_name(tmp_path: Path):
     gravity = np.round(G * PLAIN / np.linalg.norm(PLAIN, axis=1, keepdims=True), 7)
     path = written(tmp_path, table(["t [s]", *NAMES], [TIME, FORCE, gravity]))
@@ -74,6 +76,7 @@ def test_names_stand_above_rows_without_readings(tmp_path: Path):
     assert record.rate == pytest.approx(RATE, abs=1e-12)
 
 
+@pytest.mark.acceptance
 def test_points_between_thousands_are_asked_for_with_the_units_of_such_counts(tmp_path: Path):
     counts = np.hstack([64 * COUNTS, TURNS]).T.tolist()
     grouped = [[f"{count:,}".replace(",", ".") for count in column] for column in counts]
@@ -108,6 +111,7 @@ def with_checksum(line: str) -> str:
     return f"${line}*{total:02X}"
 
 
+@pytest.mark.acceptance
 def test_right_checksums_of_lines_are_no_part_of_their_numbers(tmp_path: Path):
     rows = table(["", *map(str, range(7))], [["PIMU"] * COUNT, (1000 * TIME).astype(int), FORCE, RATE]).splitlines()[1:]
     path = written(tmp_path, "\n".join(map(with_checksum, rows)), "log.txt")
@@ -120,6 +124,7 @@ def test_right_checksums_of_lines_are_no_part_of_their_numbers(tmp_path: Path):
     assert "missing" in questions_of(path, answers)[0]
 
 
+@pytest.mark.acceptance
 def test_a_column_with_a_minus_before_its_name_is_asked_for_its_sign(tmp_path: Path):
     names = ["t [s]", "-acc_x [m/s2]", "acc_y [m/s2]", "acc_z [m/s2]"]
     path = written(tmp_path, table(names, [TIME, -FORCE[:, 0], FORCE[:, 1], FORCE[:, 2]]))
@@ -138,6 +143,7 @@ def test_a_unit_with_a_number_in_a_head_is_the_first_answer(tmp_path: Path):
     assert "--set 'units.rate=0.1 deg/s' or" in message
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("place", ["", "run 1/imu", "run 1/imu/acc"], ids=["file", "group", "array"])
 def test_a_rate_beside_arrays_is_the_first_answer(place: str, tmp_path: Path):
     path = tmp_path / "log.h5"
@@ -170,6 +176,7 @@ def objects(*, nested: bool) -> list[dict[str, object]]:
     return rows
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("nested", [True, False], ids=["nested", "lists"])
 @pytest.mark.parametrize("in_lines", [True, False], ids=["lines", "one list"])
 def test_objects_of_json_are_a_table(nested: bool, in_lines: bool, tmp_path: Path):
@@ -187,6 +194,7 @@ for _name, _columns in (("acc_{} [m/s2]", FORCE), ("gyro_{} [rad/s]", RATE)):
 ROWS = [dict(zip(COLUMNS, row, strict=True)) for row in zip(*COLUMNS.values(), strict=True)]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "content",
     [
@@ -205,6 +213,7 @@ def test_json_of_any_shape_is_a_table(content: object, tmp_path: Path):
     assert_equal_to_file(imported(tmp_path, text, name="log.json").record)
 
 
+@pytest.mark.acceptance
 def test_the_likeliest_two_of_mixed_sensors_are_the_first_answer(tmp_path: Path):
     rows = []
     for time, force, rate in zip(TIME.tolist(), FORCE.tolist(), RATE.tolist(), strict=True):

@@ -58,6 +58,7 @@ def leaves(value: object) -> Iterator[float]:
             yield from leaves(inner)
 
 
+@pytest.mark.acceptance
 def test_what_is_inspected_is_what_is_inspected_of_the_clean_record(block: Block, tmp_path: Path):
     record = imported(tmp_path, file_of(block, "LabVIEW").content).record
     clean = StrapdownRecord(block.time, block.rate, None, block.force)
@@ -72,6 +73,7 @@ def test_a_labview_file_of_several_parts_is_refused(block: Block, tmp_path: Path
     assert "2 parts with a header; one is read" in message
 
 
+@pytest.mark.acceptance
 def test_rows_that_lack_a_number_are_a_gap_and_said(block: Block, tmp_path: Path):
     lines = file_of(block, "log in ms").content.decode().splitlines()
     for k in (50, 51):

@@ -10,6 +10,7 @@ from laboratory_imports import imported, questions_of, written
 from tool_files import FILES, FORCE, MICROS, RATE, TIME, named, table
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("tool", FILES)
 def test_a_file_of_a_tool_is_imported_or_asks_for_what_is_missing(tool: str, tmp_path: Path):
     file = FILES[tool]

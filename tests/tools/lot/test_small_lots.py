@@ -100,6 +100,7 @@ def test_a_step_is_named_at_its_first_instrument():
         assert [(one.symbol, one.since) for one in lot.dependences if one.against == "serial"] == [("X7", "U-80")]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("against", "name", "reach"), [("temperature", "per_kelvin", 15.0), ("date", "per_year", 1.0)])
 @pytest.mark.parametrize(("count", "change"), [(16, 15.0), (60, 6.0)])
 def test_a_trend_is_named_and_its_interval_holds_the_truth(against: str, name: str, reach: float, count: int, change):

@@ -69,6 +69,7 @@ def answer_to(server: DeskServer, method: str, path: str, body: str | None = Non
     return answer.status, text
 
 
+@pytest.mark.acceptance
 def test_only_this_machine_with_the_token_and_from_this_page_is_answered(server: DeskServer, table: TableView):
     address, origin = f"/{server.token}/", f"http://127.0.0.1:{server.port}"
     assert server.address == origin + address

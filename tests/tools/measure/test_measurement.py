@@ -85,6 +85,7 @@ def finished(programme, growing, tmp_path_factory) -> Session:
     return fed(begun(programme, tmp_path_factory.mktemp("finished") / "m.csv"), growing.read_bytes())
 
 
+@pytest.mark.acceptance
 def test_the_record_and_its_positions_are_those_of_an_ordinary_run(finished: Session, growing: Path):
     assert finished.path.read_bytes() == growing.read_bytes()
     usual = read_record(growing, PositionRecord)
@@ -95,6 +96,7 @@ def test_the_record_and_its_positions_are_those_of_an_ordinary_run(finished: Ses
     assert ours.resolution == usual.resolution
 
 
+@pytest.mark.acceptance
 def test_the_bad_rest_is_seen_and_its_repetition_counts(finished: Session):
     (bad,) = [visit for visit in finished.visits if visit.bad]
     assert bad.number == 4
@@ -104,6 +106,7 @@ def test_the_bad_rest_is_seen_and_its_repetition_counts(finished: Session):
     assert not finished.left
 
 
+@pytest.mark.acceptance
 def test_errors_shrink_to_the_promise_and_it_is_said(finished: Session):
     determined = []
     for standing in finished.history:
@@ -153,6 +156,7 @@ def test_pieces_and_a_kill_at_any_byte_change_nothing(seed: int, finished: Sessi
     assert session.standing.errors == finished.standing.errors
 
 
+@pytest.mark.acceptance
 def test_words_are_written_and_followed_again(growing: Path, programme, tmp_path):
     measurement = begun(programme, tmp_path / "m.csv")
     measurement.feed(growing.read_bytes())
@@ -170,6 +174,7 @@ def test_words_are_written_and_followed_again(growing: Path, programme, tmp_path
     assert again.standing == before.standing
 
 
+@pytest.mark.acceptance
 def test_what_is_no_row_is_left_out_and_counted(growing: Path, programme, tmp_path):
     lines = growing.read_text(encoding="utf-8").splitlines(keepends=True)
     last = lines[60].split(",")
@@ -183,6 +188,7 @@ def test_what_is_no_row_is_left_out_and_counted(growing: Path, programme, tmp_pa
     assert session.reached
 
 
+@pytest.mark.acceptance
 def test_numbers_without_a_header_have_the_usual_columns(growing: Path, programme, tmp_path):
     readings = growing.read_bytes()
     fed(begun(programme, tmp_path / "m.csv"), readings.partition(b"\n")[2])
@@ -206,6 +212,7 @@ def test_another_table_is_refused_and_nothing_is_written(readings: bytes, messag
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.acceptance
 def test_scatter_and_drift_beyond_the_promise_are_bad(programme, tmp_path):
     table = SimulatedTable(tmp_path / "growing.csv")
     noise = np.random.default_rng(3)
@@ -291,6 +298,7 @@ def all_of(source: ByteSource, size: int) -> bytes:
     return readings
 
 
+@pytest.mark.acceptance
 def test_a_file_that_does_not_come_is_told_without_a_terminal_too(plan: Path, tmp_path: Path):
     words = ["measure", str(plan), "--from", "later.csv", "--out", "out.csv", "--noise-bound", "1e-5"]
     command = [sys.executable, "-m", "trihedron.tools.cli", *words, "--patience", "6"]

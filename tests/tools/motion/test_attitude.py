@@ -187,6 +187,7 @@ def test_a_limit_before_the_run_begins_does_not_count() -> None:
     assert th.attitude_of_record(replace(record, attitude=true)).trusted_until is None
 
 
+@pytest.mark.acceptance
 def test_a_clipped_record_cannot_be_overlooked_on_the_command_line(tmp_path: Path, capsys: Any) -> None:
     """Check text, JSON, table, complaint and exit status; with --compare too."""
     path, result_file, out = tmp_path / "turn.csv", tmp_path / "found.json", tmp_path / "out"
@@ -301,6 +302,7 @@ def composed(record: Any, run: AttitudeRun, bias: np.ndarray) -> Rotation:
     return rotation_of(record.attitude[int(run.row[0]) - 2]) * turned_by(np.vstack([np.zeros(3), turns]))
 
 
+@pytest.mark.acceptance
 def test_the_measured_record_agrees_with_another_composition(broad: Any) -> None:
     run: Any = th.attitude_of_record(broad)
     second_file = composed(broad, run, np.zeros(3))
@@ -308,6 +310,7 @@ def test_the_measured_record_agrees_with_another_composition(broad: Any) -> None
     assert float((second_file.inv() * rotation_of(run.attitude)).magnitude().max()) < 1e-6
 
 
+@pytest.mark.acceptance
 def test_the_measured_record_drifts_by_its_gyros_bias(broad: Any) -> None:
     raw: Any = th.attitude_of_record(broad)
     bias: Any = broad.rate[:2800].mean(axis=0)  # at rest for ten seconds
@@ -413,6 +416,7 @@ def test_a_turn_beyond_the_range_is_refused_by_its_row() -> None:
         th.attitude_of_record(record, trust=True)
 
 
+@pytest.mark.acceptance
 def test_the_command_takes_an_algorithm_a_divisor_and_compares(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -54,6 +54,7 @@ def bortz(w: np.ndarray, phi: np.ndarray) -> np.ndarray:
     return w + np.cross(phi, w) / 2 + factor * np.cross(phi, np.cross(phi, w))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", ["1", "5"])
 def test_two_equations_of_motion_and_the_closed_form_agree(name: str) -> None:
     harmonics, end = paper_motion(name, EXACT), 1.37
@@ -197,6 +198,7 @@ def test_the_best_algorithm_is_never_worse_over_a_minute(name: str, frequency: i
     never_worse(name, frequency, 60.0)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("quantum", "noise"), [(2.4e-6, 0.0), (0.0, 6e-8)])
 def test_quanta_and_noise_do_not_keep_the_best_algorithm_from_coning(quantum: float, noise: float) -> None:
     """For a cone of 1° at 51 Hz, 1 kHz, the remainder of a lower degree adds up, noise in a higher one does not."""
@@ -220,11 +222,13 @@ def test_a_fixed_high_degree_is_worse_on_vibration_near_the_nyquist_rate() -> No
     assert errors_deg(motion, "functional-iteration-8").max() > 5 * errors_deg(motion, "adaptive-degree").max()
 
 
+@pytest.mark.acceptance
 def test_where_no_noise_is_seen_vibration_gains_too() -> None:
     motion = samples("second", 4000, 20.0)
     assert errors_deg(motion, "two-sample-rodrigues").max() > 5 * errors_deg(motion, "adaptive-degree").max()
 
 
+@pytest.mark.acceptance
 def test_a_pure_cone_gains_on_the_formulas_that_are_for_nothing_else() -> None:
     """Test eight and four samples in a turn of a cone of 1°, 20 s."""
     for rate, gain in ((80.0, 3.0), (40.0, 3.0)):
@@ -248,6 +252,7 @@ def test_short_motions_need_no_compiler_and_have_the_same_bits(monkeypatch):
         assert machine.tobytes() == plain.tobytes()
 
 
+@pytest.mark.acceptance
 def test_vibration_beside_a_slow_turn_leaves_little_at_the_ends_of_steps() -> None:
     """Test six to ten samples a period, 3' and 3° at 2 Hz: drawn six times, against (22)."""
     draw = np.random.default_rng(5)
@@ -263,6 +268,7 @@ def test_vibration_beside_a_slow_turn_leaves_little_at_the_ends_of_steps() -> No
     assert np.exp(np.mean(logarithm)) < 0.04
 
 
+@pytest.mark.acceptance
 def test_the_best_algorithm_is_cheap_where_noise_hides_what_cheap_ones_leave_out() -> None:
     harmonics = np.zeros((3, 4, 3))
     harmonics[:, 0] = [[0.2, 2.0 * np.pi * 0.5, 0.3], [0.1, 2.0 * np.pi * 0.5, 0.0], [0.2, 2.0 * np.pi, 1.0]]

@@ -99,6 +99,7 @@ def test_bounds_of_several_gaps_add_up_from_their_times_on(tmp_path):
     assert run.trusted.all()
 
 
+@pytest.mark.acceptance
 def test_a_gap_is_refused_with_the_option_that_would_bridge_it(tmp_path, capsys):
     record, _ = drawn(5, "rates")
     path = tmp_path / "record.csv"
@@ -146,6 +147,7 @@ def test_an_increment_that_holds_the_whole_gap_is_not_taken_for_that_of_one_row(
     assert len(without_gaps(with_lost(record, (100, 3)), 3)[0]) == COUNT
 
 
+@pytest.mark.acceptance
 def test_truth_is_not_known_in_a_bridged_gap_and_rows_keep_their_numbers():
     record, _ = drawn(9, "rates")
     hurt = with_lost(replace(record, attitude=np.tile([1.0, 0.0, 0.0, 0.0], (COUNT, 1))), (50, 2))

@@ -87,6 +87,7 @@ def test_missing_poses_are_named_and_mend_it():
     assert mended.verdict == "consistent"
 
 
+@pytest.mark.acceptance
 def test_constant_gyros_are_constant_and_nothing_is_named_on_clean_records():
     for seed in range(3):
         gyros = inspected(strapdown_record(seed=seed, gyro_bias=GYRO_BIAS)).gyros
@@ -94,6 +95,7 @@ def test_constant_gyros_are_constant_and_nothing_is_named_on_clean_records():
         assert np.array(gyros.standing[0].coefficients)[:, 0] == pytest.approx(GYRO_BIAS, abs=3e-4)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("name", "effect"),
     [
@@ -123,6 +125,7 @@ def test_biases_that_change_from_rest_to_rest_are_given_no_cause():
     assert gyros.standing == ()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -168,6 +171,7 @@ def test_a_clean_record_has_no_saturated_rows_and_its_increments_are_as_good_as_
     assert second.rests.rate == pytest.approx(first.rests.rate, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.acceptance
 def test_with_thirty_percent_of_the_rows_missing_no_wrong_thing_is_named():
     record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     keep = np.sort(np.random.default_rng(2).permutation(len(record))[: int(0.7 * len(record))])
@@ -186,6 +190,7 @@ def test_a_record_without_noise_and_one_of_few_rows():
         inspected(chosen(strapdown_record(), np.arange(8)))
 
 
+@pytest.mark.acceptance
 def test_rests_without_noise_are_where_nothing_changes():
     exact = strapdown_record(gyro_bias=GYRO_BIAS, force_noise=0.0, rate_noise=0.0)
     # As computed attitudes come: occasionally a last digit differs.
@@ -197,6 +202,7 @@ def test_rests_without_noise_are_where_nothing_changes():
     assert inspection.accelerometers.verdict == "consistent"
 
 
+@pytest.mark.acceptance
 def test_a_single_rest_has_one_length_and_nine_rests_no_standard_errors(tmp_path, capsys):
     for count in (1, 9):
         write_record(strapdown_record(true_motion(POSES[:count])), tmp_path / f"{count}.csv")
@@ -214,6 +220,7 @@ def test_the_allan_curve_of_white_noise_falls_as_its_root():
     assert deviation[short] == pytest.approx(np.sqrt(PERIOD / times[short])[:, None] * np.ones(3), rel=0.1)
 
 
+@pytest.mark.acceptance
 def test_the_command_prints_writes_json_and_a_picture(tmp_path, capsys):
     record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     path, text, picture = tmp_path / "r.csv", tmp_path / "r.json", tmp_path / "a.svg"
@@ -235,6 +242,7 @@ def test_the_picture_of_a_record_without_rests_says_so():
     assert "no rests" in allan_picture(inspected(record)).svg()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("limit", [0.6, 0.9, 0.999])
 def test_rests_with_an_accelerometer_at_its_limit_are_left_out(limit):
     """Their means would falsify the norm calibration; the others give the true parameters."""
@@ -253,6 +261,7 @@ def test_rests_with_an_accelerometer_at_its_limit_are_left_out(limit):
     assert calibration.verdict != "falsified"
 
 
+@pytest.mark.acceptance
 def test_no_rest_of_a_sound_record_counts_as_clipped():
     """Test readings in steps, and others."""
     for step in (0.0, 0.02, 0.05, 0.2):
@@ -261,6 +270,7 @@ def test_no_rest_of_a_sound_record_counts_as_clipped():
         assert inspected(record, specific_force=force).rests.clipped == 0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "step_g"), [(0, 0.003), (1, 0.006), (2, 0.01)])
 def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
     """Noise of 0.3 mg does not average steps of 3 mg and more out: half a step may remain."""
@@ -305,6 +315,7 @@ def test_noise_wider_than_the_steps_averages_them_out():
     assert inspection.rests.force_bound == pytest.approx(plain.rests.force_bound, rel=0.25)
 
 
+@pytest.mark.acceptance
 def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_gravity_turn_nothing():
     """Accelerometers do not sense the turns; a sensitivity of 0.02 rad/s/g is 20 times the noise of a sample."""
     sensitivity = np.array([[0.0, 0.02, 0.0], [0.0, 0.0, -0.015], [0.01, 0.0, 0.0]])
@@ -322,6 +333,7 @@ def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_g
     assert inspection.rests.time_s == pytest.approx(remaining, abs=0.2)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "name", ["mpu9150-0", *(pytest.param(f"mpu9150-{k}", marks=pytest.mark.acceptance) for k in (1, 2))]
 )
@@ -335,6 +347,7 @@ def test_nine_parameters_are_enough_for_the_mpu9150_and_no_behaviour_of_the_gyro
     assert inspection.gyros.verdict in ("constant", "wandering", "insufficient")
 
 
+@pytest.mark.acceptance
 def test_the_rests_of_broad_03_are_those_before_and_after_the_motion():
     """The source describes slow rotation from 45.7 to 166.1 s; two poses calibrate nothing."""
     inspection: Any = inspect_record(measured("broad-03"))

@@ -77,6 +77,7 @@ def never_near_both(increments: np.ndarray, first: np.ndarray, second: np.ndarra
     return float(angle_between(first, second)[7::8].max()) / sum(least)
 
 
+@pytest.mark.acceptance
 def test_no_algorithm_is_on_the_line_of_a_cone_and_of_its_alias() -> None:
     """Compare 420 and 580 Hz at 1 kHz: the same increments, and drifts of opposite sign."""
     phase, rate, count = 2.0 * math.pi * 0.42, 3e-3, 480

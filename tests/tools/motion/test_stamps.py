@@ -92,6 +92,7 @@ def before_release(value: object) -> ParameterSet:
 SEEDS = (0, before_release(1), before_release(2))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
 def test_stamps_of_even_samples_lose_no_row(kind: str, seed: int) -> None:
@@ -101,6 +102,7 @@ def test_stamps_of_even_samples_lose_no_row(kind: str, seed: int) -> None:
     assert grid.period == pytest.approx(PERIOD, rel=1e-3)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_gap_is_found_among_such_stamps(kind: str, seed: int) -> None:
@@ -133,6 +135,7 @@ def test_even_stamps_count_where_samples_are_even(kind: str, tmp_path: Path) -> 
     assert any(line.startswith("time stamps: even, one every") for line in inspection.seen.warnings)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", SEEDS)
 def test_stamps_as_logged_count_where_samples_are_uneven(seed: int, tmp_path: Path) -> None:
     count = RESTS * REST_ROWS + (RESTS - 1) * MOVE_ROWS
@@ -143,6 +146,7 @@ def test_stamps_as_logged_count_where_samples_are_uneven(seed: int, tmp_path: Pa
     assert inspection.sampling.missing == 0
 
 
+@pytest.mark.acceptance
 def test_the_option_decides(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = moved_by_hand(6)
     path = tmp_path / "record.csv"
@@ -167,6 +171,7 @@ def test_words_that_are_no_stamps_are_refused_of_a_table_of_positions_too(stamps
         th.read_record(tmp_path / "record.csv", stamps=stamps)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("step", [0.05, before_release(0.1), before_release(1.0)])
 def test_stamps_that_repeat_are_refused_with_a_way_on(step: float, tmp_path: Path) -> None:
     record = moved_by_hand(8)
@@ -181,6 +186,7 @@ def test_stamps_that_repeat_are_refused_with_a_way_on(step: float, tmp_path: Pat
     assert len(inspection.rests) == RESTS
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", SEEDS)
 def test_rests_need_no_regular_sampling(seed: int, tmp_path: Path) -> None:
     record = moved_by_hand(seed)
@@ -189,6 +195,7 @@ def test_rests_need_no_regular_sampling(seed: int, tmp_path: Path) -> None:
     assert len(th.inspect(tmp_path / "record.csv").rests) >= RESTS - 1
 
 
+@pytest.mark.acceptance
 def test_a_regular_record_is_as_it_is_read(tmp_path: Path) -> None:
     record = moved_by_hand(9)
     write_record(record, tmp_path / "record.csv")
@@ -221,6 +228,7 @@ def test_rows_that_fill_no_step_are_said_to_be_left_out(rows: int, algorithm: st
     assert any("complete a step of" in line for line in run.warnings) == left
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("name", "seconds", "unit"), [("micros", 1e-6, "us"), ("millis", 1e-3, "ms")])
 @pytest.mark.parametrize("bits", [16, 32])
 def test_a_counter_that_wraps_goes_on(name: str, seconds: float, unit: str, bits: int, tmp_path: Path) -> None:
@@ -235,6 +243,7 @@ def test_a_counter_that_wraps_goes_on(name: str, seconds: float, unit: str, bits
     assert np.allclose(steps, PERIOD, atol=1e-9)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("first", [1403636579758555392, 1700000000000000001, 1699999999999999937])
 def test_epoch_nanoseconds_stay_exact(first: int, tmp_path: Path) -> None:
     lines = ["#timestamp [ns],wx [rad/s],wy [rad/s],wz [rad/s],ax [m/s2],ay [m/s2],az [m/s2]"]
@@ -253,6 +262,7 @@ def increments_of(record: StrapdownRecord) -> StrapdownRecord:
     return replace(record, rate=None, increment=turns, velocity_increment=speeds)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("kind", ["jitter", before_release("late"), before_release("bursts")])
 def test_stamps_of_increments_are_taken_and_said(kind: str, tmp_path: Path) -> None:
     record = increments_of(moved_by_hand(3))
@@ -264,6 +274,7 @@ def test_stamps_of_increments_are_taken_and_said(kind: str, tmp_path: Path) -> N
     assert run.attitude == pytest.approx(th.attitude_of_record(record).attitude, abs=1e-12)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("kind", ["coarse", before_release("jitter"), before_release("bursts")])
 def test_a_corrected_record_has_the_stamps_that_counted(kind: str, tmp_path: Path) -> None:
     record = moved_by_hand(5)
@@ -308,6 +319,7 @@ def test_one_row_has_no_period(stamps: str, tmp_path: Path, capsys: pytest.Captu
 # Files from the field
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("name", "rests"),
     [
@@ -338,6 +350,7 @@ def test_field_tails_are_said_to_be_left_out(name: str, end: str, tmp_path: Path
     assert any(f"; the attitude ends at {end}" in line for line in run.warnings)
 
 
+@pytest.mark.acceptance
 def test_field_counter_that_wraps(tmp_path: Path) -> None:
     answers = {"units.force": "1/16384 g", "units.rate": "1/131 deg/s"}
     th.import_record(field_file("mpu.csv", tmp_path), out=tmp_path / "record.csv", answers=answers)
@@ -345,6 +358,7 @@ def test_field_counter_that_wraps(tmp_path: Path) -> None:
     assert np.allclose(steps, 0.005, atol=1e-9)
 
 
+@pytest.mark.acceptance
 def test_field_epoch_is_exact(tmp_path: Path) -> None:
     th.import_record(field_file("euroc.csv", tmp_path), out=tmp_path / "record.csv")
     time = times_of(tmp_path / "record.csv")
@@ -352,6 +366,7 @@ def test_field_epoch_is_exact(tmp_path: Path) -> None:
     assert time[1] == 0.005
 
 
+@pytest.mark.acceptance
 def test_field_bench_with_gaps_over_all_moves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = str(field_file("bench-gaps-over-all-moves.csv", tmp_path))
     place = ["--latitude-deg", "55.75", "--azimuth-deg", "20"]

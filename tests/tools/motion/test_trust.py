@@ -144,6 +144,7 @@ def test_the_check_names_every_wrong_reading(name):
     assert EXPECTED.get(name, "") in "; ".join(trust_of(wrong_record(name, 7, truth=False, **SHORT)).faults)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("readings", [ONE_OF_EACH, pytest.param(WRONG, marks=pytest.mark.acceptance)], ids=len)
 @pytest.mark.parametrize("command", [*BY_HAND, *(f"{command} bench" for command in ON_TABLE)])
 def test_every_command_refuses_every_wrong_reading(command, readings, files, tmp_path, monkeypatch, capsys):
@@ -169,6 +170,7 @@ IN_PYTHON = {
 }
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("reading", [*ONE_OF_EACH, *(pytest.param(r, marks=pytest.mark.acceptance) for r in OTHERS)])
 def test_python_and_the_page_of_open_say_the_line_of_the_command(reading, files, capsys):
     path = files / wrong_file(reading, files)
@@ -192,6 +194,7 @@ def test_python_and_the_page_of_open_say_the_line_of_the_command(reading, files,
         desk.close()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("command", OF_SEVERAL)
 def test_each_of_several_records_is_asked(command, files, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -200,6 +203,7 @@ def test_each_of_several_records_is_asked(command, files, tmp_path, monkeypatch,
         assert EXPECTED[name] in capsys.readouterr().err
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "readings",
     [("degrees", "force-one-twice"), pytest.param((*GYROS, *FORCES), marks=pytest.mark.acceptance)],
@@ -214,6 +218,7 @@ def test_an_import_says_what_would_be_wrong(readings, files, tmp_path, monkeypat
             assert EXPECTED.get(name, "") in text, name
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("command", WITHOUT_GYROS)
 def test_gyros_that_are_not_used_are_a_warning(command, files, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -226,6 +231,7 @@ def test_gyros_that_are_not_used_are_a_warning(command, files, tmp_path, monkeyp
         (tmp_path / "out.json").unlink(missing_ok=True)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("command", TAKEN)
 def test_every_command_takes_the_right_record_and_what_a_person_trusts(command, files, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -236,6 +242,7 @@ def test_every_command_takes_the_right_record_and_what_a_person_trusts(command, 
     assert "a factor of 2 is a wrong range setting" in Path("out.json").read_text()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("command", [*ON_TABLE, *WITHOUT_GYROS])
 def test_every_command_takes_the_right_record_of_a_table(command, files, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -243,6 +250,7 @@ def test_every_command_takes_the_right_record_of_a_table(command, files, tmp_pat
         assert run(command, "right-bench.csv", files) == 0
 
 
+@pytest.mark.acceptance
 def test_accelerometers_that_a_person_trusts_are_calibrated(files, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     command = "calibrate {} right-bench.csv --noise-bound 1.2e-5 --trust --json out.json"
@@ -279,6 +287,7 @@ def test_spikes_are_named_by_their_row_wherever_they_are(seed):
     assert f"row {row + 1} " in "".join(trust_of(wrong).faults)
 
 
+@pytest.mark.acceptance
 def test_scale_factors_are_said_from_five_percent_on_and_refused_from_the_square_root_of_two_on():
     right = hand_record(3, truth=True)
     for factor, message, is_refused in (
@@ -293,6 +302,7 @@ def test_scale_factors_are_said_from_five_percent_on_and_refused_from_the_square
             assert ("times as far as" in " ".join((*stated.faults, *stated.warnings))) == message
 
 
+@pytest.mark.acceptance
 def test_a_centrifuge_and_strong_vibration_are_right(tmp_path):
     """Test a steady turn at 5 rad/s with 4 g, from rest and as the whole record; 2 g of vibration without a rest."""
     rng = np.random.default_rng(5)
@@ -326,6 +336,7 @@ def test_reversed_accelerometers_are_asked_where_they_are_integrated():
     assert trusted(replace(wrong, velocity_increment=None)).warnings
 
 
+@pytest.mark.acceptance
 def test_an_unknown_attitude_may_be_written_as_nan(tmp_path):
     record = hand_record(11, truth=True)
     path = tmp_path / "measured.csv"
@@ -357,12 +368,14 @@ FIELD = {
 }
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", FIELD)
 def test_wrong_records_of_the_field_are_refused(name, tmp_path):
     record = read_record(field_file(f"{name}.csv", tmp_path), StrapdownRecord)
     assert FIELD[name] in "; ".join(trust_of(record).faults)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", ["gyros-right", "q_nan", "sculling_2g_refused"])
 def test_right_records_of_the_field_pass(name, tmp_path):
     assert check(field_file(f"{name}.csv", tmp_path)).good
@@ -371,6 +384,7 @@ def test_right_records_of_the_field_pass(name, tmp_path):
 LARGE = [pytest.param(name, marks=pytest.mark.acceptance) for name in ("mpu9150-4", "xsens-imu-tk", "broad-06")]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["mpu9150-0", "mpu9150-1", "mpu9150-2", *LARGE])
 def test_right_records_that_were_measured_pass(name):
     assert trust_of(measured(name)).faults == ()

@@ -60,6 +60,7 @@ def filmed(seed: int, *, speed: float, truth_every: int = 1, lag: float = 0.0, s
     return StrapdownRecord(time, gyros, None, force, quaternion)
 
 
+@pytest.mark.acceptance
 def test_every_signed_permutation_of_gyros_is_said_beside_gravity(clean):
     assert said_of(clean) == ""
     for matrix in PERMUTATIONS[1:]:
@@ -82,6 +83,7 @@ def test_rates_that_were_said_to_be_degrees_and_are_none_are_said(clean, order):
         assert "read it with no --channels" in lines[0]
 
 
+@pytest.mark.acceptance
 def test_exchanged_accelerometers_are_listed_beside_gyros(clean):
     for matrix in PERMUTATIONS[1:]:
         advice = said_of(replace(clean, specific_force=clean.specific_force @ matrix.T))
@@ -132,6 +134,7 @@ def test_where_the_truth_says_that_the_gyros_are_right_the_accelerometers_are_ex
     assert "w=" not in str(refused.value)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("lag", [0.005, 0.05, 0.1])
 def test_gyros_that_lag_or_scale_wrongly_are_right(lag):
     record = filmed(2, speed=12.0, lag=lag)
@@ -139,6 +142,7 @@ def test_gyros_that_lag_or_scale_wrongly_are_right(lag):
     assert trust_of(replace(record, rate=record.rate * [0.9, 1.1, 1.05])).faults == ()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("change", "advice"),
     [
@@ -154,6 +158,7 @@ def test_a_true_attitude_of_another_meaning_is_said(change, advice):
     assert advice in str(refused.value)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("part", "way"), [(0.3, 9), (0.5, 21), (0.85, 40)])
 def test_channels_that_change_during_a_record_are_said_with_the_time_and_no_way_of_reading(clean, part, way):
     """Test gravity, the true attitude, and a change of the accelerometers."""
@@ -175,6 +180,7 @@ def test_channels_that_change_during_a_record_are_said_with_the_time_and_no_way_
         assert float(inspection[1]) == pytest.approx(part * time[-1], abs=0.1 * time[-1])
 
 
+@pytest.mark.acceptance
 def test_accelerometers_that_are_all_reversed_or_a_reference_whose_z_points_down_are_said(tmp_path):
     record = filmed(5, speed=2.0)
     assert downward_warning(record) == ()
@@ -215,6 +221,7 @@ def test_check_and_apply_say_what_diagnose_would_refuse(clean, tmp_path):
     assert not apply(calibrate(mounted, noise_bound=1e-5, mounting="cyclic"), path).warnings
 
 
+@pytest.mark.acceptance
 def test_channels_read_gyros_right_and_who_knows_them_says_so(clean, tmp_path):
     matrix = PERMUTATIONS[29]
     path = tmp_path / "measured.csv"
@@ -233,6 +240,7 @@ LONG = [
 ]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", ["mpu9150-4", *LONG])
 def test_no_measured_record_is_read_wrongly(name):
     record: Any = measured(name)

@@ -33,6 +33,7 @@ def static(path: Path, cut: Mapping[str, tuple[float, ...]], step: float = 0.0) 
     return path
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("cut", "step", "name"),
     [

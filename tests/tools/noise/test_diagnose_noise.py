@@ -89,6 +89,7 @@ def test_the_noise_changes_no_verdict(scenario):
     assert [one.verdict for one in compared.noise.against].count("consistent") >= 5
 
 
+@pytest.mark.acceptance
 def test_a_record_of_short_rests_is_refused(scenario, tmp_path, capsys):
     path = tmp_path / "run.csv"
     write_record(moved_record(3, 0.0, first=1000), path)

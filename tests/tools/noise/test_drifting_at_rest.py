@@ -82,6 +82,7 @@ def test_a_slow_turn_about_the_vertical_is_no_rest(sizes, length, degrees):
     assert [channel.admissible[0] for channel in result.channels] == [name] * 6
 
 
+@pytest.mark.acceptance
 def test_a_slow_tilt_is_no_rest():
     """Of ten minutes the block tilts for three: one rest before it, one behind it."""
     record = static_record(60_000, 0.01, *WHITE, seed=2)

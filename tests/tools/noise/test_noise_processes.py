@@ -82,6 +82,7 @@ def test_a_process_that_is_not_there_has_an_upper_end_near_the_limit_of_detectio
         assert 0.3 < known(walk.high) / (12.0 * GYRO_SIZE / 3600.0) < 5.0
 
 
+@pytest.mark.acceptance
 def test_allan_deviation_is_that_of_another_program():
     values = noise_series(5000, STEP, {"N": 1.0, "B": 0.5}, seed=3)
     record = StrapdownRecord(
@@ -109,6 +110,7 @@ def test_its_band_holds_the_allan_deviation_of_such_records():
     assert 0.90 < np.mean(inside) < 0.995
 
 
+@pytest.mark.acceptance
 def test_sigma_for_positions_is_kept_by_averages_of_such_noise():
     """Averages of simulated rests keep the bound in about the stated part of records, and nearly reach it."""
     step, rows, sizes = 0.1, 200, {"N": 1e-3, "K": 3e-5}
@@ -138,6 +140,7 @@ def test_growth_of_the_attitude_error_is_at_least_that_of_simulated_records():
     assert 0.9 < predicted / np.std(ends) < 2.5
 
 
+@pytest.mark.acceptance
 def test_growth_by_detected_processes_is_that_of_the_noise_and_the_rest_is_said_apart():
     """White noise alone: N times the root of t + t²/60 s, the second part from the bias taken over a minute."""
     result = th.noise(static_record(60_000, 0.01, {"N": 1e-4}, {"N": 1e-3}, seed=4))
@@ -149,6 +152,7 @@ def test_growth_by_detected_processes_is_that_of_the_noise_and_the_rest_is_said_
         assert known(drift.attitude_deg) > known(drift.attitude_detected_deg)
 
 
+@pytest.mark.acceptance
 def test_rests_of_a_longer_record_are_pooled_and_a_moved_record_is_not_static():
     rows = 3000
     record = static_record(rows, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=4)
@@ -164,6 +168,7 @@ def test_rests_of_a_longer_record_are_pooled_and_a_moved_record_is_not_static():
     assert 0.9 < known(known(result.of("gyro")[0].coefficient("N")).estimate) / 1e-4 < 1.1
 
 
+@pytest.mark.acceptance
 def test_accelerometers_alone_have_noise_too():
     record = static_record(30_000, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=12)
     alone = ForceRecord(time_s=record.time_s, specific_force=record.specific_force)
@@ -173,6 +178,7 @@ def test_accelerometers_alone_have_noise_too():
     assert known(result.of("accelerometer")[0].coefficient("N")).estimate == pytest.approx(1e-3, rel=0.02)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "hum", [((30.0, 2e-3),), ((17.3013, 1e-2),), ((29.9971, 1e-2), (17.3, 2e-4)), ((12.34567, 5e-3), (12.5, 3e-3))]
 )
@@ -192,6 +198,7 @@ def test_mains_is_a_line_and_no_process(hum):
         assert f"of amplitude {digits(line.amplitude, 3)} rad/s, is left out" in str(noise)
 
 
+@pytest.mark.acceptance
 def test_a_filter_of_the_sensor_gives_no_false_process():
     record = static_record(120_000, STEP, {"N": 1e-4}, {"N": 1e-3}, seed=6)
     rate = known(record.rate).copy()
@@ -234,6 +241,7 @@ def test_command_writes_json_page_and_kalibr(tmp_path, capsys):
     assert densities["accelerometer_random_walk"] > 0.0
 
 
+@pytest.mark.acceptance
 def test_refusals_say_what_to_do(tmp_path, capsys):
     positions = tmp_path / "positions.csv"
     rows = [f"{k},{15 * k},{10 * k},0.1,0.2,9.8" for k in range(12)]

@@ -63,6 +63,7 @@ def test_commands_take_the_file(noise, tmp_path, capsys):
     assert main(["calibrate", str(record), "--noise", str(noise_file), "--json", str(noise_file)]) == 2
 
 
+@pytest.mark.acceptance
 def test_plans_take_the_file(noise, tmp_path, capsys):
     """σ of a plan is that of its dwell and number of positions."""
     file = tmp_path / "noise.json"

@@ -34,6 +34,7 @@ def static(path: Path, constant: tuple[str, ...]) -> Path:
     return path
 
 
+@pytest.mark.acceptance
 def test_a_gyro_that_never_changes_has_no_coefficient(tmp_path, recwarn):
     (tmp_path / "bench.toml").write_text(SCENARIO)
     record = static(tmp_path / "static.csv", ("w2",))
@@ -51,6 +52,7 @@ def test_a_gyro_that_never_changes_has_no_coefficient(tmp_path, recwarn):
     assert not recwarn.list
 
 
+@pytest.mark.acceptance
 def test_accelerometers_that_never_change_give_no_sigma(tmp_path):
     record = static(tmp_path / "static.csv", ("f1", "f2", "f3"))
     result = th.noise(record)

@@ -67,6 +67,7 @@ def each_once() -> list[Any]:
     return cases
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("habit", "version", "interface"), each_once())
 def test_every_call_is_made_in_a_mode_that_allows_it(
     habit: Habit, version: int, interface: str, tmp_path: Path
@@ -80,6 +81,7 @@ def test_every_call_is_made_in_a_mode_that_allows_it(
         assert table["plant.steps"][-1] == 10.0
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("version", "interface"), EVERY)
 def test_an_fmu_may_ask_for_the_end_of_the_run(version: int, interface: str, tmp_path: Path) -> None:
     """It asks at 0.5 s, or at the solver's first step beyond 0.45 s: then the record ends at 0.4 s."""
@@ -94,6 +96,7 @@ def test_an_fmu_may_ask_for_the_end_of_the_run(version: int, interface: str, tmp
         assert run.table["time_s"].to_list() == [0.0]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("nominal", [0.0, -1.0])
 def test_a_nominal_value_of_a_state_may_be_unknown(nominal: float, tmp_path: Path) -> None:
     run = run_of(Habit("nominal", (f"NOMINAL={nominal}",)), 2, "ModelExchange", tmp_path)
@@ -119,6 +122,7 @@ def test_what_cannot_be_done_is_refused_with_its_reason(name: str, tmp_path: Pat
         assert reason in str(refused.value)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("version", "interface"), EVERY)
 def test_a_value_that_is_not_held_is_refused(version: int, interface: str, tmp_path: Path) -> None:
     for habit, held in ((Habit("lost", ("LOST",)), 1.0), (Habit("limited", ("LIMITED",)), 1.5)):
@@ -132,6 +136,7 @@ def test_a_value_that_is_not_held_is_refused(version: int, interface: str, tmp_p
         assert f"k is {held} after 2.0 was set" in note
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("version", "interface"), EVERY)
 def test_no_step_passes_the_stop_time(version: int, interface: str, tmp_path: Path) -> None:
     """0.1 + 0.2 passes 0.3 by an ulp, and 0.4 s does not divide the run."""
@@ -147,6 +152,7 @@ def test_no_step_passes_the_stop_time(version: int, interface: str, tmp_path: Pa
         assert run.table["plant.x"][-1] == pytest.approx(exact(stop), abs=2e-5)
 
 
+@pytest.mark.acceptance
 def test_a_last_step_is_shortened_only_for_an_fmu_that_allows_it(tmp_path: Path) -> None:
     fixed = build_habit(Habit("fixed", ("FIXED",)), 2, "CoSimulation", tmp_path)
     varying = build_habit(Habit("varying", (), VARYING), 2, "CoSimulation", tmp_path)
@@ -158,6 +164,7 @@ def test_a_last_step_is_shortened_only_for_an_fmu_that_allows_it(tmp_path: Path)
     assert "the last step is 0.05 s long" in run.notes[0]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("version", "interface"), EVERY)
 def test_a_run_without_outputs_records_states(version: int, interface: str, tmp_path: Path) -> None:
     run = run_of(Habit("silent", without_outputs=True), version, interface, tmp_path)
@@ -183,6 +190,7 @@ def test_a_run_without_outputs_and_states_records_what_changes(version: int, der
     )
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("version", "interface"), EVERY)
 def test_nan_ends_the_run_unless_it_is_allowed(version: int, interface: str, tmp_path: Path) -> None:
     habit = Habit("nan", ("NOT_A_NUMBER",))
@@ -202,6 +210,7 @@ def test_a_missing_library_is_named_with_those_that_are_there(tmp_path: Path) ->
         assert f"{missing}; it has {there}" in str(refused.value)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_a_periodic_clock_ticks_on_the_grid(interface: str, tmp_path: Path) -> None:
     """It ticks at 0, 0.25, 0.5, 0.75 and 1 s; with a shift of 0.1 s four times; by counters as by decimals."""
@@ -229,6 +238,7 @@ def test_other_clocks_are_refused_by_name(tmp_path: Path) -> None:
         assert reason in str(refused.value)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("version", "interface"), EVERY)
 def test_a_table_of_inputs_is_read_as_fmpy_reads_it(version: int, interface: str, tmp_path: Path) -> None:
     fmu = build_habit(Habit("fed"), version, interface, tmp_path)
@@ -251,6 +261,7 @@ def carried(rows: list[tuple[float, float]], time: float) -> float:
     return x
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_solver_takes_inputs_at_all_times(version: int, tmp_path: Path) -> None:
     """A ramp, a pulse between two steps, and a jump: the solution at the rows does not depend on the step."""
@@ -264,6 +275,7 @@ def test_a_solver_takes_inputs_at_all_times(version: int, tmp_path: Path) -> Non
         assert run.table[f"{fmu.stem}.x"].to_list() == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("version", "interface"), EVERY)
 def test_an_initial_value_of_a_state_may_be_set(version: int, interface: str, tmp_path: Path) -> None:
     begins = "variability='continuous' initial='exact'"

@@ -16,6 +16,7 @@ FIELD = DATA / "field"
 GRAVITY = 9.81
 
 
+@pytest.mark.acceptance
 @pytest.mark.skipif(fmpy.platform != "linux64", reason="their libraries are for Linux")
 @pytest.mark.parametrize(
     ("name", "message"),
@@ -56,6 +57,7 @@ def height(time: float) -> float:
     return speed * (time - begin) - 0.5 * GRAVITY * (time - begin) ** 2
 
 
+@pytest.mark.acceptance
 def test_the_error_of_model_exchange_does_not_grow_as_the_step_shrinks() -> None:
     path = FIELD / "BouncingBall_ME.fmu"
     if not path.is_file():

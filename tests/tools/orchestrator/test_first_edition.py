@@ -65,6 +65,7 @@ def exact(time: float, start: float = 0.0) -> float:
     return 0.5 + (start - 0.5) * math.exp(-2.0 * time)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("kind", EXCHANGE)
 def test_values_events_and_start_values(kind: str, tmp_path: Path) -> None:
     name = build(tmp_path, kind).name
@@ -80,6 +81,7 @@ def test_values_events_and_start_values(kind: str, tmp_path: Path) -> None:
     assert set(run_of_guests(tmp_path, {"first": fmu}, run=RUN).table["first.x"]) == {0.0}
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("kind", EXCHANGE)
 def test_the_options_of_a_single_fmu(kind: str, tmp_path: Path) -> None:
     """u jumps from 1 to 2 at 0.5 s; 0.3 s does not divide the run."""
@@ -91,6 +93,7 @@ def test_the_options_of_a_single_fmu(kind: str, tmp_path: Path) -> None:
     assert run.table[f"{fmu.stem}.x"][-1] == pytest.approx(exact(1.0), abs=2e-5)
 
 
+@pytest.mark.acceptance
 def test_both_interfaces_in_one_system(tmp_path: Path) -> None:
     fmus = {
         "first": {"fmu": build(tmp_path, "CS").name, "parameters": {**GIVEN}},
@@ -107,6 +110,7 @@ def test_a_failure_names_the_call_and_the_message(tmp_path: Path) -> None:
     assert "DoStep at 0.5 s ended with Error: fuse blown" in message
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("kind", EXCHANGE)
 def test_a_negative_alias_has_the_other_sign(kind: str, tmp_path: Path) -> None:
     """FMI 1.0 gives the value of the other variable."""

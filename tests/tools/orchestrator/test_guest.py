@@ -31,6 +31,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_hostile(tmp_path_factory.mktemp("hostile")).parent
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("call", "way"),
     [
@@ -43,6 +44,7 @@ def test_the_culprit_is_named_and_the_record_kept(hostile: Path, tmp_path: Path,
     assert_named_and_kept(hostile, call, way, tmp_path / "out")
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("way", ["chdir", "printf", "threads"])
 def test_what_it_does_to_its_process_changes_nothing(
     hostile: Path, tmp_path: Path, way: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
@@ -56,6 +58,7 @@ def test_what_it_does_to_its_process_changes_nothing(
     assert not [pid for pid in children(os.getpid()) if b"guest_process" in command_of(pid)]
 
 
+@pytest.mark.acceptance
 def test_not_a_number_and_the_last_words(hostile: Path, tmp_path: Path) -> None:
     message = outcome(hostile, "nan_DoStep", tmp_path / "nan")
     assert "FMU 'nan_DoStep' (Hostile.fmu): Real_out is nan at 0.3 s" in message
@@ -63,6 +66,7 @@ def test_not_a_number_and_the_last_words(hostile: Path, tmp_path: Path) -> None:
     assert "fmi2DoStep at 0.2 s crashed (SIGABRT): the valve is stuck" in message
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("call", ["Instantiate", "DoStep", "GetReal"])
 @pytest.mark.parametrize("way", ["garbage", "long", "short", "deep"])
 def test_what_it_writes_into_its_reply_ends_its_run_only(hostile: Path, tmp_path: Path, way: str, call: str) -> None:
@@ -71,12 +75,14 @@ def test_what_it_writes_into_its_reply_ends_its_run_only(hostile: Path, tmp_path
     assert "sent a reply that cannot be read" in message
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("call", ["Instantiate", "SetReal", "DoStep", "GetReal"])
 def test_a_progress_file_that_it_cuts_short_does_not_end_us(hostile: Path, tmp_path: Path, call: str) -> None:
     message = outcome(hostile, f"truncate_{call}", tmp_path / "out")
     assert message.startswith(f"FMU 'truncate_{call}' (Hostile.fmu): "), message
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["fork_Instantiate", "fork_DoStep", "fork_Terminate", "forkexit_DoStep"])
 def test_processes_that_it_has_begun_end_with_it(
     hostile: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
@@ -97,11 +103,13 @@ def _working_folders() -> list[str]:
     return folders
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("call", ["Instantiate", "ExitInitializationMode", "DoStep"])
 def test_its_memory_has_a_limit(hostile: Path, tmp_path: Path, call: str) -> None:
     assert re.search("failed|ended with Error", outcome(hostile, f"memory_{call}", tmp_path / "out"))
 
 
+@pytest.mark.acceptance
 def test_more_calls_before_a_step_than_a_byte_counts(hostile: Path, tmp_path: Path) -> None:
     """Make 300 connections into one guest whose step fails: the step is named."""
     many = "".join(
@@ -120,6 +128,7 @@ def test_more_calls_before_a_step_than_a_byte_counts(hostile: Path, tmp_path: Pa
     assert table.height == 6
 
 
+@pytest.mark.acceptance
 def test_the_command_says_it_with_a_status_that_is_not_zero(hostile: Path, tmp_path: Path) -> None:
     def simulated(name: str, *options: str) -> subprocess.CompletedProcess[str]:
         write_scenario(scenario(hostile, **hostile_scenario(hostile, name)), hostile / f"{name}.toml")
@@ -162,6 +171,7 @@ def test_a_guest_gives_the_same_bits(foreign: Path) -> None:
     assert tables[0].equals(tables[1])
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("coupling", ["iterate", "jacobi"])
 def test_a_guest_in_a_cycle_gives_the_same_bits(hostile: Path, coupling: str) -> None:
     tables = []

@@ -145,6 +145,7 @@ def test_a_large_file_that_is_no_archive_is_not_read(tmp_path: Path) -> None:
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 << 10
 
 
+@pytest.mark.acceptance
 def test_a_description_of_too_many_variables_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The variables are counted before they are read: FMPy takes seconds for this number."""
     monkeypatch.setattr(archives.fmpy, "read_model_description", None)
@@ -157,6 +158,7 @@ def test_a_description_of_too_many_variables_is_not_read(tmp_path: Path, monkeyp
     assert "has more than 300,000 elements; not read" in refusal(tmp_path, {"x": {"fmu": "Many.fmu"}})
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("member", "mebibytes", "says"),
     [
@@ -214,6 +216,7 @@ def compensated(flavour: str | None = None):
     return run(Path(), fmus, stimuli=[{"to": "c.reading", "constant": [0.1, 0.2, 9.7]}])
 
 
+@pytest.mark.acceptance
 def test_both_flavours_give_the_same_bits(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if host_compiler() is None:
         pytest.skip("needs a C compiler")
@@ -225,6 +228,7 @@ def test_both_flavours_give_the_same_bits(cache: Path, monkeypatch: pytest.Monke
     assert compensated().provenance["fmus"]["c"]["sha256"] == hashes[0]
 
 
+@pytest.mark.acceptance
 def test_a_kept_fmu_is_used_again_unless_it_is_damaged(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = compensated("python")
     (stored,) = cache.glob("fmus/*.fmu")
@@ -247,6 +251,7 @@ def is_whole(stored: bytes) -> bool:
     return hashlib.sha256(stored[32:]).digest() == stored[:32]
 
 
+@pytest.mark.acceptance
 @pytest.mark.skipif(not COMPILES, reason="needs numba")
 def test_damaged_machine_code_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     loops.compiled_march.cache_clear()
@@ -265,6 +270,7 @@ def test_damaged_machine_code_is_made_again(tmp_path: Path, monkeypatch: pytest.
     assert [is_whole(stored.read_bytes()) for stored in content].count(True) == 1
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("mode", [0o777, 0o775, 0o722])
 def test_what_others_could_have_put_into_the_cache_is_not_run(cache: Path, mode: int) -> None:
     """A digest shows only damage: the writer of a file can also write its digest."""

@@ -215,6 +215,7 @@ def test_a_step_is_a_multiple_of_what_an_fmu_makes_inside(everything, tmp_path, 
         assert f"0.25 is not a multiple of the {inside} s by which 'a' (Everything.fmu)" in message
 
 
+@pytest.mark.acceptance
 def test_where_nothing_compiles_the_plain_loop_does_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     expected = run_scenario(bench(folder, ("native-2",) * 3)).table
 
@@ -281,11 +282,13 @@ def chain(folder: Path, **stops: int) -> Scenario:
     return scenario(folder, fmus, run={"stop_s": 1.0, "step_s": 0.125}, connections=along, stimuli=stimuli)
 
 
+@pytest.mark.acceptance
 def test_native_fmus_are_coupled(native: Path) -> None:
     table = run_scenario(chain(native)).table
     assert [table[f"n{i}.y"].to_list() for i in range(5)] == [[0.0] + [1.5 * 2 ** (i + 1)] * 8 for i in range(5)]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("stops", "says"),
     [

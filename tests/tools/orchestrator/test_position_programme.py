@@ -68,6 +68,7 @@ angles = st.floats(-400.0, 400.0)
 positions = st.lists(st.tuples(angles, angles, st.floats(0.01, 3.0)), min_size=1, max_size=6)
 
 
+@pytest.mark.acceptance
 @settings(max_examples=40)
 @given(positions, st.sampled_from([0.1, 0.013, 1.0]), st.sampled_from([0, 1]))
 def test_commands_over_every_step(rows, step, lead):

@@ -27,6 +27,7 @@ def between(way: str | None, *ends: str) -> list[dict]:
     return [{**wire, **({"between": way} if way else {})} for wire in wires(*ends)]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("options", [True, False])
 def test_a_fast_one_hears_a_slow_one_held_or_interpolated(foreign: Path, compiled: bool, options: bool) -> None:
@@ -43,6 +44,7 @@ def test_a_fast_one_hears_a_slow_one_held_or_interpolated(foreign: Path, compile
         assert table["slow.count"].to_list() == np.floor(T / SLOW).astype(int).tolist()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("coupling", [None, "delayed"])
 def test_a_slow_one_hears_what_a_fast_one_put_out_last_or_the_sum(foreign, compiled, coupling) -> None:
@@ -56,6 +58,7 @@ def test_a_slow_one_hears_what_a_fast_one_put_out_last_or_the_sum(foreign, compi
     assert table["all.total"].to_list() == expected.tolist()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("coupling", [None, "delayed"])
 def test_slow_through_slow_to_fast(foreign: Path, coupling: str | None) -> None:
     """FMUs that feed one which steps ahead step ahead, too: no value comes later for it."""
@@ -95,6 +98,7 @@ def integral(foreign: Path, way: str, stride: int, coupling: str | None) -> floa
     return abs(sums[1] - sums[0])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("coupling", [None, "delayed"])
 @pytest.mark.parametrize(("way", "order"), [("hold", 1.0), ("interpolate", 2.0)])
 def test_the_order_in_the_slow_step_against_one_rate(foreign, way: str, order: float, coupling: str | None) -> None:
@@ -115,6 +119,7 @@ def servo(step: float, stride: int, way: str, **setting: object) -> np.ndarray:
     return run_scenario(Scenario.model_validate(settings)).table["q3"].to_numpy()[:: round(0.5 / step)]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("way", ["hold", "interpolate"])
 def test_a_cycle_of_two_rates_tends_to_what_it_is_at_one(way: str) -> None:
     """Run our own FMUs in the compiled loop, each connection of the cycle by its transfer; first order."""
@@ -142,6 +147,7 @@ def test_increments_of_a_fast_table_are_summed_for_a_slow_computer() -> None:
     np.testing.assert_allclose(simulation[1], simulation[0], atol=1e-13)
 
 
+@pytest.mark.acceptance
 def test_rows_and_programmes_are_laid_on_the_steps_of_whom_they_drive(foreign: Path) -> None:
     """Increments occur once in each of its steps, not once in each of the run's."""
     times = SLOW * np.arange(1, 9)

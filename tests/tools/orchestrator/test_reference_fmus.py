@@ -69,6 +69,7 @@ def largest_difference(table: pl.DataFrame, expected: pl.DataFrame, fmu: str) ->
     return differences
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", WITH_RESULTS)
 def test_alone_by_its_default_experiment(name: str, tmp_path: Path) -> None:
     simulation = library.simulate(HERE / f"{name}.fmu", step=UNSTATED_STEPS.get(name), out=tmp_path)
@@ -79,6 +80,7 @@ def test_alone_by_its_default_experiment(name: str, tmp_path: Path) -> None:
     assert ("ended the run at 9 s" in simulation.ended) == name.endswith("Stair")
 
 
+@pytest.mark.acceptance
 def test_together_each_in_its_process_or_all_in_ours() -> None:
     fmus = {key: {"fmu": f"{name}.fmu"} for key, name in COUPLED.items()}
     for together in (False, True):
@@ -90,6 +92,7 @@ def test_together_each_in_its_process_or_all_in_ours() -> None:
                 assert np.array_equal(simulation.table[ours].to_numpy(), expected[column].to_numpy()), (name, column)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("in_process", [True, False])
 def test_all_in_one_scenario_each_with_its_own_step(in_process: bool) -> None:
     """Until Stair asks for the end, each FMU does the same as alone."""
@@ -106,6 +109,7 @@ def test_all_in_one_scenario_each_with_its_own_step(in_process: bool) -> None:
         assert difference == 0.0
 
 
+@pytest.mark.acceptance
 def test_in_event_mode_they_are_the_same() -> None:
     """They return before the end of a step, their events are handled, and the step is completed."""
     names = ("BouncingBall", "Feedthrough", "Stair")
@@ -178,6 +182,7 @@ def test_what_one_puts_out_another_passes_on_to_the_bit() -> None:
     assert table["through.String_output"][-1] == "Set me!"
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("in_process", [True, False])
 def test_binaries_go_in_along_and_out(in_process: bool) -> None:
     """Pass bytes with a zero among them, and none at all, with the other process or without; by the compiled loop,
@@ -235,6 +240,7 @@ def state_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.acceptance
 @pytest.mark.skipif(fmpy.platform_tuple != "x86_64-linux", reason="compiles for x86_64 Linux")
 def test_structural_parameters_say_how_long_arrays_are(state_space: Path) -> None:
     """x' = A x + B u, y = C x with two states, one input and one output, by Euler from 0: it ignores x0."""
@@ -261,6 +267,7 @@ def test_what_cannot_be_run_is_refused_for_the_right_reason() -> None:
     assert message == "fmi3/Clocks.fmu: is for scheduled execution only; export it for co-simulation"
 
 
+@pytest.mark.acceptance
 def test_roberts_reaction_keeps_its_mass() -> None:
     """Its results are the bouncing ball's; each step of an explicit method keeps mass."""
     table = library.simulate(HERE / "fmi3" / "Roberts.fmu", start=0.0, stop=1.0).table

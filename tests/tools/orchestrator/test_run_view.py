@@ -30,6 +30,7 @@ def rows(first: int, count: int) -> pl.DataFrame:
     return pl.DataFrame({"time_s": times, "a.h_m": times, "<b>": [k % 2 == 0 for k in range(count)]})
 
 
+@pytest.mark.acceptance
 def test_rows_on_standard_output_are_those_of_the_record(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -53,6 +54,7 @@ def test_rows_on_standard_output_are_those_of_the_record(
         library.simulate(fmu, live="web")
 
 
+@pytest.mark.acceptance
 def test_a_reader_that_goes_away_does_not_end_the_run(tmp_path: Path) -> None:
     fmu = build_habit(Habit("shown"), 2, "CoSimulation", tmp_path)
     command = [sys.executable, "-m", "trihedron", "simulate", fmu.name, "--stop", "1", "--step", "0.02"]
@@ -65,6 +67,7 @@ def test_a_reader_that_goes_away_does_not_end_the_run(tmp_path: Path) -> None:
     assert pl.read_csv(tmp_path / "run" / "run.csv").height == 51
 
 
+@pytest.mark.acceptance
 def test_the_page_has_the_newest_values_during_the_run(tmp_path: Path) -> None:
     fmu = build_habit(Habit("shown"), 3, "ModelExchange", tmp_path)
     command = [sys.executable, "-m", "trihedron", "simulate", fmu.name, "--stop", "60", "--step", "0.05"]
@@ -106,6 +109,7 @@ def test_the_page_keeps_its_last_row_and_grows_no_further() -> None:
             RunPage(page.port)
 
 
+@pytest.mark.acceptance
 def test_the_page_in_a_browser(window: Window) -> None:
     with closing(RunPage(0)) as page:
         page.show(rows(0, 100))
@@ -120,6 +124,7 @@ def test_the_page_in_a_browser(window: Window) -> None:
     assert "0.99" in window.page.inner_text("#now")
 
 
+@pytest.mark.acceptance
 def test_a_cancelled_request_is_a_complaint_only_on_the_page_that_is_open(window: Window) -> None:
     asks = "for (let i = 0; i < 40; i++) fetch('now', {signal}).catch(() => {})"
     with closing(RunPage(0)) as page:
@@ -137,6 +142,7 @@ def test_a_cancelled_request_is_a_complaint_only_on_the_page_that_is_open(window
         assert f"could not load {page.address}now" in window.complaints
 
 
+@pytest.mark.acceptance
 def test_jitter_and_overruns_are_those_of_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps of 10 ms that begin 0, 2, 0 and 14 ms late: the last begins after the next is due."""
     begins = iter([0.0, 0.0, 0.012, 0.02, 0.044])

@@ -106,6 +106,7 @@ def test_columns_are_converted_to_the_unit_in_their_name(foreign: Path, tmp_path
             run(tmp_path, {"c": {"fmu": fmu.name}}, record={"columns": {name: "c.ended"}})
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_the_same_scenario_gives_the_same_bytes(foreign: Path, tmp_path: Path, form: str) -> None:
     text = f"""
@@ -229,6 +230,7 @@ def test_a_small_run_in_parts_has_the_same_bytes(tmp_path: Path, monkeypatch: py
     assert parts.files[0].read_bytes() == complete.files[0].read_bytes()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("block", [80, 1 << 20])
 def test_a_run_that_fails_late_keeps_its_rows(
     foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int

@@ -142,6 +142,7 @@ def test_what_is_no_text_file_is_refused(tmp_path: Path) -> None:
         read_scenario(tmp_path / "latin.toml")
 
 
+@pytest.mark.acceptance
 @given(st.data())
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_no_file_gives_anything_but_a_scenario_or_one_line(tmp_path: Path, draws: st.DataObject) -> None:

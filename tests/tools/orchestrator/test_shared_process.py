@@ -34,6 +34,7 @@ def chain(folder: Path, *macros: str, **run: object) -> Simulation:
     return run_of_guests(folder, fmus, run={**RUN, **run}, connections=wires("first.x -> second.u"))
 
 
+@pytest.mark.acceptance
 def test_the_rows_are_those_of_separate_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     separate = chain(tmp_path).table
     monkeypatch.setattr(shared_process, "WORTH_EXCHANGES", 1)
@@ -41,6 +42,7 @@ def test_the_rows_are_those_of_separate_processes(tmp_path: Path, monkeypatch: p
     assert chain(tmp_path).table.equals(separate)
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("always")
 def test_each_failure_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"FMU 'second' \(second3C.fmu\): fmi3DoStep at 0.5 s crashed \(SIGABRT\)"):
@@ -52,12 +54,14 @@ def test_each_failure_is_named(tmp_path: Path) -> None:
     assert "y is" not in str(chain(tmp_path, "NOT_A_NUMBER", allow_nan=True).notes)
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("always")
 def test_what_an_fmu_writes_to_the_pipe_is_no_row(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"FMU 'second' .* sent a reply that cannot be read"):
         chain(tmp_path, "TALKING")
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("always")
 def test_rows_before_a_failure_are_kept_once(tmp_path: Path) -> None:
     first = build_habit(Habit("deadly", ("DEADLY",)), 2, "CoSimulation", tmp_path)

@@ -33,6 +33,7 @@ def plants(tmp_path_factory: pytest.TempPathFactory, foreign: Path) -> Path:
     return folder
 
 
+@pytest.mark.acceptance
 def test_a_driven_plant_with_events_of_state_and_of_time(plants: Path) -> None:
     """x' = u - x with u = 1 to 1 s, then 0, is exactly solvable; in a scenario, one FMU reads time, another adds."""
     fmus = {"gain": {**GAIN, "parameters": {"gain": 1.0}}, "plant": PLANT, "sum": ACCUMULATOR}
@@ -60,6 +61,7 @@ def test_the_tolerance_decides_the_error(plants: Path) -> None:
     assert errors[2] < 1e-5
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("way", "says"),
     [
@@ -82,6 +84,7 @@ def test_what_does_not_go_with_it_is_refused(plants: Path) -> None:
     assert "'plant' (Exchanged.fmu) cannot get and set its state" in message
 
 
+@pytest.mark.acceptance
 def test_shorter_steps_do_not_increase_the_error(plants: Path) -> None:
     """CVODE continues over the steps: x' = u - x with a thousand steps is as good as with one."""
     errors = []

@@ -128,6 +128,7 @@ def order_of(names: list[str], edges: list[tuple[int, int]]) -> list[str]:
     return [name for group in stepping_groups(names, laid, None) for name in group.members]
 
 
+@pytest.mark.acceptance
 @given(st.integers(1, 7), st.data())
 def test_fmus_step_after_those_that_feed_them_and_else_as_in_the_file(count: int, draws: st.DataObject) -> None:
     names = [f"f{i}" for i in range(count)]

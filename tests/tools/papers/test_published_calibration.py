@@ -15,6 +15,7 @@ def remarked(rows: dict[str, PublishedEstimator], remark: str) -> list[str]:
     return [target for target, row in rows.items() if remark in " ".join(row.remarks)]
 
 
+@pytest.mark.acceptance
 def test_all_readings_are_there(rows: dict[str, PublishedEstimator]) -> None:
     tables = published_calibration()
     assert len(tables) == len(rows) == 18
@@ -22,11 +23,13 @@ def test_all_readings_are_there(rows: dict[str, PublishedEstimator]) -> None:
     assert max(map(len, tables.values())) <= 18
 
 
+@pytest.mark.acceptance
 def test_rows_are_unbiased_to_the_digits_printed(rows: dict[str, PublishedEstimator]) -> None:
     for target, row in rows.items():
         assert (row.defect_negated if target == "X12" else row.defect) < 3e-6, target
 
 
+@pytest.mark.acceptance
 def test_the_row_of_x12_estimates_its_negative(rows: dict[str, PublishedEstimator]) -> None:
     assert rows["X12"].defect == pytest.approx(2.0, abs=1e-5)
     assert remarked(rows, "the weights estimate") == ["X12"]

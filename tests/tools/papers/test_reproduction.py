@@ -115,6 +115,7 @@ def test_unknown_motion_is_refused():
     assert len(MOTIONS) == 9
 
 
+@pytest.mark.acceptance
 def test_outputs_agree(quick, tmp_path):
     files = write_reproduction(quick, tmp_path / "out")
     assert [file.name for file in files] == ["attitude.csv", "attitude.svg"]

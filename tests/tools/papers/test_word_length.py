@@ -35,6 +35,7 @@ def test_thirty_seconds():
     assert errors[REPEATING, "pairs", DOUBLE] < 1e-12
 
 
+@pytest.mark.acceptance
 @given(st.lists(st.floats(-0.01, 0.01), min_size=3, max_size=60))
 def test_error_feedback_loses_nothing_for_good(values):
     """The sum of the rounded increments is the sum of the increments, except for the last rounding."""
@@ -45,6 +46,7 @@ def test_error_feedback_loses_nothing_for_good(values):
     assert (apart <= 2.0**-25 * (0.02 + 1e-9)).all()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("arithmetic", ARITHMETICS)
 def test_short_words_run_the_same_algorithm(arithmetic):
     """On a few steps every arithmetic is (22) to its own rounding."""

@@ -59,6 +59,7 @@ def test_a_turn_ends_where_it_says_and_errors_of_gyros_move_its_end_as_predicted
         assert gain == pytest.approx(1e-12 * size**2 / (noise + 1e-6 * size**2), rel=2e-3, abs=1e-18)
 
 
+@pytest.mark.acceptance
 def test_errors_of_gyros_fitted_over_the_moves_of_a_plan_are_the_predicted_ones():
     plan = plan_by_hand(HandPlanRequest(turn_accuracy="8arcmin"))
     turns, ups = [], [np.array(step.up) for step in plan.steps]
@@ -112,6 +113,7 @@ def test_noise_makes_rests_longer():
     assert noisy.rest_sd < 4e-4
 
 
+@pytest.mark.acceptance
 def test_the_noise_of_a_result_counts(tmp_path):
     rng = np.random.default_rng(4)
     table = {"time_s": 0.01 * np.arange(20_000)}
@@ -124,6 +126,7 @@ def test_the_noise_of_a_result_counts(tmp_path):
     assert abs(stated.steps[0].rest_s - given.steps[0].rest_s) <= 2.0
 
 
+@pytest.mark.acceptance
 def test_what_was_measured_counts(tmp_path):
     up = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], dtype=float)
     tilted = up + 0.15 * np.random.default_rng(2).normal(size=up.shape)
@@ -138,6 +141,7 @@ def test_what_was_measured_counts(tmp_path):
     assert "Nothing is missing in monday.csv" in str(whole)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("words", "message"),
     [

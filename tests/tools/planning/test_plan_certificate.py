@@ -61,6 +61,7 @@ def sampled_maximum(block: list[SignSheet], dual: np.ndarray, seed: int) -> floa
     return greatest
 
 
+@pytest.mark.acceptance
 @settings(max_examples=8)
 @given(seed=st.integers(0, 10**6), symmetric=st.booleans(), rule=st.sampled_from(["paper", "tables"]))
 def test_the_bound_is_between_samples_and_violation(seed: int, symmetric: bool, rule: str) -> None:

@@ -20,6 +20,7 @@ from trihedron.tools.records import PositionRecord, read_record
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
 
+@pytest.mark.acceptance
 def test_one_target_with_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result, picture, page = tmp_path / "x4.json", tmp_path / "x4.svg", tmp_path / "x4.html"
     options = ["plan", "target", "X4", "--admissible", "tables", "--json", str(result)]
@@ -43,6 +44,7 @@ def test_one_target_with_its_files(tmp_path: Path, capsys: pytest.CaptureFixture
     assert (result.read_bytes(), picture.read_bytes(), page.read_bytes()) == before
 
 
+@pytest.mark.acceptance
 def test_all_targets_of_a_convention(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "all.json"
     assert (

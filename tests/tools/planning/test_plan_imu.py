@@ -47,6 +47,7 @@ def test_the_planned_motion_is_that_of_the_table(tmp_path):
         assert np.abs(run.table[f"{name}_rad"].to_numpy() - getattr(planned, name)).max() < 1e-9
 
 
+@pytest.mark.acceptance
 def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
     planned = Planned(BenchOnEarth(50.0, 10.0, gyro_noise=1e-5, encoder_bound=2e-6), 1e-5)
     places = list(zip(np.tile(20.0 + 45.0 * np.arange(8), 3), np.repeat([25.0, 145.0, 265.0], 8), strict=True))

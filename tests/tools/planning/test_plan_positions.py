@@ -83,6 +83,7 @@ def test_the_table_in_the_documentation_is_of_the_stored_sets() -> None:
         assert cost.mean == pytest.approx(float(mean), abs=1.1e-5)
 
 
+@pytest.mark.acceptance
 def test_local_improvement_from_the_set_that_was_known() -> None:
     """The published twelve positions, 1.0350, are improved below the result of polishing, 1.0301."""
     known = [(9.46, 10.77), (91.37, 272.0), (92.89, 88.6), (94.63, 1.61), (171.42, 345.99), (181.4, 3.6)]
@@ -145,6 +146,7 @@ def test_rounded_positions_stay_good() -> None:
     assert best.worst < 1.25
 
 
+@pytest.mark.acceptance
 def test_symmetries_leave_the_worst_ratio_as_it_is() -> None:
     task = tables_task()
     group = symmetries(task)
@@ -190,6 +192,7 @@ def record_at(angle: NDArray):
     return simulated(random_bench(rng), angle[:, 0], angle[:, 1], noise)
 
 
+@pytest.mark.acceptance
 def test_a_set_for_levelling_keeps_its_promise_and_is_better_for_it_than_one_for_all_targets() -> None:
     plan = planned(9, optima=LEVEL_OPTIMA, goal="levelling")
     assert plan.levelling_error == pytest.approx(level_error(plan.costs), rel=1e-12)
@@ -257,6 +260,7 @@ def test_what_is_no_accuracy_is_refused(options: dict, message: str) -> None:
         planned(None, **options)
 
 
+@pytest.mark.acceptance
 def test_what_is_measured_already_counts_and_stays(tmp_path: Path) -> None:
     known = stored(8)
     write_record(record_at(known.angle), tmp_path / "known.csv")
@@ -271,6 +275,7 @@ def test_what_is_measured_already_counts_and_stays(tmp_path: Path) -> None:
         planned(3, measured=tmp_path / "known.csv", detect=("quadratic",))
 
 
+@pytest.mark.acceptance
 def test_a_cone_of_tilt_is_a_limit_of_alpha_and_is_kept() -> None:
     """A hexapod: the plate's normal leans by at most 40° from the vertical, to any side."""
     limits = {"keep_out": ("alpha:40:320",), "admissible": "paper"}
@@ -283,6 +288,7 @@ def test_a_cone_of_tilt_is_a_limit_of_alpha_and_is_kept() -> None:
     assert np.ptp(np.arctan2(up[:, 0], up[:, 1])) > 1.0
 
 
+@pytest.mark.acceptance
 def test_a_table_with_limited_angles_says_what_it_cannot_determine() -> None:
     with pytest.raises(InputError, match=r"--keep-out: no positions .* determine X15; ask for others by --target"):
         tables_task(keep_out=("alpha:30:330", "beta:30:330"), admissible="paper")

@@ -40,6 +40,7 @@ def test_all_targets_on_the_one_degree_grid(mounting: str, rule: Any) -> None:
         assert len(plan.weights) <= 18
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("rule", "edge", "corner", "nearest_1", "nearest_3"),
     [("tables", 2, 10, sin(radians(2)) * sin(radians(50)), sin(radians(2))),
@@ -60,6 +61,7 @@ def test_closed_forms_on_the_grid(rule: Any, edge: int, corner: int, nearest_1: 
         assert cost[target] == pytest.approx((1 + nearest) / (1 - nearest), rel=1e-10)
 
 
+@pytest.mark.acceptance
 def test_targets_of_the_symmetric_convention() -> None:
     halves = {"(X6+X8)/2", "(X7+X12)/2", "(X11+X13)/2", "(X8-X6)/2", "(X7-X12)/2", "(X13-X11)/2"}
     for plan in th.plan(admissible="tables", convention="A2"):
@@ -105,6 +107,7 @@ def test_a_fine_grid_needs_no_list_of_its_positions() -> None:
     assert proven_gap(plan) < 2e-10
 
 
+@pytest.mark.acceptance
 def test_a_finer_grid_is_never_worse_and_the_continuum_is_the_limit() -> None:
     costs = [th.plan("X4", grid=step, mounting="skew")[0].cost for step in (4.0, 2.0, 1.0, 0.5, None)]
     assert costs == sorted(costs, reverse=True)
@@ -115,6 +118,7 @@ def with_optimum(plan: Plan, **changes: np.ndarray) -> Plan:
     return plan.model_copy(update={"optimum": replace(plan.optimum, **changes)})
 
 
+@pytest.mark.acceptance
 def test_a_wrong_proof_is_refused() -> None:
     (plan,), (everywhere,) = th.plan("X4", grid=2.0), th.plan("X16", grid=None, mounting="ry45")
     assert proven_gap(plan) < 1e-10
@@ -141,6 +145,7 @@ def test_a_step_that_does_not_divide_the_circle() -> None:
     assert proven_gap(plan) < 1e-9
 
 
+@pytest.mark.acceptance
 def test_one_search_serves_all_targets_in_any_order() -> None:
     """The grid keeps its columns: a search for the last target first costs the same."""
     search, targets = PositionGrid(sheets(parametrise({"tripod": PRESETS["tripod"]})), 3.0), np.eye(18)
@@ -230,6 +235,7 @@ def test_proofs_at_random_mountings(seed: int, targets: tuple[str, ...]) -> None
         assert certain[np.arange(len(best.alpha)), best.accelerometer].all()
 
 
+@pytest.mark.acceptance
 def test_proofs_of_the_symmetric_block() -> None:
     """With one scale factor and every position, scale and bias cost one σ in any mounting."""
     for plan in th.plan(grid=None, baseline="symmetric", mounting="skew"):

@@ -62,6 +62,7 @@ def test_the_guaranteed_error_is_attained_by_some_errors_of_the_readings(planned
         assert certain[np.arange(len(best.alpha)), best.accelerometer].all()
 
 
+@pytest.mark.acceptance
 def test_a_lower_bound_is_rounded_down_and_no_further() -> None:
     """Compare with exact fractions: never above the dual's proof, and hardly below."""
     rng = np.random.default_rng(0)
@@ -97,6 +98,7 @@ def exact(form: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> np.ndarray:
     return ((a @ form.astype(np.longdouble)) * b).sum(axis=-1)
 
 
+@pytest.mark.acceptance
 def test_a_box_is_bounded_from_above_and_tightly() -> None:
     """Use forms that rise from a level centre with the largest allowed third derivatives; and rounding, in a point."""
     rising = np.zeros((2 + MOST_TERMS, 3, 3))
@@ -154,6 +156,7 @@ def small_pool() -> tuple[Task, PositionPool]:
     return task, PositionPool(places, np.arange(10), readings(task, places))
 
 
+@pytest.mark.acceptance
 def test_a_bound_of_sets_is_that_of_the_best_set(small_pool: tuple[Task, PositionPool]) -> None:
     """Try every set of a small pool; if only worse sets are known, no more is proven."""
     task, pool = small_pool
@@ -163,6 +166,7 @@ def test_a_bound_of_sets_is_that_of_the_best_set(small_pool: tuple[Task, Positio
     assert 0.8 * best <= bound_positions(task, pool, 7, second).ratio <= best * (1 + 1e-9)
 
 
+@pytest.mark.acceptance
 def test_a_bound_where_some_are_measured_is_that_of_the_best_set(small_pool: tuple[Task, PositionPool]) -> None:
     task, pool = small_pool
     known = replace(task, measured=pool.places.chosen([0, 2, 3, 5]))
@@ -171,6 +175,7 @@ def test_a_bound_where_some_are_measured_is_that_of_the_best_set(small_pool: tup
     assert bound_positions(known, pool, 3, best).ratio == pytest.approx(best, rel=1e-7)
 
 
+@pytest.mark.acceptance
 def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[Task, PositionPool]) -> None:
     task, pool = small_pool
     level = task_of(replace(task.request, goal="levelling", cuts=60), best=np.full(8, 2.0))

@@ -127,6 +127,7 @@ def test_all_positions_cannot_be_left_out(tmp_path: Path) -> None:
         th.read_record(record)
 
 
+@pytest.mark.acceptance
 def test_rests_as_decided_give_the_numbers_of_the_same_rests_by_option(tmp_path: Path) -> None:
     _, table = hand_moved(3)
     record = tmp_path / "poses.csv"
@@ -143,6 +144,7 @@ def test_rests_as_decided_give_the_numbers_of_the_same_rests_by_option(tmp_path:
     assert any(f"{len(spans)} rests as marked" in line for line in result.warnings)
 
 
+@pytest.mark.acceptance
 def test_inspect_and_noise_take_the_rests_as_decided(tmp_path: Path) -> None:
     _, table = hand_moved(3)
     record = tmp_path / "poses.csv"
@@ -198,6 +200,7 @@ def with_decisions_beside(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("words", COMMANDS)
 def test_every_command_states_the_decisions_about_its_record(
     words: str, with_decisions_beside: Path, monkeypatch: pytest.MonkeyPatch, capsys

@@ -73,6 +73,7 @@ def test_a_knock_in_a_rest_or_a_move_changes_no_verdict(clean, tmp_path, where, 
     assert not ((first < row) & (row <= last)).any()
 
 
+@pytest.mark.acceptance
 def test_a_knock_in_a_channel_whose_steps_hide_its_noise_is_in_no_rest(clean):
     """This channel decides nothing about rests."""
     coarse = replace(clean, specific_force=np.round(clean.specific_force / 0.5) * 0.5)
@@ -82,6 +83,7 @@ def test_a_knock_in_a_channel_whose_steps_hide_its_noise_is_in_no_rest(clean):
     assert all(not (rows.start <= row < rows.stop) for rows in after.rows)
 
 
+@pytest.mark.acceptance
 def test_a_turn_that_cannot_be_told_leaves_its_move_out(clean):
     row = middles(clean)[1]
     rate = clean.rate.copy()
@@ -123,6 +125,7 @@ def test_an_attitude_that_is_none_is_not_known_there(tmp_path):
     refused(read_text, "\n".join([f"{STRAPDOWN_HEADER},q0,q1,q2,q3", *rows]), "row 2", "norm of the attitude is 2")
 
 
+@pytest.mark.acceptance
 def test_one_knock_refuses_no_mpu9150():
     record = measured("mpu9150-4")
     assert np.flatnonzero(record.knocks).tolist() == [6524]

@@ -29,6 +29,7 @@ def limited(table: pl.DataFrame, axis: int, step: float, above: float) -> pl.Dat
     return table.with_columns(pl.Series(name, np.minimum(force, end)))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("gyros", [True, False])
 @pytest.mark.parametrize(("step", "above"), [(0.0, 0.3), (0.0, -3.0), (0.5, 0.3), (0.5, -3.0), (1.0, 0.0)])
 def test_calibrate_by_hand_leaves_out_a_rest_at_the_end_of_the_range(gyros, step, above, tmp_path: Path):

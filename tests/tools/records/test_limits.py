@@ -104,6 +104,7 @@ def moves_by_hand(seed: int, kind: str) -> Drawn:
     return Drawn(rng, kind, np.abs(rate) if seed % 2 else rate, G * n)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("motion", [smooth_motion, table_motion, moves_by_hand])
 def test_no_sound_record_has_a_limit(motion, kind):
@@ -113,6 +114,7 @@ def test_no_sound_record_has_a_limit(motion, kind):
         assert channel_limits(record).lines == [], seed
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("side", ["largest", "least", "both"])
 def test_a_clipped_gyro_is_found_and_no_other_channel_is(kind, side):

@@ -35,6 +35,7 @@ ALPHA = np.deg2rad([20 + 45 * k for k in range(8)] * 3)
 BETA = np.deg2rad(np.repeat([25, 145, 265], 8))
 
 
+@pytest.mark.acceptance
 def test_the_bound_from_repeats_covers_the_true_one():
     covered, values = 0, []
     for seed in range(200):
@@ -224,6 +225,7 @@ def test_the_noise_bound_of_a_run_without_repeats_names_it():
     assert f"scatter within 24 rests: {factor:.2f} times the Allan deviation at their dwell of 19.8 s" in bound.basis
 
 
+@pytest.mark.acceptance
 def test_many_rests_tell_the_noise_of_a_mean():
     record = averaged(Bench(white=5e-6).run(PROGRAMME * 6)[0])
     assert record.dwell_noise is not None

@@ -21,6 +21,7 @@ def clipped(rng: np.random.Generator, step: float, part: float, sides: int) -> t
     return whole, np.clip(whole, lower, upper)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("sides", [1, 2])
 def test_what_is_cut_off_is_shown_or_the_steps_hide_the_noise(step, sides):
@@ -67,6 +68,7 @@ def sound(kind: str, seed: int) -> np.ndarray:
     return white * np.repeat(np.where(rng.random(ROWS // 100) < 0.3, 3.0, 1.0), 100)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "kind",
     [

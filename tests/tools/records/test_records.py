@@ -95,6 +95,7 @@ def test_each_kind_is_recognised_by_its_columns(record_of):
     assert increments.increment[0].tolist() == [0.1, 0.2, 0.3]
 
 
+@pytest.mark.acceptance
 def test_parquet_is_read_like_csv(record_of, tmp_path):
     record_of(VALID)
     pl.read_csv(tmp_path / "record.csv").with_columns(mounting=pl.Series(["a", "a", "b"])).write_parquet(
@@ -200,6 +201,7 @@ def test_arrays_of_different_lengths_are_no_record():
         RawRecord(np.zeros(3), np.zeros(3), np.zeros(2), np.zeros((3, 3)))
 
 
+@pytest.mark.acceptance
 def test_a_real_record_with_optical_attitude():
     record = measured("broad-03")
     assert len(record) == 58412

@@ -117,6 +117,7 @@ def test_what_is_no_record_is_refused_in_one_line(tmp_path):
         refused(read_text, content, *parts)
 
 
+@pytest.mark.acceptance
 def test_the_first_of_many_faults_is_named(tmp_path):
     rows = [f"{k},{k},1,1,0,0,9.8" for k in range(1, 40_000)]
     rows[20_000:] = [row.replace("9.8", "x") for row in rows[20_000:]]
@@ -124,6 +125,7 @@ def test_the_first_of_many_faults_is_named(tmp_path):
     refused(reader(tmp_path / "record.csv"), "\n".join([POSITION_HEADER, *rows]), "row 20002", "column f3_mps2")
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("column", "values", "part"),
     [
@@ -163,6 +165,7 @@ def test_corrupt_parquet_is_refused_without_noise(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("wrong", "lines"), [(3, 3), (20, 20), (21, 4), (500, 4)])
 def test_many_values_out_of_range_have_one_line_together(tmp_path, wrong, lines):
     rows = [f"{k / 100},{2e5 if k < wrong else 0.1},0,0,0,0,9.8" for k in range(600)]
@@ -206,12 +209,14 @@ def test_a_mutated_file_gives_a_record_or_one_line(tmp_path, data):
     check_hostile(tmp_path / "record.csv", bytes(content))
 
 
+@pytest.mark.acceptance
 @hostile
 @given(content=st.binary(max_size=300))
 def test_random_bytes_give_one_line(tmp_path, content):
     check_hostile(tmp_path / "record.csv", content)
 
 
+@pytest.mark.acceptance
 @hostile
 @given(numbers=st.lists(st.lists(st.floats(), min_size=6, max_size=6), min_size=1, max_size=12))
 def test_any_numbers_in_a_raw_record_give_a_record_or_one_line(tmp_path, numbers):

@@ -111,6 +111,7 @@ def test_one_angle_a_step_off_is_no_rounding(seed, count, row, step, tmp_path):
     assert (diagnosis.verdict, diagnosis.explanations[0].rows) == ("explained", (row + 1,))
 
 
+@pytest.mark.acceptance
 def test_the_answer_at_the_terminal_names_the_step(tmp_path, capsys):
     path = coarse_record(tmp_path, 8, 30, 0.1)
     assert main(["diagnose", str(path), "--noise-bound", "1e-5"]) == 0

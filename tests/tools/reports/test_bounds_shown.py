@@ -78,12 +78,14 @@ def test_what_is_shown_has_no_format_of_its_own(package):
     assert matches == []
 
 
+@pytest.mark.acceptance
 def test_no_fixed_decimals_that_make_a_small_number_nothing():
     of_all = ((name, line, form) for name, tree in trees() for line, form in formats(tree))
     matches = [f"{name}:{line}: {form}" for name, line, form in of_all if form[-1] in "eEfF%"]
     assert matches == []
 
 
+@pytest.mark.acceptance
 def test_a_bound_is_not_rounded_to_nearest():
     bounds = (UP | DOWN | BOTH) - OWN
     matches = [
@@ -275,6 +277,7 @@ def test_what_a_page_shows_inside_its_interval_is_found(part: str, end: str, fur
     assert len(wrong_on_page(text_of("bench, explained"), report)) == 1
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("no_pictures")
 def test_headline_terminal_and_table_agree_on_the_bound():
     """With 3.541e-5 in JSON the headline said 3.5e-5, the terminal 3.5e-05 and the table 3.6e-5."""

@@ -93,6 +93,7 @@ def in_order(wanted: Sequence[str], matches: Sequence[str]) -> bool:
     return all(name in rest for name in wanted)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_what_every_document_says(name):
     result, record = shown(name)
@@ -129,6 +130,7 @@ def test_what_every_document_says(name):
     assert not re.search(r">\s*(nan|None)\s*<", html)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_numbers_of_tables_are_numbers_for_a_spreadsheet(name):
     with_unit = re.compile(r"[-−]?\d[\d.]*(·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? ?(g|µg|rad|rad/s|m/s²|s|°|deg|arcsec|arcmin|%|σ)?")
@@ -139,6 +141,7 @@ def test_numbers_of_tables_are_numbers_for_a_spreadsheet(name):
             assert not with_unit.fullmatch(unescape(cell)), cell
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_a_page_says_nothing_twice(name):
     page = page_of(name)
@@ -163,11 +166,13 @@ def test_a_matrix_of_the_gyros_is_a_picture_and_no_list_in_the_headline():
     np.testing.assert_allclose(values, shown("block, explained")[0].causes[0].values, atol=6e-6)
 
 
+@pytest.mark.acceptance
 def test_a_page_repeats_to_the_byte():
     again = diagnose(few(4), noise_bound=NOISE_BOUND)
     assert html_of(diagnosis.diagnosis_page, again, few(4)) == text_of("bench, insufficient")
 
 
+@pytest.mark.acceptance
 def test_a_calibration_shows_each_target_in_its_table():
     result, _ = shown("calibration, consistent")
     page = text_of("calibration, consistent")
@@ -249,6 +254,7 @@ def test_the_second_witness_and_what_the_cause_does_to_the_calibration():
     assert "seed of the shuffles" in page_of("bench, explained").provenance
 
 
+@pytest.mark.acceptance
 def test_the_gain_is_that_of_the_result():
     for kind in ("bench, explained, with its gain", "block, explained"):
         gain, (row, *_) = shown(kind)[0].gain, rows_of(kind, "Gain on held-out data")
@@ -282,6 +288,7 @@ def test_an_effect_that_mends_the_record_only_with_an_impossible_size_is_said_no
     assert [message.partition(":")[0] for message in ranked.paragraphs[1:]] == words
 
 
+@pytest.mark.acceptance
 def test_a_block_says_on_what_it_rests_and_what_is_missing():
     record = shown("block, explained")[0].evidence.reader.found.record
     below = text_of("block, explained").partition("Sources")[2]
@@ -311,6 +318,7 @@ def test_pages_of_other_options(options):
     assert all(expression.replace("-", "−") in page for expression in options.get("targets", ()))
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("no_pictures")
 def test_pages_of_several_mountings_whatever_they_are_called():
     half = len(clean()) // 2
@@ -330,6 +338,7 @@ def without_pictures(result: Calibration) -> str:
     return html_of(Page, "t", "v", [calibration.target_section(result)])
 
 
+@pytest.mark.acceptance
 def test_warnings_of_the_record_are_on_the_page():
     warned = shown("calibration, falsified")[0].model_copy(update={"warnings": ["row 7 <b>looks</b> odd"]})
     page = html_of(calibration.calibration_page, warned, bent())

@@ -23,6 +23,7 @@ def table() -> pl.DataFrame:
     return pl.DataFrame({"time_s": TIME, **columns, **{f"f{k}_mps2": k * TIME for k in range(8)}, **flags})
 
 
+@pytest.mark.acceptance
 def test_a_panel_for_each_unit_and_every_extreme() -> None:
     page = lines_page("<run>", "said", table().lazy(), {"speed_mps": "m/s"})
     titles = [section.title for section in page.sections]

@@ -100,6 +100,7 @@ def texts(svg: str) -> list[str]:
     return ["".join(element.itertext()) for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", [*PICTURES, *NOTHING])
 def test_a_picture_stands_alone_on_light_and_dark_pages(name: str) -> None:
     svg = (PICTURES | NOTHING)[name]()
@@ -121,6 +122,7 @@ def test_a_picture_stands_alone_on_light_and_dark_pages(name: str) -> None:
     assert not any("#" in original for original in re.findall(r'<path id="[^"]*" d="[^"]*" style="([^"]*)"', drawn))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", ["residuals", "tour"])
 def test_a_picture_repeats_to_the_byte_whatever_the_settings_of_the_user(name: str) -> None:
     first = PICTURES[name]()
@@ -130,6 +132,7 @@ def test_a_picture_repeats_to_the_byte_whatever_the_settings_of_the_user(name: s
         assert dict(matplotlib.rcParams) == before
 
 
+@pytest.mark.acceptance
 def test_hostile_labels_are_shown_cut_and_nothing_else() -> None:
     hostile = [f"{HOSTILE} {k} {'effect ' * 200}" for k in range(40)]
     for svg in (
@@ -141,6 +144,7 @@ def test_hostile_labels_are_shown_cut_and_nothing_else() -> None:
         assert max(len(text) for text in texts(svg)) < 64
 
 
+@pytest.mark.acceptance
 @given(st.text(), st.floats())
 @settings(max_examples=8)
 def test_any_text_and_any_number_give_a_picture(text: str, value: float) -> None:
@@ -153,6 +157,7 @@ def test_what_a_picture_shows_is_what_it_was_given() -> None:
     assert {"0.25", "2.5", "not possible"} <= set(shown)
 
 
+@pytest.mark.acceptance
 def test_angles_of_several_turns_are_drawn_within_one() -> None:
     values = np.zeros((3, 3))
     figure = residuals(at([-1.0, 13.0, 40.0], [0.5, -20.0, 7.0]), values, None, values > 1.0).figure()
@@ -185,6 +190,7 @@ def test_thinning_keeps_peaks_gaps_and_ends() -> None:
     assert len(thinned(time[:10], value[:10])[0]) == 10
 
 
+@pytest.mark.acceptance
 def test_the_band_of_chance_holds_95_of_100_rank_correlations_of_nothing():
     rng = np.random.default_rng(5)
     x = np.arange(60.0)
@@ -193,6 +199,7 @@ def test_the_band_of_chance_holds_95_of_100_rank_correlations_of_nothing():
     assert chance_of(1) == 1.0
 
 
+@pytest.mark.acceptance
 def test_a_scalar_that_never_changes_is_told_and_not_drawn():
     svg = distributions_picture(
         {

@@ -26,6 +26,7 @@ def fits(diagnosis: Diagnosis) -> bool:
     return len(lines) <= 23 and max(len(line) for line in lines) <= 80
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("name", SHOWN)
 def test_every_verdict_fits_the_screen(name):
     diagnosis = shown(name)[0]
@@ -38,6 +39,7 @@ def test_every_verdict_fits_the_screen(name):
         assert "\nGain: " in str(diagnosis)
 
 
+@pytest.mark.acceptance
 def test_what_is_proven_is_a_sentence():
     verdict = str(th.diagnose(GALLERY / "unexplained.csv", noise_bound=SIGMA)).partition("\n\n")[0]
     assert "Proven: a function of the" in verdict
@@ -57,6 +59,7 @@ def verdict(diagnosis: Diagnosis) -> str:
     return " ".join(str(diagnosis).partition("Evidence:")[0].split())
 
 
+@pytest.mark.acceptance
 def test_the_answer_on_exchanged_columns_says_to_swap_them_back():
     wrong = with_wrong_stretch(4, "channels exchanged", 36, 7)
     diagnosis = diagnose(wrong.record, noise_bound=SIGMA, rerun=False)
@@ -80,6 +83,7 @@ def test_a_fault_beside_an_unfinished_search_is_said_to_be_so():
     assert "cut off" not in verdict(diagnose(record, noise_bound=SIGMA, rerun=False))
 
 
+@pytest.mark.acceptance
 def test_a_consistent_record_says_which_errors_could_still_be_there():
     diagnosis = diagnose(drawn_record(3, count=24), noise_bound=SIGMA)
     assert diagnosis.verdict == "consistent"
@@ -90,6 +94,7 @@ def test_a_consistent_record_says_which_errors_could_still_be_there():
     assert float(text.partition("Errors below ")[2].split()[0]) == pytest.approx(largest, rel=0.1)
 
 
+@pytest.mark.acceptance
 def test_a_gain_that_fails_is_in_the_verdict():
     diagnosis = shown("bench, explained, with its gain")[0]
     assert "held out" not in verdict(diagnosis)

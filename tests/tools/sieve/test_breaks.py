@@ -106,6 +106,7 @@ def test_breaks_of_the_field_are_named(name, row, words, tmp_path):
     assert words in explanation.sentence
 
 
+@pytest.mark.acceptance
 def test_biases_of_the_field_changed_by_what_they_did(tmp_path):
     explanation = diagnosed(read_record(field_file("o19_power.csv", tmp_path))).explanations[0]
     for key, size in zip(("bias_1_g", "bias_2_g", "bias_3_g"), (4e-5, -3e-5, 5e-5), strict=True):
@@ -113,6 +114,7 @@ def test_biases_of_the_field_changed_by_what_they_did(tmp_path):
         assert low <= size <= high
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     "whole", [False, pytest.param(True, marks=pytest.mark.acceptance)], ids=["rests", "with gyros"]
 )

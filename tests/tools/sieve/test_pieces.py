@@ -57,6 +57,7 @@ def test_pieces_of_drawn_records_are_named(kind, what):
     assert named >= least
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", [0, 5])
 def test_a_move_in_degrees_is_named_though_trials_turn_the_block_too_far(seed):
     rng = np.random.default_rng(seed)

@@ -96,6 +96,7 @@ def escaped() -> list[Path]:
     return list(Path("/tmp").glob("escaped*"))
 
 
+@pytest.mark.acceptance
 def test_what_is_mutated_is_good(bases, tmp_path):
     for kind in ("fmu", "ssp"):
         (tmp_path / f"good.{kind}").write_bytes(packed(bases[kind]))

@@ -51,6 +51,7 @@ def refusal(path: Path) -> str:
     return str(refused.value)
 
 
+@pytest.mark.acceptance
 def test_connections_experiment_and_step(tmp_path, fmus):
     """A connection may be written from either end; the experiment sets the times, the annotation the step."""
     system_text = system(
@@ -67,6 +68,7 @@ def test_connections_experiment_and_step(tmp_path, fmus):
     assert simulation["sum.total"][-1] == 39.0
 
 
+@pytest.mark.acceptance
 def test_bindings_of_outer_systems_and_later_ones_win(tmp_path, fmus):
     inner = system(
         "inner",
@@ -82,6 +84,7 @@ def test_bindings_of_outer_systems_and_later_ones_win(tmp_path, fmus):
     assert ignored == ("inner.c.gain",)
 
 
+@pytest.mark.acceptance
 def test_connectors_of_nested_systems_pass_values_and_parameters_on(tmp_path, fmus):
     inner = system(
         "inner",
@@ -245,6 +248,7 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
         run_scenario(Scenario.model_validate(settings))
 
 
+@pytest.mark.acceptance
 def test_a_cycle_is_refused_as_in_a_scenario(tmp_path, fmus, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     around = wire("gain.y[1]", "other.u[1]") + wire("other.y[1]", "gain.u[1]")
@@ -258,6 +262,7 @@ def test_a_cycle_is_refused_as_in_a_scenario(tmp_path, fmus, capsys, monkeypatch
     assert "1 parameters name nothing in it: gain.gian" in capsys.readouterr().err
 
 
+@pytest.mark.acceptance
 def test_a_connection_may_transform_its_value(tmp_path, fmus):
     """2 x + 0.5, also through the connector of a system, whose own value takes the same way."""
     inner = system("inner", GAIN, wires=wire("u", "gain.u[1]", SCALED) + wire("gain.y[1]", "y"), u="input", y="output")
@@ -273,6 +278,7 @@ def test_a_connection_may_transform_its_value(tmp_path, fmus):
     assert set(run(packed(tmp_path, fmus, text, "Gain"))["inner_gain.y[1]"]) == {6.5}
 
 
+@pytest.mark.acceptance
 def test_what_other_tools_write_is_read(tmp_path, fmus):
     """An empty element is the system; the Open Simulation Platform's step; any implementation; times by options."""
     experiment = (
@@ -294,6 +300,7 @@ def test_what_other_tools_write_is_read(tmp_path, fmus):
     assert "0.5 s does not divide the run of 1.1 s" in result.notes[0]
 
 
+@pytest.mark.acceptance
 def test_units_that_connectors_declare_convert_values(tmp_path):
     """20 degC at the connector of a system are 293.15 K in its FMU, and 20 again where an FMU knows no unit."""
     kelvin = ((" start='0'", " start='0' unit='K'"), ("<Real />", "<Real unit='K'/>"))
@@ -326,6 +333,7 @@ def test_units_that_connectors_declare_convert_values(tmp_path):
         outcome("hot.T|Real|20", unit="rad")
 
 
+@pytest.mark.acceptance
 def test_a_source_may_be_any_relative_address(tmp_path, fmus):
     for source in ("./resources/Gain.fmu", "resources/../resources/Gain.fmu", "resources/%47ain.fmu"):
         text = system(
@@ -336,6 +344,7 @@ def test_a_source_may_be_any_relative_address(tmp_path, fmus):
     assert "would leave the archive's folder" in refusal(packed(tmp_path, fmus, outside, "Gain"))
 
 
+@pytest.mark.acceptance
 def test_where_a_value_and_a_connection_meet_the_connection_counts(tmp_path, fmus):
     clock = component("clock", "Clock", ended="output")
     gain = component("gain", "Gain", inline("u[1]|Real|99"), u_1="input", y_1="output")
@@ -350,6 +359,7 @@ def test_where_a_value_and_a_connection_meet_the_connection_counts(tmp_path, fmu
     assert result.notes == ("gain.u[1] has a value and a connection: the connection from clock.ended counts",)
 
 
+@pytest.mark.acceptance
 def test_signal_dictionaries_join_what_is_connected_to_them(tmp_path, fmus):
     """Two references, one in a nested system, share the signals of one dictionary, with connections either way."""
     dictionary = '<ssd:SignalDictionary name="bus" source="resources/bus.ssb"/>'

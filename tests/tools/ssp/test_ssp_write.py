@@ -107,6 +107,7 @@ def test_fmpy_reads_it_by_the_schemas(exported):
     assert "programme.alpha[4]" not in values
 
 
+@pytest.mark.acceptance
 def test_an_fmu_starts_with_the_enumerations_that_other_tools_pass_over(exported, tmp_path):
     with zipfile.ZipFile(exported) as archive:
         (tmp_path / "computer.fmu").write_bytes(archive.read("resources/AttitudeComputer.fmu"))
@@ -191,6 +192,7 @@ def test_timed_rows_go_out_as_components_that_give_the_same_run(tmp_path):
     assert len(expected["block.reading[1]_mps2"].unique()) > 10
 
 
+@pytest.mark.acceptance
 def test_a_calibration_goes_to_every_fmu_that_takes_it_under_the_scenarios_own_values(tmp_path):
     result = th.calibrate(th.simulate(SCENARIOS / "static-calibration.toml"), noise_bound=1e-5)
     (tmp_path / "measured.json").write_text(result.json_text())
@@ -242,6 +244,7 @@ def test_what_cannot_stand_in_an_ssp_is_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.acceptance
 def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
     scenario = read_scenario(SCENARIOS / "table-stabilised.toml")
     run = scenario.run.model_copy(update={"stop_s": 20 * scenario.run.step_s})

@@ -61,6 +61,7 @@ def test_between_the_two_sizes_the_truth_is_among_the_candidates():
     assert set(part_of("quick-between", 2).outcomes) <= {"right", "candidate"}
 
 
+@pytest.mark.acceptance
 def test_a_step_is_drawn_between_two_rests_and_hidden_there():
     options = Options("single", effects=("bias-step",), positions=(14, 18), noise="uniform")
     case = draw_case(options, 11, 0)
@@ -127,6 +128,7 @@ def test_what_the_catalogue_lacks_gets_no_name():
     assert (result.verdict, len(result.causes)) == ("unexplained", 0)
 
 
+@pytest.mark.acceptance
 def test_a_case_is_the_same_whatever_their_number():
     options = Options("clean", positions=(12, 14))
     some, longer = (run_suite(options, count, 3).results for count in (1, 2))
@@ -174,6 +176,7 @@ def test_positions_are_so_many_and_all_different(seed):
     assert len({(a, b) for a, b in zip(alpha.tolist(), beta.tolist(), strict=True)}) == count == len(beta)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", range(2))
 def test_sizes_that_are_drawn_are_those_of_the_mode(seed):
     def hidden(mode: str, positions: tuple[int, int] = (20, 40), **options: Any):
@@ -278,6 +281,7 @@ def test_options_that_do_not_go_together_are_refused(words, message, capsys):
     assert error.count("\n") == 1
 
 
+@pytest.mark.acceptance
 def test_several_records_without_a_secret_are_a_suite_too(tmp_path):
     options = Options("clean", positions=(12, 12), records=2)
     suite = run_suite(options, 1, 3, records=tmp_path)

@@ -73,6 +73,7 @@ def test_the_motion_is_one(schedule):
     assert np.abs(np.linalg.norm(m.force, axis=1) - 1.0).max() > 0.05
 
 
+@pytest.mark.acceptance
 def test_it_comes_to_rest_smoothly():
     """Neither the rate nor the sampled acceleration jumps at either end of a move."""
     m = draw_motion(np.random.default_rng(1), BETWEEN_RESTS, 0.005)
@@ -90,6 +91,7 @@ def test_flicker_noise_is_flat_and_bounded():
     assert np.abs(noise).max() < 30.0 * coefficient
 
 
+@pytest.mark.acceptance
 def test_without_errors_the_block_reads_the_motion():
     motion = draw_motion(np.random.default_rng(3), BEFORE_A_CAMERA, 0.01)
     measured = read(motion, reference="truth")
@@ -100,6 +102,7 @@ def test_without_errors_the_block_reads_the_motion():
     assert rates == pytest.approx(motion.rate[1:], abs=1e-12)
 
 
+@pytest.mark.acceptance
 def test_white_noise_has_its_density():
     motion = draw_motion(np.random.default_rng(3), BETWEEN_RESTS, 0.01)
     measured = read(motion, replace(QUIET, gyro_noise=BlockNoise(2e-4, 0.0)))
@@ -110,6 +113,7 @@ def test_white_noise_has_its_density():
     assert np.abs(error).max() <= BlockNoise(2e-4, 0.0).bound(motion.period)
 
 
+@pytest.mark.acceptance
 def test_what_is_hidden_is_in_the_readings():
     motion = draw_motion(np.random.default_rng(5), BETWEEN_RESTS, 0.01)
     place, values = EffectPlace("gyro-g-sensitivity", "gyro-block"), tuple(np.linspace(1e-3, 9e-3, 9))
@@ -124,6 +128,7 @@ def test_what_is_hidden_is_in_the_readings():
     assert np.abs(force[:, [0, 2]]).max() == 0.0
 
 
+@pytest.mark.acceptance
 def test_stamps_that_jitter_leave_rates_and_spoil_increments():
     """An instrument that makes increments of rates and of its own time stamps makes them wrong; rates stay correct."""
     motion = draw_motion(np.random.default_rng(6), BETWEEN_RESTS, 0.01)
@@ -138,6 +143,7 @@ def test_stamps_that_jitter_leave_rates_and_spoil_increments():
     assert rates.rate == pytest.approx(motion.rate[1:], abs=1e-12)
 
 
+@pytest.mark.acceptance
 def test_increments_without_coning_turn_the_body_elsewhere():
     """The attitude computer, extended, adds the omitted part: the effect cancels itself to second order."""
     motion = draw_motion(np.random.default_rng(6), BEFORE_A_CAMERA, 0.02)
@@ -176,6 +182,7 @@ def test_hidden_sizes_are_relative_to_what_surely_disproves_the_model(index):
         assert relative == pytest.approx(hidden.relative_size, rel=1e-6)
 
 
+@pytest.mark.acceptance
 def test_what_no_record_shows_is_not_hidden():
     expected = set(hideable_in_block())
     assert {"latency", "jitter", "gyro-g-squared", "quadratic"} <= expected
@@ -184,6 +191,7 @@ def test_what_no_record_shows_is_not_hidden():
         draw_case(Options(effects=("latency",), strapdown=True), 1, 0)
 
 
+@pytest.mark.acceptance
 def test_a_record_with_a_secret_is_written(tmp_path):
     words = ["hidden", str(tmp_path / "moved.csv"), "--strapdown", "--seed", "8", "--effect", "gyro-bias-drift"]
     assert cli.main([*words, "--answer", str(tmp_path / "answer.json")]) == 0

@@ -128,6 +128,7 @@ def test_a_break_of_biases_moves_the_readings_after_it_by_its_sizes():
     assert moved.specific_force - record.specific_force == pytest.approx(expected, abs=1e-8)
 
 
+@pytest.mark.acceptance
 def test_a_suite_counts_the_right_fault_as_right():
     suite = run_suite(replace(OPTIONS, noise="uniform"), 2, 1)
     assert suite.outcomes == {"right": 2}, suite.confusion
@@ -173,6 +174,7 @@ def test_a_part_of_a_hidden_step_is_a_part_of_the_secret(case):
 LONG = pytest.mark.acceptance
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("seed", "index", "outcome"),
     [

@@ -76,6 +76,7 @@ def test_at_the_second_size_no_parameters_of_a_rival_mend_the_record(nominal: Kn
     assert radius(model, 0.99 * sizes.excluded * d - SIGMA * remaining / np.abs(remaining).max(), columns[0]) <= 1.0
 
 
+@pytest.mark.acceptance
 def test_cubic_and_odd_quadratic_are_seen_long_before_they_are_told_apart(nominal: KnownBench):
     """Compare with the published facts: 6.6 times for the cubic term at 100 positions; most effects separate at
     once."""

@@ -13,6 +13,7 @@ DRIFTS = {"base-drift", "mounting-drift"}
 """Effects by which an input goes on changing at rest: they turn the sense on which hysteresis depends."""
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("seed", "index"), CASES)
 def test_a_true_pair_is_among_the_candidates(seed, index):
     case = draw_case(PAIRS, seed, index)

@@ -131,6 +131,7 @@ def workbook(table: Path) -> Path:
     return path
 
 
+@pytest.mark.acceptance
 def test_a_workbook_with_a_wrong_angle_becomes_a_corrected_record(tmp_path: Path, window: Window, opened) -> None:
     wrong_table(tmp_path)
     visitor = Visitor(window, opened(workbook(tmp_path / "table.csv")))
@@ -165,6 +166,7 @@ def test_a_workbook_with_a_wrong_angle_becomes_a_corrected_record(tmp_path: Path
     assert window.complaints == []
 
 
+@pytest.mark.acceptance
 def test_faces_of_a_phone_log_are_named(tmp_path: Path, window: Window, opened) -> None:
     _, table = ferraris(2)
     path = tmp_path / "phone.csv"
@@ -185,6 +187,7 @@ def test_faces_of_a_phone_log_are_named(tmp_path: Path, window: Window, opened) 
     assert window.complaints == []
 
 
+@pytest.mark.acceptance
 def test_a_bad_rest_of_a_hand_moved_log_is_moved_cut_and_left_out(tmp_path: Path, window: Window, opened) -> None:
     _, table = hand_moved(4)
     path = tmp_path / "walk.csv"
@@ -222,6 +225,7 @@ def test_a_bad_rest_of_a_hand_moved_log_is_moved_cut_and_left_out(tmp_path: Path
     assert window.complaints == []
 
 
+@pytest.mark.acceptance
 def test_a_hidden_effect_is_found_and_exported(tmp_path: Path, window: Window, opened) -> None:
     path = tmp_path / "hidden.csv"
     write_record(th.hidden(11, "quadratic").record, path)
@@ -242,6 +246,7 @@ def test_a_hidden_effect_is_found_and_exported(tmp_path: Path, window: Window, o
     assert window.complaints == []
 
 
+@pytest.mark.acceptance
 def test_three_runs_are_calibrated_together(tmp_path: Path, window: Window, opened) -> None:
     instrument = Instrument(7)
     paths = []
@@ -267,6 +272,7 @@ def test_three_runs_are_calibrated_together(tmp_path: Path, window: Window, open
     assert window.complaints == []
 
 
+@pytest.mark.acceptance
 def test_everything_is_done_by_the_keyboard(tmp_path: Path, window: Window, opened) -> None:
     _, table = hand_moved(4, 8)
     log = table.rename({f"f{axis}_mps2": f"acc_{axis}" for axis in (1, 2, 3)})
@@ -376,6 +382,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DeskServer]:
     server.close()
 
 
+@pytest.mark.acceptance
 def test_only_this_machine_with_the_token_and_from_this_page_is_answered(shared: DeskServer) -> None:
     server = shared
     address, origin = f"/{server.token}/", f"http://127.0.0.1:{server.port}"
@@ -410,6 +417,7 @@ def test_what_cannot_be_done_is_refused_in_one_line(shared: DeskServer) -> None:
     assert sorted(path.name for path in shared.folder.iterdir()) == ["table.csv"]
 
 
+@pytest.mark.acceptance
 def test_addresses_that_ask_for_nothing_are_refused_in_one_line(shared: DeskServer) -> None:
     server = shared
     for query in (
@@ -427,6 +435,7 @@ def test_addresses_that_ask_for_nothing_are_refused_in_one_line(shared: DeskServ
         assert "fault of the program" not in refusal
 
 
+@pytest.mark.acceptance
 def test_a_dropped_file_is_kept_in_the_working_folder_and_replaces_none(tmp_path: Path, opened) -> None:
     server, folder = opened(wrong_table(tmp_path)), tmp_path
     origin = {"Origin": f"http://127.0.0.1:{server.port}"}
@@ -463,6 +472,7 @@ def answered(server: DeskServer, count: int) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.acceptance
 def test_a_record_that_changes_while_it_is_open_is_refused(tmp_path: Path, opened) -> None:
     path = wrong_table(tmp_path)
     server = opened(path)
@@ -474,6 +484,7 @@ def test_a_record_that_changes_while_it_is_open_is_refused(tmp_path: Path, opene
     assert server.desk.answer is None
 
 
+@pytest.mark.acceptance
 def test_decisions_about_another_content_are_said_and_replaced(tmp_path: Path, opened) -> None:
     path = wrong_table(tmp_path)
     beside = tmp_path / "table.decisions.toml"
@@ -490,6 +501,7 @@ def test_decisions_about_another_content_are_said_and_replaced(tmp_path: Path, o
     assert result.provenance.decisions == "decisions (table.decisions.toml): position 12 left out"
 
 
+@pytest.mark.acceptance
 def test_a_change_calculates_all_answers_again_diagnoses_last(tmp_path: Path, opened) -> None:
     """What was stopped is outdated; no diagnosis begins that was not asked for."""
     path = wrong_table(tmp_path)
@@ -523,6 +535,7 @@ def test_a_change_calculates_all_answers_again_diagnoses_last(tmp_path: Path, op
         assert one.answer["verdict"].startswith("Consistent")
 
 
+@pytest.mark.acceptance
 def test_units_that_the_readings_contradict_are_asked(tmp_path: Path, opened) -> None:
     _, table = hand_moved(4, 8)
     force = [f"f{axis}_mps2" for axis in (1, 2, 3)]
@@ -535,6 +548,7 @@ def test_units_that_the_readings_contradict_are_asked(tmp_path: Path, opened) ->
     assert np.median(np.linalg.norm(readings, axis=1)) == pytest.approx(GRAVITY, rel=0.1)
 
 
+@pytest.mark.acceptance
 def test_a_log_with_names_of_its_own_is_no_damaged_record(tmp_path: Path, opened) -> None:
     _, table = hand_moved(4, 8)
     names = {"time_s": "Time (s)"} | {f"f{axis}_mps2": f"Acceleration {axis} (m/s^2)" for axis in (1, 2, 3)}
@@ -545,6 +559,7 @@ def test_a_log_with_names_of_its_own_is_no_damaged_record(tmp_path: Path, opened
     assert file.imported["command"] == "trihedron import phone.csv --out phone.record.csv"
 
 
+@pytest.mark.acceptance
 def test_command_python_and_corrected_record_are_those_of_the_page(tmp_path: Path, opened) -> None:
     """They have all digits, signs and channels."""
     rng = np.random.default_rng(3)
@@ -571,6 +586,7 @@ def test_command_python_and_corrected_record_are_those_of_the_page(tmp_path: Pat
     assert np.array_equal(corrected.specific_force, th.read_record(expected).specific_force)
 
 
+@pytest.mark.acceptance
 def test_a_refused_command_leaves_the_result_that_is_shown(tmp_path: Path, opened) -> None:
     """The wrong row beside one left out has the number of its position."""
     first = wrong_table(tmp_path)
@@ -588,6 +604,7 @@ def test_a_refused_command_leaves_the_result_that_is_shown(tmp_path: Path, opene
     assert Path(reply(server, do="save", what="json")["file"]).name == "table.diagnosis.json"
 
 
+@pytest.mark.acceptance
 def test_a_damaged_file_is_refused_with_its_damage(tmp_path: Path, opened) -> None:
     book = workbook(wrong_table(tmp_path))
     book.write_bytes(book.read_bytes()[:3000])
@@ -605,6 +622,7 @@ def test_a_file_that_is_not_there_is_refused() -> None:
         th.open("absent.csv")
 
 
+@pytest.mark.acceptance
 def test_a_series_has_its_rests_moves_limits_spikes_and_gaps(tmp_path: Path, opened) -> None:
     _, table = hand_moved(4, 8)
     force, rate = (table[name].to_numpy().copy() for name in ("f1_mps2", "w1_radps"))
@@ -625,6 +643,7 @@ def test_a_series_has_its_rests_moves_limits_spikes_and_gaps(tmp_path: Path, ope
     assert {mark["from_s"] for mark in marks["move"]} <= ends
 
 
+@pytest.mark.acceptance
 def test_a_page_gives_the_numbers_of_the_command_after_each_change(tmp_path: Path, opened) -> None:
     """The page computes only what a change touches; a command computes all anew."""
     _, table = hand_moved(6, 30)
@@ -646,6 +665,7 @@ def test_a_page_gives_the_numbers_of_the_command_after_each_change(tmp_path: Pat
         assert f"{len(changed)} rests as marked" in " ".join(shown["warnings"])
 
 
+@pytest.mark.acceptance
 def test_explanations_say_what_tells_them_apart(tmp_path: Path, opened) -> None:
     """A temperature that jumps once is not told from a step in time."""
     rng = np.random.default_rng(11)
