@@ -390,11 +390,10 @@ class AttitudeRuns:
             samples, attitudes = course.samples()
             if not np.abs(samples.increments).max() < LARGEST_INCREMENT:
                 continue
-            for first in range(0, len(members) - motion.LANES + 1, motion.LANES):
-                numbers, gyros = zip(*members[first : first + motion.LANES], strict=True)
-                angles = motion.angles_of_runs(course.algorithm, samples, attitudes, gyros)
-                for number, angle in zip(numbers, angles, strict=True):
-                    self.ahead[number] = _scalars_of(angle, course.duration)
+            numbers, gyros = zip(*members, strict=True)
+            angles = motion.angles_of_runs(course.algorithm, samples, attitudes, gyros)
+            for number, angle in zip(numbers, angles, strict=True):
+                self.ahead[number] = _scalars_of(angle, course.duration)
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> RunOutputs:
         """Make a run."""

@@ -9,7 +9,6 @@ from .attitude import split_error as split_error
 from .carry import GyroModel as GyroModel
 from .carry import carried_attitude as carried_attitude
 from .compare import ARITHMETICS as ARITHMETICS
-from .compare import LANES as LANES
 from .compare import ROUNDINGS as ROUNDINGS
 from .compare import GyroErrors as GyroErrors
 from .compare import Samples as Samples

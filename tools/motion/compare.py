@@ -6,7 +6,7 @@ made of 32-bit operations alone.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple, cast
@@ -54,6 +54,8 @@ LANES = 8
 """Runs that advance together: one instruction then acts on four or eight of them."""
 OF_LANE = 51
 """Numbers of one of them: errors, generator, remainder, attitude, and the increments of the step before."""
+STARTED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""No remainder, and the attitude at the start."""
 STREAM = 4.0
 """Stream of the numbers that `GyroBlock` draws its bounded errors from."""
 ROUNDINGS = ("independently", "feedback", "pairs")
@@ -400,28 +402,38 @@ def _reader(makers: Makers) -> Callable[..., int]:
     return read
 
 
-def angles_of_runs(algorithm: Algorithm, samples: Samples, true: NDArray, gyros: Sequence[GyroErrors]) -> NDArray:
-    """Return the angles (`LANES`, steps) of `LANES` runs to the true attitudes (N, 4) at the ends of steps [rad].
+def angles_of_runs(
+    algorithm: Algorithm, samples: Samples, true: NDArray, runs: Sequence[GyroErrors]
+) -> Iterator[NDArray]:
+    """Yield for each run its angles (steps,) to the true attitudes (N, 4) at the ends of steps [rad].
 
-    Each run has the bits of `read_increments`, `run_algorithm` with renormalisation and `angle_between`.
+    They have the bits of `read_increments`, `run_algorithm` with renormalisation and `angle_between`. `LANES` runs
+    advance together, and the next ones overwrite their angles.
     """
-    begun = np.zeros((OF_LANE, LANES))
-    for lane, run in enumerate(gyros):
-        generator = [0.0] * GENERATOR_SIZE
-        seed_generator(float(run.seed), STREAM, generator)
-        # The reading at the start has errors, too.
-        gyro.draw_error(1.0, generator, [0.0] * 3)
-        begun[:24, lane] = [*run.scale_misalignment, *run.bias, run.quantum, run.noise_bound, *generator, 0, 0, 0, 1]
     ends = np.ascontiguousarray(true[algorithm.samples - 1 :: algorithm.samples])
     apart = np.empty((2, LANES, len(samples.increments) // algorithm.samples))
     work = (_table_of(algorithm.number), np.zeros(SPACE_SIZE), np.zeros(4))
-    run_lanes = _lanes(algorithm.kernel, algorithm.previous, algorithm.samples)
-    run_lanes(samples.period, samples.increments / samples.period, begun, work, ends, apart)
-    return 2.0 * np.arctan2(*apart)
+    in_quanta = any(run.quantum > 0.0 for run in runs)
+    run_lanes = _lanes(algorithm.kernel, algorithm.previous, algorithm.samples, in_quanta)
+    rates = samples.increments / samples.period
+    for first in range(0, len(runs), LANES):
+        begun = []
+        for run in runs[first : first + LANES]:
+            generator = [0.0] * GENERATOR_SIZE
+            seed_generator(float(run.seed), STREAM, generator)
+            # The reading at the start has errors, too.
+            gyro.draw_error(1.0, generator, [0.0] * 3)
+            errors = [*run.scale_misalignment, *run.bias, run.quantum, run.noise_bound]
+            begun.append([*errors, *generator, *STARTED, *[0.0] * (OF_LANE - 27)])
+        filled = begun + begun[-1:] * (LANES - len(begun))
+        run_lanes(samples.period, rates, np.ascontiguousarray(np.transpose(filled)), work, ends, apart)
+        angles = np.arctan2(*apart, out=apart[0])
+        angles *= 2.0
+        yield from angles[: len(begun)]
 
 
 @cache
-def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int) -> Callable[..., None]:
+def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int, in_quanta: bool) -> Callable[..., None]:
     turn, compare = _turn(kernel, keeps_previous, compiled), compiled(rotation.compare)
     multiply, normalise = compiled(rotation.multiply), compiled(rotation.normalise)
     draw_error, read_rates = compiled(gyro.draw_error), compiled(gyro.read_rates)
@@ -448,7 +460,8 @@ def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int) -> Ca
                         rate[p] = rates[samples * k + i, p]
                     draw_error(of[13], generator, error)
                     read_rates(gamma, bias, nothing, error, rate, nothing, reading, added, own)
-                    read_in_quanta(period, of[12], reading, carried, increment)
+                    # A constant zero leaves no division and no rounding in the machine code.
+                    read_in_quanta(period, of[12] if in_quanta else 0.0, reading, carried, increment)
                     for p in range(3):
                         g[3 * i + p] = increment[p]
                 turn(samples, min(1.0, float(k)), (previous, g), work, turned)

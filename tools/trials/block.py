@@ -7,8 +7,8 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 import polars as pl
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from ...fmus.units import STANDARD_GRAVITY
@@ -391,6 +391,6 @@ def flicker_noise(rng: np.random.Generator, rows: int, period: float, coefficien
         drive = rng.uniform(-1.0, 1.0, (rows, 3)) * math.sqrt(3.0 * (1.0 - decay**2))
         # Draw the initial state from the process's stationary distribution.
         drive[0] = rng.uniform(-math.sqrt(3.0), math.sqrt(3.0), 3)
-        total += amplitude * np.asarray(lfilter([1.0], [1.0, -decay], drive, axis=0))
+        total += amplitude * np.asarray(scipy.signal.lfilter([1.0], [1.0, -decay], drive, axis=0))
         time *= OCTAVES
     return total

@@ -18,7 +18,6 @@ from trihedron.tools.campaign.runs import Design, columns_of, make_runner
 from trihedron.tools.campaign.store import make_order
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion import (
-    LANES,
     GyroErrors,
     algorithm_named,
     angle_between,
@@ -26,6 +25,7 @@ from trihedron.tools.motion import (
     read_increments,
     run_algorithm,
 )
+from trihedron.tools.motion.compare import LANES
 from trihedron.tools.orchestrator import PreparedScenario, Scenario, read_scenario, run_scenario
 from trihedron.tools.trials import Options, run_suite
 
@@ -101,12 +101,15 @@ def test_gyros_err_as_the_component_does():
         assert model["increment_reading"].tolist() == table[step].tolist()
 
 
-def test_runs_that_are_made_together_have_the_bits_of_single_runs():
+@pytest.mark.parametrize("quantum", [0.0, 1e-5])
+def test_runs_that_are_made_together_have_the_bits_of_single_runs(quantum: float):
     samples, attitudes = motion_samples("2", 1.0, 1.0, 0.01, 41)
     algorithm, draw = algorithm_named("two-sample-rodrigues"), np.random.default_rng(1)
     runs = []
-    for seed in range(LANES):
-        runs.append(GyroErrors(1e-3 * draw.normal(size=9), 1e-3 * draw.normal(size=3), 1e-5 * (seed % 2), 1e-4, seed))
+    for seed in range(LANES + 3):
+        runs.append(
+            GyroErrors(1e-3 * draw.normal(size=9), 1e-3 * draw.normal(size=3), quantum * (seed % 2), 1e-4, seed)
+        )
     for angles, gyros in zip(angles_of_runs(algorithm, samples, attitudes, runs), runs, strict=True):
         computed = run_algorithm(algorithm, read_increments(samples, *gyros), renormalise=True)
         assert angles.tolist() == angle_between(computed, attitudes[1:40:2]).tolist()
