@@ -8,6 +8,8 @@ import math
 
 from .restricted import Vector
 
+SMALL_RATIO = 0.0078125
+"""Up to this tangent of half an angle a short series has all its bits."""
 MAX_INCREMENT = math.pi
 """Largest increment over one sample [rad] for any algorithm: beyond half a turn its direction is ambiguous."""
 
@@ -87,6 +89,35 @@ def compare(p: Vector, q: Vector, result: Vector) -> None:
     z = p[0] * q[3] - q[0] * p[3] - (p[1] * q[2] - p[2] * q[1])
     result[0] = math.sqrt(x * x + y * y + z * z)
     result[1] = math.fabs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3])
+
+
+def high_half(value: float) -> float:
+    """Return the upper 26 bits of a number; the product of two such halves is exact."""
+    scaled = 134217729.0 * value
+    return scaled - (scaled - value)
+
+
+def small_angle(sine: float, cosine: float) -> float:
+    """Return the angle 2 atan(sine / cosine) [rad] of a ratio below `SMALL_RATIO`.
+
+    The quotient with its low part, and the series: of a million angles about one is not the nearest double.
+    """
+    ratio = sine / cosine
+    a = high_half(ratio)
+    b = high_half(cosine)
+    product = ratio * cosine
+    below = ((a * b - product) + a * (cosine - b) + (ratio - a) * b) + (ratio - a) * (cosine - b)
+    low = ((sine - product) - below) / cosine
+    square = ratio * ratio
+    series = square * (-1.0 / 3.0 + square * (0.2 + square * (-1.0 / 7.0 + square * (1.0 / 9.0))))
+    return 2.0 * (ratio + (low + ratio * series))
+
+
+def angle_of_half(sine: float, cosine: float) -> float:
+    """Return the angle 2 atan2(sine, cosine) [rad] of numbers that are not negative."""
+    if sine < SMALL_RATIO * cosine:
+        return small_angle(sine, cosine)
+    return 2.0 * math.atan2(sine, cosine)
 
 
 def quaternion_of_matrix(r: Vector, result: Vector) -> None:

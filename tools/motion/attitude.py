@@ -351,22 +351,22 @@ def attitudes_of_angles(angles: NDArray) -> NDArray:
 
 def angle_between(p: NDArray, q: NDArray) -> NDArray:
     """Return angles (N,) between the attitudes of quaternions (N, 4) of any norm [rad]; accurate for small angles."""
-    halves = np.empty((2, len(p)))
-    _comparing(loops_over(len(p)))(np.asarray(p), np.asarray(q), halves)
-    return 2.0 * np.arctan2(*halves)
+    angles = np.empty(len(p))
+    _comparing(loops_over(len(p)))(np.asarray(p), np.asarray(q), angles)
+    return angles
 
 
 @cache
 def _comparing(makers: Makers) -> Callable[..., None]:
     kernel_made, loop_made = makers
-    compare = kernel_made(rotation.compare)
+    compare, angle_of_half = kernel_made(rotation.compare), kernel_made(rotation.angle_of_half)
 
     @loop_made
-    def compare_all(p, q, halves):
+    def compare_all(p, q, angles):
         half = np.empty(2)
         for k in range(len(p)):
             compare(p[k], q[k], half)
-            halves[0, k], halves[1, k] = half[0], half[1]
+            angles[k] = angle_of_half(half[0], half[1])
 
     return compare_all
 

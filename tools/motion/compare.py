@@ -411,7 +411,7 @@ def angles_of_runs(
     advance together, and the next ones overwrite their angles.
     """
     ends = np.ascontiguousarray(true[algorithm.samples - 1 :: algorithm.samples])
-    apart = np.empty((2, LANES, len(samples.increments) // algorithm.samples))
+    apart = np.empty((LANES, len(samples.increments) // algorithm.samples))
     work = (_table_of(algorithm.number), np.zeros(SPACE_SIZE), np.zeros(4))
     in_quanta = any(run.quantum > 0.0 for run in runs)
     run_lanes = _lanes(algorithm.kernel, algorithm.previous, algorithm.samples, in_quanta)
@@ -427,9 +427,7 @@ def angles_of_runs(
             begun.append([*errors, *generator, *STARTED, *[0.0] * (OF_LANE - 27)])
         filled = begun + begun[-1:] * (LANES - len(begun))
         run_lanes(samples.period, rates, np.ascontiguousarray(np.transpose(filled)), work, ends, apart)
-        angles = np.arctan2(*apart, out=apart[0])
-        angles *= 2.0
-        yield from angles[: len(begun)]
+        yield from apart[: len(begun)]
 
 
 @cache
@@ -438,6 +436,7 @@ def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int, in_qu
     multiply, normalise = compiled(rotation.multiply), compiled(rotation.normalise)
     draw_error, read_rates = compiled(gyro.draw_error), compiled(gyro.read_rates)
     read_in_quanta, (view, place) = compiled(gyro.read_in_quanta), local_array()
+    small_angle, angle_of_half = compiled(rotation.small_angle), compiled(rotation.angle_of_half)
     changed = OF_LANE if keeps_previous else 27
 
     @loop_compiled
@@ -447,11 +446,11 @@ def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int, in_qu
         gamma, bias, generator, carried, attitude, previous = of[:9], of[9:12], of[14:20], of[20:23], of[23:27], of[27:]
         nothing, error, rate, increment = view(place(3), 3), view(place(3), 3), view(place(3), 3), view(place(3), 3)
         reading, added, own, half = view(place(3), 3), view(place(3), 3), view(place(3), 3), view(place(2), 2)
-        g, turned = view(place(24), 24), view(place(4), 4)
+        g, turned, angle = view(place(24), 24), view(place(4), 4), view(place(8), LANES)
         for i in range(51):
             for lane in range(LANES):
                 kept[i, lane] = begun[i, lane]
-        for k in range(apart.shape[2]):
+        for k in range(apart.shape[1]):
             for lane in range(LANES):
                 for i in range(51):
                     of[i] = kept[i, lane]
@@ -474,9 +473,11 @@ def _lanes(kernel: Callable[..., Any], keeps_previous: bool, samples: int, in_qu
                 compare(attitude, ends[k], half)
                 for i in range(2):
                     result[i, lane] = half[i]
-            for i in range(2):
-                for lane in range(LANES):
-                    apart[i, lane, k] = result[i, lane]
+                angle[lane] = small_angle(half[0], half[1])
+            for lane in range(LANES):
+                if not result[0, lane] < rotation.SMALL_RATIO * result[1, lane]:
+                    angle[lane] = angle_of_half(result[0, lane], result[1, lane])
+                apart[lane, k] = angle[lane]
 
     return run
 

@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -284,3 +285,18 @@ def test_the_best_algorithm_is_cheap_where_noise_hides_what_cheap_ones_leave_out
     for increments, close in ((exact, 1e-14), (noisy, 0.05 * walk)):
         computed, reference = (run_algorithm(algorithm, increments) for algorithm in (adaptive, best))
         assert angle_between(computed, reference).max() < close
+
+
+@pytest.mark.parametrize("count", [50, 4000])
+def test_the_angle_between_attitudes_has_all_bits(count: int):
+    """Turns about one axis, as small as can be and up to half a turn: sine and cosine of the half angle are exact."""
+    rng = np.random.default_rng(3)
+    sine, cosine = 10.0 ** rng.uniform(-17.0, 3.0, count), rng.uniform(0.9, 1.1, count)
+    turned = np.stack([cosine, np.zeros(count), -sine, np.zeros(count)], axis=1)
+    angles = angle_between(np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), turned)
+    pairs = zip(sine.tolist(), cosine.tolist(), strict=True)
+    with mpmath.workprec(120):
+        exact = np.array([float(2 * mpmath.atan2(mpmath.mpf(s), mpmath.mpf(c))) for s, c in pairs])
+    assert (np.abs(angles - exact) <= np.spacing(exact)).all()
+    assert (angles == exact).mean() > 0.999
+    assert not angle_between(turned, turned).any()
