@@ -698,6 +698,7 @@ def diagnose_together(
     for label, run in runs.items():
         is_table = isinstance(run, records.PositionRecord)
         runs[label] = motion.trusted(run, trust=trust, gyros=not is_table, gravity=gravity)
+    diagnosis.check_room(*runs.values())
     options = {"noise_bound": noise_bound, "noise_sd": noise_sd, "gravity": gravity, "baseline": baseline}
     options |= {"bounds": bounds, "mounting": mounting, "rates": rates, "reference_bound": reference_bound}
     with own_effects.with_effects_of(effects_from):

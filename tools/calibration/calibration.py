@@ -41,6 +41,7 @@ from ..records.columns import CORRECTED_BY, CORRECTED_WITHIN
 from ..records.noise import NoiseBound, noise_bound_from, noise_bound_of
 from ..records.sigma import Fitted
 from ..records.steps import AngleSteps
+from ..room import FEWER_POSITIONS, Room
 from ..rounding import digits, exactly, upwards
 from .estimates import Solution, fit, open_directions, solve_system
 from .model import (
@@ -72,6 +73,7 @@ DEAD = 0.01
 """Least part of the space of the inputs that the readings of an accelerometer span."""
 NOISE_BOUNDS = (1e-12, 1e-2)
 """Noise bounds that can be used: above rounding, and small enough that the model is smooth on their scale."""
+ROOM = Room("a calibration", "positions", FEWER_POSITIONS, 2.4e8, 3500.0)
 SAY_THE_NOISE = (
     "give --noise-sd, the standard deviation of one averaged reading, which the averages of a static record show, or "
     "--noise-bound, which none exceeds; both are fractions of g, as 3e-6 and 1e-5"
@@ -155,7 +157,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     """Calibrate the bench from averaged readings: values, guaranteed errors, exact intervals, verdict.
 
     The options are the fields of `Asked`. An InputError for some that are out of range, mountings that the record does
-    not fit, a fit that does not converge.
+    not fit, a fit that does not converge, or a record that would need too much memory.
 
     Notes
     -----
@@ -166,6 +168,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     estimates, whose weights and guaranteed errors are those of the linear programmes (2.4), (2.5) on the angles
     measured, and least squares. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
     """
+    ROOM.check(len(record), record.path)
     request = Asked(**options)
     noise = noise_bound_for(record, request)
     sigma = noise.value

@@ -11,6 +11,7 @@ from .cause import Finding as Finding
 from .cause import NamedEffect as NamedEffect
 from .explained_calibration import calibrated_with as calibrated_with
 from .kinds import KnownDirections as KnownDirections
+from .kinds import check_room as check_room
 from .kinds import evidence_of as evidence_of
 from .kinds import evidence_options as evidence_options
 from .procedure import diagnose as diagnose

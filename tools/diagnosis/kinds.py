@@ -12,9 +12,11 @@ from ..errors import InputError
 from ..evidence.bench import bench_evidence
 from ..evidence.bench_in_motion import whole_evidence
 from ..evidence.carried_record import carried_evidence
+from ..evidence.carried_run import LONG
 from ..evidence.evidence import Evidence
 from ..evidence.known_directions import KnownDirections, directions_evidence
 from ..records import PositionRecord, StrapdownRecord
+from ..room import FEWER_POSITIONS, Room
 
 BOUNDS = (3e-3, 1e-2)
 
@@ -85,6 +87,14 @@ def evidence_of(record: PositionRecord | StrapdownRecord | KnownDirections, **op
     gyros are held against the table, too.
     """
     return kind_of(record).evidence(record, **options)
+
+
+def check_room(*records: PositionRecord | StrapdownRecord) -> None:
+    """Raise an InputError for records whose diagnosis together needs more memory than the budget."""
+    rooms: Mapping[type, Room] = {PositionRecord: OF_POSITIONS, StrapdownRecord: OF_STRAPDOWN}
+    for kind, room in rooms.items():
+        alike = [record for record in records if isinstance(record, kind)]
+        room.check(sum(map(len, alike)), ", ".join(str(record.path) for record in alike))
 
 
 def evidence_options(record: Any, *, among: Mapping[str, Any] | None = None, **options: Any) -> dict[str, Any]:
@@ -159,6 +169,8 @@ def _options_carried(record: StrapdownRecord, asking: DiagnosisOptions) -> dict[
     return {name: getattr(asking, name) for name in ("gravity", "baseline", "rates", "reference_bound")}
 
 
+OF_POSITIONS = Room("a diagnosis", "positions", FEWER_POSITIONS, 2.4e8, 2.1e5, 206.0)
+OF_STRAPDOWN = Room("a diagnosis", "rows", "cut the record", 3.3e8, 2500.0, long=LONG, of_long=500.0)
 KINDS: Mapping[type, Kind] = {
     PositionRecord: Kind(
         evidence=_evidence_at_table,

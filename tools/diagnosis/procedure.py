@@ -24,7 +24,7 @@ from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, fin
 from .dependence import Dependence, Proven, Suffices, dependence, residual_structure
 from .helps import of_lengths, only_at_one_length, what_helps
 from .hypothesis import answered, places_of
-from .kinds import KnownDirections, evidence_of, evidence_with_formulas, kind_of
+from .kinds import KnownDirections, check_room, evidence_of, evidence_with_formulas, kind_of
 from .result import Diagnosis, Explanation, StandsWith
 from .rivals import Listed, Unlisted, complexity_of, least_complexity
 from .search import MOST_WORK, Found, search, single_radii
@@ -67,8 +67,10 @@ def diagnose(
     Raises
     ------
     InputError
-        for a record that cannot be used, or a formula that is none
+        for a record that cannot be used or would need too much memory, or a formula that is none
     """
+    if not isinstance(record, KnownDirections):
+        check_room(record)
     at_table = kind_of(record).at_table
     formulas = places_of(hypotheses, at_table=at_table, with_gyros=not at_table or options.get("bench") is not None)
     if evidence is None:

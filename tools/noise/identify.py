@@ -19,6 +19,7 @@ from ..errors import InputError, InvalidInput
 from ..orchestrator.scenario import Scenario
 from ..progress import tracked
 from ..records.noise import allan_deviation_of_sums, sums_of
+from ..room import Room
 from .likelihood import Likelihood, NoiseFit
 from .pieces import AtRest, ChannelAtRest, TimeSeries, at_rest
 from .processes import NUMBERS, PROCESSES, SPECTRAL, Letter, Sensor, difference_gain
@@ -45,6 +46,7 @@ EXPLAINED = 21.0
 """Largest rise of a change that explains a falsified channel: of true ones it is beyond in fewer than one of 500."""
 MOST = 2
 """Largest number of processes that change."""
+ROOM = Room("the noise", "rows", "give a shorter record", 1.1e8, 220.0)
 Verdict = Literal["consistent", "explained", "ambiguous", "falsified"]
 VERDICTS: dict[int, Verdict] = {0: "falsified", 1: "explained"}
 """Verdict of a falsified channel by the number of smallest sets."""
@@ -341,6 +343,7 @@ def identify(
         raise InvalidInput(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
     if not skip >= 0.0:
         raise InvalidInput(f"--skip {skip!r}: a time in seconds is needed, 0 or more")
+    ROOM.check(sum(len(record) for record in records), records[0].path)
     still = at_rest(records, skip)
     simulated = {} if scenario is None else simulated_noise(scenario, gravity)
     if all(channel.is_constant for channel in still.channels):

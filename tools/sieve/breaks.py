@@ -33,7 +33,7 @@ MOST_SLACK = 200.0
 """Largest error of the linear model about a fit to most of the rows [bounds]."""
 MOST_SLACK_OF_TWO = 2.0
 """The same for two breaks."""
-MOST_AT_ONCE = 20_000_000
+MOST_AT_ONCE = 4_000_000
 """Numbers in the columns of breaks that are judged together (160 MB): as many gaps of a long record as that allows."""
 MOST_EXACT = 6
 """Gaps that are fitted in succession without success, the most promising first, before the search ends."""
