@@ -163,18 +163,26 @@ class TrialBench:
         """Return the hidden effects on the record's own clock, which begins at its first rest.
 
         An effect that changes within a rest may make part of it unusable. Effects of gyros count from the record's
-        first row, as in the run.
+        first row, as in the run. By then a mounting that drifts has turned, by a; the record calls the turned one the
+        mounting. A later turn x is then x - a × x / 2, the next term of the product of two rotations.
         """
         circumstances = sources.circumstances
-        warm = None
+        warm, hours = None, circumstances.began / 3600.0
         if circumstances.temperature is not None:
             warm = (float(temperature_at(np.zeros(1))[0]), float(circumstances.temperature[0]))
+        turned = np.zeros(3)
+        for effect in hidden:
+            if effect.place.effect == "mounting-drift":
+                turned += hours * np.array(effect.values)
         recorded = []
         for effect in hidden:
             if self.whole and effect.place.definition.component in OF_GYROS:
                 recorded.append(effect)
+            elif effect.place.effect == "mounting-temperature":
+                slopes = np.array(effect.values)
+                recorded.append(replace(effect, values=tuple((slopes - 0.5 * np.cross(turned, slopes)).tolist())))
             else:
-                recorded.append(effect.since(circumstances.began / 3600.0, warm))
+                recorded.append(effect.since(hours, warm))
         return tuple(recorded)
 
     def answer(self, seed: int, index: int | None, hidden: Sequence[Hidden]) -> dict[str, Any]:
