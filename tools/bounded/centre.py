@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ...models.arrays import Floats
 from .possible import DETERMINED, Possible
 from .programmes import LEAST_VALUE, TOLERANCE, chebyshev_radius, first_rows, least_largest, shortened
+from .work import charge
 
 INTERIOR = 1e-7
 """Relative slack below which a set has no interior: the programmes are not more exact."""
@@ -165,6 +166,7 @@ class _Inside:
 
     def newton(self, y: NDArray) -> tuple[NDArray, float]:
         """Return Newton's step (rank,), and its decrement."""
+        charge(50.0 + 2e-3 * self._rows.size * self._rows.shape[1])
         r, room = self._residual - self._rows @ y, self._open(y)
         slack = (1.0 - r) * (1.0 + r)
         root = np.sqrt(2.0 * (1.0 + r * r)) / slack

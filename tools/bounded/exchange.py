@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 
 from ...models.arrays import Floats, Ints
 from .factors import pivoted, triangle
+from .work import MOST_COLUMNS, charge
 
-MOST_COLUMNS = 64
-"""Largest number of columns: beyond it a step costs more than one of the solver."""
 MOST_STEPS = 40
 """Number of steps between new solutions of the rows; the exchange gives up after one such solution for each column."""
 FAR = 1e3
@@ -74,6 +73,7 @@ def exchanged(matrix: NDArray, target: NDArray) -> Held | None:
     size = np.abs(matrix).max(axis=0)
     if not size.all():
         return None
+    charge(300.0 + 0.2 * matrix.size)
     unit = matrix / size
     if (rows := _begun(unit, target)) is None:
         return None
@@ -169,6 +169,7 @@ class Corner:
         """Return `farthest` of each of some directions (K, n), up to the first that is not proven, as (L, n) each."""
         from .exchange_steps import EXACT, exchange_each
 
+        charge(len(weights) * (20.0 + 0.02 * matrix.size))
         # Of many equally far vertices it is always the same, from any beginning.
         size = np.abs(weights).max(axis=1)
         toward = weights + size[:, None] * BENT * _bends(weights.shape[1])

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...models.arrays import Floats
 from .exchange import Corner, exchanged, least_of
 from .factors import pivoted
+from .work import MANY_ROWS, charge
 
 LEAST_LIMIT, MOST_ITERATIONS = 5000, 20
 """Steps of the simplex after which it counts as cycling: a constant, and more for each row and column."""
@@ -25,8 +26,6 @@ TOLERANCE = 1e-10
 """Primal and dual feasibility tolerance, as a fraction of the noise bound."""
 RELATIVE_TOLERANCE = 1e-9
 """Largest error of a programme's value, as a fraction of the noise bound."""
-MANY_ROWS = 1000
-"""Largest number of rows that are given to the solver at once."""
 ADDED_ROWS = 100
 """Number of most violated rows that one round adds."""
 TOLD_APART, CONSIDERED = 0.99, 3000
@@ -519,7 +518,9 @@ def solved(
 
     Cycling counts as a failure. Raises SolverError if no strategy solves it.
     """
-    size = highs.getNumRow() + highs.getNumCol()
+    rows, columns = highs.getNumRow(), highs.getNumCol()
+    size = rows + columns
+    charge(500.0 + 0.6 * rows * columns)
     highs.setOptionValue("simplex_iteration_limit", LEAST_LIMIT + MOST_ITERATIONS * size)
     highs.run()
     if highs.getModelStatus() == highspy.HighsModelStatus.kOptimal:

@@ -8,9 +8,7 @@ a hundred thousand sets take seconds. Lawson's algorithm (weights grow where res
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
@@ -18,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.arrays import Floats
-from .exchange import MOST_COLUMNS
-from .programmes import MANY_ROWS, SolverError, any_centre, column_space
+from .programmes import SolverError, any_centre, column_space
 from .set_bounds import ACCEPTED, REFUSED, UNDECIDED, bounds_of, settle, surviving_sets
+from .work import Work
 
 MAX_SET = 3
 MOST_OUTLIERS = 2
@@ -31,69 +29,6 @@ FEW = 32
 """Number of sets below which their own bounds cost less than another projection."""
 ROUNDS_AT_FIRST = (2, 6, 12)
 """Rounds of Lawson's algorithm for the nominal model, one after the other: every set is tried with their weights."""
-
-
-class CutOff(Exception):
-    """A search has reached its limit of work."""
-
-
-@dataclass(eq=False)
-class Budget:
-    """Work that all searches of a diagnosis may do together, and names of those that a limit ended."""
-
-    limit: float
-    done: float = 0.0
-    cut_off: list[str] = field(default_factory=list)
-
-
-_BUDGET: ContextVar[Budget | None] = ContextVar("budget", default=None)
-
-
-@contextmanager
-def shared_budget(limit: float) -> Iterator[Budget]:
-    """Count the work of all searches in the block together."""
-    budget = Budget(limit)
-    token = _BUDGET.set(budget)
-    try:
-        yield budget
-    finally:
-        _BUDGET.reset(token)
-
-
-class Work:
-    """Done and allowed work of a search, in units of about a microsecond of one processor.
-
-    It is counted by the sizes of the solved problems, not by a clock: the same search ends at the same set everywhere.
-    In a shared budget a limited search ends at that of the budget, too, which keeps its name.
-    """
-
-    def __init__(self, limit: float = np.inf, search: str = "") -> None:
-        self.limit, self.search, self.done, self._budget = limit, search, 0.0, _BUDGET.get()
-
-    def add(self, amount: float) -> None:
-        """Count further work.
-
-        Raises CutOff beyond the limit.
-        """
-        self.done += amount
-        if self._budget is not None:
-            self._budget.done += amount
-        if not self.is_done:
-            return
-        if self._budget is not None and self.search and self.search not in self._budget.cut_off:
-            self._budget.cut_off.append(self.search)
-        raise CutOff
-
-    @property
-    def is_done(self) -> bool:
-        """True if the limit is reached, or that of the shared budget."""
-        shared = np.inf if self._budget is None or np.isinf(self.limit) else self._budget.limit - self._budget.done
-        return self.done > self.limit or shared < 0.0
-
-    def programme(self, rows: int, columns: int) -> None:
-        """Count a linear programme, with its model."""
-        exchanged = rows > MANY_ROWS and columns < MOST_COLUMNS
-        self.add(1000.0 + (0.2 if exchanged else 1.2) * rows * columns)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import BASE, TURN, Table
 from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import SolverError
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, Gain
 from ..evidence.pairs import GYROS, LEAST_AROUND, PIECES, Form, Pair, in_words

@@ -12,7 +12,7 @@ from ...models.effects import CATALOGUE, EffectPlace
 from ...models.effects.columns import ONSET
 from ..bounded.possible import Proofs, Steps, largest_length
 from ..bounded.programmes import Interval
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import FAINT, Fit, contains
 from ..evidence.of_record import differs, in_record, record_of

@@ -21,7 +21,8 @@ from ...models.effects.lookup import TURNS
 from ..bounded.elimination import eliminated, settled_beside
 from ..bounded.programmes import chebyshev_radius, column_space, spaces_beyond
 from ..bounded.set_bounds import ACCEPTED, REFUSED, UNDECIDED, settle
-from ..bounded.sets import Problem, Work, sharp_weights
+from ..bounded.sets import Problem, sharp_weights
+from ..bounded.work import Work
 from ..evidence.evidence import Evidence, Reader
 from ..evidence.fit import FAINT
 from ..evidence.pairs import WAVES, Form, Pair, function_in_words, named

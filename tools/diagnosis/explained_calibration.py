@@ -9,7 +9,7 @@ import numpy as np
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import SolverError
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..calibrated import Calibration, Sigma
 from ..calibration.calibration import Asked, without_guarantee
 from ..calibration.gyros import BenchOnEarth as Place

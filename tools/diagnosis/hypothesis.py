@@ -8,7 +8,7 @@ from pydantic import Field
 from ...models.effects import EffectPlace
 from ...models.effects.formula import OF_TABLE, Formula
 from ..bounded.programmes import same_space, spaces_beyond
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..errors import InputError, one_line
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Gain
@@ -30,7 +30,7 @@ class Hypothesis(Told):
     answer : str
         "stands": the model is falsified, and is not with the formula; "refuted": it is falsified with the formula, too;
         "not needed": it is not falsified without the formula, and the intervals limit the coefficients; "cannot be
-        told": the model contains the formula, or the record is too short
+        told": the model contains the formula, the record is too short, or the work has reached its limit
     radius_before, radius : float
         least largest error over its bound, without the formula and with it
     parameters : tuple of SizedParameter
@@ -99,9 +99,7 @@ def answered(
     evidence: Evidence, place: EffectPlace, findings: Sequence[Finding] = (), *, rerun: bool = True
 ) -> Hypothesis:
     """Test a formula on a record, next to the smallest sets of the catalogue that fit."""
-    before = 0.0 if evidence.reader.missing() else evidence.model.refit(()).radius
-    keys: dict[str, Any] = {"formula": place.law, "where": place.where, "radius_before": before, "radius": before}
-    keys |= {**dict.fromkeys(("parameters", "objections", "equivalents", "as_well"), ()), "gain": None}
+    keys = _untold(evidence, place)
     if evidence.reader.missing() or _adds_nothing(evidence, place):
         return Hypothesis(answer="cannot be told", **keys)
     same = _same_in_catalogue(evidence, place)
@@ -124,6 +122,17 @@ def answered(
     keys |= {"objections": tuple(objections), "as_well": tuple(as_well), "finding": finding}
     keys["gain"] = evidence.gain(finding.fit) if rerun else None
     return Hypothesis(answer="stands", **keys)
+
+
+def not_answered(evidence: Evidence, place: EffectPlace) -> Hypothesis:
+    """Return a formula whose test the limit of work ended."""
+    return Hypothesis(answer="cannot be told", **_untold(evidence, place))
+
+
+def _untold(evidence: Evidence, place: EffectPlace) -> dict[str, Any]:
+    before = 0.0 if evidence.reader.missing() else evidence.model.refit(()).radius
+    keys: dict[str, Any] = {"formula": place.law, "where": place.where, "radius_before": before, "radius": before}
+    return keys | dict.fromkeys(("parameters", "objections", "equivalents", "as_well"), ()) | {"gain": None}
 
 
 def _same_in_catalogue(evidence: Evidence, place: EffectPlace) -> tuple[EffectPlace, ...]:

@@ -28,7 +28,7 @@ from ..bounded.programmes import (
     same_space,
     spaces_beyond,
 )
-from ..bounded.sets import CutOff, Work
+from ..bounded.work import CutOff, Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..evidence.pairs import GYROS, LEAST_AROUND, Form, Pair

@@ -12,10 +12,12 @@ from typing import Any
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
-from ..bounded.sets import MAX_SET, Budget, CutOff, Work, shared_budget
+from ..bounded.sets import MAX_SET
+from ..bounded.work import Budget, CutOff, Work, shared_budget
+from ..calibrated import Calibration
 from ..errors import InputError
 from ..evidence.evidence import Evidence
-from ..evidence.fit import Fit
+from ..evidence.fit import Fit, Gain
 from ..records import PositionRecord, StrapdownRecord
 from ..sieve import LEAST_OF_TWO, Simple, other_breaks, tells_two_things, with_rounding, wrong_pieces
 from .beyond import Beyond, keys_of
@@ -23,17 +25,17 @@ from .candidates import Candidates, named
 from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, finding_of
 from .dependence import Dependence, Proven, Suffices, dependence, residual_structure
 from .helps import of_lengths, only_at_one_length, what_helps
-from .hypothesis import answered, places_of
+from .hypothesis import Hypothesis, answered, not_answered, places_of
 from .kinds import KnownDirections, check_room, evidence_of, evidence_with_formulas, kind_of
-from .result import Diagnosis, Explanation, StandsWith
+from .result import FAULTS, LIMITED, Diagnosis, Explanation, StandsWith
 from .rivals import Listed, Unlisted, complexity_of, least_complexity
 from .search import MOST_WORK, Found, search, single_radii
 from .shortlist import CLOSE, Shortlist, next_step, pairs_of_faults, simplest_first, single_faults
 from .witness import Judgement, Witness, by_need, judgement_of, objections_of
 
-FUNCTIONS = "functions of one quantity"
-ALL_SEARCHES = 20.0
-"""Work of all searches of a diagnosis together, as a multiple of that of the search for sets of effects."""
+FUNCTIONS, POSSIBLE = "functions of one quantity", "what is possible of a function"
+ALL_STAGES = 20.0
+"""Work of all stages of a diagnosis together, as a multiple of that of the search for sets of effects."""
 MOST_SINGLES = 4
 """Most single effects whose noise bound is stated of a record that no set explains."""
 
@@ -77,11 +79,7 @@ def diagnose(
         evidence = evidence_of(record, **options)
     beside = evidence_with_formulas(record, evidence, formulas, **options)
     try:
-        diagnosis = diagnosed(evidence, rerun=rerun, extend=extend, progress=progress)
-        if not formulas:
-            return diagnosis
-        answers = tuple(answered(beside, place, diagnosis.findings, rerun=rerun) for place in formulas)
-        return diagnosis.model_copy(update={"hypotheses": answers})
+        return diagnosed(evidence, rerun=rerun, extend=extend, progress=progress, formulas=formulas, beside=beside)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; {evidence.reader.too_large}") from error
 
@@ -93,14 +91,20 @@ def diagnosed(
     extend: bool = False,
     progress: bool = False,
     most_work: float = MOST_WORK,
+    budget: Budget | None = None,
+    formulas: Sequence[EffectPlace] = (),
+    beside: Evidence | None = None,
 ) -> Diagnosis:
     """Diagnose evidence of any record; a SolverError where errors are too large to solve.
 
-    `most_work` is that of the search, others as for `diagnose`.
+    `most_work` is that of the search, `budget` that of all stages, by default of `ALL_STAGES` times as much.
+    `formulas` are judged by evidence that knows them, `beside`. Others are as for `diagnose`.
     """
     evidence = with_rounding(evidence)
-    with shared_budget(ALL_SEARCHES * most_work * evidence.model.effort.cost) as budget:
-        return Procedure(evidence, rerun, extend, progress, most_work, budget).diagnosis()
+    with shared_budget(budget or Budget(ALL_STAGES * most_work * evidence.model.effort.cost)) as budget:
+        procedure = Procedure(evidence, rerun, extend, progress, most_work, budget)
+        diagnosis = procedure.diagnosis()
+        return procedure.with_answers(diagnosis, beside or evidence, formulas) if formulas else diagnosis
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +124,26 @@ class Procedure:
             return self._result("insufficient", self.missing)
         if not self.evidence.model.falsified:
             return self._of_model_that_stands()
-        faults = self.faults or self._in_place_of_steps
-        return self._of_list(faults) if faults else self._of_physics()
+        try:
+            with self.budget.of("what explains the record"):
+                faults = self.faults or self._in_place_of_steps
+                return self._of_list(faults) if faults else self._of_physics()
+        except CutOff:
+            return self._not_judged()
+
+    def with_answers(self, diagnosis: Diagnosis, beside: Evidence, formulas: Sequence[EffectPlace]) -> Diagnosis:
+        """Return the diagnosis with the formulas judged by evidence that knows them."""
+        before, answers = len(self.budget.cut_off), []
+        for place in formulas:
+
+            def stage(place: EffectPlace = place) -> Hypothesis:
+                return answered(beside, place, diagnosis.findings, rerun=self.rerun)
+
+            answers.append(self._within_budget(f"the formula {place.law}", stage, None) or not_answered(beside, place))
+        warnings = diagnosis.warnings
+        if names := self.budget.cut_off[before:]:
+            warnings = (*warnings, LIMITED + "; ".join(names))
+        return diagnosis.model_copy(update={"hypotheses": tuple(answers), "warnings": warnings})
 
     @cached_property
     def _untried(self) -> list[str]:
@@ -131,13 +153,18 @@ class Procedure:
     def _tried(self, what: str, stage: Callable[[], Any], otherwise: Any) -> Any:
         """Return the result of a stage; if the solver fails, a substitute result that reports it."""
         try:
-            return stage()
+            return self._within_budget(what, stage, otherwise)
         except SolverError:
             self._untried.append(what)
-        except CutOff:
-            # The budget keeps the name of the search.
-            pass
         return otherwise
+
+    def _within_budget(self, what: str, stage: Callable[[], Any], otherwise: Any) -> Any:
+        """Return the result of a stage; if the work has reached its limit, a substitute: the budget keeps its name."""
+        try:
+            with self.budget.of(what):
+                return stage()
+        except CutOff:
+            return otherwise
 
     # Falsify
 
@@ -154,7 +181,7 @@ class Procedure:
     @cached_property
     def lengths(self) -> Mapping[str, Any]:
         """Return the keys of each length of moves or windows; empty for a record without them."""
-        return of_lengths(self.evidence)
+        return self._within_budget("each length", lambda: of_lengths(self.evidence), {})
 
     @cached_property
     def _read_off(self) -> tuple[str, ...]:
@@ -173,8 +200,8 @@ class Procedure:
         """The faults of the record, or, where neither one of them nor an effect or a function does, pairs of them."""
         if self.objections:
             # Single pieces may be why a record contradicts its description.
-            return self._tried("faults of the record", lambda: wrong_pieces(self.evidence), ())
-        single = self._tried("faults of the record", lambda: single_faults(self.evidence), ())
+            return self._tried(FAULTS, lambda: wrong_pieces(self.evidence), ())
+        single = self._tried(FAULTS, lambda: single_faults(self.evidence), ())
         simple_enough = bool(single) and single[0].numbers <= LEAST_OF_TWO + CLOSE
         if simple_enough or not tells_two_things(self.evidence):
             return single
@@ -182,7 +209,8 @@ class Procedure:
             return single
         if search(self.evidence.model, largest=1).fits:
             return single
-        return simplest_first([*single, *pairs_of_faults(self.evidence)])
+        pairs = self._within_budget("pairs of faults of the record", lambda: pairs_of_faults(self.evidence), ())
+        return simplest_first([*single, *pairs])
 
     @property
     def _in_place_of_steps(self) -> tuple[Simple, ...]:
@@ -252,9 +280,7 @@ class Procedure:
         if dependence is None or dependence.proven is None:
             return {}
         beyond = Beyond(self.evidence, dependence.proven.pair, dependence.proven.form, tuple(fits))
-        return self._tried(
-            "what is possible of a function", lambda: keys_of(beyond, extend=extend, rerun=self.rerun), {}
-        )
+        return self._tried(POSSIBLE, lambda: keys_of(beyond, extend=extend, rerun=self.rerun), {})
 
     @cached_property
     def caution(self) -> tuple[str, ...]:
@@ -271,7 +297,7 @@ class Procedure:
         if held is None or self.proves_quantity or not several:
             return None
         beyond = Beyond(self.evidence, held.pair, held.form, tuple(fits))
-        return beyond if beyond.bands else None
+        return self._within_budget(POSSIBLE, lambda: beyond if beyond.bands else None, None)
 
     # Bound the possible sizes
 
@@ -291,7 +317,29 @@ class Procedure:
             explanations.append(Explanation.of_extension(functions["extension"]))
         return tuple(explanations)
 
+    def _excluded(self, evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...] | None:
+        """Return the excluded sizes of effects beside a fit; None where the work has reached its limit."""
+        return self._within_budget(
+            "the sizes of effects that are excluded", lambda: excluded_sizes(evidence, fit), None
+        )
+
+    def _of_model(self, evidence: Evidence, fit: Fit, calibration: Calibration, excluded: Any) -> Mapping[str, Any]:
+        """Return the keys of a model with effects."""
+        of_model = evidence.reader.of_model
+        return self._within_budget("what changes with the effects", lambda: of_model(fit, calibration, excluded), {})
+
+    def _gain(self, evidence: Evidence, fit: Fit) -> Gain | None:
+        """Return the gain on held-out data, where these are simulated again."""
+        if not self.rerun:
+            return None
+        return self._within_budget("the gain on held-out data", lambda: evidence.gain(fit), None)
+
     # The results
+
+    def _not_judged(self) -> Diagnosis:
+        """Unexplained: the work has reached its limit before any set or fault that fits was judged."""
+        reason = "would do; it was not judged, since the work has a limit"
+        return self._unexplained([f"{fit.title} {reason}" for fit in self.found.fits])
 
     def _of_list(self, faults: Sequence[Simple]) -> Diagnosis:
         """Return the diagnosis from one list of record faults, effects and functions of a quantity."""
@@ -313,6 +361,7 @@ class Procedure:
 
     def _of_fault(self, fault: Simple, explanations: Sequence[Explanation]) -> Diagnosis:
         """A fault of the record explains it, and nothing else does that is as simple."""
+        self.budget.check()
         keys: dict[str, Any] = {"explanations": explanations, "next": next_step(fault)}
         if fault.evidence is not self.evidence:
             # Objections of the model with the fault do not count.
@@ -322,12 +371,11 @@ class Procedure:
         if fault.kind == "break" or fault.fit is None:
             return self._result("explained", {}, **keys)
         # Single readings that are off are effects of the model.
-        finding = finding_of(self.evidence, [fault.fit])
-        excluded = excluded_sizes(self.evidence, finding.fit)
-        calibration = explanations[0].calibration
+        finding, calibration = finding_of(self.evidence, [fault.fit]), explanations[0].calibration
         assert calibration is not None
-        model = self.evidence.reader.of_model(finding.fit, calibration, excluded)
         judgement = judgement_of(self.evidence, finding.fit)
+        excluded = self._excluded(self.evidence, finding.fit)
+        model = self._of_model(self.evidence, finding.fit, calibration, excluded)
         return self._result("explained", model, findings=[finding], excluded=excluded, judgement=judgement, **keys)
 
     def _of_physics(self) -> Diagnosis:
@@ -338,7 +386,7 @@ class Procedure:
         """Consistent, unless the record is too short, or readings show an effect by themselves."""
         evidence, fit = self.evidence, self.nominal
         assert fit is not None
-        excluded = excluded_sizes(evidence, evidence.model.baseline)
+        excluded = self._excluded(evidence, evidence.model.baseline)
         calibration = evidence.reader.calibration_of(fit)
         model = evidence.reader.of_model(fit, calibration, excluded)
         if self._read_off:
@@ -359,10 +407,9 @@ class Procedure:
 
     def _without_a_set(self) -> Diagnosis:
         """Unexplained: nothing of the catalogue mends the model."""
-        helpful, sentences = what_helps(self.evidence, self.lengths.get("lengths", ()))
-        gain = None
-        if self.rerun and helpful:
-            gain = self.evidence.gain(self.evidence.model.refit(helpful))
+        lengths = self.lengths.get("lengths", ())
+        helpful, sentences = self._within_budget("what helps", lambda: what_helps(self.evidence, lengths), ((), ()))
+        gain = self._gain(self.evidence, self.evidence.model.refit(helpful)) if helpful else None
         return self._unexplained((*self.objections, *sentences), self.functions, gain=gain)
 
     def _of_sets(self) -> Diagnosis:
@@ -419,6 +466,7 @@ class Procedure:
 
     def _of_formulas(self, fits: Sequence[Fit]) -> Diagnosis:
         """A formula explains the record, or one of several of as few numbers; every set of effects needs more."""
+        self.budget.check()
         evidence = self.evidence.including([place for fit in fits for place in fit.places])
         findings = []
         for fit in fits:
@@ -426,34 +474,37 @@ class Procedure:
             findings.append(Finding(causes_of(evidence, middle), middle))
         first, is_named = findings[0].fit, len(findings) == 1
         calibration = evidence.reader.calibration_of(first)
-        excluded = excluded_sizes(evidence, first) if is_named else ()
+        judgement = judgement_of(evidence, first)
+        excluded = self._excluded(evidence, first) if is_named else ()
         explanations = [Explanation.of(finding, calibration) for finding in findings]
         explanations += [Explanation.of(other) for other in self.candidates.findings]
         return self._result(
             "explained" if is_named else "ambiguous",
-            evidence.reader.of_model(first, calibration, excluded) if is_named else {},
+            self._of_model(evidence, first, calibration, excluded) if is_named else {},
             functions=_without_caution(self.functions, "extension"),
             explanations=explanations,
             alternatives=() if is_named else tuple(finding.causes for finding in findings),
             level="quantity",
             findings=findings,
-            judgement=judgement_of(evidence, first),
-            gain=evidence.gain(first) if self.rerun and is_named else None,
+            judgement=judgement,
+            gain=self._gain(evidence, first) if is_named else None,
             excluded=excluded,
         )
 
     def _explained(self, best: Finding, judgement: Judgement) -> Diagnosis:
         """One set of effects explains the record, and no other does."""
-        excluded = excluded_sizes(self.evidence, best.fit)
+        self.budget.check()
         functions = self.functions
         if not functions and self._beyond_held is not None:
-            functions = keys_of(self._beyond_held, extend=self.extend, rerun=self.rerun)
+            held = self._beyond_held
+            functions = self._within_budget(POSSIBLE, lambda: keys_of(held, extend=self.extend, rerun=self.rerun), {})
         explanations = self._explanations([best], functions)
         calibration = explanations[0].calibration
         assert calibration is not None
+        excluded = self._excluded(self.evidence, best.fit)
         return self._result(
             "explained",
-            self.evidence.reader.of_model(best.fit, calibration, excluded),
+            self._of_model(self.evidence, best.fit, calibration, excluded),
             functions=_without_caution(functions),
             explanations=explanations,
             # Other laws of a quantity change nothing that a person does: `level`, `laws` and `band` have them.
@@ -463,7 +514,7 @@ class Procedure:
             judgement=judgement,
             containing=tuple(named(finding.fit.places) for finding in self.candidates.containing),
             equivalent_sets=self.candidates.beside(best),
-            gain=self.evidence.gain(best.fit) if self.rerun else None,
+            gain=self._gain(self.evidence, best.fit),
             excluded=excluded,
         )
 
@@ -483,13 +534,14 @@ class Procedure:
         """Return the ambiguous result: several models fit, and a measurement would separate them."""
         functions = dict(self.functions)
         if "beyond" in functions and "extension" not in functions:
-            extension = functions["beyond"].extension(self.rerun)
+            beyond = functions["beyond"]
+            extension = self._within_budget(POSSIBLE, lambda: beyond.extension(self.rerun), None)
             if extension is not None:
                 functions["extension"] = extension
         rivals = tuple(Explanation.of_function(rival) for rival in self.unlisted.rivals)
         return self._result(
             "ambiguous",
-            self.evidence.reader.probe(fits),
+            self._within_budget("what to measure next", lambda: self.evidence.reader.probe(fits), {}),
             functions=functions,
             explanations=(*self._explanations(findings, functions), *rivals),
             alternatives=tuple(finding.causes for finding in findings),
@@ -561,9 +613,13 @@ class Procedure:
     @property
     def _stands_with(self) -> tuple[StandsWith, ...]:
         """Return the bounds that the model needs alone, and with effects."""
-        reader, bound = self.evidence.reader, self.evidence.reader.stated_bound
-        if bound is None or not self.evidence.model.falsified:
+        if not self.evidence.model.falsified or self.evidence.reader.stated_bound is None:
             return ()
+        return self._within_budget("the bounds that would do", self._bounds_that_would_do, ())
+
+    def _bounds_that_would_do(self) -> tuple[StandsWith, ...]:
+        reader, bound = self.evidence.reader, self.evidence.reader.stated_bound
+        assert bound is not None
         sets: list[tuple[Sequence[EffectPlace], float]] = [((), self.evidence.model.radius)]
         if self.found.fits:
             sets += [(finding.fit.places, finding.fit.radius) for finding in self.candidates.findings]
@@ -583,7 +639,9 @@ class Procedure:
     @cached_property
     def _singles(self) -> Sequence[tuple[EffectPlace, float]]:
         """Return single effects with the radii that they leave."""
-        return single_radii(self.evidence.model) if self.evidence.model.effort.ranks_each else ()
+        if not self.evidence.model.effort.ranks_each:
+            return ()
+        return self._within_budget("each effect alone", lambda: single_radii(self.evidence.model), ())
 
     @property
     def _not_tried(self) -> list[str]:
@@ -591,7 +649,7 @@ class Procedure:
         unsolved = list(self.found.warnings if self.evidence.model.falsified and not self.missing else ())
         unsolved += [f"not tried, since the solver failed: {what}" for what in dict.fromkeys(self._untried)]
         if self.budget.cut_off:
-            unsolved.append(f"not everything was tried, since the work has a limit: {'; '.join(self.budget.cut_off)}")
+            unsolved.append(LIMITED + "; ".join(self.budget.cut_off))
         return unsolved
 
     @cached_property

@@ -30,6 +30,8 @@ Whose = Literal["yes", "no", "open"]
 KindOfExplanation = Literal["sigma", "rows", "stretch", "break", "effect", "formula", "function"]
 OF_EFFECTS: dict[str, KindOfExplanation] = {"outlier": "rows", "formula": "formula", "lookup": "function"}
 """Kinds of explanations that are of such effects alone."""
+FAULTS, LIMITED = "faults of the record", "not everything was tried, since the work has a limit: "
+"""Name of the first stage, and beginning of the warning that names the stages that a limit of work ended."""
 
 
 class Explanation(Told):
@@ -484,6 +486,15 @@ class Diagnosis(Told):
     def sources(self) -> Any:
         """Return the reader of the record for drawing pages; None if the diagnosis comes from a file."""
         return None if self.evidence is None else self.evidence.reader
+
+    @property
+    def cut_off(self) -> tuple[str, ...]:
+        """Return the names of the searches and stages that a limit of work ended."""
+        names: list[str] = []
+        for warning in self.warnings:
+            if warning.startswith(LIMITED):
+                names += warning.removeprefix(LIMITED).split("; ")
+        return tuple(names)
 
     @property
     def extension(self) -> BeyondCatalogue | None:

@@ -14,7 +14,7 @@ from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import Table
 from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import column_space
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, estimated, least_radius
 from ..evidence.pairs import GYROS, LEAST_AROUND, PIECES, Form, Pair

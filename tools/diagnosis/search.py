@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ...models.arrays import Floats
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError, cosine, same_space, spaces_beyond
-from ..bounded.sets import MAX_SET, CutOff, Work
+from ..bounded.sets import MAX_SET
+from ..bounded.work import CutOff, Work
 from ..evidence.evidence import Model
 from ..evidence.fit import Fit
 from ..evidence.rows import Rows

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
-from ..bounded.sets import CutOff, Work
+from ..bounded.work import CutOff, Work
 from ..calibrated import (
     Calibration,
     OfRecord,

@@ -13,7 +13,7 @@ from ...models.arrays import Floats, Ints
 from ...models.bench import SYMMETRIC_PAIRS
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..calibrated import CalibratedEffect, Calibration, Open, Parameter, Reading, Sigma
 from ..calibration.calibration import Asked, reading_uncertainty, wanted_targets, without_guarantee
 from ..calibration.estimates import Solution, open_directions, solve_system

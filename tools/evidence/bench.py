@@ -14,7 +14,8 @@ from ...models.effects import POSITION_EFFECTS, EffectPlace
 from ...models.effects import Rows as Contexts
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import MANY_ROWS, Interval, any_centre
-from ..bounded.sets import MAX_SET, Work
+from ..bounded.sets import MAX_SET
+from ..bounded.work import Work
 from ..calibrated import OpenTarget, noise_option
 from ..calibration.calibration import (
     Asked,
@@ -56,7 +57,18 @@ from .bench_search import (
 )
 from .bench_visits import Circumstances, circumstances_of, left_open, signature_columns, untold_readings
 from .dependences import pairs_of_bench
-from .evidence import Effort, Evidence, Reader, Sizes, Source, Trial, own_with, parameters_with, stacked_sizes
+from .evidence import (
+    Effort,
+    Evidence,
+    Exclusions,
+    Reader,
+    Sizes,
+    Source,
+    Trial,
+    own_with,
+    parameters_with,
+    stacked_sizes,
+)
 from .extension import Extension, extension_of_bench
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
@@ -347,7 +359,7 @@ class BenchReader(Reader):
             "next_positions": nominal.next_positions or tuple(repeats(here)),
         }
 
-    def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    def of_model(self, fit: Fit, calibration: Calibration, excluded: Exclusions) -> Mapping[str, Any]:
         """Return the change of the targets by an extension, and a mounting that separates its causes further."""
         if not fit.places:
             return {}

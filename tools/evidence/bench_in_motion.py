@@ -19,7 +19,8 @@ from ...models.arrays import Floats, Ints
 from ...models.bench import BIAS, GYRO_PARAMETERS, MATRIX
 from ...models.effects import EffectPlace
 from ..bounded.programmes import MANY_ROWS, Growth, Interval, SolverError, any_centre, chebyshev_radius
-from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
+from ..bounded.sets import MOST_OUTLIERS, Problem, sets_of_size
+from ..bounded.work import Work
 from ..calibrated import Calibration
 from ..calibration.calibration import Asked
 from ..calibration.gyros import BenchOnEarth as Place
@@ -49,7 +50,7 @@ from .bench_visits import Circumstances, is_linear
 from .carried import SHOWN_BY
 from .cells_in_motion import SEARCHED
 from .dependences import pairs_of_whole
-from .evidence import Effort, Evidence, Sizes, Source, Trial, linear_fit
+from .evidence import Effort, Evidence, Exclusions, Sizes, Source, Trial, linear_fit
 from .extension import Extension, extension_of_bench
 from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, not_in_all, robust_estimate, width_of
 from .observation import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
@@ -478,7 +479,7 @@ class WholeReader(BenchReader):
         radii = alone(slice(rows)), alone(slice(rows, None))
         return TurnErrors(first, last, turns.moments[:, 2:4], before, after, radii, rows // 3)
 
-    def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    def of_model(self, fit: Fit, calibration: Calibration, excluded: Exclusions) -> Mapping[str, Any]:
         """Return the change of the targets by an extension, and a warning where other effects cannot be excluded."""
         targets = self.targets_of(calibration) if fit.places else {}
         return targets | ({"warnings": (NOT_EXCLUDED,)} if fades(fit) else {})

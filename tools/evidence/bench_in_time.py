@@ -29,7 +29,7 @@ from ...models.bench import (
 from ...models.effects import EffectPlace, MotionRows
 from ...models.effects.columns import TIME_CONSTANT, small_turns
 from ...models.effects.steps import MOUNTING_SLIP
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..calibration.in_motion import CERTAIN, FURTHER, InMotion, WithMotion, responses, slopes_by_angles
 from ..calibration.model import Positions, linearise, predicted_input, slip_jacobian
 from ..calibration.turns import WithTurns

@@ -13,7 +13,7 @@ from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.variants import Variant
 from ..bounded.programmes import Growth, any_centre, chebyshev_radius, least_squares
-from ..bounded.sets import Work
+from ..bounded.work import Work, charge
 from ..calibration.model import (
     Linearisation,
     Positions,
@@ -565,6 +565,7 @@ def predicted_errors(
     derivatives (M, n), `unit`, of a rank. A leverage is the uncertainty of a prediction in bounds, where each error is
     one bound (rms).
     """
+    charge(100.0 + 5e-3 * len(fitted_rows) * unit.shape[1] ** 2)
     solved = _inverse(unit, rank, fitted_rows)
     if solved is None:
         return None

@@ -17,7 +17,8 @@ from ...models.bench import admissible, nominal_input
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
 from ..bounded.programmes import SolverError, least_squares
-from ..bounded.sets import Problem, Work, project, sets_of_size
+from ..bounded.sets import Problem, project, sets_of_size
+from ..bounded.work import Work
 from ..calibration.estimates import widening
 from ..calibration.model import Linearisation, linearise, predicted_input
 from ..errors import InputError

@@ -15,7 +15,7 @@ from ...models.arrays import Floats, Ints
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.definition import ACCELEROMETERS
 from ..bounded.programmes import SolverError, any_centre, linear_programme, solved, solver
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from .bench_visits import signature_columns
 from .fit import Fit
 

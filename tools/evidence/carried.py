@@ -29,6 +29,7 @@ from ..records.columns import FORCE, INCREMENT, QUATERNION
 from ..rounding import digits, downwards, exactly, residual, upwards
 from .carried_run import BIAS, LONG, Carried, is_of_gyros
 from .evidence import (
+    Exclusions,
     Lengths,
     Reader,
     ReadOff,
@@ -250,7 +251,7 @@ class CarriedReader(RecordReader):
                 low = middle
         return f"--reference-bound {upwards(high / ARCMIN, 3)}"
 
-    def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    def of_model(self, fit: Fit, calibration: Calibration, excluded: Exclusions) -> Mapping[str, Any]:
         """Return the warning of a wrong clock and the parameters that the record leaves open."""
         keys: dict[str, Any] = {"warnings": self._clock_doubt(fit)}
         if not fit.places and (missing := self._left_open(calibration.parameters, excluded)):
@@ -278,7 +279,7 @@ class CarriedReader(RecordReader):
             units={"radius": "1", "parameters": UNITS["parameters"]},
         )
 
-    def _left_open(self, parameters: Sequence[Parameter], excluded: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    def _left_open(self, parameters: Sequence[Parameter], excluded: Exclusions) -> tuple[str, ...]:
         """Return sentences on the gyros' parameters that the record leaves open, with data that determine them."""
         wide = []
         for parameter in parameters:
@@ -289,6 +290,10 @@ class CarriedReader(RecordReader):
             return (
                 f"not determined: {', '.join(wide)}; turn the block about each of its axes, there and back, and let it "
                 "rest in more poses",
+            )
+        if excluded is None:
+            return (
+                "a shorter record in place of this one: the work has a limit, and its scale factors were not bounded",
             )
         if not self.model.own and not any(entry["effect"] == SCALE.effect for entry in excluded):
             return ("the block hardly turns: no scale factor of a gyro is bounded; turn it about each of its axes",)

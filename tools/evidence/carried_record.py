@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.arrays import Floats
 from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..errors import InputError
 from ..motion.carry import GyroModel, Motion, TurnsTooFar, carried_attitude, mean_motion
 from ..motion.inspect import Inspection, inspect_record

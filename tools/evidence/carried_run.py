@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...models.arrays import Bools, Floats
 from ...models.effects import EffectPlace
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..motion.carry import GyroModel, Motion, carried_attitude, reads
 from ..motion.inspect import Inspection
 from ..motion.norm import NAMES, inputs_of

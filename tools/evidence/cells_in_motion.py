@@ -24,7 +24,8 @@ from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from ...models.effects.columns import TIME_CONSTANT
 from ...models.effects.last_stage import LAST_HOUR
 from ..bounded.programmes import SolverError
-from ..bounded.sets import Work, sharpened
+from ..bounded.sets import sharpened
+from ..bounded.work import Work
 from .cells import most_bent
 from .fit import estimated, least_radius
 from .observation import Group, boundaries_of, errors_between

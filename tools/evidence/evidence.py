@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ...models.arrays import Floats, Ints
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, column_space, spaces_beyond
-from ..bounded.sets import Problem, Work, sets_of_size
+from ..bounded.sets import Problem, sets_of_size
+from ..bounded.work import Work, charge
 from ..calibrated import Calibration, Parameter, Sigma
 from ..calibration.parameter_sets import Sized
 from ..calibration.targets import words_of
@@ -25,6 +26,8 @@ from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits, estimated, l
 from .pairs import Pair
 from .rows import About, Channel, Rows
 
+WORK_OF_RERUN = 3e5, 30.0
+"""Work of a new simulation: of its components, and of each row of the evidence."""
 ROUNDS_OF_OWN = 3
 """Rounds of least squares that bring a record's own parameters to rest beside effects of given sizes."""
 SEEN = 1e-3
@@ -35,6 +38,8 @@ LIMIT = 1.0 + 1e-7
 Sizes = Mapping[EffectPlace, NDArray]
 """Effects with their linear coefficients."""
 Errors = tuple[Floats, Floats]
+Exclusions = Sequence[Mapping[str, Any]] | None
+"""Excluded sizes of effects; None where the work reached its limit before they were known."""
 
 
 @dataclass(frozen=True)
@@ -444,7 +449,7 @@ class Reader:
         """Return the intervals of an effect's parameters, widened for everything that the rows leave open."""
         return tuple(ends)
 
-    def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    def of_model(self, fit: Fit, calibration: Calibration, excluded: Exclusions) -> Mapping[str, Any]:
         """Return the keys of the result for a consistent model; `missing` where it has too little to falsify anything.
 
         `calibration` is that beside the effects of the fit, `excluded` are the excluded sizes of other effects.
@@ -510,7 +515,10 @@ class Evidence:
 
     def gain(self, fit: Fit) -> Gain | None:
         """Return the gain of the extended components on data that no fit used; None where none can be computed."""
-        return None if self.reader.rerun is None else self.reader.rerun.gain(fit)
+        if self.reader.rerun is None:
+            return None
+        charge(WORK_OF_RERUN[0] + WORK_OF_RERUN[1] * len(self.rows.residual))
+        return self.reader.rerun.gain(fit)
 
 
 def trials_in_time(rows: Rows, fit: Fit) -> Iterator[Trial]:

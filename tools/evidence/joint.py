@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ...models.arrays import Bools, Floats, Ints
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, chebyshev_radius
-from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
+from ..bounded.sets import MOST_OUTLIERS, Problem, sets_of_size
+from ..bounded.work import Work
 from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, Parameter, Provenance
 from ..calibration.targets import words_of
 from ..motion.norm import LARGEST

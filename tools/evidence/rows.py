@@ -12,6 +12,7 @@ from ...models.arrays import Floats, Ints
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import place_of
 from ...models.effects.lookup import Table
+from ..bounded.work import charge
 from .fit import blocks_of, estimated
 
 FOLDS = 8
@@ -317,6 +318,7 @@ class Rows:
         matrix, errors = self.matrix(places), np.array(self.residual)
         if not matrix.shape[1]:
             return errors
+        charge(20.0 + 3e-3 * matrix.size * matrix.shape[1])
         scale = np.linalg.norm(matrix, axis=0)
         matrix = matrix / np.where(scale > 0.0, scale, 1.0)
         smoothing = self.smoothing(places) / np.where(scale > 0.0, scale, 1.0)

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from ...models.arrays import Floats, Ints
 from ...models.effects import EffectPlace
-from ..bounded.sets import Problem, Work, sets_of_size
+from ..bounded.sets import Problem, sets_of_size
 from ..bounded.sweep import Rows, Swept, apart, largest_sizes, open_ranges
+from ..bounded.work import Work
 from .cells import Cell
 from .cells_in_motion import Cells, Onsets, Range, TimeConstants, refused
 from .evidence import Linear, limits_of

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..diagnosis.cause import NO_SIZES, Cause
-from ..diagnosis.result import Diagnosis
+from ..diagnosis.result import FAULTS, Diagnosis
 from ..diagnosis.shortlist import rows_in_words
 from ..document.notation import sentence, unit_text
 from ..evidence.pairs import in_words
@@ -233,7 +233,7 @@ def tried_text(result: Diagnosis) -> str:
         return ""
     texts = (
         ["a larger noise bound", "wrong rows", "a change between two rows"]
-        if result.calibration.linearised is not None
+        if result.calibration.linearised is not None and FAULTS not in result.cut_off
         else []
     )
     if result.tried and result.cut_off_at != 1:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
-from ..bounded.sets import CutOff, Work
+from ..bounded.work import CutOff, Work
 from ..calibration.model import predicted_reading
 from ..errors import InputError
 from ..evidence.bench import Bench

@@ -15,7 +15,8 @@ from ...models.effects.definition import ACCELEROMETERS, AXES
 from ...models.effects.lookup import ALL_ACCELEROMETERS, SCALE
 from ...models.effects.mounting import MOUNTING
 from ..bounded.programmes import Interval, SolverError, column_space
-from ..bounded.sets import EffectSet, Problem, Work, linear_radius, sets_of_size
+from ..bounded.sets import EffectSet, Problem, linear_radius, sets_of_size
+from ..bounded.work import Work
 from ..evidence.bench import Bench
 from ..evidence.bench_in_motion import BenchInMotion
 from ..evidence.bench_visits import signature_columns

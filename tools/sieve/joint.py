@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ...models.arrays import Floats
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import place_of
-from ..bounded.sets import CutOff, EffectSet, Problem, Work, linear_radius, sets_of_size
+from ..bounded.sets import EffectSet, Problem, linear_radius, sets_of_size
+from ..bounded.work import CutOff, Work
 from ..evidence.bench import Bench
 from ..evidence.bench_visits import is_linear, signature_columns
 from ..evidence.evidence import Evidence

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.effects import EffectPlace
-from ..bounded.sets import CutOff, Work
+from ..bounded.work import CutOff, Work
 from ..evidence.bench import Bench
 from ..evidence.bench_visits import signature_columns
 from ..evidence.evidence import Evidence

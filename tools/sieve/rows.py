@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.arrays import Ints
 from ...models.effects.last_stage import place_of
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..errors import InputError
 from ..evidence.evidence import Evidence
 from .change import Mending, RowChange

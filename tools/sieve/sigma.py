@@ -6,7 +6,7 @@ import numpy as np
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
-from ..bounded.sets import Work
+from ..bounded.work import Work
 from ..calibrated import Sigma
 from ..errors import InputError
 from ..evidence.bench import Bench

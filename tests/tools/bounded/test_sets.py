@@ -24,7 +24,7 @@ from trihedron.tools.bounded import (
     standing_in_some_rows,
     surviving_sets,
 )
-from trihedron.tools.bounded.sets import CutOff, shared_budget
+from trihedron.tools.bounded.work import Budget, CutOff, shared_budget
 
 
 def random_problem(seed: int, rows: int = 40, effects: int = 7) -> Problem:
@@ -189,7 +189,7 @@ def test_the_search_finds_exactly_the_sets_that_will_do(seed):
 
 
 def test_a_shared_budget_ends_limited_searches_and_keeps_their_names():
-    with shared_budget(10.0) as budget:
+    with shared_budget(Budget(10.0)) as budget:
         first, second, needed = Work(8.0, "first"), Work(8.0, "second"), Work()
         first.add(6.0)
         with pytest.raises(CutOff):

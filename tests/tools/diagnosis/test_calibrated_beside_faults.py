@@ -19,7 +19,7 @@ from generator.carried import strapdown_record
 from generator.positions import Session, errors
 from generator.wrong_rows import SPOILED
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.bounded.sets import Work
+from trihedron.tools.bounded.work import Work
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
