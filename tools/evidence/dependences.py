@@ -339,8 +339,7 @@ class OnNodes:
     @cached_property
     def matrix(self) -> Floats:
         """Rows (M, n) over their bounds of a unit at each node."""
-        weights = [(knot, self.times * weight) for knot, weight in OnKnots(self.nodes).weights(self.values)]
-        return self._over_bounds(self.of.observation.of_functions(weights, len(self.nodes), self.p))
+        return self._over_bounds(self.of.observation.on_knots(self.nodes, self.values, self.times, self.p))
 
     def missed(self, knots: Floats) -> Floats:
         """Return the error of rows (M,) over their bounds, for a function whose slope changes by one in all.

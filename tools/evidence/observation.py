@@ -21,6 +21,7 @@ from ...models.effects import CATALOGUE, STRAPDOWN_EFFECTS, EffectPlace, MotionR
 from ...models.effects.columns import small_turns
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
+from ..compiled import COMPILES, FEW, compiled_and_kept
 from ..records import BenchRecord, PositionRecord, RawRecord
 from ..records.rests import without_turns
 from .pairs import TURN
@@ -120,6 +121,23 @@ class Observation:
             mean[port] /= max(int(self.resting.sum()), 1)
         return errors_between(self.groups, self.boundaries, sums, mean)
 
+    def on_knots(self, knots: NDArray, values: NDArray, times: NDArray | float, port: int) -> list[Floats]:
+        """Return errors (S, d, k) of each group, of functions of values (R,) that are one at a single knot (k,), times
+        a factor, at one port."""
+        count, rows = len(knots), len(values)
+        if not COMPILES or rows <= FEW:
+            weights = [(knot, times * weight) for knot, weight in OnKnots(knots).weights(values)]
+            return self.of_functions(weights, count, port)
+        resting = np.zeros(0, dtype=bool) if self.resting is None else self.resting
+        total, mean = np.zeros((2, 3, len(self.boundaries) + 1, count)), np.zeros((2, count))
+        factor = np.ascontiguousarray(np.broadcast_to(times, rows), dtype=float)
+        adds = self.adds[..., port]
+        _add_on_knots(np.ascontiguousarray(values), factor, knots, adds, self.boundaries, resting, total, mean)
+        sums = np.cumsum((total[0] + total[1])[:, :-1], axis=1).transpose(1, 0, 2)
+        means = np.zeros((self.adds.shape[2], count))
+        means[port] = (mean[0] + mean[1]) / max(int(resting.sum()), 1)
+        return errors_between(self.groups, self.boundaries, sums, means)
+
     @cached_property
     def largest(self) -> "Observation":
         """Observation that yields the largest errors by additions of either sign."""
@@ -181,6 +199,27 @@ def integrated(weights: Weights, count: int, adds: NDArray, boundaries: NDArray)
         for axis in range(3):
             total[axis] += np.bincount(cells, adds[:, axis] * weight, total.shape[1])
     return np.cumsum(total.reshape(3, ends, count)[:, :-1], axis=1).transpose(1, 0, 2)
+
+
+@compiled_and_kept
+def _add_on_knots(values, times, knots, adds, boundaries, resting, total, mean):
+    """Add up what `OnKnots.weights` and `integrated` do, in one pass: at the knots before and after each value."""
+    after, at = 1, 0
+    for row in range(len(values)):
+        while after < len(knots) - 1 and not knots[after] >= values[row]:
+            after += 1
+        while after > 1 and knots[after - 1] >= values[row]:
+            after -= 1
+        while at < len(boundaries) and boundaries[at] <= row:
+            at += 1
+        share = (values[row] - knots[after - 1]) / (knots[after] - knots[after - 1])
+        for side in range(2):
+            weight = times[row] * (share if side else 1.0 - share)
+            knot = after - 1 + side
+            for axis in range(3):
+                total[side, axis, at, knot] += adds[row, axis] * weight
+            if len(resting) and resting[row]:
+                mean[side, knot] += weight
 
 
 def observation_of_rests(rows: Rows, stage: str | None) -> Observation:
