@@ -13,6 +13,7 @@ from . import calibration as calibrations
 from . import check as checks
 from . import noise as noises
 from .errors import InputError
+from .memory import keeping
 from .options import (
     Baseline,
     Bounds,
@@ -275,6 +276,7 @@ def attitude_of_record(
     )
 
 
+@keeping
 def calibrate(
     record: "records.Source",
     *,

@@ -6,9 +6,11 @@ Nothing is kept outside of `kept`: an array that changes would give old values.
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import fields, is_dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from numpy.typing import NDArray
 
@@ -17,19 +19,32 @@ MOST = 48
 APART = {"decisions", "warnings", "about"}
 """Fields of a record that change no value of its arrays."""
 Value = TypeVar("Value")
+Arguments = ParamSpec("Arguments")
 Memory = OrderedDict[tuple[Any, ...], tuple[Any, tuple[Any, ...]]]
 """Function and arguments -> value, and the arguments, so that their identities last."""
-_memories: list[Memory] = []
+_present: ContextVar[Memory | None] = ContextVar("memory", default=None)
 
 
 @contextmanager
 def kept(memory: Memory) -> Iterator[None]:
     """Keep the values of `once` and `each` in a memory while the block lasts."""
-    _memories.append(memory)
+    before = _present.set(memory)
     try:
         yield
     finally:
-        _memories.pop()
+        _present.reset(before)
+
+
+def keeping(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]:
+    """Return a function that keeps the values of `once` and `each` until it ends, or in the caller's memory."""
+
+    @wraps(function)
+    def called(*arguments: Arguments.args, **options: Arguments.kwargs) -> Value:
+        memory = _present.get()
+        with kept(Memory() if memory is None else memory):
+            return function(*arguments, **options)
+
+    return called
 
 
 def once(function: Callable[..., Value], *arguments: Any) -> Value:
@@ -37,9 +52,9 @@ def once(function: Callable[..., Value], *arguments: Any) -> Value:
 
     Arrays are the same if they are one object; records, if their arrays are. Nobody may change the value.
     """
-    if not _memories:
+    memory = _present.get()
+    if memory is None:
         return function(*arguments)
-    memory = _memories[-1]
     key = (function, *map(_identity, arguments))
     if key not in memory:
         memory[key] = function(*arguments), arguments
@@ -51,7 +66,7 @@ def once(function: Callable[..., Value], *arguments: Any) -> Value:
 
 def each(function: Callable[[NDArray], Value], values: NDArray, pieces: Sequence[slice]) -> list[Value]:
     """Return the values of a function of some pieces of an array, each computed once where values are kept."""
-    if not _memories:
+    if _present.get() is None:
         return [function(values[rows]) for rows in pieces]
     known = once(_no_pieces, function, values)
     gathered = []

@@ -14,6 +14,7 @@ from ...models.arrays import Floats
 from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
 from ..bounded.work import Work
 from ..errors import InputError
+from ..memory import keeping
 from ..motion.carry import GyroModel, Motion, TurnsTooFar, carried_attitude, mean_motion
 from ..motion.inspect import Inspection, inspect_record
 from ..motion.norm import LARGEST, NAMES, inputs_of, norm_equations, norm_values
@@ -67,6 +68,7 @@ AS_STATED = "the noise of the gyros at rest{earth}, and the true attitude's erro
 AND_EARTH = ", and Earth's rate"
 
 
+@keeping
 def carried_evidence(
     record: StrapdownRecord,
     *,

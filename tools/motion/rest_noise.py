@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...models.arrays import Floats
 from ...models.bench import EARTH_RATE
+from ..memory import once
 from ..records import StrapdownRecord
 from ..records.noise import SCATTER_FACTOR, allan_deviation_of_sums, sums_of
 from ..rounding import digits
@@ -130,7 +131,7 @@ def gyro_noise(record: StrapdownRecord, rests: Rests, period: float, up: Floats 
     Differences between the rests' means that no drift, gravity or temperature explains count as noise too, up to the
     size that flicker noise causes. `up` (K, 3) are the directions of gravity at the rests, where known.
     """
-    noise = rest_noise(rates_of(record), record.time_s, rests, period)
+    noise = once(rest_noise, once(rates_of, record), record.time_s, rests, period)
     scatter = None
     if noise is not None:
         scatter = rest_scatter(rests, up)
