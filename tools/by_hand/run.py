@@ -169,7 +169,7 @@ def run_of(record: HandRecord, request: HandRequest) -> Run:
     if decisions.rests is not None:
         rests = averaged(series, rows_of_rests(series.time_s, decisions.rests, where), None)
     else:
-        rests = _with_parts(record, series, still_rests(series, request.rest_scatter))
+        rests = _with_parts(record, series, once(still_rests, series, request.rest_scatter))
     windows = truth_windows(record, series)
     if not len(rests) and windows is None:
         raise InputError(
@@ -408,7 +408,7 @@ def parted_at_cuts(record: Measured, gravity: float) -> Measured:
 def _shift_at_cuts(record: StrapdownRecord, gravity: float) -> Floats:
     """Return the times (N,) that part sections at cuts [s]."""
     series = series_of(record, HandRequest(gravity=gravity))
-    rests = still_rests(series)
+    rests = once(still_rests, series, None)
     moves = moves_of(series, rests, record.knocks)
     shift = np.zeros(len(record))
     for first, last in moves.way.ends[cut_moves(moves)].tolist():

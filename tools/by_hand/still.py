@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -202,8 +203,10 @@ def _spread(values: NDArray) -> Floats:
 
 def _deviation_of_mean(values: NDArray) -> float:
     """Return the standard deviation of the mean of rows (n, 3), by the means of its eighths: noise has a memory."""
-    parts = np.array_split(values, min(8, len(values)))
-    means = np.array([part.mean(axis=0) for part in parts])
-    if len(means) < 2:
+    parts = min(8, len(values))
+    if parts < 2:
         return 0.0
+    size, longer = divmod(len(values), parts)
+    ends = [number * size + min(number, longer) for number in range(parts + 1)]
+    means = np.array([np.add.reduce(values[first:last], axis=0) / (last - first) for first, last in pairwise(ends)])
     return float(means.std(axis=0, ddof=1).max() / np.sqrt(len(means)))

@@ -32,6 +32,8 @@ from .rows import Part, Pieces
 
 CHUNK = 30_000
 """Rows at a time: the memory does not grow with the record."""
+PART = 500
+"""Rows whose products are summed at a time: they stay in the processor's own memory."""
 LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Lengths of the windows [s]."""
 FEWEST_WINDOWS = 8
@@ -107,17 +109,20 @@ def integrals(
     for begin in range(1, len(motion), CHUNK):
         end = min(begin + CHUNK, len(motion))
         steps = motion.rows(begin, end, inverse, model.bias)
-        columns = np.concatenate([p.definition.signature(p, steps) for p in places], axis=2)
-        turns, grown = turning(motion, model, attitude, begin, end) @ columns, np.zeros(columns.shape[1:])
+        signatures = [p.definition.signature(p, steps) for p in places]
+        turn = turning(motion, model, attitude, begin, end)
+        grown = np.zeros((3, sum(columns.shape[2] for columns in signatures)))
         if total is None:
             total = grown
             sums += [total] * int(np.searchsorted(rows, 1))
         within = rows[np.searchsorted(rows, begin) : np.searchsorted(rows, end)] + 1 - begin
-        for first, last in pairwise((0, *within.tolist(), len(turns))):
-            if last > first:
+        for first, last in pairwise((0, *within.tolist(), len(turn))):
+            for part in range(first, last, PART):
+                rows_of_part = slice(part, min(part + PART, last))
+                turns = turn[rows_of_part] @ np.concatenate([columns[rows_of_part] for columns in signatures], axis=2)
                 # Added to the next row: sums are those of all rows one after the other, to the last bit.
-                turns[first] += grown
-                grown = turns[first:last].sum(axis=0)
+                turns[0] += grown
+                grown = turns.sum(axis=0)
             sums.append(total + grown)
         # The last one is no row of those.
         total = sums.pop()
