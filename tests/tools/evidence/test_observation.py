@@ -55,6 +55,23 @@ def test_functions_on_knots_are_what_their_values_add_at_one_port(port):
     assert errors.reshape(-1, 7) == pytest.approx(observation.of(added), abs=1e-12)
 
 
+@pytest.mark.parametrize("resting", [None, RNG.uniform(size=5000) < 0.3], ids=["none at rest", "some at rest"])
+@pytest.mark.parametrize("times", [1.0, RNG.normal(size=5000)], ids=["alone", "with a factor"])
+def test_functions_of_many_rows_have_the_bits_of_their_weights(resting, times):
+    adds, values = RNG.normal(size=(5000, 3, 3)), np.round(np.cumsum(RNG.normal(size=5000)), 1)
+    first = np.sort(RNG.integers(0, 4500, 60))
+    pieces = Pieces("turns", "turns", first, first + RNG.integers(1, 500, 60))
+    gain, mean = RNG.normal(size=(2, 60, 2, 3))
+    observation = Observation((Group(pieces, gain, None if resting is None else mean),), adds, resting)
+    # One knot is a value, others lie between: the ends are the least and the greatest.
+    knots = np.linspace(values.min(), values.max(), 64)
+    knots[np.abs(knots).argmin()] = 0.0
+    (errors,) = observation.on_knots(knots, values, times, 1)
+    weights = [(knot, times * weight) for knot, weight in OnKnots(knots).weights(values)]
+    (expected,) = observation.of_functions(weights, 64, 1)
+    assert errors.tobytes() == expected.tobytes()
+
+
 def test_no_signs_of_the_additions_give_a_larger_error_than_is_said():
     """Each component of the sums is taken at its largest."""
     observation = Observation((Group(PIECES, GAIN[:, :1]),), ADDS)
