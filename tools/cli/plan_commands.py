@@ -12,6 +12,7 @@ from .. import noise as noises
 from ..errors import InputError, nearest
 from ..files import write_text
 from ..planning import library
+from ..rounding import exactly
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, with_options_of
 
 plan = App(
@@ -115,7 +116,8 @@ def _dwell_of(dwell: float | None, noise: Any) -> float:
     usual = noises.bound_for(noise, None).dwell_s
     if dwell is not None and dwell != usual:
         raise InputError(
-            f"--dwell {dwell:g}: {noise} gives σ for {usual:g} s; leave out --dwell, or run `trihedron noise` with it"
+            f"--dwell {exactly(dwell)}: {noise} gives σ for {exactly(usual)} s; leave out --dwell, or run "
+            "`trihedron noise` with it"
         )
     return usual
 
