@@ -231,11 +231,6 @@ def bound_text(result: Diagnosis) -> str:
     return f"without effects the model would fit with bounds {times} times as large, of {needed} {result.unit}"
 
 
-def level_texts(result: Diagnosis) -> list[str]:
-    """Return the proof of place and quantity, and the noise bound that needs no effects."""
-    return [text for text in (proven_text(result), bound_text(result)) if text]
-
-
 def level_section(result: Diagnosis) -> Section | None:
     """Return the functions that suffice for any law; None if the model fits."""
     if not result.suffices:

@@ -121,7 +121,10 @@ def remarks_of(result: Diagnosis) -> list[Section]:
         remarks.append(sentence(f"not named: {text}"))
     for text in result.objections or ():
         remarks.append(sentence(f"against the first set: {text}"))
-    remarks += [sentence(text) for text in beyond.level_texts(result)]
+    if result.verdict != "unexplained":
+        # There the answer has it.
+        remarks += [sentence(text) for text in (beyond.proven_text(result),) if text]
+    remarks += [sentence(text) for text in (beyond.bound_text(result),) if text]
     for places in result.containing_sets:
         titles = " and ".join([place.title for place in places])
         remarks.append(f"Not excluded: {titles}, which contains the named effect.")
