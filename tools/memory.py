@@ -10,9 +10,11 @@ from contextvars import ContextVar
 from dataclasses import fields, is_dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    # Commands load this module before they need arrays.
+    from numpy.typing import NDArray
 
 MOST = 48
 """Most values of whole records that are kept."""
@@ -64,7 +66,7 @@ def once(function: Callable[..., Value], *arguments: Any) -> Value:
     return memory[key][0]
 
 
-def each(function: Callable[[NDArray], Value], values: NDArray, pieces: Sequence[slice]) -> list[Value]:
+def each(function: "Callable[[NDArray], Value]", values: "NDArray", pieces: Sequence[slice]) -> list[Value]:
     """Return the values of a function of some pieces of an array, each computed once where values are kept."""
     if _present.get() is None:
         return [function(values[rows]) for rows in pieces]
@@ -78,7 +80,7 @@ def each(function: Callable[[NDArray], Value], values: NDArray, pieces: Sequence
     return gathered
 
 
-def _no_pieces(_function: Callable[..., Any], _values: NDArray) -> dict[tuple[int, int], Any]:
+def _no_pieces(_function: Callable[..., Any], _values: "NDArray") -> dict[tuple[int, int], Any]:
     return {}
 
 
