@@ -118,6 +118,11 @@ def test_several_records_are_refused_by_all_their_positions(monkeypatch):
         th.diagnose_together(*records, noise_bound=SIGMA)
 
 
+def test_a_kind_of_record_that_is_absent_needs_no_memory(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "0.3")
+    assert th.diagnose(drawn_record(7, (), 20), noise_bound=SIGMA).verdict == "consistent"
+
+
 def test_too_long_a_strapdown_record_is_refused(monkeypatch):
     monkeypatch.setenv(VARIABLE, "0.3")
     with pytest.raises(InputError, match=r"rows needs about .* GB of memory, and the budget is 0\.3 GB; cut"):

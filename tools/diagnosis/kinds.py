@@ -94,7 +94,8 @@ def check_room(*records: PositionRecord | StrapdownRecord) -> None:
     rooms: Mapping[type, Room] = {PositionRecord: OF_POSITIONS, StrapdownRecord: OF_STRAPDOWN}
     for kind, room in rooms.items():
         alike = [record for record in records if isinstance(record, kind)]
-        room.check(sum(map(len, alike)), ", ".join(str(record.path) for record in alike))
+        if alike:
+            room.check(sum(map(len, alike)), ", ".join(str(record.path) for record in alike))
 
 
 def evidence_options(record: Any, *, among: Mapping[str, Any] | None = None, **options: Any) -> dict[str, Any]:

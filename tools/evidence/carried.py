@@ -292,9 +292,7 @@ class CarriedReader(RecordReader):
                 "rest in more poses",
             )
         if excluded is None:
-            return (
-                "a shorter record in place of this one: the work has a limit, and its scale factors were not bounded",
-            )
+            return ("a shorter record, since the work has a limit: the scale factors of this one were not bounded",)
         if not self.model.own and not any(entry["effect"] == SCALE.effect for entry in excluded):
             return ("the block hardly turns: no scale factor of a gyro is bounded; turn it about each of its axes",)
         return ()
